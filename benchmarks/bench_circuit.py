@@ -14,14 +14,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from coupled.circuit.equations import right_hand_side
+from coupled.circuit.waves import detunings_at, lasers_at
 from scipy.integrate import LSODA
 
 import coupled
 import surrogate
 import thermofem as th
-from coupled.circuit.equations import right_hand_side
 from coupled.circuit.system import system_of
-from coupled.circuit.waves import detunings_at, lasers_at
 
 RINGS, PITCH = 16, 25e-6
 PEER_SYMBOLS = 5  # LSODA runs so many; its time for more is in proportion
@@ -44,7 +44,7 @@ def ratio(one: Callable[[], Any], other: Callable[[], Any], repeats: int) -> tup
 def lsoda(circuit: Any, thermal: Any, stream: th.Symbols, duration: float, rtol: float) -> np.ndarray:
     """Energies (J) at the ends of the symbols by LSODA, restarted at every edge."""
     n = len(circuit.names)
-    parts = system_of(circuit, thermal, inputs={"in": stream}, duration=duration)
+    parts = system_of(circuit, thermal, power={"in": stream}, duration=duration)
     drive, found = parts.drive, []
     laser, slope = (np.zeros(len(circuit.lasers), dtype=complex) for _ in range(2))
     turned, bare, none = np.zeros(n), np.zeros(n), np.zeros(0, dtype=complex)
@@ -72,8 +72,8 @@ def stream_of(symbols: int, rate: float) -> th.Symbols:
 
 
 def run_stream(circuit: Any, thermal: Any, stream: th.Symbols, rtol: float) -> np.ndarray:
-    run = coupled.simulate_circuit(
-        circuit, thermal, inputs={"in": stream}, duration=stream.stop, times=stream.samples(), rtol=rtol
+    run = coupled.simulate(
+        circuit, thermal, power={"in": stream}, duration=stream.stop, times=stream.samples(), rtol=rtol
     )
     return run.energy.values
 
@@ -90,21 +90,21 @@ def small(repeats: int) -> list[dict[str, Any]]:
     apart, inputs = coupled.Circuit([RING] * RINGS, lasers=lasers), dict.fromkeys(names, power)
     alone = lambda: coupled.simulate(RING, POLES, power=power, duration=200e-6)  # noqa: E731
     runs = {
-        "one ring, 200 us": lambda: coupled.simulate_circuit(one, POLES, inputs={"in": power}, duration=200e-6),
-        f"{RINGS} rings apart, 200 us": lambda: coupled.simulate_circuit(apart, POLES, inputs=inputs, duration=200e-6),
+        "one ring, 200 us": lambda: coupled.simulate(one, POLES, power={"in": power}, duration=200e-6),
+        f"{RINGS} rings apart, 200 us": lambda: coupled.simulate(apart, POLES, power=inputs, duration=200e-6),
     }
     # of the energy after 2 us: later on the phase of the pulses is all that differs
     brief = {"duration": 2e-6, "times": [2e-6]}
     exact = float(coupled.simulate(RING, POLES, power=power, **brief, rtol=1e-11).energy[-1])
     errors = [
-        float(np.abs(coupled.simulate_circuit(c, POLES, inputs=light, **brief).energy.values / exact - 1).max())
+        float(np.abs(coupled.simulate(c, POLES, power=light, **brief).energy.values / exact - 1).max())
         for c, light in ((one, {"in": power}), (apart, inputs))
     ]
     found = []
     for (how, run), many, error in zip(runs.items(), (1, RINGS), errors, strict=True):
         run(), alone()
         ours, theirs = ratio(run, alone, repeats)
-        row = {"who": "simulate_circuit", "how": f"{how}; 1 is {many} times simulate", "error": error}
+        row = {"who": "simulate", "how": f"{how}; 1 is {many} times simulate", "error": error}
         found.append(row | {"seconds": ours, "ratio": ours / (many * theirs)})
     return found
 
@@ -126,7 +126,7 @@ def against_lsoda(symbols: int, peer: bool, whole: bool) -> list[dict[str, Any]]
         spent = seconds(lambda rtol=rtol: run_stream(circuit, array, stream, rtol)) * 1e-4 / stream.stop
         error = difference(run_stream(circuit, array, few, rtol), exact)
         how = f"{RINGS} rings on a bus, {array.order} states of heat, 100 us at 1 GHz, rtol {rtol:g}"
-        found.append({"who": "simulate_circuit", "how": how, "error": error, "seconds": spent, "ratio": 1.0})
+        found.append({"who": "simulate", "how": how, "error": error, "seconds": spent, "ratio": 1.0})
         print(found[-1], flush=True)
     if peer:  # compiles
         lsoda(circuit, array, few, 1e-9, 1e-2)
@@ -152,7 +152,7 @@ def long_run() -> dict[str, Any]:
     error = difference(run_stream(circuit, array, few, rtol), run_stream(circuit, array, few, 1e-9))
     spent = seconds(lambda: run_stream(circuit, array, stream, rtol))
     how = f"three-ring SCISSOR, {array.order} states of heat, 1 ms at 100 MHz, rtol {rtol:g}"
-    return {"who": "simulate_circuit", "how": how, "error": error, "seconds": spent, "ratio": 1.0}
+    return {"who": "simulate", "how": how, "error": error, "seconds": spent, "ratio": 1.0}
 
 
 def rows(repeats: int) -> list[dict[str, Any]]:

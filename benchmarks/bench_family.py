@@ -20,7 +20,7 @@ import numpy as np
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Variation
+from thermofem.campaign import Variation
 
 TIMES = np.geomspace(1e-9, 1e-4, 41)
 VARIED = (

@@ -104,7 +104,7 @@ samples = 21
 
 def geometries() -> list[tuple[float, float]]:
     from thermofem.campaign import Campaign
-    from thermofem.campaign.schema import fields
+    from thermofem.campaign.campaign_file import fields
 
     section = th.strip_ring().to_toml().replace("[[", "[[geometry.").replace("\n[boundary]", "\n[geometry.boundary]")
     found = []

@@ -13,7 +13,6 @@ from .circuit import (
     crow,
     delay_loop,
     scissor,
-    simulate_circuit,
 )
 from .cycles.continue_cycle import continue_cycle
 from .cycles.cycle_folds import cycle_fold_curves
@@ -36,6 +35,7 @@ from .noise import frequency_noise, intensity_noise
 from .parameters.borghi2021 import borghi2021
 from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from .resonator import RingResonator
+from .ring_from import MadeRing, ring_from
 from .runs.lasers import Laser
 from .runs.pulsing import Pulsing, Regime, pulsing
 from .runs.simulate import simulate
@@ -44,11 +44,11 @@ from .states import State
 
 __all__ = [
     "FEM", "NO_PREDICTOR", "CarrierFit", "Circuit", "ConstantLifetime", "Corrector", "Detector", "Event",
-    "Identification", "Laser", "LaserPort", "Method", "Pulsing", "Regime", "RingResonator", "ShockleyReadHall",
-    "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "carrier_decay",
+    "Identification", "Laser", "LaserPort", "MadeRing", "Method", "Pulsing", "Regime", "RingResonator",
+    "ShockleyReadHall", "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "carrier_decay",
     "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
     "delay_loop", "explore", "fit_carrier_decay", "fit_newton_per_trace", "fold_curves", "frequency_noise",
-    "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing",
-    "pulsing_map", "scissor", "simulate", "simulate_circuit", "stability_map", "steady_states", "sweep",
-    "transmission", "van_vaerenbergh_q", "vanvaerenbergh2012",
+    "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing", "pulsing_map",
+    "ring_from", "scissor", "simulate", "stability_map", "steady_states", "sweep", "transmission", "van_vaerenbergh_q",
+    "vanvaerenbergh2012",
 ]  # fmt: skip

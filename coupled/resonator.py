@@ -13,7 +13,6 @@ from scipy.constants import c, hbar
 
 from thermofem import checks
 from thermofem.data import dataset, files
-from thermofem.data.display import shown
 
 from . import ring_toml
 from .carriers.lifetime import ConstantLifetime
@@ -24,17 +23,17 @@ DERIVED = ("eta_fca", "eta_tpa", "g_tpa", "kerr_shift", "thermal_shift")
 _VOLUME_HINT = "volumes are in m^3 (1 um^3 is 1e-18)"
 
 
-@shown
 @dataclass(frozen=True)
 class RingResonator:
     """Silicon ring on one or two buses: resonance, losses, and nonlinear detuning and damping.
 
         da/dt = [i D - gamma] a + i sqrt(2 gamma_e P),                       |a|^2 = U in J
-        D     = -(w0/n0) [(dn/dT) dT + S(N)] - kerr U - 2 pi detuning,       S(N) = sum_k c_k N^p_k
+        D     = -(w0 g) [(dn/dT) dT + S(N)] - kerr U - 2 pi detuning,        S(N) = sum_k c_k N^p_k
         gamma = gamma_e + gamma_d + gamma_i + gamma_s + eta_FCA N + eta_TPA U
         dN/dt = -N/tau(N) + g_TPA U^2
         P_abs = 2 (gamma_i + eta_FCA N + eta_TPA U) U
 
+    with g = 1/n0, the printed rule, or G/n_g of the mode where ``index_confinement`` G is given.
     ``dataclasses.replace`` varies a field and the derived rates follow; `with_rates` sets a derived rate itself;
     `from_quality_factors` and `from_toml` make one from what is measured.
 
@@ -73,6 +72,10 @@ class RingResonator:
         gamma_s, amplitude decay rate by scattering and radiation, which heats nothing.
     kerr_coefficient : float, m^2/W
         n_2 of the Kerr effect, with the confinement and volume of two-photon absorption; silicon has 4.5e-18.
+    index_confinement : float, optional
+        G = dn_eff/dn of the mode (`thermofem.light`). The resonance then moves by G/n_g and free carriers absorb
+        G c sigma_FCA/n_g; None for the printed rules 1/n0 and c sigma_FCA/n_g. The printed sigmas of Borghi et al. were
+        fitted under the printed rules.
     rates : tuple of (name, value)
         derived rates that are given instead of computed (`with_rates`).
 
@@ -104,6 +107,7 @@ class RingResonator:
     drop_rate: float | None = None
     scattering_rate: float = 0.0
     kerr_coefficient: float = 0.0
+    index_confinement: float | None = None
     rates: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -129,6 +133,9 @@ class RingResonator:
                 checks.between(name, getattr(self, name), 1e5, 1e13, unit="1/s", hint=_RATE_HINT)
         hint = "silicon has 4.5e-18 m^2/W"
         checks.between("kerr_coefficient", self.kerr_coefficient, -1e-15, 1e-15, unit="m^2/W", hint=hint)
+        if self.index_confinement is not None:
+            hint = "it is dn_eff/dn of the mode, 1.07 for a silicon strip"
+            checks.between("index_confinement", self.index_confinement, 0.01, 3, hint=hint)
         if not isinstance(self.carriers, ShockleyReadHall | ConstantLifetime):
             kind = type(self.carriers).__name__
             raise checks.InputError(f"carriers is a {kind}; ShockleyReadHall(...) or ConstantLifetime(30e-9) is needed")
@@ -169,18 +176,21 @@ class RingResonator:
 
     @property
     def index_rate(self) -> float:
-        """w0 / n0 in rad/s: minus the shift of the resonance frequency for a unit change of refractive index."""
-        return self.omega / self.refractive_index
+        """w0 / n0, or w0 G/n_g, in rad/s: minus the shift of the resonance for a unit change of refractive index."""
+        if self.index_confinement is None:
+            return self.omega / self.refractive_index
+        return self.omega * self.index_confinement / self.group_index
 
     @property
     def thermal_shift(self) -> float:
-        """(w0/n0) dn/dT in rad/s/K: how far the resonance moves down for one kelvin."""
+        """`index_rate` dn/dT in rad/s/K: how far the resonance moves down for one kelvin."""
         return self._given("thermal_shift", self.index_rate * self.thermo_optic)
 
     @property
     def eta_fca(self) -> float:
-        """c sigma_FCA / n_g in m^3/s: amplitude loss rate for a unit carrier density; half that of the energy."""
-        return self._given("eta_fca", c * self.fca_cross_section / self.group_index)
+        """c sigma_FCA/n_g, times G where it is given, in m^3/s: amplitude loss rate for a unit carrier density."""
+        share = 1.0 if self.index_confinement is None else self.index_confinement
+        return self._given("eta_fca", share * c * self.fca_cross_section / self.group_index)
 
     @property
     def eta_tpa(self) -> float:
@@ -196,8 +206,8 @@ class RingResonator:
     @property
     def kerr_shift(self) -> float:
         """Gamma_TPA w0 c n_2 / (n0^2 V_TPA) in rad/(s J): how far the resonance moves down for a unit energy."""
-        each = c * self.kerr_coefficient / (self.refractive_index * self.tpa_volume)
-        return self._given("kerr_shift", self.tpa_confinement * self.index_rate * each)
+        each = c * self.kerr_coefficient / (self.refractive_index**2 * self.tpa_volume)
+        return self._given("kerr_shift", self.tpa_confinement * self.omega * each)
 
     @property
     def _two_photon(self) -> float:
@@ -319,6 +329,9 @@ class RingResonator:
 
     def with_swapped_srh(self) -> RingResonator:
         """Return the ring with the electron and the hole lifetime exchanged."""
+        if self.index_confinement is not None:
+            hint = "it is dn_eff/dn of the mode, 1.07 for a silicon strip"
+            checks.between("index_confinement", self.index_confinement, 0.01, 3, hint=hint)
         if not isinstance(self.carriers, ShockleyReadHall):
             raise checks.InputError(f"ring {self.name!r} has one constant lifetime; there is nothing to exchange")
         swapped = replace(self.carriers, tau_n=self.carriers.tau_p, tau_p=self.carriers.tau_n)

@@ -12,7 +12,8 @@ perimeter = "50 um"              # with mode_area, or tpa_volume and fca_volume 
 mode_area = "0.1 um^2"
 refractive_index = 3.485         # group_index, thermo_optic ("1.86e-4 1/K"), fca_cross_section ("1.5e-21 m^2"),
 tpa_coefficient = "0.81 cm/GW"   # tpa_confinement, fca_confinement, kerr_coefficient ("4.5e-18 m^2/W"), lumped_fcd,
-drop_rate = "40e9 1/s"           # scattering_rate: as the fields of RingResonator
+drop_rate = "40e9 1/s"           # scattering_rate, index_confinement: as the fields of RingResonator
+resonance_shift = "75 pm/K"      # or "9.3 GHz/K": measured; instead of what refractive_index and thermo_optic give
 
 [[dispersion]]                   # index change: sum of coefficient N^exponent, N in 1/m^3
 coefficient = -1.07e-27
@@ -28,20 +29,25 @@ eta_fca = "1e-13 m^3/s"          # eta_tpa ("1/s/J"), g_tpa ("1/m^3/s/J^2"), the
 
 from __future__ import annotations
 
+import json
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from scipy.constants import c, e, k
+from scipy.constants import c, e, k, pi
 
 from thermofem import checks
 from thermofem.checks import InputError
-from thermofem.data import files
-from thermofem.data.files import TABLE, TABLES, TEXT, read_table
+from thermofem.data import files, quantity
+from thermofem.data.files import ANY, TABLE, TABLES, TEXT, read_table
+from thermofem.errors import one_line
 
 from .carriers.lifetime import ConstantLifetime
 from .carriers.shockley_read_hall import ShockleyReadHall
 
+SILICON = (3.0, 4.0)  # refractive index near 1.55 um: a smaller one is that of a mode or of another material
+log = logging.getLogger("thermofem")
 Ring = TypeVar("Ring", bound=Any)  # a RingResonator, which imports this module
 
 _FIELDS = {
@@ -61,6 +67,7 @@ _FIELDS = {
     "fca_confinement": "",
     "fca_volume": "m^3",
     "lumped_fcd": "m^3",
+    "index_confinement": "",
 }
 _MEASURED = {
     "wavelength": "m",
@@ -70,6 +77,7 @@ _MEASURED = {
     "absorbed_fraction": "",
     "perimeter": "m",
     "mode_area": "m^2",
+    "resonance_shift": ANY,
 }
 _OTHERS = {"name": TEXT, "base": TEXT, "dispersion": TABLES, "carriers": TABLE, "rates": TABLE}
 _DISPERSION = {"coefficient": "", "exponent": ""}
@@ -119,9 +127,17 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
         fields["fcd"] = tuple((term["coefficient"], term["exponent"]) for term in terms)
     if "carriers" in found:
         fields["carriers"] = _carriers(found["carriers"])
-    if "rates" in found:
-        fields["rates"] = tuple(sorted(read_table(found["rates"], _RATES, "[rates]").items()))
+    rates = read_table(found.get("rates", {}), _RATES, "[rates]")
+    if "resonance_shift" in found:
+        if "thermal_shift" in rates:
+            raise InputError("resonance_shift and thermal_shift are both given; one determines the other")
+        rates["thermal_shift"] = _shift(
+            fields.pop("resonance_shift"), fields.get("frequency") or (base and base.frequency)
+        )
+    if rates:
+        fields["rates"] = tuple(sorted(rates.items()))
     if base:
+        _check_base(found["base"], base, fields)
         return replace(base, **fields)
     missing = [key for key in _NEEDED if key not in fields]
     if missing:
@@ -163,6 +179,59 @@ def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> 
     if "perimeter" in values:
         volume = values.pop("perimeter") * values.pop("mode_area")
         values["tpa_volume"] = values["fca_volume"] = volume
+
+
+def _shift(given: Any, frequency: float | None) -> float:
+    """rad/s/K of a measured shift of the resonance, as a length or a frequency per kelvin."""
+    if frequency is None:
+        raise InputError("frequency or wavelength is missing; resonance_shift needs it")
+    try:
+        return 2 * pi * quantity.parse(given, "Hz/K", name="resonance_shift")
+    except InputError:
+        moved = quantity.parse(given, "m/K", name="resonance_shift")
+        return 2 * pi * frequency**2 / c * checks.between("resonance_shift", moved, -1e-8, 1e-8, unit="m/K")
+
+
+def _check_base(name: str, base: Any, fields: dict[str, Any]) -> None:
+    """Log what a file takes from its base; InputError for an effective index in place of silicon's."""
+    index = fields.get("refractive_index")
+    if index is not None and index < SILICON[0]:
+        raise InputError(
+            f"refractive_index = {index:g} is below that of silicon, the core of {name}",
+            "give that of the material, 3.48, not the effective index of the mode; a core of another material needs "
+            "its own numbers and no base",
+        )
+    taken = [key for key in (*_FIELDS, "fcd", "carriers") if key not in fields and getattr(base, key) is not None]
+    log.warning("ring: taken from base %s: %s", name, ", ".join(taken))
+
+
+def write_text(ring: Any, comments: Mapping[str, str]) -> str:
+    """The text of a ring file, each number with its comment; reading it back gives the ring."""
+
+    def line(key: str, value: Any, of: str) -> str:
+        comment = one_line(comments.get(of, ""))
+        text = f"{key} = {value}"
+        return f"{text:<40}  # {comment}\n" if comment else f"{text}\n"
+
+    text = f"name = {json.dumps(ring.name)}\n"
+    for key, unit in _FIELDS.items():
+        value = getattr(ring, key)
+        if value is not None:
+            text += line(key, json.dumps(quantity.write(value, unit)) if unit else repr(float(value)), key)
+    for coefficient, exponent in ring.fcd:
+        text += f"\n[[dispersion]]\n{line('coefficient', repr(coefficient), 'fcd')}exponent = {exponent!r}\n"
+    text += "\n[carriers]\n"
+    if isinstance(ring.carriers, ConstantLifetime):
+        text += line("lifetime", json.dumps(quantity.write(ring.carriers.tau, "s")), "carriers")
+    else:
+        srh = {**vars(ring.carriers), "temperature": ring.carriers.thermal_energy * e / k}
+        for key, unit in _SRH.items():
+            text += line(key, json.dumps(quantity.write(srh[key], unit)), "carriers")
+    if ring.rates:
+        text += "\n[rates]\n" + "".join(
+            line(key, json.dumps(quantity.write(value, _RATES[key])), "rates") for key, value in ring.rates
+        )
+    return text
 
 
 def _together(values: dict[str, Any], first: str, second: str, instead_of: tuple[str, ...]) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +21,6 @@ FIELD_HINT = "fields are in sqrt(J); 20 fJ is 1.4e-7"
 MOST_ORDER = 1_000_000  # states of a thermal model
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class State:
     """Field, carriers and thermal states at one moment.

@@ -33,11 +33,11 @@ square = th.solve_periodic(heat, th.SquareWave(power=2e-3, period=1e-6, duty=1 /
 th.save(square, "square.nc")
 th.load("square.nc").attrs["kind"]
 
-# %% th.read_csv
+# %% th.read_trace
 from pathlib import Path
 
 Path("probe.csv").write_text("time (us),rise (K)\n" + "".join(f"{k},{1 - 0.5**k}\n" for k in range(20)))
-measured = th.read_csv("probe.csv", time="time (us)", temperature="rise (K)", power=1e-3)
+measured = th.read_trace("probe.csv", 1e-3)
 
 # %% th.Material th.Polynomial th.Table
 glass = th.Material("glass", 1.1, 2200.0, 740.0, conductivity_law=th.Polynomial((1e-3,)))
@@ -87,12 +87,12 @@ times = np.geomspace(1e-9, 1e-4, 60)
 step = th.solve(heat, th.Constant(1e-3), times)
 foster, spectrum = surrogate.fit_foster(step, order=4), surrogate.fit_spectrum(step)
 
-# %% surrogate.newton surrogate.fit_decay surrogate.Decay
+# %% surrogate.newton surrogate.fit_decay
 law = surrogate.newton(tau_th=1e-6)
 decay = surrogate.fit_decay(times, 5.0 * np.exp(-times / 1e-6), order=1)
 decay.tau
 
-# %% surrogate.Reduction surrogate.balanced_truncation surrogate.Truncation
+# %% surrogate.Reduction surrogate.balanced_truncation
 rom = surrogate.reduce(heat.system, tolerance=1e-3)
 shorter = surrogate.balanced_truncation(rom.model, 6) if isinstance(rom.model, th.StateSpace) else rom
 rom.error_bound
@@ -114,23 +114,23 @@ surrogate.valid_range(curve), surrogate.validity(curve)
 drives = surrogate.square_waves(periods=2) + surrogate.held_out_drives()[:1]
 surrogate.compare({"Newton": newton.model, "second order": second.model}, rom.model, drives)
 
-# %% surrogate.train_all surrogate.Ladder surrogate.judge surrogate.verdict
+# %% surrogate.train_all surrogate.judge surrogate.verdict
 ladder_of_models = surrogate.train_all(heat, hot=0, names=("Newton", "second order"))
 judged = surrogate.judge(ladder_of_models.models, ladder_of_models.reference, periods=np.geomspace(3e-7, 3e-6, 4))
 print(surrogate.verdict(judged))
 
-# %% surrogate.gate surrogate.fit_sindy surrogate.SindyFit surrogate.Network
+# %% surrogate.gate surrogate.fit_sindy surrogate.Network
 poles = surrogate.gate([[-1e6]], [7e9], static=7e3)
 shells = th.solve(heat, th.SquareWave(2e-3, 1e-6, 1 / 3), np.linspace(0, 4e-6, 1201), read=("core", "box"))
 network = surrogate.fit_sindy(shells, [heat.thermal_resistance("core", name) for name in ("core", "box")]).model
 
-# %% th.Quadratic surrogate.output_map surrogate.reduce_quadratic surrogate.QuadraticReduction
+# %% th.Quadratic surrogate.output_map surrogate.reduce_quadratic
 warm = th.assemble(th.strip_ring().with_({"part.core.material": "Si(T)", "layer.box.material": "SiO2(T)"}))
 nonlinear = warm.model("core", "core")
 mapped = surrogate.output_map(nonlinear, 10e-3)
 quadratic = surrogate.reduce_quadratic(nonlinear, 10e-3).model
 
-# %% surrogate.fit_output_map th.OutsideTrainingWarning surrogate.OutsideTrainingWarning
+# %% surrogate.fit_output_map th.OutsideTrainingWarning
 linear = th.Foster(R=[7e3], tau=[1e-6])
 hot = th.dataset.build(times, th.OutputMap(linear, -4e-4).response(th.Constant(5e-3), times), th.Constant(5e-3))
 surrogate.fit_output_map(linear, hot)
@@ -148,14 +148,14 @@ except th.InputError as refused:  # two regions are too few here: a network that
 # %% surrogate.pole_derivatives
 surrogate.pole_derivatives(heat, rom, ["part.core.radius"])
 
-# %% surrogate.train_family surrogate.Family surrogate.load_family surrogate.Certified
+# %% surrogate.train_family surrogate.Family surrogate.load_family
 vary = 'geometry = "ring.toml"\n[[vary]]\nname = "radius"\npath = "part.core.radius"\nfrom = "6 um"\nto = "8 um"\n'
 vary += '[[vary]]\nname = "box"\npath = "layer.box.thickness"\nfrom = "1 um"\nto = "3 um"\n'
 Path("radii.toml").write_text(vary)
 surrogate.train_family("radii.toml", tolerance=1e-2, held_out=1).save("family.json")
 surrogate.load_family("family.json").certify(radius=7e-6, box=2e-6)
 
-# %% surrogate.design surrogate.Design surrogate.uncertainty
+# %% surrogate.design surrogate.uncertainty
 from scipy import stats
 
 family = surrogate.load_family("family.json")
@@ -167,12 +167,12 @@ optics = surrogate.Optics({"bus_rate": {"radius": -2e15}}, at={"radius": 7e-6})
 target = {"thermal_resistance": "smallest", "rise_time": "smallest"}
 front = surrogate.pareto_front(family, target=target, optics=optics, generations=2)
 
-# %% surrogate.calibrate surrogate.Calibration
+# %% surrogate.calibrate
 rise = family.model(radius=6.6e-6, box=2e-6).step_response(times) * 1e-3
 trace = th.dataset.build(times, rise, th.Constant(1e-3))
 surrogate.calibrate(family, trace).values
 
-# %% surrogate.ArrayReduction
+# %% surrogate.reduce_array
 array = surrogate.reduce_array(heat, [[0.0, 0.0], [40e-6, 0.0]], tolerance=1e-2)
 array.crosstalk
 

@@ -22,7 +22,7 @@ import numpy as np
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Drive, Variation
+from thermofem.campaign import Drive, Variation
 from thermofem.plot import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures

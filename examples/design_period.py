@@ -30,7 +30,7 @@ def settled_period(model: th.Foster) -> float:
     return float(coupled.limit_cycle(RING, model, power=POWER, detuning=0.0).attrs["period"])
 
 
-def figure(found: surrogate.Design, path: Path) -> None:
+def figure(found, path: Path) -> None:
     """The settled period over both oxides, the line of the wanted one and the design."""
     box, oxide = (np.linspace(*FREE[name], 13) for name in (BOX, OXIDE))
     periods = np.full((oxide.size, box.size), np.nan)

@@ -53,8 +53,8 @@ axes[1].legend(frameon=False, fontsize="small", loc="upper right")
 switch = th.Pulse(power=float(corrected[0]), width=100e-6)
 circuit = coupled.bus([ring] * N)
 others = {f"heater {k + 1}": float(corrected[k]) for k in range(1, N)}
-run = coupled.simulate_circuit(
-    circuit, bank, inputs={"in": 1e-9}, heaters={"heater 1": switch, **others}, duration=200e-6,
+run = coupled.simulate(
+    circuit, bank, power={"in": 1e-9}, heaters={"heater 1": switch, **others}, duration=200e-6,
     times=np.linspace(0, 200e-6, 401),
 )  # fmt: skip
 for k in range(1, N):

@@ -112,7 +112,7 @@ for trench, colour in ((False, "#0072B2"), (True, "#D55E00")):
     print(f"  R_th {R[0, 0] / 1e3:.2f} K/mW, crosstalk {R[1, 0]:.0f} K/W ({R[1, 0] / R[0, 0]:.2%})")
     rise = rom.model.channel("ring 1", "ring 2").step_response(times)
     axes[0].semilogx(times * 1e6, rise, color=colour, label=name)
-    run = coupled.simulate_circuit(circuit, rom.model, inputs={"one": 6.31e-3, "two": 1e-6}, duration=20e-6, rtol=1e-5)
+    run = coupled.simulate(circuit, rom.model, power={"one": 6.31e-3, "two": 1e-6}, duration=20e-6, rtol=1e-5)
     axes[1].plot(run.time * 1e6, run.delta_T.sel(ring="ring 2"), color=colour, label=name, lw=1)
 axes[0].set(xlabel="time (µs)", ylabel="rise of the other racetrack (K/W)")
 axes[1].set(xlabel="time (µs)", ylabel="rise beside a self-pulsing racetrack (K)")

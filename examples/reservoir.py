@@ -37,8 +37,8 @@ circuits = {"one ring": coupled.bus(ring), "three-ring SCISSOR": coupled.scissor
 def features(circuit, law, stream):
     """Mean drop power of every node, one row for each symbol, scaled by mean and spread of the training."""
     heat = fem.channel(0, 0) if law is fem and len(circuit.names) == 1 else law
-    run = coupled.simulate_circuit(
-        circuit, heat, inputs={"in": stream}, detuning=-10e9, duration=stream.stop, rtol=1e-3,
+    run = coupled.simulate(
+        circuit, heat, power={"in": stream}, detuning=-10e9, duration=stream.stop, rtol=1e-3,
         times=stream.samples(), average=True,
     )  # fmt: skip
     table = run.mean_output.sel(port=circuit.ports[-1]).values.reshape(-1, NODES)

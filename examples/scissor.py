@@ -32,7 +32,7 @@ axes[0, 1].legend(frameon=False, fontsize="small", ncols=2, loc="upper center")
 
 circuit = coupled.scissor([one, replace(one, frequency=one.frequency - 3e9), one], phase=0.5, loss=0.05)
 plot_circuit(circuit, axes[0, 0])
-run = coupled.simulate_circuit(circuit, array, inputs={"in": 8e-3}, duration=6e-6, rtol=1e-5)
+run = coupled.simulate(circuit, array, power={"in": 8e-3}, duration=6e-6, rtol=1e-5)
 plot_rings(run, ax=axes[1, 0])
 plot_ports(run, axes[1, 1])
 print(f"{run.attrs['steps']} steps; hottest {float(run.delta_T.max()):.2f} K")

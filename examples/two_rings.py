@@ -41,7 +41,7 @@ def pulses(run, name):
 def simulate(circuit, heat, powers, duration):
     """A run with the powers of the two lasers in W."""
     inputs = dict(zip(("one", "two"), powers, strict=True))
-    return coupled.simulate_circuit(circuit, heat, inputs=inputs, duration=duration, rtol=1e-5)
+    return coupled.simulate(circuit, heat, power=inputs, duration=duration, rtol=1e-5)
 
 
 figure, column = plt.subplots(4, 1, figsize=(5.7, 9.4), layout="constrained")

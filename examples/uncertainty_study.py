@@ -23,7 +23,7 @@ from scipy import stats
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Drive, Variation
+from thermofem.campaign import Drive, Variation
 from thermofem.plot import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures

@@ -19,6 +19,7 @@ from validation_rows import merged
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.data.variables import VARIABLES
 
 pytestmark = pytest.mark.slow
 
@@ -167,7 +168,7 @@ def test_the_names_in_the_table_of_symbols_exist():
     assert len(names) > 40
     ring, model = coupled.borghi2021(), surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1e-6, eta=0.31)
     owners = [th, surrogate, coupled, ring, model, th.Material, th.Boundary, *th.waveforms.KINDS.values()]
-    spoken = {*th.quantity.VARIABLES, "kappa", "eta", "tau_f", "tau_s", "tau_th", "heat_capacity"}
+    spoken = {*VARIABLES, "kappa", "eta", "tau_f", "tau_s", "tau_th", "heat_capacity"}
     for name in names:
         first, _, rest = name.partition(".")
         found = [getattr(o, first) for o in owners if hasattr(o, first)] + [coupled] * (first == "coupled")

@@ -201,13 +201,13 @@ def test_a_heater_of_every_waveform_in_a_circuit(name):
     names = ("ring 1", "ring 2", "heater")
     model = th.StateSpace(np.eye(3), -np.diag(rate), B, B[:, :2].T, inputs=names, outputs=names[:2])
     run = {"heaters": {"heater": wave}, "duration": 8e-6, "times": TIMES, "rtol": 1e-7}
-    dark = coupled.simulate_circuit(coupled.bus([ring, ring]), model, inputs={}, **run)
+    dark = coupled.simulate(coupled.bus([ring, ring]), model, power={}, **run)
     for k in range(2):
         expected = convolved(th.Foster(B[:, k] * B[:, 2] / rate, 1 / rate), wave, TIMES)
         # 0.01 rtol of the cubics of the rise, 1e-8 of those of the power, and 1e-9 of the reference
         assert dark.delta_T.values[k] == pytest.approx(expected, rel=0, abs=2e-8 * expected.max() + 1e-10)
     alone = th.StateSpace(np.eye(3), -np.diag(rate), B[:, [0, 2]], B[:, :1].T, names[::2], names[:1])
-    lit = coupled.simulate_circuit(coupled.bus(ring), alone, inputs={"in": 1e-3}, detuning=-15e9, **run)
+    lit = coupled.simulate(coupled.bus(ring), alone, power={"in": 1e-3}, detuning=-15e9, **run)
     one = coupled.simulate(ring, alone, power=1e-3, detuning=-15e9, heated="ring 1", **run)
     # 1e-7 a step, of some hundred steps that both take
     assert lit.delta_T.values[0] == pytest.approx(one.delta_T.values, rel=0, abs=1e-5 * float(one.delta_T.max()))

@@ -29,7 +29,7 @@ def chirped(heat):
 
 def circuit(heat):
     rings = coupled.bus([RING, RING])
-    return coupled.simulate_circuit(rings, MODEL, inputs={"in": P}, duration=2e-7)
+    return coupled.simulate(rings, MODEL, power={"in": P}, duration=2e-7)
 
 
 RESULTS = {
@@ -57,7 +57,7 @@ RESULTS = {
     "fold_curves": lambda heat: coupled.fold_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
     "hopf_curves": lambda heat: coupled.hopf_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
     "carrier_decay": lambda heat: coupled.carrier_decay(RING.carriers, 1e23, np.linspace(0, 1e-7, 9)),
-    "simulate_circuit": circuit,
+    "simulate a circuit": circuit,
     "spectrum": lambda heat: coupled.transmission(coupled.bus([RING, RING]), detuning=DETUNINGS),
     "circuit_steady_states": lambda heat: coupled.steady_states(
         coupled.bus([RING, RING]), MODEL, power={"in": 1e-4}, starts=3

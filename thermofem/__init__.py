@@ -6,7 +6,7 @@ from .checks import InputError, MissingLibraryError
 from .data import dataset
 from .data.dataset import load, save
 from .data.fields import write_fields
-from .data.tables import read_csv
+from .data.measured_trace import read_trace
 from .fem import Discretization, HeatProblem, assemble, discretize
 from .fem.derivatives import derivatives
 from .geometry import (
@@ -26,6 +26,8 @@ from .geometry import (
 from .materials import Material, Polynomial, PowerLaw, Table, silicon_film
 from .mesh import Mesh
 from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateSpace, ThermalModel
+from .optics import Light, light
+from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
 from .version import __version__ as __version__
 from .waveforms import (
@@ -42,11 +44,11 @@ from .waveforms import (
 )
 
 __all__ = [
-    "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Discretization", "Foster", "Function",
-    "HeatProblem", "InputError", "Interface", "Layer", "Material", "Mesh", "MissingLibraryError", "OutputMap",
-    "OutsideTrainingWarning", "Part", "PiecewiseCubic", "Polynomial", "PowerLaw", "Probe", "Pulse", "Quadratic",
-    "Sampled", "SquareWave", "StateSpace", "Symbols", "Table", "Telegraph", "ThermalModel", "Waveform", "assemble",
-    "checks", "dataset", "derivatives", "disc", "discretize", "from_gdsfactory", "heated_ring", "load", "materials",
-    "open_campaign", "read_csv", "rib_ring", "save", "silicon_film", "solve", "solve_periodic", "straight_guide",
-    "strip_ring", "waveforms", "write_fields",
+    "MZI", "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Discretization", "Foster", "Function",
+    "HeatProblem", "InputError", "Interface", "Layer", "Light", "Material", "Mesh", "MissingLibraryError",
+    "OutputMap", "OutsideTrainingWarning", "Part", "PiecewiseCubic", "Polynomial", "PowerLaw", "Probe", "Pulse",
+    "Quadratic", "RingEdge", "Sampled", "SquareWave", "StateSpace", "Symbols", "Table", "Telegraph", "ThermalModel",
+    "Waveform", "assemble", "checks", "dataset", "derivatives", "disc", "discretize", "from_gdsfactory",
+    "heated_ring", "light", "load", "materials", "open_campaign", "read_trace", "rib_ring", "save", "silicon_film",
+    "solve", "solve_periodic", "straight_guide", "strip_ring", "waveforms", "write_fields",
 ]  # fmt: skip

@@ -246,7 +246,7 @@ def check_name(what: str, name: Any) -> str:
     if not (isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name)):
         rule = f"take letters, digits, spaces and _ . + -, at most {LONGEST_NAME}"
         raise InputError(f"{what} name = {shown(name)} is not usable; {rule}")
-    return name
+    return str(name)  # of an array, too: np.str_ has another repr
 
 
 def check_names(what: str, names: Any) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from matplotlib.tri import Triangulation
 
 from . import checks
 from .checks import InputError, choice, positive
-from .data.fields import check_field
+from .data.fields import FIELDS, check_field
 from .data.files import check_image, check_target, write_whole
 from .data.variables import contents, takes
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from .geometry.cross_section import CrossSection
     from .mesh import Mesh
     from .models import ThermalModel
+    from .optics import Mode
 
 DATA = "a Dataset of th.solve, with time and delta_T"
-FIELDS = "a Dataset of th.solve with field_times"
 GEOMETRY, MESH = "a th.CrossSection, such as th.strip_ring()", "the mesh of th.assemble(geometry).mesh"
 _MATERIALS = {
     "Si": "#7d8ea3",
@@ -116,7 +116,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     for face in _geometry(data).subdivision.faces if "geometry" in data.attrs else ():
         for ring in face.rings:
             ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
-    ax.figure.colorbar(picture, cax=ax.insetaxes((1.03, 0, 0.05, 1)), label="rise (K)")
+    ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
     return ax
 
 
@@ -354,3 +354,29 @@ def save_figure(ax: Axes, path: Any) -> None:
     figure.savefig(image, dpi=200, format=checks.path("path", path).suffix[1:])
     write_whole(path, lambda p: p.write_bytes(image.getvalue()))
     plt.close(figure)
+
+
+def plot_mode(mode: Mode, ax: Axes | None = None) -> Axes:
+    """|E| of a mode of `thermofem.light`, with the outlines of the materials (µm about the core's centre)."""
+    grid = mode.space.mesh
+    ax = axes(ax, (WIDTH, 4.0))
+    field = np.sqrt((mode.intensity * mode.space.dx).sum(axis=1) / mode.space.dx.sum(axis=1))
+    at = np.bincount(grid.t.ravel(), np.tile(field, 3)) / np.bincount(grid.t.ravel())  # of the triangles about a vertex
+    triangles = Triangulation(grid.p[0], grid.p[1], grid.t.T)
+    filled = ax.tripcolor(triangles, at / at.max(), shading="gouraud", cmap="magma", rasterized=True)
+    f2t = grid.f2t[:, grid.f2t[1] >= 0]
+    between = mode.window.region[f2t[0]] != mode.window.region[f2t[1]]
+    ends = grid.p[:, grid.facets[:, grid.f2t[1] >= 0][:, between]]
+    ax.plot(ends[0], ends[1], color="white", linewidth=0.6, alpha=0.8)
+    core = grid.p[:, grid.t[:, mode.window.inside(mode.core)]]
+    (left, right), (low, high) = ((one.min(), one.max()) for one in core)
+    ax.set(
+        xlim=(left - 0.8, right + 0.8),
+        ylim=(low - 0.8, high + 0.8),
+        aspect="equal",
+        xlabel="r - R (µm)",
+        ylabel="z (µm)",
+    )
+    ax.set_title(f"{mode.name}: n_eff {mode.n_eff:.4f}, n_g {mode.n_g:.4f}", fontsize="small", loc="left")
+    ax.figure.colorbar(filled, ax=ax, label="|E| / largest", shrink=0.8)
+    return ax

@@ -1,4 +1,4 @@
-"""Options and arguments that several commands take."""
+"""Arguments and options that several commands take, each declared once."""
 
 from __future__ import annotations
 
@@ -6,6 +6,31 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from thermofem.errors import InputError
+
+from . import console
+
+# of every command, the last five parameters of its function
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json",
+        callback=console.set_json,
+        help="Print results as JSON on standard output and messages on standard error.",
+    ),
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", callback=console.set_quiet, help="Print results alone, no messages.")
+]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", callback=console.set_verbose, help="Print details of each step.")
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of what is drawn at random.")]
+Threads = Annotated[
+    int | None,
+    typer.Option(min=1, max=1024, callback=console.set_threads, help="Threads to use; default: one for each CPU."),
+]
 
 Geometry = Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")]
 Accuracy = Annotated[float, typer.Option(help="Wanted relative error of the mesh.")]
@@ -17,16 +42,36 @@ Read = Annotated[str | None, typer.Option(help="Part that is read, of a model of
 CHANNEL = "Part that the light heats and whose temperature shifts the resonance; or use --heated and --read."
 Channel = Annotated[str | None, typer.Option(help=CHANNEL)]
 Heater = Annotated[list[str] | None, typer.Option(help="Constant power of another part of the model: 'heater=5 mW'.")]
+HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
+VaryingHeater = Annotated[list[str] | None, typer.Option("--heater", help=HEATER)]
 
+REFERENCE_RING = "borghi2021"
 Ring = Annotated[
     str,
     typer.Option(help="Ring file (TOML), or borghi2021, borghi2021-lumped for Newton's law, or vanvaerenbergh2012."),
 ]
 Power = Annotated[str, typer.Option(help="Power in the bus waveguide.")]
 Detuning = Annotated[str, typer.Option(help="Laser minus cold resonance.")]
+Powers = Annotated[str, typer.Option("--power", help="First and last power in the bus waveguide.")]
+Detunings = Annotated[str, typer.Option("--detuning", help="First and last laser minus cold resonance.")]
+Points = Annotated[str, typer.Option(help="Number of powers and of detunings.")]
 Duration = Annotated[str, typer.Option(help="Length of the run, from a cold start.")]
 Duty = Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")]
-Points = Annotated[str, typer.Option(help="Number of powers and of detunings.")]
+
+Family = Annotated[Path, typer.Argument(metavar="FAMILY", help="Family file of thermofem family.")]
+Fix = Annotated[list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")]
+FamilyRing = Annotated[str, typer.Option("--ring", help="Ring file (TOML) or borghi2021, for the settled period.")]
+FamilyPower = Annotated[str, typer.Option("--power", help="Laser power in the waveguide, for self-pulsing.")]
+FamilyDetuning = Annotated[
+    str, typer.Option("--detuning", help="Laser minus cold resonance (GHz or pm), for self-pulsing.")
+]
+Optics = Annotated[
+    list[str] | None,
+    typer.Option(help="d(optics)/d(parameter) in SI, e.g. 'bus_rate/width=-1e17' or 'detuning/width=1e20'."),
+]
+
+Workers = Annotated[int | None, typer.Option(min=1, max=1024, help="Worker processes; default: one for each CPU.")]
+Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")]
 
 FieldTimes = Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")]
 PARAVIEW = "Write the fields for ParaView: .xdmf; .vtu of one time; or .pvd, with NAME_0000.vtu and so on beside it."
@@ -34,3 +79,15 @@ Paraview = Annotated[Path | None, typer.Option(help=PARAVIEW)]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 NetCDF = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]
+Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
+
+
+def unused(context: typer.Context, why: str, *names: str) -> None:
+    """InputError where one of these options is given: it would change nothing, and ``why`` says the reason."""
+    for name in names:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            value = context.params[name]
+            values = [value] if not isinstance(value, list | tuple) else value
+            said = "" if value is True else " " + ", ".join(map(str, values))
+            raise InputError(f"--{name.strip('_').replace('_', '-')}{said} {why}; leave it out")

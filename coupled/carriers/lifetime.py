@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.data.display import shown
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
 
 
-@shown
 @dataclass(frozen=True)
 class ConstantLifetime:
     """dN/dt = -N/tau: the usual model, accurate at low carrier density and where carriers are swept out.

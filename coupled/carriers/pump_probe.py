@@ -9,7 +9,6 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
-from thermofem.data.display import shown
 from thermofem.data.variables import in_si
 
 from .shockley_read_hall import ShockleyReadHall
@@ -76,7 +75,6 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
     )
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class CarrierFit:
     """Result of `fit_carrier_decay`.

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.data.display import shown
 
 from .lifetime import SHORTEST
 
@@ -18,7 +17,6 @@ MOST_TURN = 200.0  # of trap_energy/thermal_energy: its exponential is a factor 
 _DENSITY_HINT = "densities are in 1/m^3 (1e15 cm^-3 is 1e21)"
 
 
-@shown
 @dataclass(frozen=True)
 class ShockleyReadHall:
     """Carrier lifetime through one trap level, in its low- and high-injection limits and between.

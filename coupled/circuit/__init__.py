@@ -3,9 +3,7 @@
 from .circuit import Circuit
 from .parts import Detector, LaserPort, Splitter, Waveguide
 from .ready import bus, crow, delay_loop, scissor
-from .simulate import simulate_circuit
 
 __all__ = [
     "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "crow", "delay_loop", "scissor",
-    "simulate_circuit",
 ]  # fmt: skip

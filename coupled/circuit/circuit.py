@@ -12,7 +12,6 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.data import files
-from thermofem.data.display import shown
 
 from ..resonator import RingResonator
 from . import file
@@ -22,7 +21,6 @@ MOST = 1000  # rings, and splitters
 _PARTS = {"waveguides": Waveguide, "lasers": LaserPort, "detectors": Detector, "splitters": Splitter}
 
 
-@shown
 @dataclass(frozen=True)
 class Circuit:
     """Rings, the waveguides between their couplers, lasers and detectors.

@@ -1,28 +1,27 @@
-"""Limit cycle of a small circuit: single shooting from the end of a run, Floquet multipliers by differences."""
+"""Limit cycle of a small circuit: single shooting from the end of a run, with the kernel's derivative of the flow."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import checks
 from thermofem.arrays import Array
 
-from ..kernel.tableaus import Method, tableau
-from ..runs.window import MAX_STEPS
+from ..kernel import units as eq
+from ..kernel.integrator import Problem
+from ..kernel.tableaus import Method
 from .circuit import Circuit
-from .fixed_points import _flow, autonomous
-from .simulate import simulate_circuit
-from .system import System, units_of
-
-if TYPE_CHECKING:
-    import xarray as xr
+from .fixed_points import autonomous
+from .run import run_circuit
+from .system import System
 
 RTOL = 1e-10  # of the flow over a period
-CHANGE = 3e-5  # relative, of a state, for the derivatives of the flow
 CLOSED = 1e-7  # relative distance of the two ends of a cycle
 LAPS = (1, 2, 3, 4)  # pulses in one period, tried in turn
 ITERATIONS = 12
@@ -35,7 +34,7 @@ def circuit_limit_cycle(
     circuit: Circuit,
     thermal: Any,
     *,
-    inputs: Mapping[str, float],
+    power: Mapping[str, float],
     heaters: Mapping[str, float] | None = None,
     detuning: float = 0.0,
     settle: float = 20e-6,
@@ -50,7 +49,7 @@ def circuit_limit_cycle(
 
     Parameters
     ----------
-    circuit, thermal, inputs, heaters, detuning
+    circuit, thermal, power, heaters, detuning
         as for `steady_states`.
     settle : float, s
         long against the slowest time scale of the heat.
@@ -60,7 +59,7 @@ def circuit_limit_cycle(
     Returns
     -------
     xarray.Dataset
-        one period, as of `simulate_circuit`, without dark lasers before the one that is lit; attrs["period"] in s;
+        one period, as of `simulate`, without dark lasers before the one that is lit; attrs["period"] in s;
         variable multipliers, the largest first. One of them is 1, and the cycle attracts where all others are inside
         the unit circle.
 
@@ -72,23 +71,19 @@ def circuit_limit_cycle(
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     >>> circuit = coupled.bus(coupled.borghi2021())
-    >>> cycle = coupled.circuit_limit_cycle(circuit, model, inputs={"in": 6.31e-3})
+    >>> cycle = coupled.limit_cycle(circuit, model, power={"in": 6.31e-3})
     >>> print(f"{cycle.attrs['period'] * 1e9:.1f} ns")
     686.0 ns
     """
-    import xarray as xr
-
     settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
     samples = checks.integer("samples", samples, 3, 10_000_000)
-    system = autonomous(circuit, thermal, inputs, heaters, detuning)
-    lit = [laser for laser in circuit.lasers if inputs.get(laser.name, 0.0) > 0]
-    if lit and lit[0] != circuit.lasers[0]:  # states turn with the first laser, which is dark
-        circuit, inputs = replace(circuit, lasers=lit), {laser.name: inputs[laser.name] for laser in lit}
-        system = autonomous(circuit, thermal, inputs, heaters, detuning)
-    drive = {"inputs": inputs, "heaters": heaters, "detuning": detuning}
-    run = simulate_circuit(circuit, thermal, duration=settle, rtol=1e-6, **drive)  # type: ignore[arg-type]
-    guess = _period(run, settle)
-    units = units_of(*system.heat.gain.shape)
+    system = autonomous(circuit, thermal, power, heaters, detuning)
+    run_to = partial(
+        run_circuit, system.circuit, thermal, heaters=heaters, detuning=detuning, average=False, method=None,
+        power={laser.name: power.get(laser.name, 0.0) for laser in system.circuit.lasers}, progress=None,
+    )  # fmt: skip
+    run = run_to(duration=settle, rtol=1e-6, times=None, initial=None)
+    guess, units = _period(run, settle), eq.units(system.heat.gain.shape[1], len(system.circuit.names))
     start = np.asarray(run.attrs["final_state"]) / units
     for laps in LAPS:
         closed = _closed(system, start, laps * guess * 1e9)
@@ -103,9 +98,7 @@ def circuit_limit_cycle(
     begin = xr.Dataset(attrs=run.attrs | {"final_state": y * units})
     duration = period * 1e-9
     times = np.linspace(0.0, duration, int(samples))
-    cycle = simulate_circuit(
-        circuit, thermal, duration=duration, rtol=1e-9, times=times, initial=begin, **drive  # type: ignore[arg-type]
-    )  # fmt: skip
+    cycle = run_to(duration=duration, rtol=1e-9, times=times, initial=begin)
     cycle["multipliers"] = ("multiplier", multipliers, {"units": "1", "long_name": "Floquet multipliers"})
     cycle.attrs["period"] = duration
     return cycle
@@ -132,24 +125,16 @@ def _period(run: xr.Dataset, settle: float) -> float:
     return float(np.diff(rises).mean())
 
 
-def _flown(system: System, y: Array, period: float) -> Array:
-    """The state after ``period`` ns."""
-    from ..kernels.control import DONE
-    from ..kernels.interrupts import new_watch
-    from .integrate import integrate
-    from .poles import series
-
-    drive, method = system.drive._replace(edges=np.array([0.0, period])), tableau(Method.RODAS5P)
-    _, end, _, counts = integrate(
-        y, drive, system.rings, system.states, system.net, method, series(method), RTOL, np.array([period]), False,
-        np.empty(0), MAX_STEPS, new_watch(),
-    )  # fmt: skip
-    return np.asarray(end) if counts[2] == DONE else np.full(y.size, np.nan)
+def _problem(system: System, period: float) -> Problem:
+    """The problem over ``period`` ns."""
+    edges, drive = np.array([0.0, period]), system.drive
+    tables = {name: getattr(drive, name)._replace(edges=edges) for name in ("power", "phase", "detuning")}
+    return replace(system, drive=drive._replace(edges=edges, **tables)).problem(Method.RODAS5P)
 
 
 def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any] | None:
     """State, period in ns and multipliers of the cycle that Newton's method finds, or None."""
-    n = len(system.rings.rates)
+    n = len(system.circuit.names)
     x = np.abs(y[3 * n :])
     light = np.repeat(np.abs(y[0 : 3 * n : 3] + 1j * y[1 : 3 * n : 3]), 3).reshape(n, 3)
     light[:, 2] = np.abs(y[2 : 3 * n : 3])
@@ -158,22 +143,22 @@ def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any]
         np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(x.size, 1e-3 * x.max())]),
     )
     for _ in range(ITERATIONS):
-        end = _flown(system, y, period)
+        problem = _problem(system, period)
+        run = problem.integrate(y, rtol=RTOL, times=np.array([period]), keep_steps=True)
+        end = run.y
         missed = (end - y) / scale
         if not np.linalg.norm(missed) < 10.0 * np.sqrt(y.size):  # nan too
             return None
-        M = np.empty((y.size, y.size))
-        for j in range(y.size):
-            delta = np.zeros(y.size)
-            delta[j] = CHANGE * scale[j]
-            M[:, j] = (_flown(system, y + delta, period) - _flown(system, y - delta, period)) / (2 * CHANGE) / scale
+        M = problem.follow(y, run.steps, np.diag(scale))[1] / scale[:, None]
         if np.linalg.norm(missed) < CLOSED * np.sqrt(y.size):
             values = np.linalg.eigvals(M)
-            moves = np.linalg.norm(_flow(system, y) / scale) * period > SWING  # at a fixed point every period closes
+            moves = (
+                np.linalg.norm(problem.slopes(y)[0] / scale) * period > SWING
+            )  # at a fixed point every period closes
             if not moves or np.abs(values - 1).min() > TURNED:
                 return None
             return y, period, values[np.argsort(-np.abs(values))]
-        along, leaving = _flow(system, end) / scale, _flow(system, y) / scale
+        along, leaving = problem.slopes(end)[0] / scale, problem.slopes(y)[0] / scale
         matrix = np.block([[M - np.eye(y.size), along[:, None]], [leaving[None], np.zeros((1, 1))]])
         step = np.linalg.lstsq(matrix, np.append(-missed, 0.0), rcond=None)[0]
         share = min(1.0, 0.1 * period / max(abs(step[-1]), 1e-300))

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from thermofem import Symbols, checks
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array
 
 from ..arguments import detuning_in_time, power_in_time
-from ..inputs import Pieces, joint, pieces
+from ..inputs import Pieces, add, bounds, joint, pieces
+from ..kernel import units as eq
+from ..kernel.integrator import Drive
+from ..runs.window import integral, largest, table
 from .circuit import Circuit
 from .network import Light
 
@@ -23,39 +26,34 @@ HAIR = 1e-13  # of a run: edges that are nearer to each other are one; sums of h
 MOST_EDGES = 5_000_000
 
 
-def powers_of(circuit: Circuit, inputs: Mapping[str, Any], duration: float) -> list[Pieces]:
+def powers_of(circuit: Circuit, power: Mapping[str, Any], duration: float) -> list[Pieces]:
     """Power of every laser in W as a piecewise cubic; 0 where none is given.
 
     Raises InputError: no mapping, a name that is no laser, or a power out of range.
     """
-    checks.has("inputs", inputs, "items", hint="give powers by the lasers' names, {'in': 1e-3}")
+    checks.has("power", power, "items", hint="give powers by the lasers' names, {'in': 1e-3}")
     names = [laser.name for laser in circuit.lasers]
-    for name in inputs:
-        checks.choice("a name in inputs", name, names)
-    found = []
-    for name in names:
-        value = power_in_time(inputs.get(name, 0.0), duration)
-        found.append(pieces(f"inputs[{name!r}]", value, 0.0, duration))
-    return found
+    for name in power:
+        checks.choice("a name in power", name, names)
+    values = [power_in_time(power.get(name, 0.0), duration) for name in names]
+    return [pieces(f"power[{name!r}]", value, 0.0, duration) for name, value in zip(names, values, strict=True)]
 
 
-def warn_of_fast_streams(circuit: Circuit, inputs: Mapping[str, Any]) -> None:
+def warn_of_fast_streams(circuit: Circuit, power: Mapping[str, Any]) -> None:
     """Log a warning where a node of a stream is shorter than the photon lifetime 1/(2 gamma) of a ring."""
     lifetime, name = max((1 / (2 * ring.linear_rate), name) for name, ring in circuit.rings.items())
-    for laser, power in inputs.items():
-        for wave in power if isinstance(power, list | tuple) else [power]:
+    for laser, own in power.items():
+        for wave in own if isinstance(own, list | tuple) else [own]:
             if isinstance(wave, Symbols) and wave.rate * np.size(wave.mask) * lifetime > 1:
                 node = 1 / (wave.rate * np.size(wave.mask))
                 log.warning(
-                    f"inputs[{laser!r}]: a node of the stream lasts {node:.2g} s, less than the photon lifetime of "
+                    f"power[{laser!r}]: a node of the stream lasts {node:.2g} s, less than the photon lifetime of "
                     f"{name!r} ({lifetime:.2g} s), which averages over nodes; take a lower rate or a shorter mask"
                 )
 
 
 def corners(circuit: Circuit, light: Light) -> Array:
     """2 pi times the bandwidth of the detector of every observed wave in 1/ns; empty where none has one."""
-    from ..kernels import equations as eq
-
     if not any(circuit.bandwidths):
         return np.empty(0)
     first = light.delay.size
@@ -64,13 +62,19 @@ def corners(circuit: Circuit, light: Light) -> Array:
     return found
 
 
-def detuning_of(circuit: Circuit, detuning: Any, duration: float) -> tuple[Pieces, float]:
-    """Detuning of the frame in Hz as a piecewise cubic, and its constant value, 0 where it varies."""
-    value = detuning_in_time(detuning, duration)
-    constant = value if isinstance(value, float) else 0.0
-    if not isinstance(value, float) and any(w.delay > 0 for w in circuit.waveguides):
+def detunings_of(circuit: Circuit, detuning: Any, duration: float) -> list[Pieces]:
+    """Detuning of every laser in Hz as a piecewise cubic: all together, or by the lasers' names.
+
+    Raises InputError: a name that is no laser, or one that varies in a circuit with delays.
+    """
+    names = [laser.name for laser in circuit.lasers]
+    given = detuning if isinstance(detuning, Mapping) else dict.fromkeys(names, detuning)
+    for name in given:
+        checks.choice("a name in detuning", name, names)
+    values = [detuning_in_time(given.get(name, 0.0), duration) for name in names]
+    if not all(isinstance(v, float) for v in values) and any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("detuning varies, and the circuit has delays, whose phases belong to one frequency")
-    return pieces("detuning", value, 0.0, duration), constant
+    return [pieces("detuning", value, 0.0, duration) for value in values]
 
 
 def echoes(edges: Array, light: Light, duration: float) -> Array:
@@ -94,7 +98,7 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
         generation += 1
         if found.size > MOST_EDGES:
             raise checks.InputError(
-                f"inputs: their edges and echoes are more than {MOST_EDGES:g}; shorten the run or lengthen the delays"
+                f"power: its edges and echoes are more than {MOST_EDGES:g}; shorten the run or lengthen the delays"
             )
     return found
 
@@ -112,55 +116,47 @@ def _distance(known: Array, times: Array) -> Array:
     return np.asarray(np.abs(near - times).min(axis=0))
 
 
-def internal_drive(
-    circuit: Circuit, light: Light, powers: list[Pieces], frame: Pieces, offsets: list[Pieces], duration: float
-) -> Any:
-    """The run's `layout.LaserTable`.
+def drive_of(
+    circuit: Circuit, light: Light, powers: list[Pieces], detunings: list[Pieces], offsets: list[Pieces]
+) -> Drive:
+    """Lasers in W, their detunings in Hz, and what the heaters add to each ring in K, as the kernel takes them.
 
-    powers [W]
-    frame [Hz]: laser minus the circuit's reference frequency.
-    offsets [K]: what the heaters add to each ring.
+    Fields turn with the first laser; the phase of another is the integral of the difference.
     """
-    from ..kernels import equations as eq
-    from .layout import LaserTable
-
-    scale = eq.NS ** np.arange(4)
-    power_edges = joint(*powers)
-    power = np.stack([p.on(power_edges).coefficients for p in powers], axis=1) / eq.UW * scale
-    detuning_edges = joint(frame, *offsets)
+    first, duration = detunings[0], powers[0].edges[-1]
     turning = []
     for ring, offset in zip(circuit.resonators, offsets, strict=True):
-        first = float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset
-        c = frame.on(detuning_edges).coefficients.copy()
-        c[:, 0] += first
-        c = c * (2 * np.pi * eq.NS) + offset.on(detuning_edges).coefficients * (ring.thermal_shift * eq.NS)
-        turning.append(c * scale)
-    edges = echoes(power_edges, light, duration)
-    every = _apart(np.concatenate([edges, detuning_edges]), duration)
+        away = float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset
+        turned = add([first, pieces("offset", away, 0.0, duration)]).times(2 * np.pi * eq.NS)
+        turning.append(add([turned, offset.times(ring.thermal_shift * eq.NS)]))
+    power, detuning = table([one.times(1 / eq.UW) for one in powers]), table(turning)
+    apart = table([one.times(2 * np.pi * eq.NS) for one in turns(circuit, detunings)])
+    edges = echoes(joint(*powers), light, duration)
+    every = _apart(np.concatenate([edges, detuning.edges * eq.NS, apart.edges * eq.NS]), duration)
     every[-1] = duration
-    middle = (every[:-1] + every[1:]) / 2
-    lasers = [laser.offset for laser in circuit.lasers]
-    turn, largest = 2 * np.pi * eq.NS * (np.array(lasers) - lasers[0]), np.abs(power[:, :, 0]).max(axis=0)
-    return LaserTable(
-        edges=every / eq.NS,
-        power_piece=np.clip(np.searchsorted(power_edges, middle) - 1, 0, len(power) - 1),
-        detuning_piece=np.clip(np.searchsorted(detuning_edges, middle) - 1, 0, len(detuning_edges) - 2),
-        power_edges=power_edges / eq.NS,
-        power=np.ascontiguousarray(power),
-        detuning_edges=detuning_edges / eq.NS,
-        detuning=np.ascontiguousarray(np.stack(turning, axis=1)),
-        turn=turn,
-        largest=np.maximum(largest, 1e-300),
-        hair=2 * HAIR * duration / eq.NS,
-        beat=_beat(light, turn, largest > 0),
-    )
+    return Drive(
+        every / eq.NS, power, integral(apart), detuning, light.from_laser * np.sqrt(eq.NS),
+        np.array([largest(one) / eq.UW for one in powers]),
+    )  # fmt: skip
 
 
-def _beat(light: Light, turn: Array, lit: NDArray[np.bool_]) -> float:
+def turns(circuit: Circuit, detunings: list[Pieces]) -> list[Pieces]:
+    """Frequency of every laser minus that of the first in Hz."""
+    duration = detunings[0].edges[-1]
+    apart = [laser.offset - circuit.lasers[0].offset for laser in circuit.lasers]
+    return [
+        add([own, detunings[0].times(-1.0), pieces("offset", float(away), 0.0, duration)])
+        for own, away in zip(detunings, apart, strict=True)
+    ]
+
+
+def beat_of(light: Light, circuit: Circuit, powers: list[Pieces], detunings: list[Pieces]) -> float:
     """Fastest beat in an observed wave, rad/ns: of two lit lasers, or of one with light of rings or delays.
 
     Light of rings and delays is held in the common frame.
     """
+    lit = np.array([bool(np.any(power.coefficients)) for power in powers])
+    turn = 2 * np.pi * eq.NS * np.array([max(bounds(one), key=abs) for one in turns(circuit, detunings)])
     fastest = 0.0
     for q in range(len(light.terminals)):
         late, ringed = bool(light.seen_delay[q].any()), bool(light.seen_ring[q].any())

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import dataset
 
+from ..kernel import units as eq
+from ..kernel.integrator import Problem
+from ..kernel.tableaus import Method
 from ..thermal import trusted
 from .circuit import Circuit
+from .run import described
 from .system import System, system_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 LARGEST = 500  # states; the Jacobian is dense
 CLOSED = 1e-11  # relative size of the last Newton correction
@@ -29,7 +31,7 @@ LINES = 5.0  # half widths of a resonance beyond which light hardly heats
 def circuit_steady_states(
     circuit: Circuit,
     thermal: Any,
-    inputs: Mapping[str, float],
+    power: Mapping[str, float],
     detuning: float = 0.0,
     heaters: Mapping[str, float] | None = None,
     starts: int = 100,
@@ -46,8 +48,8 @@ def circuit_steady_states(
     Parameters
     ----------
     circuit, thermal
-        as for `simulate_circuit`; without delays.
-    inputs : mapping of laser name to float, W
+        as for `simulate`; without delays.
+    power : mapping of laser name to float, W
     heaters : mapping of name to float, W
     detuning : float, Hz
     starts, seed : int
@@ -71,26 +73,27 @@ def circuit_steady_states(
     array([0, 1, 2])
     """
     starts = checks.integer("starts", starts, 0, 100_000)
-    system = autonomous(circuit, thermal, inputs, heaters, detuning)
+    system = autonomous(circuit, thermal, power, heaters, detuning)
+    problem = system.problem(Method.RODAS5P)
     found: list[Array] = []
     for guess in _guesses(system, starts, seed):
-        y = _newton(system, guess)
+        y = _newton(system, problem, guess)
         if y is not None and not any(_same(y, other, len(circuit.names)) for other in found):
             found.append(y)
     n = len(circuit.names)
     found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
-    states = _described(circuit, system, found)
+    states = _described(system, problem, found)
     trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
     return states
 
 
 def autonomous(
-    circuit: Circuit, thermal: Any, inputs: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
+    circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
     """A circuit under constant light, or InputError."""
     checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
     heaters = checks.mapping("heaters", heaters)
-    for what, values in (("power", inputs), ("heaters", heaters), ("detuning", {"": detuning})):
+    for what, values in (("power", power), ("heaters", heaters), ("detuning", {"": detuning})):
         checks.has(what, values, "items", hint="give numbers by name, {'in': 1e-3}")
         for name, value in values.items():
             if not isinstance(value, int | float | np.number):
@@ -100,54 +103,28 @@ def autonomous(
                 )
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
-    if len({laser.offset for laser in circuit.lasers if inputs.get(laser.name, 0.0) > 0}) > 1:
+    lit = [laser for laser in circuit.lasers if power.get(laser.name, 0.0) > 0] or list(circuit.lasers)
+    if len({laser.offset for laser in lit}) > 1:
         raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
-    system = system_of(circuit, thermal, inputs=inputs, heaters=heaters, detuning=detuning, duration=1e-6)
-    if 3 * len(circuit.names) + system.heat.gain.size > LARGEST:
-        raise checks.InputError(
-            f"the circuit has {3 * len(circuit.names) + system.heat.gain.size} states, more than {LARGEST}; "
-            "reduce its heat further"
-        )
+    for name in power:
+        checks.choice("a name in power", name, [laser.name for laser in circuit.lasers])
+    own = {laser.name: power.get(laser.name, 0.0) for laser in lit}
+    system = system_of(
+        replace(circuit, lasers=lit), thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6
+    )
+    if system.size > LARGEST:
+        raise checks.InputError(f"the circuit has {system.size} states, more than {LARGEST}; reduce its heat further")
     return system
 
 
-def waves_at_rest(system: System) -> tuple[Any, Any, Array]:
-    """Laser amplitudes in sqrt(uW), input amplitudes of the rings in sqrt(fJ)/ns, and detunings in rad/ns."""
-    from .waves import detunings_at, lasers_at
-
-    laser, slope = (np.zeros(len(system.drive.turn), dtype=complex) for _ in range(2))
-    lasers_at(system.drive, 0, 0.0, laser, slope)
-    n = len(system.rings.rates)
-    turned, bare = np.zeros(n), np.zeros(n)
-    detunings_at(system.drive, 0, 0.0, turned, bare)
-    if np.any(system.drive.turn):  # one of them is lit: its own frame
-        lit = int(np.argmax(np.abs(laser)))
-        turned = turned + system.drive.turn[lit]
-    return laser, system.net.from_laser @ laser, turned
-
-
-def _flow(system: System, y: Array, share: float = 1.0) -> Array:
-    from .equations import right_hand_side
-
-    laser, _, turned = waves_at_rest(system)
-    none = np.zeros(0, dtype=complex)
-    return np.asarray(right_hand_side(y, laser * share, none, turned, system.rings, system.states, system.net))
-
-
-def _jacobian(system: System, y: Array) -> Array:
-    from .equations import jacobian
-
-    return np.asarray(jacobian(y, waves_at_rest(system)[2], system.rings, system.states, system.net))
-
-
-def _newton(system: System, y: Array, share: float = 1.0) -> Array | None:
+def _newton(system: System, problem: Problem, y: Array) -> Array | None:
     """Newton's method, damped until the next correction is smaller; None where that does not converge."""
-    n = len(system.rings.rates)
+    n = problem.rings
     least = np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
     try:
         for _ in range(ITERATIONS):
-            J = _jacobian(system, y)
-            step = np.linalg.solve(J, -_flow(system, y, share))
+            rate, J = problem.slopes(y)
+            step = np.linalg.solve(J, -rate)
             scale = np.maximum(np.abs(y), least)
             size = float(np.linalg.norm(step / scale))
             if size < CLOSED * np.sqrt(y.size):
@@ -155,7 +132,7 @@ def _newton(system: System, y: Array, share: float = 1.0) -> Array | None:
                 return y if np.all(y[2 : 3 * n : 3] >= -least[2]) else None
             damping = 1.0
             while damping > 1e-4:
-                following = np.linalg.solve(J, -_flow(system, y + damping * step, share))
+                following = np.linalg.solve(J, -problem.slopes(y + damping * step)[0])
                 if float(np.linalg.norm(following / scale)) < (1 - damping / 4) * size:
                     break
                 damping /= 2
@@ -167,10 +144,10 @@ def _newton(system: System, y: Array, share: float = 1.0) -> Array | None:
 
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     """States to start from: the branch of low power, then random detunings of the hot rings."""
-    heat, n = system.states, len(system.rings.rates)
-    y = np.zeros(3 * n + heat.gain.size)
+    n = len(system.circuit.names)
+    y = np.zeros(system.size)
     for share in np.geomspace(1e-3, 1.0, RAMP):
-        following = _newton(system, y, float(share))
+        following = _newton(system, system.scaled(float(share)).problem(Method.RODAS5P), y)
         if following is None:
             break
         y = following
@@ -178,16 +155,17 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     rng = np.random.default_rng(checks.seed(seed))
     for _ in range(starts):
         u = rng.uniform(-1, 1, n)
-        yield _state_at(system, LINES * system.rings.rates[:, 0] * u * np.abs(u))
+        yield _state_at(system, LINES * system.rings.modes[:, 0, 0] * u * np.abs(u))
 
 
 def _state_at(system: System, D: Array) -> Array:
     """State with given detunings D in rad/ns: light and carriers of the coupled rings, heat of each ring alone."""
-    from ..kernels import equations as eq
-
-    heat, rings, n = system.states, system.rings, len(D)
-    into, between = waves_at_rest(system)[1], system.light.between * eq.NS
-    loss, absorbed, fca, tpa, g, tau0, a, b = rings.rates.T[:8]
+    n = len(D)
+    power, phase = system.drive.power.coefficients[0, :, 0], system.drive.phase.coefficients[0, :, 0]
+    into = system.drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
+    between = system.light.between * eq.NS
+    loss, absorbed, fca, tpa, g = system.rings.modes[:, 0, :5].T
+    tau0, a, b = system.rings.carriers.T
     U, N = np.zeros(n), np.zeros(n)
     for _ in range(SWEEPS):
         field = np.linalg.solve(np.diag(loss + fca * N + tpa * U - 1j * D) - between, 1j * into)
@@ -195,8 +173,8 @@ def _state_at(system: System, D: Array) -> Array:
         k = tau0 * g * U**2  # b N^2 + (1 - a k) N - k = 0
         half = 1 - a * k
         N = 0.5 * N + 0.5 * 2 * k / (half + np.sqrt(half**2 + 4 * b * k))
-    power = 2 * (absorbed + fca * N + tpa * U) * U
-    x = heat.gain / heat.rate * power[:, None]
+    heating = 2 * (absorbed + fca * N + tpa * U) * U
+    x = system.heat.gain / system.heat.rate * eq.UW * heating[:, None]
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
 
 
@@ -205,13 +183,9 @@ def _same(y: Array, other: Array, rings: int) -> bool:
     return bool(np.linalg.norm(light - before) <= SAME * np.linalg.norm(light))
 
 
-def _described(circuit: Circuit, system: System, found: list[Array]) -> xr.Dataset:
+def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
     """The fixed points as a Dataset, in SI."""
-    import xarray as xr
-
-    from ..kernels import equations as eq
-    from .record import described
-
+    circuit = system.circuit
     n, K = system.heat.gain.shape
     y = np.array(found).reshape(len(found), 3 * n + n * K)
     field = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3]
@@ -220,11 +194,9 @@ def _described(circuit: Circuit, system: System, found: list[Array]) -> xr.Datas
     own = np.einsum("iik,sik->si", system.heat.read, x)
     rises = np.einsum("ijk,sjk->si", system.heat.read, x) + system.heat.curvature * own**2
     rises = rises + np.array([float(offset(0.0)) for offset in system.offsets])
-    _, absorbed, fca, tpa = system.rings.rates.T[:4]
-    laser = waves_at_rest(system)[0]
-    ports = slice(system.light.delay.size, system.light.delay.size + len(circuit.ports))
-    waves = field @ system.net.seen_ring[ports].T + system.net.seen_laser[ports] @ laser
-    values = [np.linalg.eigvals(_jacobian(system, one)) for one in y]
+    absorbed, fca, tpa = system.rings.modes[:, 0, 1:4].T
+    waves = system.waves(field.T * eq.FJ**0.5, np.zeros(len(y)))[: len(circuit.ports)].T
+    values = [np.linalg.eigvals(problem.slopes(one)[1]) for one in y]
     first = [v[np.argmax(v.real)] for v in values]
     by_ring = {
         "energy": U * eq.FJ,
@@ -233,7 +205,7 @@ def _described(circuit: Circuit, system: System, found: list[Array]) -> xr.Datas
         "absorbed": 2 * (absorbed + fca * N + tpa * U) * U * eq.UW,
     }
     variables: dict[str, Any] = {k: (("state", "ring"), v, described(k)) for k, v in by_ring.items()}
-    variables["output"] = (("state", "port"), np.abs(waves) ** 2 * eq.UW, described("output"))
+    variables["output"] = (("state", "port"), np.abs(waves) ** 2, described("output"))
     rate = np.array([v.real / eq.NS for v in first])
     turn = np.array([abs(v.imag) / (2 * np.pi * eq.NS) for v in first])
     growing = np.array([int(np.sum(v.real > 0)) for v in values], dtype=int)
@@ -241,5 +213,5 @@ def _described(circuit: Circuit, system: System, found: list[Array]) -> xr.Datas
     variables["frequency"] = ("state", turn, {"units": "Hz", "long_name": "frequency of that eigenvalue"})
     variables["growing"] = ("state", growing, {"units": "1", "long_name": "number of growing modes"})
     coordinates = {"ring": list(circuit.names), "port": list(circuit.ports)}
-    attrs = dataset.stamp("fixed points of a circuit") | {"circuit": circuit.name, "detuning": system.detuning}
+    attrs = dataset.stamp("fixed points of a circuit") | {"circuit": circuit.name, "detuning": system.detuning or 0.0}
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)

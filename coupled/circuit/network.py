@@ -20,6 +20,8 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, Complex, NDArray
 
+from ..kernel import units as eq
+from ..kernel.integrator import LOOPS, ORDERED, Network
 from .circuit import Circuit
 from .parts import Waveguide
 
@@ -143,3 +145,46 @@ SHORTEST = 1e-2
 
 def _way(w: Waveguide) -> str:
     return f"waveguide from {w.start!r} to {w.stop!r}"
+
+
+def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
+    """The waveguides as the kernel takes them, without what round-off left of M.
+
+    corner [shape (Q,) or empty, 1/ns]: 2 pi times the bandwidths of the detectors; hair [ns].
+    """
+    M, root = light.between * eq.NS, np.sqrt(eq.NS)
+    feeds = (np.abs(M) > NOTHING * np.abs(M).max(initial=0.0)) & ~np.eye(len(M), dtype=bool)
+    order, between = order_of_rings(M), np.where(feeds, M, 0)
+    taken, sent = _one_waveguide(between, order)
+    needed = bool(light.delay.size) or bool(corner.size) or energies
+    waves = slice(None) if needed else slice(0)  # others follow from the rows
+    return Network(
+        light=ORDERED if order.size else LOOPS,
+        own=np.diag(M),
+        sequence=(order if order.size else np.arange(len(M))).astype(np.int32),
+        between=None if taken is not None else between,
+        taken=taken,
+        sent=sent,
+        delay=light.delay / eq.NS,
+        late=light.from_delay * root,
+        seen_ring=light.seen_ring[waves] * root,
+        seen_laser=light.seen_laser[waves],
+        seen_late=light.seen_delay[waves],
+        corner=corner if corner.size else None,
+        energies=energies,
+        hair=hair,
+    )
+
+
+def _one_waveguide(M: Complex, order: NDArray[np.int64]) -> tuple[Complex | None, Complex | None]:
+    """Factors of an M that is taken_i sent_j below its diagonal, as along one bus; else None."""
+    if len(M) < 2 or order.size == 0 or not M[order[-1], order[0]]:
+        return None, None
+    ordered = M[np.ix_(order, order)]
+    taken, sent = np.zeros(len(M), dtype=complex), np.zeros(len(M), dtype=complex)
+    taken[1:] = ordered[1:, 0]
+    sent[:-1] = ordered[-1, :-1] / taken[-1]
+    if np.abs(np.tril(np.outer(taken, sent), -1) - ordered).max() > NOTHING * np.abs(ordered).max():
+        return None, None
+    back = np.argsort(order)
+    return taken[back], sent[back]

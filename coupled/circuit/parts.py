@@ -15,7 +15,6 @@ import re
 from dataclasses import dataclass
 
 from thermofem import checks
-from thermofem.data.display import shown
 
 IN, OUT = ("in", "add"), ("through", "drop")  # of a ring
 SPLITTER_IN, SPLITTER_OUT = ("in 1", "in 2"), ("out 1", "out 2")
@@ -34,7 +33,6 @@ def _transmission(self: Waveguide | LaserPort) -> complex:
     return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
 
 
-@shown
 @dataclass(frozen=True)
 class Waveguide:
     """Light from one terminal to another.
@@ -68,7 +66,6 @@ class Waveguide:
     transmission = property(_transmission)
 
 
-@shown
 @dataclass(frozen=True)
 class Splitter:
     """A lossless directional coupler of two waveguides.
@@ -91,10 +88,9 @@ class Splitter:
         checks.between(f"splitter {self.name!r}: cross", self.cross, 0, 1)
 
 
-@shown
 @dataclass(frozen=True)
 class LaserPort:
-    """Where light comes in; its power is given to `simulate_circuit` under its name.
+    """Where light comes in; its power is given to `simulate` under its name.
 
     Parameters
     ----------
@@ -123,7 +119,6 @@ class LaserPort:
     transmission = property(_transmission)
 
 
-@shown
 @dataclass(frozen=True)
 class Detector:
     """Where light is read; a terminal without a waveguide has a detector of its own name anyway.

@@ -100,7 +100,7 @@ def limit_cycle(
     654.4713 ns, stable
     """
     if isinstance(ring, Circuit):
-        return circuit_limit_cycle(ring, model, inputs=power, heaters=heaters, detuning=detuning, settle=settle)
+        return circuit_limit_cycle(ring, model, power=power, heaters=heaters, detuning=detuning, settle=settle)
     check_ring(ring)
     power, detuning = check_power(power), check_detuning(detuning)
     warm = constant(model, heaters, heated, read)

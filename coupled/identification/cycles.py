@@ -25,7 +25,6 @@ from ..runs.pulsing import Regime, crossings, pulsing
 if TYPE_CHECKING:
     import xarray as xr
 
-    from thermofem.data.record import Record
 
 
 HARMONICS = 32
@@ -188,7 +187,7 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     return grid, np.interp(grid, t, drop)
 
 
-def cycle_of(run: xr.Dataset | Record, *, at: Array | None = None) -> Cycle:
+def cycle_of(run: xr.Dataset, *, at: Array | None = None) -> Cycle:
     """The mean cycle of a noiseless trace of `simulate`.
 
     ``at`` are the times in s at which a measured trace was sampled: straight lines between samples cut the corners of a

@@ -12,7 +12,6 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import quantity
-from thermofem.data.display import shown
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import check_ring
@@ -33,7 +32,6 @@ POPULATION, GENERATIONS = 20, 8
 SEARCHED = 6  # harmonics that count in the evolution
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Identification(HasModel):
     """Result of `identify`.

@@ -32,13 +32,14 @@ template <int F> struct Ring {  // the constants of one ring, by value
   int terms;
 };
 
-// f = d(fields, N)/dt without the light that comes in; returns the absorbed power.
+// f = d(fields, N)/dt without the light that comes in; returns the absorbed power. `rise` is what
+// neighbours add to dT.
 // `factor(k, x)` is x^e_k for the term k of S(N): a step has faster ways than pow.
 template <int F, class T, class Factor>
-inline T optics(const Ring<F>& ring, const T* y, const T& z, const double* detuning, T* f,
-                const Factor& factor) {
+inline T optics(const Ring<F>& ring, const T* y, const T& z, const T& rise, const double* detuning,
+                T* f, const Factor& factor) {
   const T& N = y[2 * F];
-  const T square = N * N + EPS * EPS, dT = z + ring.bend * (z * z);
+  const T square = N * N + EPS * EPS, dT = z + ring.bend * (z * z) + rise;
   T S = zero<T>(), U[F], all = zero<T>(), heat = zero<T>(), made = zero<T>();
   for (int k = 0; k < ring.terms; k++)
     S += ring.e[k] == 0 ? ring.c[k] * N : ring.c[k] * N * factor(k, square);
@@ -104,15 +105,15 @@ struct Problem {
   const double *bend, *own;      // rings; rings complex, M_ii
   const double* floor;           // rings x 3: sizes of field, N and dT below which errors are not
                                  // relative to them
-  // heat, `order` states a ring. Poles: gain and rate, rings x order; `read`, rings x rings x order
-  // or null: z_i = sum_jk read_ijk x_jk, of which those with j = i are the ring's own.
-  const double *gain, *rate, *read;
+  // heat, `order` states a ring. Poles: gain and rate, rings x order. In a circuit z = sum_k read_k
+  // x_k, rings x order, and the heat of neighbours adds sum_jk cross_ijk x_jk (or null) to dT_i.
+  const double *gain, *rate, *read, *cross;
   const double *A, *H, *G, *B, *C, *weight;  // quadratic; weight: K of error a unit of each state
   // drive
   const double* edges;           // pieces + 1: a step ends at each
   Table power, phase, detuning;  // columns: lasers, lasers, rings x fields
   const double* entry;           // rings x fields x lasers complex, amplitude for each sqrt(power)
-  double brightest;              // power
+  const double* brightest;       // lasers: largest power
   // circuit
   const int* sequence;           // rings in the order in which light passes them
   const double *between, *taken, *sent;  // M: rings x rings complex; or M_ij = taken_i sent_j
@@ -145,14 +146,14 @@ inline Places places_of(const Problem& p, int piece) {
 }
 
 // The wave of a laser, and its slope. The slope of sqrt(P) has no bound where P leaves 0; as an
-// ingredient of the step, not of the equations, it is bounded below 1e-12 of the brightest light.
+// ingredient of the step, not of the equations, it is bounded below 1e-12 of its largest power.
 inline void laser_at(const Problem& p, const Places& at, int laser, double t, double* wave,
                      double* rising) {
   const double *c = p.power.piece(at.power, laser), *q = p.phase.piece(at.phase, laser);
   const double u = t - p.power.edges[at.power], v = t - p.phase.edges[at.phase];
   const double P = polynomial(c, p.power.terms, u), size = sqrt(P > 0 ? P : 0);
   const double growth = 0.5 * slope(c, p.power.terms, u) * size
-                        / fmax(size * size + 1e-12 * p.brightest, 1e-300);
+                        / fmax(size * size + 1e-12 * p.brightest[laser], 1e-300);
   const double phase = polynomial(q, p.phase.terms, v), turn = slope(q, p.phase.terms, v);
   const double co = phase == 0 ? 1 : cos(phase), si = phase == 0 ? 0 : sin(phase);
   wave[0] = size * co, wave[1] = size * si;

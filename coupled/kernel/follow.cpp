@@ -27,21 +27,22 @@ static void slopes(const Problem& p, const double* y, int piece, double t, doubl
   light_at(p, places_of(p, piece), t, light);
   memset(J, 0, size * size * sizeof(double));
   auto weight = [&](int i, int j, int k) {  // of the state k of ring j in the temperature of i
-    return p.heat == QUADRATIC ? p.C[k] : p.read ? p.read[(i * R + j) * K + k] : double(i == j);
+    if (i != j) return p.cross ? p.cross[(i * R + j) * K + k] : 0.0;
+    return p.heat == QUADRATIC ? p.C[k] : p.read ? p.read[i * K + k] : 1.0;
   };
   for (int i = 0; i < R; i++) {
     const Ring<F> ring = ring_of<F>(p, i);
     const double *own = y + i * B, *x = y + R * B + i * K;
-    double z = 0, other = 0, detuning[F];
+    double z = 0;
+    Dual<Z> other = zero<Dual<Z>>();
     for (int k = 0; k < K; k++) z += weight(i, i, k) * x[k];
     for (int j = 0; j < R; j++)
-      for (int k = 0; k < K && j != i; k++) other += weight(i, j, k) * y[R * B + j * K + k];
-    for (int f = 0; f < F; f++)
-      detuning[f] = light.detuning[i * F + f] + ring.mode[f].shift * other;
+      for (int k = 0; k < K && j != i; k++) other.v += weight(i, j, k) * y[R * B + j * K + k];
     Dual<Z> at[B], f[B];
     for (int m = 0; m < B; m++) at[m] = seeded<Z, double>(own[m], m);
     auto factor = [&](int k, const Dual<Z>& s) { return power(s, ring.e[k]); };
-    const Dual<Z> P = optics<F>(ring, at, seeded<Z, double>(z, B), detuning, f, factor);
+    const Dual<Z> P = optics<F>(ring, at, seeded<Z, double>(z, B), other, light.detuning + i * F,
+                                f, factor);
     for (int m = 0; m < B; m++) {
       double* row = J + (i * B + m) * size;
       dy[i * B + m] = f[m].v;

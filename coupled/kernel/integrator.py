@@ -51,11 +51,9 @@ _Problem = _structure(
     "_Problem",
     ("rings fields order terms lasers pieces heat light delays waves", _I),
     ("method", _Method),
-    ("modes carriers dispersion bend own floor gain rate read A H G B C weight edges", _P),
+    ("modes carriers dispersion bend own floor gain rate read cross A H G B C weight edges", _P),
     ("power phase detuning", _Table),
-    ("entry", _P),
-    ("brightest", _D),
-    ("sequence between taken sent delay late seen_ring seen_laser seen_late corner", _P),
+    ("entry brightest sequence between taken sent delay late seen_ring seen_laser seen_late corner", _P),
     ("energies", _I),
     ("hair", _D),
 )
@@ -64,6 +62,8 @@ _Loop = _structure(
     ("t h h_before size_before growth rtol longest restart cap looked level seen crossing", _D),
     ("accepted rejected look_again filled room budget", _L),
     ("begun piece entered fresh per_step quantity ring stop", _I),
+    ("past", _P),
+    ("past_filled past_room", _L),
 )
 
 
@@ -83,11 +83,14 @@ class Rings(NamedTuple):
 
 
 class PoleHeat(NamedTuple):
-    """dx_k/dt = gain_k P - rate_k x_k for every ring; z_i = sum of read_ijk x_jk, by default of its own x_k."""
+    """dx_k/dt = gain_k P - rate_k x_k for every ring; z = sum_k read_k x_k, which is sum_k x_k for a ring alone."""
 
     gain: Array
+    """(R, K), as ``rate`` and ``read``."""
     rate: Array
     read: Array | None = None
+    cross: Array | None = None
+    """(R, R, K): what x_jk adds to the temperature of another ring i."""
 
 
 class QuadraticHeat(NamedTuple):
@@ -122,15 +125,15 @@ class Drive(NamedTuple):
     """(pieces, R F, 4), rad/ns"""
     entry: NDArray[np.complex128]
     """(R F, L): amplitude in a field for each square root of a power."""
-    brightest: float
-    """Largest power."""
+    brightest: Array
+    """(L,), largest power; above 0."""
 
     @classmethod
     def constant(cls, power: float, detuning: float, duration: float) -> Drive:
         """One ring under constant light: ``power`` = 2 gamma_e P, fJ/ns^2, and detuning in rad/ns."""
         edges = np.array([0.0, duration])
         P, none, turn = (Polynomials(edges, np.array([[[value, 0.0, 0.0, 0.0]]])) for value in (power, 0.0, detuning))
-        return cls(edges, P, none, turn, np.ones((1, 1), dtype=complex), max(power, 1e-300))
+        return cls(edges, P, none, turn, np.ones((1, 1), dtype=complex), np.array([max(power, 1e-300)]))
 
 
 class Network(NamedTuple):
@@ -213,7 +216,7 @@ class Problem:
         for name, values in heat._asdict().items():
             setattr(kernel, name, self._at(values))
         kernel.lasers, kernel.pieces = drive.entry.shape[1], len(drive.edges) - 1
-        kernel.edges, kernel.brightest = self.edges.ctypes.data, drive.brightest
+        kernel.edges, kernel.brightest = self.edges.ctypes.data, self._at(drive.brightest)
         for name in ("power", "phase", "detuning"):
             edges, table = getattr(drive, name)
             setattr(kernel, name, _Table(*table.shape, self._at(edges), self._at(table)))
@@ -282,6 +285,8 @@ class Problem:
         if event is not None:
             loop.quantity, loop.level, loop.ring, loop.stop = event.quantity, event.level, event.ring, int(event.stop)
             loop.seen = 0.0 if event.above else np.inf
+        past = np.empty((1024, 3 + 8 * self._c.delays))
+        loop.past, loop.past_room = past.ctypes.data, len(past) if self._c.delays else 0
         crossings: list[float] = []
         budget, began, looks = 1000, time.perf_counter(), 10.0
         while True:
@@ -307,6 +312,9 @@ class Problem:
                     rows = np.concatenate([rows, np.empty_like(rows)])
                 if keep_steps and loop.accepted == len(steps):
                     steps = np.concatenate([steps, np.empty_like(steps)])
+                if self._c.delays and loop.past_filled == loop.past_room:
+                    past = np.concatenate([past, np.empty_like(past)])
+                    loop.past, loop.past_room = past.ctypes.data, len(past)
             elif status == EVENT:
                 crossings.append(loop.crossing)
                 if loop.stop:
@@ -315,7 +323,7 @@ class Problem:
                 looks = self._look(y, loop, looks)
             elif status == TOO_SMALL:
                 raise InputError(
-                    f"model or power: no step is small enough at t = {loop.t * 1e-9:g} s: light and heat run away, or "
+                    f"model or power: found no step small enough at t = {loop.t * 1e-9:g} s: light and heat run away, or "
                     "the rise is at the top of an output map; look at the model's largest numbers"
                 )
             else:

@@ -1,6 +1,6 @@
 // How the parts of the library are called: one type for each kind of system, all memory the caller's.
 #pragma once
-#include "loop.hpp"
+#include "network.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
@@ -11,10 +11,22 @@ template <class S> struct Type { using System = S; };
 // One ring with one field and poles, the usual one, has its stages unrolled: `fast`.
 template <int F, class T, bool fast, class Call>
 int64_t with_system(const Problem& p, const Call& call) {
+  if constexpr (F == 1)
+    if (p.light != SINGLE) return call(Type<Network<T>>());
   if (p.heat == QUADRATIC) return call(Type<Single<F, 0, T, Quadratic<T>>>());
   if constexpr (fast)
     return p.method.stages == 6 ? call(Type<Single<F, 6, T, Poles<6, T>>>())
                                 : call(Type<Single<F, 8, T, Poles<8, T>>>());
   else
     return call(Type<Single<F, 0, T, Poles<0, T>>>());
+}
+
+template <int F>
+int64_t integrate(const Problem& p, Loop& L, double* y, double* rows, int64_t capacity,
+                  const double* times, int64_t wanted, double* steps, char* memory) {
+  return with_system<F, double, F == 1>(p, [&](auto type) -> int64_t {
+    Arena arena = {memory};
+    Integration<F, typename decltype(type)::System> integration(p, L, y, rows, arena);
+    return memory ? integration.run(capacity, times, wanted, steps) : (int64_t)arena.used;
+  });
 }

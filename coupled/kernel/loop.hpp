@@ -15,6 +15,7 @@ struct Loop {
   int64_t accepted, rejected, look_again, filled, room, budget;  // room: of `steps`
   int begun, piece, entered, fresh, per_step;
   int quantity, ring, stop;  // event: 0 none, 1 U, 2 N, 3 dT, of which ring; whether it ends there
+  Past past;
 };
 enum { DONE, STEPS, FULL, EVENT, RESTING, TOO_SMALL };
 constexpr double GROWTH = 5.0;     // largest ratio of two steps
@@ -41,7 +42,7 @@ template <int F, class System> struct Integration {
   Light light[8], before;
 
   Integration(const Problem& problem, Loop& loop, double* state, double* kept, Arena& arena)
-      : p(problem), L(loop), y(state), rows(kept), system(p, arena), R(p.rings), K(p.order),
+      : p(problem), L(loop), y(state), rows(kept), system(p, L.past, arena), R(p.rings), K(p.order),
         size(R * (B + K)), width(1 + R * Z + system.width()) {
     out = arena.take<double>(size);
     for (Light* l = light; l <= light + 8; l++) {
@@ -61,11 +62,16 @@ template <int F, class System> struct Integration {
     }
     state[B] = rise(i, state[B]) + system.other_at(x, i);
   }
-  void keep(double x, double t) {
+  void keep(const Places& places, double x, double t) {
     double* row = rows + width * L.filled++;
     row[0] = t;
     for (int i = 0; i < R; i++) at(x, i, row + 1 + i * Z);
-    system.observe(x, t, row + 1 + R * Z);
+    system.observe(places, x, t, L.h, row + 1, row + 1 + R * Z);
+  }
+  // Waves in the rows at the start of a piece become those after it.
+  void renew(const Places& places, double t) {
+    for (int64_t k = L.filled; k-- > 0 && rows[width * k] >= t - p.hair;)
+      system.waves(places, t, p.hair, rows + width * k + 1, rows + width * k + 1 + R * Z);
   }
   double watched(const double* s) const {
     return (L.quantity == 1 ? s[0] * s[0] + s[1] * s[1] : s[L.quantity == 2 ? 2 * F : B]) - L.level;
@@ -76,8 +82,9 @@ template <int F, class System> struct Integration {
     double state[Z];
     at(1, L.ring, state);
     if (L.quantity && !(L.seen < INFINITY)) L.seen = watched(state);
-    if (!wanted) keep(1, L.t);
-    while (L.filled < wanted && times[L.filled] <= L.t) keep(1, times[L.filled]);
+    const Places places = places_of(p, 0);
+    if (!wanted) keep(places, 1, L.t);
+    while (L.filled < wanted && times[L.filled] <= L.t) keep(places, 1, times[L.filled]);
   }
 
   // Whether the drive jumps at the start of a piece.
@@ -87,7 +94,7 @@ template <int F, class System> struct Integration {
     for (int k = 0; k < p.lasers; k++) {
       double a[2], b[2], slopes[2];
       laser_at(p, now, k, t, a, slopes), laser_at(p, then, k, t, b, slopes);
-      found |= hypot(a[0] - b[0], a[1] - b[1]) > 1e-6 * sqrt(p.brightest);
+      found |= hypot(a[0] - b[0], a[1] - b[1]) > 1e-6 * sqrt(p.brightest[k]);
     }
     light_at(p, then, t, before);
     for (int i = 0; i < R * F; i++)
@@ -164,7 +171,7 @@ template <int F, class System> struct Integration {
     for (int i = 0; i < R; i++)
       loss = fmax(loss, p.modes[i * F].loss), tau0 = fmin(tau0, p.carriers[i].tau0);
     const double cautious = 1e-2 / loss, end = p.edges[p.pieces];
-    system.begin(y);
+    system.begin(y, !L.begun, L.t);
     if (!L.begun) {
       L.begun = 1, L.restart = cautious, L.growth = GROWTH, L.size_before = 1, L.cap = INFINITY;
       if (!(L.h > 0)) L.h = cautious;
@@ -176,18 +183,20 @@ template <int F, class System> struct Integration {
       const double begin = p.edges[L.piece], stop = p.edges[L.piece + 1];
       const Places places = places_of(p, L.piece);
       const bool steady = constant(p.power, places.power) && constant(p.phase, places.phase)
-                          && constant(p.detuning, places.detuning) && system.steady();
+                          && constant(p.detuning, places.detuning);
       light_at(p, places, L.t, light[0]);
       for (int q = 1; steady && q < p.method.stages; q++) light_at(p, places, L.t, light[q]);
       if (!L.entered) {
         L.entered = 1;
+        if (p.waves) renew(places, begin);
         if (L.piece > 0 && jumps(L.piece, begin, loss))
           L.h = fmin(L.h, L.restart), L.h_before = L.looked = 0, L.fresh = 1, L.cap = INFINITY;
       }
       while (L.t < stop) {
         if (budget-- <= 0) return STEPS;
         if (!wanted && L.filled + L.per_step > capacity) return FULL;
-        if (steps && L.accepted == L.room) return FULL;
+        if ((steps && L.accepted == L.room) || system.full()) return FULL;
+        L.h = system.resolved(L.t, L.h);
         const double planned = L.h;
         const bool landing = L.t + 1.0001 * L.h >= stop;
         if (landing) L.h = stop - L.t;
@@ -209,20 +218,21 @@ template <int F, class System> struct Integration {
         const double event = L.quantity ? crossing() : 2;
         const bool halt = event <= 1 && L.stop, last = landing && stop == end;
         const double until = halt ? L.crossing : L.t + L.h, part = halt ? event : 1;
+        system.note(places, L.t, L.h, [&](double x, int i, double* state) { at(x, i, state); });
         while (L.filled < wanted && ((last && !halt) || times[L.filled] <= until))
-          keep((times[L.filled] - L.t) / L.h, times[L.filled]);
+          keep(places, (times[L.filled] - L.t) / L.h, times[L.filled]);
         for (int j = 1; !wanted && j < L.per_step; j++)
-          keep(part * j / L.per_step, L.t + part * j / L.per_step * L.h);
+          keep(places, part * j / L.per_step, L.t + part * j / L.per_step * L.h);
         const double arrived = halt ? L.crossing : landing ? stop : L.t + L.h;
-        if (!wanted) keep(part, arrived);
+        if (!wanted) keep(places, part, arrived);
         if (steps) steps[L.accepted] = part * L.h;
         L.accepted++;
         if (halt) {
           stop_at(event);
           return EVENT;
         }
+        system.accept(L.t, L.h, planned, arrived);
         L.t = arrived;
-        system.accept(L.t, out);
         memcpy(y, out, size * sizeof(double));
         double factor = 0.9 / taken;
         if (L.h_before > 0)
@@ -254,7 +264,8 @@ void follow(const Problem& p, const double* y0, const double* steps, int64_t cou
             double* V, int columns, Arena& arena) {
   using T = Dual<C>;
   const int size = p.rings * (2 * F + 1 + p.order), n = p.rings * F;
-  System system(p, arena);
+  Past past = {};
+  System system(p, past, arena);
   T *y = arena.take<T>(size), *out = arena.take<T>(size);
   Light light[8];
   light[0] = {arena.take<double>(2 * n), arena.take<double>(n), arena.take<double>(2 * n),
@@ -267,11 +278,11 @@ void follow(const Problem& p, const double* y0, const double* steps, int64_t cou
       y[i] = zero<T>(), y[i].v = y0[i];
       for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
     }
-    system.begin(y);
     double t = p.edges[0];
-    for (int64_t k = 0; k < count; k++) {
+    system.begin(y, true, t);
+    for (int64_t k = 0; k < count; t += steps[k++]) {
       system.step(y, t, steps[k], light, out);
-      system.accept(t += steps[k], out);
+      system.accept(t, steps[k], steps[k], t + steps[k]);
       T* x = y; y = out; out = x;
     }
     for (int i = 0; i < size; i++) {

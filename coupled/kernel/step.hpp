@@ -122,7 +122,7 @@ template <int S, class T, bool READ = false> struct Poles {
     n = p.order, row = p.rings * n, k = kx + ring * n, damp = arena.take<double>(n);
     stages = stages_of<S>(p);
     gain = p.gain + ring * n, rate = p.rate + ring * n;
-    read = READ ? p.read + (ring * p.rings + ring) * n : nullptr;
+    read = READ ? p.read + ring * n : nullptr;
   }
   T weigh(int i, const T& x) const { return READ ? read[i] * x : x; }
   T temperature(const T* x) const {
@@ -248,15 +248,17 @@ template <int F, class T> struct Block {  // linearized at the start of the step
   static constexpr int B = 2 * F + 1, Z = B + 1;  // unknowns; and z
   T start[Z], f[B], P, u[B], w[B], matrix[B][B], square, known[TERMS];
 
-  void linearize(const Ring<F>& ring, const T* y, const T& z, const double* detuning) {
+  void linearize(const Ring<F>& ring, const T* y, const T& z, const T& rise,
+                 const double* detuning) {
     using J = Dual<Z, T>;
     for (int m = 0; m < B; m++) start[m] = y[m];
     start[B] = z, square = y[2 * F] * y[2 * F] + EPS * EPS;
     for (int k = 0; k < ring.terms; k++)
       if (ring.e[k] != 0) known[k] = power(square, ring.e[k]);
-    J at[B], slopes[B];
+    J at[B], slopes[B], added = zero<J>();
+    added.v = rise;
     for (int m = 0; m < B; m++) at[m] = seeded<Z, T>(start[m], m);
-    const J heat = optics<F, J>(ring, at, seeded<Z, T>(z, B), detuning, slopes,
+    const J heat = optics<F, J>(ring, at, seeded<Z, T>(z, B), added, detuning, slopes,
                                 [&](int k, const J& x) {
       J r;
       const T by = ring.e[k] * known[k] / x.v;
@@ -275,12 +277,13 @@ template <int F, class T> struct Block {  // linearized at the start of the step
       for (int l = 0; l < B; l++) matrix[m][l] += (m == l ? s : 0.0) - G * (u[m] * w[l]);
   }
   // f and P at a stage; the first one is the start.
-  T stage(int q, const Ring<F>& ring, const T* o, const double* detuning, T* slopes) const {
+  T stage(int q, const Ring<F>& ring, const T* o, const T& rise, const double* detuning,
+          T* slopes) const {
     if (q == 0) {
       for (int m = 0; m < B; m++) slopes[m] = f[m];
       return P;
     }
-    return optics<F, T>(ring, o, o[B], detuning, slopes, [&](int k, const T& x) {
+    return optics<F, T>(ring, o, o[B], rise, detuning, slopes, [&](int k, const T& x) {
       return near_power(x, ring.e[k], square, known[k]);
     });
   }
@@ -304,6 +307,8 @@ INLINE void combine(int q, const double* a, const double* c, const T* k, int row
     for (int m = 0; m < Z; m++) o[m] += a[j] * k[j * row + m], r[m] += c[j] * k[j * row + m];
 }
 
+struct Past { double* steps; int64_t filled, room; };  // of a circuit with delays: the steps before
+
 // ---- one ring ----------------------------------------------------------------------------------
 
 template <int F, int S, class T, class Heat> struct Single {
@@ -313,27 +318,31 @@ template <int F, int S, class T, class Heat> struct Single {
   T *k, *kx, z_start[1], z_end[1];  // stages x Z, of light, carriers and z; stages x order, of heat
   Heat heat;
 
-  Single(const Problem& problem, Arena& arena)
+  Single(const Problem& problem, Past&, Arena& arena)
       : p(problem), ring(ring_of<F>(p, 0)), k(arena.take<T>(STAGES * Z)),
         kx(arena.take<T>(STAGES * p.order)), heat(p, 0, kx, arena) {}
 
-  void begin(const T* y) { z_start[0] = z_end[0] = heat.temperature(y + B); }
-  void accept(double, const T*) {}
+  void begin(const T* y, bool, double) { z_start[0] = z_end[0] = heat.temperature(y + B); }
   double heat_error(int) const { return heat.error(); }
-  // What only a circuit has: heat of neighbours, waves between the rings.
+  // What only a circuit has: heat of neighbours, waves between the rings, delays.
   double missed(int) const { return 0; }
   double other(int) const { return 0; }
   double other_at(double, int) const { return 0; }
-  bool steady() const { return true; }
   int width() const { return 0; }
-  void observe(double, double, double*) {}
+  void waves(const Places&, double, double, const double*, double*) const {}
+  void observe(const Places&, double, double, double, const double*, double*) const {}
+  template <class At> void note(const Places&, double, double, const At&) {}
+  void accept(double, double, double, double) {}
+  bool full() { return false; }
+  double resolved(double, double h) const { return h; }
 
   // A step of h ns from y to out; light: at the stages. False where there is no answer.
   bool step(const T* __restrict y, double, double h, const Light* __restrict light,
             T* __restrict out) {
     const double s = 1 / (p.method.gamma * h), per_h = 1 / h;
     Block<F, T> block;
-    block.linearize(ring, y, heat.temperature(y + B), light[0].detuning);
+    const T none = zero<T>();
+    block.linearize(ring, y, heat.temperature(y + B), none, light[0].detuning);
     if (!heat.start(y + B, s, block.P)) return false;
     block.eliminate_heat(s, heat.G);
     invert(block.matrix);
@@ -344,7 +353,8 @@ template <int F, int S, class T, class Heat> struct Single {
       for (int j = 0; j < q; j++)
         a[j] = p.method.a[q * count + j], c[j] = p.method.c[q * count + j] * per_h;
       combine<Z>(q, a, c, stages, Z, block.start, o, r);
-      const T P = block.stage(q, ring, o, light[q].detuning, f), back = heat.stage(q, a, c, P);
+      const T P = block.stage(q, ring, o, none, light[q].detuning, f);
+      const T back = heat.stage(q, a, c, P);
       for (int m = 0; m < B; m++) r[m] += f[m] + block.u[m] * back;
       block.shine(light[q], light[0], 0, p.method.slope[q] * h, block.start, r);
       T feedback = zero<T>(), *now = stages + q * Z;

@@ -25,7 +25,7 @@ class Method(Words):
 
 
 class Tableau(NamedTuple):
-    """One method as `rosenbrock` takes it.
+    """One method as the kernel takes it.
 
     With s stages k_1 .. k_s,
 

@@ -8,15 +8,15 @@ from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Quadratic, checks
 from thermofem.checks import Words
 from thermofem.data import dataset
-from thermofem.data.record import Record, as_dataset, recorded
 from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
@@ -34,9 +34,6 @@ from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
 from .trust import trusted_map
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FAILED = "failed"
 REGIMES = {FAILED, "bistable", *map(str, Regime)}
@@ -59,7 +56,6 @@ class _Cell(NamedTuple):
     reason: str
 
 
-@as_dataset
 @one_laser
 def pulsing_map(
     ring: RingResonator,
@@ -78,7 +74,7 @@ def pulsing_map(
     file: str | Path | None = None,
     executor: Executor | None = None,
     show_bar: bool = False,
-) -> Record:
+) -> xr.Dataset:
     """Return what the ring does at every point of a map: the settled cycle, or what a transient from cold shows.
 
     By default every point has the numbers of the cycle that the ring settles on from cold, as `limit_cycle` finds it,
@@ -187,7 +183,7 @@ def pulsing_map(
     variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
     pulses = np.array(columns["regime"]) == str(Regime.SELF_PULSING)
     trusted_map(model, small, grid, np.where(pulses, columns["swing"], np.nan))
-    return recorded(variables, grid.coordinates(), attrs)
+    return xr.Dataset(variables, grid.coordinates(), attrs)
 
 
 def overlap(first: xr.Dataset, second: xr.Dataset) -> float:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ..circuit import Circuit
 
-RUN = "a Dataset of coupled.simulate_circuit"
+RUN = "a Dataset of coupled.simulate"
 PANELS = 8  # of a figure; further lines share the last one
 PITCH, RADIUS, BUS = 2.4, 0.7, 0.85  # distance and size of the rings, and height of the buses above and below
 _SIDES = {"in": (-0.75, -BUS), "through": (0.75, -BUS), "add": (0.75, BUS), "drop": (-0.75, BUS)}

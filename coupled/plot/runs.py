@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate_circuit"
+RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate"
 SWITCHING = 1e-3  # of a run: its first share, in which the light that was switched on rings
 OTHERS = (GREEN, PURPLE, ORANGE)
 OUTPUTS = {

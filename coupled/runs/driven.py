@@ -16,7 +16,6 @@ from ..inputs import Pieces, add, joint, pieces
 if TYPE_CHECKING:
     import xarray as xr
 
-    from thermofem.data.record import Record
 
 ATTRIBUTE = "varying"
 HAIR = 1e-9  # of the largest value: what a fit of cubics to a constant leaves
@@ -72,7 +71,7 @@ def attribute(varying: Mapping[str, Any]) -> dict[str, str]:
     return {ATTRIBUTE: json.dumps(varying)}
 
 
-def varies_in(run: xr.Dataset | Record, begin: float, end: float = np.inf) -> str | None:
+def varies_in(run: xr.Dataset, begin: float, end: float = np.inf) -> str | None:
     """Names of the inputs that vary between two times in s, joined by "and"; None where attributes do not tell them."""
     try:
         found = json.loads(run.attrs[ATTRIBUTE])

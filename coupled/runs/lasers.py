@@ -1,6 +1,6 @@
 """Several lasers on one ring: pump and probe, or a pair on neighbouring resonances.
 
-The equations are those of `kernels.several`: every resonance has a field of its own, all share carriers and heat, and
+Every resonance has a field of its own, all share carriers and heat, and
 two-photon absorption and the Kerr effect of another resonance count twice. Lasers on one resonance beat.
 """
 
@@ -9,32 +9,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.data.display import shown
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Input, add, joint, pieces
-from ..kernel.tableaus import Method, tableau
+from ..kernel import units as eq
+from ..kernel.integrator import Drive, Problem
+from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact
 from .driven import Spans, beats, spans
-from .window import LONG, MANY, MAX_STEPS, check_end, floor_of, units
+from .window import integral, largest, table, values
 
 if TYPE_CHECKING:
     import xarray as xr
 
 BEAT = 0.1  # of a beat, that a step may last
-QUIET = 0.1  # of the carriers' lifetime
 
 
-@shown
 @dataclass(frozen=True)
 class Laser:
     """A further laser on a ring.
@@ -116,47 +114,37 @@ def run_several(
 
     Returns the traces and the ring at every resonance.
     """
-    from ..kernels import equations as eq
-    from ..kernels import several
-    from ..kernels.interrupts import new_watch, uninterrupted, watched
-
     resonances = [ring]
     for one in lasers:
         if one.resonance is not None and one.resonance not in resonances:
             resonances.append(one.resonance)
-    light, beat = _light(ring, resonances, lasers, duration, offset)
-    rates, fcd = eq.internal_rates(ring)
-    modes = np.array([_mode(one, ring) for one in resonances])
-    thermal, n = eq.internal_thermal(model), np.size(state.thermal)
-    unit = np.concatenate([units(n), np.full(2 * len(resonances) - 2, eq.FJ**0.5)])
-    extra = np.ravel([fields.get(one.frequency, (0.0, 0.0)) for one in resonances[1:]])
-    floor = floor_of(rates, math.sqrt(several.brightest(light)), model.thermal_resistance * eq.UW)
-    longest = min(QUIET * rates.tau0, BEAT * 2 * math.pi / beat if beat else math.inf)
-    call = uninterrupted
-    if duration > LONG or duration / eq.NS > MANY * longest:
-        call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
-    rows, y, reached, counts = call(
-        several.integrate, np.concatenate([state.as_array(), extra]) / unit, n, light, modes, rates, fcd, thermal,
-        tableau(method), rtol, floor, np.asarray(times) / eq.NS, longest, MAX_STEPS, new_watch(),
+    drive, beat = _drive(resonances, lasers, duration, offset)
+    heat, bend = eq.internal_heat(model)
+    rings = eq.internal_rings(resonances, math.sqrt(drive.brightest.max()), model.thermal_resistance * eq.UW)
+    problem = Problem(rings._replace(bend=bend), heat, drive, method)
+    own = state.as_array() / eq.units(problem.order)
+    extra = np.ravel([fields.get(one.frequency, (0.0, 0.0)) for one in resonances[1:]]) / eq.FJ**0.5
+    found = problem.integrate(
+        np.concatenate([own[:2], extra, own[2:]]), rtol=rtol, times=times / eq.NS if times.size else None,
+        longest=BEAT * 2 * math.pi / beat if beat else math.inf,
+        progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
-    check_end(counts, reached, duration, rtol)
-    if progress:
-        progress(float(reached * eq.NS))
-    t, N, dT = rows[:, 0], rows[:, 3], rows[:, 4]
-    columns = [1, *range(5, rows.shape[1], 2)]
-    a = (rows[:, columns] + 1j * rows[:, [c + 1 for c in columns]]).T
+    F, t = len(resonances), found.rows[:, 0] * eq.NS
+    a, N, dT = (found.rows[:, 1 : 2 * F : 2] + 1j * found.rows[:, 2 : 2 * F + 1 : 2]).T, *found.rows[:, -2:].T
     U = np.abs(a) ** 2
     W = 2 * U.sum(axis=0) - U
-    own = modes[:, [several.ABSORBED]] + modes[:, [several.FCA]] * N + modes[:, [several.TPA]] * W
+    absorbed, fca, tpa = rings.modes[0, :, 1:4].T[:, :, None]
+    lost = absorbed + fca * N + tpa * W
     rate = np.sqrt([[2 * one.bus_rate * eq.NS] for one in resonances])
-    rise = offset if isinstance(offset, float) else pieces("offset", offset, 0.0, duration)(t * eq.NS)
-    final = y * unit
-    found = Traces(
-        t * eq.NS, a * eq.FJ**0.5, N * eq.DENSITY, dT + rise, 2 * (own * U).sum(axis=0) * eq.UW,
-        _incoming(light, t, len(resonances)) / rate * eq.UW**0.5, State.from_array(final[: 3 + n]), final[3 + n :],
-        reached * eq.NS, counts[:2],
+    rise = offset if isinstance(offset, float) else pieces("offset", offset, 0.0, duration)(t)
+    lit = np.sqrt(np.maximum(values(drive.power, t), 0)) * np.exp(1j * values(drive.phase, t))
+    y = np.concatenate([found.y[:2], found.y[2 * F :]]) * eq.units(problem.order)
+    run = Traces(
+        t, a * eq.FJ**0.5, N * eq.DENSITY, dT + rise, 2 * (lost * U).sum(axis=0) * eq.UW,
+        drive.entry @ lit / rate * eq.UW**0.5, State.from_array(y), found.y[2 : 2 * F] * eq.FJ**0.5,
+        found.t * eq.NS, np.array([found.accepted, found.rejected]),
     )  # fmt: skip
-    return found, resonances
+    return run, resonances
 
 
 def varying(ring: RingResonator, lasers: Sequence[Laser], duration: float) -> dict[str, Spans]:
@@ -179,53 +167,31 @@ def varying(ring: RingResonator, lasers: Sequence[Laser], duration: float) -> di
     return found
 
 
-def _mode(one: RingResonator, ring: RingResonator) -> list[float]:
-    """The rates of one resonance, in the order of `kernels.several`."""
-    from ..kernels import equations as eq
-
-    r = eq.internal_rates(one)[0]
-    return [r.loss, r.absorbed, r.fca, r.tpa, r.g, r.thermal_shift, one.index_rate / ring.index_rate, r.kerr]
-
-
-def _light(
-    ring: RingResonator, resonances: list[RingResonator], lasers: Sequence[Laser], duration: float, offset: Any
-) -> tuple[Any, float]:
-    """The lasers as the compiled integration takes them, and the fastest beat on one resonance in rad/ns."""
-    from ..kernels import equations as eq
-    from ..kernels.several import Lasers
-
+def _drive(
+    resonances: list[RingResonator], lasers: Sequence[Laser], duration: float, offset: Any
+) -> tuple[Drive, float]:
+    """The lasers as the kernel takes them, and the fastest beat on one resonance in rad/ns."""
     at = [0 if one.resonance is None else resonances.index(one.resonance) for one in lasers]
-    powers = [pieces("power", power_in_time(one.power, duration), 0.0, duration) for one in lasers]
-    turns = [pieces("detuning", detuning_in_time(one.detuning, duration), 0.0, duration) for one in lasers]
+    first = [at.index(f) for f in range(len(resonances))]
     dT = pieces("offset", offset, 0.0, duration)
-    edges = joint(*powers, *turns, dT)
-    scale = eq.NS ** np.arange(4)
-    squared, detuning = [], []
-    for f, power, turn in zip(at, powers, turns, strict=True):
-        one = resonances[f]
-        squared.append(power.on(edges).coefficients * (2 * one.bus_rate * eq.NS / eq.UW) * scale)
-        parts = [turn.times(2 * np.pi * eq.NS), dT.times(one.thermal_shift * eq.NS)]
-        detuning.append(add(parts).on(edges).coefficients * scale)
-    first = np.array([at.index(f) for f in range(len(resonances))])
-    d, h = np.array(detuning), np.diff(edges) / eq.NS
-    apart = d - d[first[at]]
-    gained = (apart * h[:, None] ** np.arange(1, 5) / np.arange(1, 5)).sum(axis=2)
-    phase = np.cumsum(gained, axis=1) - gained + np.array([[one.phase] for one in lasers])
-    phase -= phase[first[at], :1]
-    return Lasers(edges / eq.NS, np.array(squared), d, phase, np.array(at), first), float(np.abs(apart[:, :, 0]).max())
-
-
-def _incoming(light: Any, t: Array, resonances: int) -> NDArray[np.complex128]:
-    """sqrt(2 gamma_e P) exp(i theta) on every resonance, shape (resonances, times), internal units."""
-    piece = np.clip(np.searchsorted(light.edges, t, side="right") - 1, 0, light.edges.size - 2)
-    u = (t - light.edges[piece])[:, None] ** np.arange(5)
-    total = np.zeros((resonances, t.size), dtype=complex)
-    for k, f in enumerate(light.field):
-        power = (light.power[k, piece] * u[:, :4]).sum(axis=1)
-        apart = light.detuning[k, piece] - light.detuning[light.first[f], piece]
-        turn = light.phase[k, piece] + (apart * u[:, 1:] / np.arange(1, 5)).sum(axis=1)
-        total[f] += np.sqrt(np.maximum(power, 0)) * np.exp(1j * turn)
-    return total
+    powers, turns = [], []
+    for f, laser in zip(at, lasers, strict=True):
+        power = pieces("power", power_in_time(laser.power, duration), 0.0, duration)
+        turn = pieces("detuning", detuning_in_time(laser.detuning, duration), 0.0, duration)
+        powers.append(power.times(2 * resonances[f].bus_rate * eq.NS / eq.UW))
+        turns.append(add([turn.times(2 * np.pi * eq.NS), dT.times(resonances[f].thermal_shift * eq.NS)]))
+    apart = table([add([turn, turns[first[f]].times(-1.0)]) for f, turn in zip(at, turns, strict=True)])
+    phase = integral(apart)
+    phase.coefficients[:, :, 0] += [one.phase - lasers[first[f]].phase for f, one in zip(at, lasers, strict=True)]
+    drive = Drive(
+        edges=joint(*powers, *turns) / eq.NS,
+        power=table(powers),
+        phase=phase,
+        detuning=table([turns[k] for k in first]),
+        entry=(np.array(at) == np.arange(len(resonances))[:, None]).astype(complex),
+        brightest=np.array([largest(power) for power in powers]),
+    )
+    return drive, float(np.abs(apart.coefficients[:, :, 0]).max())
 
 
 def variables_of(found: Traces, resonances: list[RingResonator], light: dict[str, Any]) -> dict[str, tuple[Any, ...]]:

@@ -12,8 +12,6 @@ from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import Words
 from thermofem.data import quantity
-from thermofem.data.display import shown
-from thermofem.data.record import Record
 from thermofem.data.variables import in_si
 
 from ..arguments import LONGEST
@@ -33,11 +31,6 @@ GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller
 FEWEST = 8  # samples of a trace
 FINE = 12  # samples that a cycle needs at least
 CLEAR = 320  # samples of a cycle that show the duty to 0.01: it errs by up to 3.2 over their number (measured)
-LAGS, TOLD = (
-    60,
-    1e-3,
-)  # lifetimes of the light by which an adiabatic run pulses too fast (53 measured); share that is told
-BETWEEN = 4  # rows of such a run for every step
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
@@ -53,7 +46,6 @@ class Regime(Words):
     """Power, detuning or a heater varies in the half of the trace that is judged: what is seen is the answer to it."""
 
 
-@shown
 @dataclass(frozen=True)
 class Pulsing:
     """Result of `pulsing`.
@@ -97,7 +89,7 @@ class Pulsing:
     suggested_duration: float = float("nan")
 
 
-def pulsing(run: xr.Dataset | Record) -> Pulsing:
+def pulsing(run: xr.Dataset) -> Pulsing:
     """Classify a trace of `simulate` by its carriers and measure its last cycle.
 
     A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
@@ -151,11 +143,7 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
     rtol = checks.between("run.attrs['rtol']", run.attrs.get("rtol", 0), 0, 1)
-    lag = checks.between("run.attrs['light_lifetime']", run.attrs.get("light_lifetime", 0.0), 0, 1)
-    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 in (steps, BETWEEN * steps if lag else steps))
-    if LAGS * lag > TOLD * found.period:
-        note = f"light that follows at once: its period is up to {LAGS * lag / found.period:.1%} too short"
-        found = replace(found, reason=f"{found.reason}, {note}")
+    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 == steps)
     middle = float(t[0] + t[-1]) / 2
     moving = varies_in(run, middle, float(t[-1]))
     if moving is None or not (moving or of_circuit):  # rows of a circuit hold lasers that do not reach the ring, too
@@ -191,7 +179,7 @@ def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | Non
     return _slow(f"{found.reason}, but {which} stable", wanted, found.swing, found.cycles)
 
 
-def warming(found: Pulsing, run: xr.Dataset | Record, t: Array, dT: Array) -> Pulsing:
+def warming(found: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
     """A self-pulsing trace, with a note where the mean rise of its last cycle is not yet that of the absorbed power.
 
     A linear model settles to <dT> = R_th <P> over a cycle, whatever its time constants.
@@ -297,7 +285,7 @@ def _until_settled(tops: Array, passed: float) -> float:
     return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
 
 
-def _varying(run: xr.Dataset | Record, late: NDArray[np.bool_]) -> str:
+def _varying(run: xr.Dataset, late: NDArray[np.bool_]) -> str:
     """Names of the inputs that vary in the ``late`` samples of a run; empty if none does."""
     names = {"input_power": "the power", "detuning": "the detuning"}
     names |= {
@@ -318,13 +306,22 @@ def _varying(run: xr.Dataset | Record, late: NDArray[np.bool_]) -> str:
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:
-    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each.
+    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each, by bisection.
 
     t, x [shape (n,), n >= 4]: times, increasing, and values.
     """
-    from ..kernels.levels import rises
-
-    return np.asarray(rises(np.ascontiguousarray(t), np.ascontiguousarray(x), float(level), 1.0))
+    at = np.flatnonzero((x[:-1] < level) & (x[1:] >= level))
+    i = np.clip(at - 1, 0, t.size - 4)[:, None] + np.arange(4)
+    s, v = t[i].T, x[i].T - level
+    a, b, c = np.diff(v, axis=0) / np.diff(s, axis=0)  # divided differences
+    ab, bc = (b - a) / (s[2] - s[0]), (c - b) / (s[3] - s[1])
+    abc = (bc - ab) / (s[3] - s[0])
+    left, right = t[at], t[at + 1]
+    for _ in range(32):  # to 2e-10 of a sample
+        middle = 0.5 * (left + right)
+        below = v[0] + (middle - s[0]) * (a + (middle - s[1]) * (ab + (middle - s[2]) * abc)) < 0
+        left, right = np.where(below, middle, left), np.where(below, right, middle)
+    return np.asarray(0.5 * (left + right))
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
@@ -371,7 +368,7 @@ def _advice(wanted: float) -> str:
     return f": simulate {quantity.rounded(wanted, 's', 2)}"
 
 
-def _values(run: xr.Dataset | Record, name: str) -> Array:
+def _values(run: xr.Dataset, name: str) -> Array:
     """One variable as an array."""
     if name not in getattr(run, "variables", {}):
         raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")

@@ -14,19 +14,18 @@ import numpy as np
 from thermofem import Foster, OutputMap, Quadratic
 from thermofem.arrays import Array
 from thermofem.checks import InputError
-from thermofem.data.record import Record
 
 from ..carriers.lifetime import ConstantLifetime
 from ..carriers.shockley_read_hall import ShockleyReadHall
 from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
 from ..equilibria.observables import observables
 from ..heaters import turned_by
-from ..kernel.units import internal_detuning, internal_pump
+from ..kernel.tableaus import Method
+from ..kernel.units import FJ, NS, internal_detuning, internal_pump, single_ring, units
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
 from .driven import varies_in
-from .window import units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,15 +84,11 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
 
     For quadratic models, which are too large for the attributes of a run.
     """
-    from ..kernels import equations as eq
-
-    unit = units(np.size(state.thermal))
-    rates, fcd = eq.internal_rates(ring)
-    pump, turned, heat = eq.internal_pump(ring, power), eq.internal_detuning(detuning), eq.internal_thermal(model)
-    y = state.as_array() / unit
+    problem = single_ring(ring, model, power, detuning, 1e-9, Method.RODAS4)
+    y = state.as_array() / units(problem.order)
     begun, step = y[0] ** 2 + y[1] ** 2, y
     for _ in range(NEWTON_STEPS):
-        J, rate = eq.jacobian(y, turned, rates, fcd, heat), eq.right_hand_side(y, pump, turned, rates, fcd, heat)
+        rate, J = problem.slopes(y)
         try:
             step = np.linalg.solve(J, rate)
         except np.linalg.LinAlgError:  # its numbers are too far apart
@@ -104,11 +99,11 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
     U = y[0] ** 2 + y[1] ** 2
     if not (np.abs(step).max() <= CLOSE * np.abs(y).max() and begun / FAR < U < begun * FAR):
         return None
-    growth = np.linalg.eigvals(eq.jacobian(y, turned, rates, fcd, heat)).real.max() / eq.NS
-    return Rest(*(np.array([value]) for value in (U * eq.FJ, model.C @ y[3:], growth)))
+    growth = np.linalg.eigvals(problem.slopes(y)[1]).real.max() / NS
+    return Rest(*(np.array([value]) for value in (U * FJ, model.C @ y[3:], growth)))
 
 
-def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
+def rest_of_run(run: xr.Dataset) -> Rest | None:
     """Return the fixed points under the light at the end of a run; None where its attributes do not tell them.
 
     They do not for traces that are not of `simulate`, and for several lasers.
@@ -134,7 +129,7 @@ def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
         return None
 
 
-def resistance_of_run(run: xr.Dataset | Record) -> float | None:
+def resistance_of_run(run: xr.Dataset) -> float | None:
     """Return R_th in K/W of the linear model of a run with one laser and no heater; None for all others."""
     if {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}:
         return None
@@ -152,6 +147,6 @@ def ring_in(text: str) -> RingResonator:
     return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"])})
 
 
-def _last(run: xr.Dataset | Record, name: str) -> float:
+def _last(run: xr.Dataset, name: str) -> float:
     """Value of an input, such as the power, at the end of a run."""
     return float(run[name].values[-1] if name in run.variables else run.attrs[name])

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import ArrayLike, NDArray
 from thermofem.data import dataset
-from thermofem.data.record import Record, as_dataset, column
 from thermofem.models import ThermalModel
 
 from ..arguments import check_run, check_times, detuning_in_time, power_in_time
+from ..circuit.circuit import Circuit
+from ..circuit.run import run_circuit
 from ..heaters import channels, heating
 from ..inputs import Input
 from ..kernel.tableaus import Method
@@ -27,19 +29,15 @@ from .record import heater_powers, provenance, traces
 from .resting import rest_near
 from .window import NO_TIMES, Event, Window, advance
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 ROWS = ("time", "field", "fields", "carriers", "delta_T", "absorbed", "absorbed_slope", "incoming")  # over time
 
 
-@as_dataset
 def simulate(
-    ring: RingResonator,
+    ring: RingResonator | Circuit,
     model: ThermalModel,
     *,
-    power: Input,
-    detuning: Input = 0.0,
+    power: Any,
+    detuning: Any = 0.0,
     duration: float = 20e-6,
     rtol: float = 1e-6,
     times: ArrayLike | None = None,
@@ -50,9 +48,10 @@ def simulate(
     heated: str | None = None,
     read: str | None = None,
     lasers: Laser | Sequence[Laser] = (),
+    average: bool = False,
     progress: Callable[[float], None] | None = None,
-) -> Record:
-    """Switch the laser on at t = 0, on a cold, empty ring unless ``initial`` says otherwise, and integrate.
+) -> xr.Dataset:
+    """Switch the light on at t = 0, on cold, empty rings unless ``initial`` says otherwise, and integrate.
 
         da/dt   = [i D - gamma] a + i sqrt(2 gamma_e P),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
         dN/dt   = -N/tau(N) + g_TPA U^2,                     U = |a|^2
@@ -60,17 +59,26 @@ def simulate(
         P_abs   = 2 (gamma_i + eta_FCA N + eta_TPA U) U
         P_drop  = 2 gamma_d U,   P_through = |sqrt(P) + i sqrt(2 gamma_e) a|^2
 
+    and for a circuit, each ring with D, N, P_abs and dT of its own,
+
+        da_i/dt  = [i D_i - gamma_i] a_i + i sum_p sqrt(2 gamma_ip) s_in,ip
+        s_out,ip = s_in,ip + i sqrt(2 gamma_ip) a_i
+
     Parameters
     ----------
-    ring : RingResonator
+    ring : RingResonator or Circuit
     model : ThermalModel
-        small: a Foster network, a StateSpace with at most 500 states, an output map over one, or a quadratic model.
+        small: a Foster network, a StateSpace with at most 500 states, an output map over one, or a quadratic model. For
+        a circuit one linear model for all rings (no heat between them), or the array reduction of
+        `surrogate.reduce_array`, or its StateSpace, with an input and an output for each ring.
     power : float, Waveform (`th.Function` for any function of time), or a list of both; W
         in the bus waveguide; 8 dBm is 6.31e-3. A list adds: a pulse on a bias is
-        ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
+        ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``. For a circuit a mapping from the lasers' names; a
+        laser that is left out is dark.
     detuning : float, Waveform, or a list of both; Hz
         laser minus cold resonance: positive on the blue side; heat moves the resonance to the red, the negative one.
-        ``coupled.Sweep`` is a laser that sweeps.
+        ``coupled.Sweep`` is a laser that sweeps. For a circuit laser minus its place there (the reference frequency
+        plus its offset): of all lasers together, or a mapping from their names.
     duration : float, s
     rtol : float
         error allowed in a step relative to field, carriers and temperature.
@@ -81,18 +89,22 @@ def simulate(
         by default Rodas4 down to rtol = 1e-6 and Rodas5P below, which are the faster ones there.
     initial : State or Dataset, optional
         what the ring holds at t = 0; a Dataset stands for the end of that run, with the heat that its heaters left.
-        Waveforms and the beat of several lasers begin anew.
+        Waveforms and the beat of several lasers begin anew, and detectors with a bandwidth are dark. Not for circuits
+        with delays.
     event : Event, optional
         a level that "energy", "carriers" or "delta_T" rises through: the times are in ``attrs["crossings"]``, and the
         run ends at the first unless ``stop=False``.
     heaters : mapping of name to float, Waveform, or a list of both; W, optional
-        power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on.
+        power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on; beside a circuit a
+        number is a power that was on for ever, but after another run (``initial``).
     heated, read : str, optional
         the input of such a model that the light heats and the output that detunes it; with ``heaters`` by default the
         first input that is no heater, and the output of the same name.
     lasers : Laser or sequence of them, optional
         further lasers: a probe or a second channel on another resonance, or light that beats on the same one
-        (`coupled.runs.lasers`). Not with ``event``.
+        (`coupled.runs.lasers`). Not with ``event``. The lasers of a circuit are its own.
+    average : bool
+        of a circuit: whether ``mean_output``, what every detector shows, averaged from one time to the next, is kept.
     progress : callable, optional
         called with the time in s that has been reached: about ten times a second in long runs, and at
         the end.
@@ -104,12 +116,16 @@ def simulate(
         the ring has such a loss, power and detuning where they vary, heater_power (W) over heater and time; with
         lasers on other resonances probe_energy, probe_drop and probe_through over probe and time. Provenance and the
         final state in attrs. Write ``run["drop"]``: ``run.drop`` is a method of every Dataset.
+        Of a circuit energy, carriers, delta_T, absorbed and scattered over ring and time; output (W) and phase (rad)
+        by port; input (W) by laser; lost (W) in waveguides and on the way from lasers; where a detector has a bandwidth
+        detected (W) by port, dark at t = 0. Light at a jump is that after it. Light without delay obeys at every time
+        sum input = sum output + sum (absorbed + scattered) + lost + d(sum energy)/dt.
 
     Raises
     ------
     InputError
         power, detuning, duration, rtol or times out of range, a model that cannot be integrated, an unknown method, a
-        waveform that does not cover the run, too many steps.
+        waveform that does not cover the run, too many steps; names that a circuit does not have, delays too short.
 
     Measured at (8 dBm, 0 GHz) over 20 us and 37 pulses, root mean square error of the states in units of their maxima:
     1.4e-5 at rtol = 1e-5 and 9e-7 at 1e-6 (Rodas4), 7e-8 at 1e-8 (Rodas5P).
@@ -122,7 +138,20 @@ def simulate(
     >>> run = coupled.simulate(coupled.borghi2021(), model, power=6.31e-3, duration=20e-6)
     >>> print(f"{coupled.pulsing(run).period * 1e9:.1f} ns, {coupled.pulsing(run).swing:.2f} K")
     686.0 ns, 5.90 K
+    >>> circuit = coupled.bus([coupled.borghi2021()])
+    >>> run = coupled.simulate(circuit, model, power={"in": 6.31e-3}, duration=20e-6)
+    >>> print(f"{float(run.delta_T.sel(ring='ring 1').max()):.1f} K")
+    10.5 K
     """
+    if isinstance(ring, Circuit):
+        alone: dict[str, Any] = {"event": event, "heated": heated, "read": read, "lasers": lasers or None}
+        for name, value in alone.items():
+            if value is not None:
+                raise checks.InputError(f"{name} is for one ring; a circuit has its own lasers, ports and heaters")
+        return run_circuit(
+            ring, model, power=power, detuning=detuning, heaters=heaters, duration=duration, rtol=rtol, times=times,
+            average=average, method=check_method(method), initial=initial, progress=progress,
+        )  # fmt: skip
     duration, rtol = check_run(ring, duration, rtol)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else check_times(times, duration)
@@ -152,20 +181,18 @@ def simulate(
         run = _trusted(model, run, kept)
         places = np.array([one.frequency for one in resonances[1:]])
         light_left = {"final_fields": run.final_fields, "final_resonances": places, "lasers": 1 + len(others)}
-        seen = {name: column(*parts) for name, parts in variables_of(run, resonances, light).items()}
+        seen = variables_of(run, resonances, light)
     else:
         run = advance(
             ring, small, begin, 0.0, float(duration), power=light["input_power"], detuning=light["detuning"],
             offset=heat.rise, rtol=rtol, method=chosen, times=asked, event=event, progress=progress,
         )  # fmt: skip
         run = _trusted(model, run, kept)
-        seen = {name: column("time", v, dataset.describe(name)) for name, v in traces(ring, run, light).items()}
+        seen = {name: ("time", v, dataset.describe(name)) for name, v in traces(ring, run, light).items()}
     end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
-    heater = {name: column(*parts) for name, parts in heater_powers(heat.powers, run.time).items()}
-    return Record(
-        seen | {name: one for name, one in heater.items() if name != "heater"},
-        {"time": column("time", run.time, dataset.describe("time"))}
-        | {name: one for name, one in heater.items() if name == "heater"},
+    return xr.Dataset(
+        {**seen, **heater_powers(heat.powers, run.time)},
+        {"time": ("time", run.time, dataset.describe("time"))},
         {
             **provenance(ring, light, duration),
             **attribute(spans(given, float(duration)) | further),

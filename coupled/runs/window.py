@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.data.display import shown
 from thermofem.piecewise import Pieces, bounds
 
 from ..arguments import ROUND_OFF
@@ -18,21 +17,17 @@ from ..inputs import add, joint, pieces
 from ..kernel import units as eq
 from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
 from ..kernel.tableaus import Method
+from ..kernel.units import floor_of as floor_of
+from ..kernel.units import units as units
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact
 
-if TYPE_CHECKING:
-    from ..kernels.equations import Rates
-
 MAX_STEPS = 20_000_000  # ten seconds of work and 800 MB of accepted steps
-LONG = 1e-4  # s; shorter runs are done in well under a second, at the sharpest rtol
-MANY = 50_000  # steps that the light takes at least, or edges, from which a shorter run takes a second, too
 QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
 
-@shown
 class Event(NamedTuple):
     """A quantity ("energy" in J, "carriers" in 1/m^3 or "delta_T" in K) that rises through a level.
 
@@ -100,7 +95,7 @@ def advance(
     (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.
     """
     drive, (heat, bend) = drive_of(ring, start, stop, power, detuning, offset), eq.internal_heat(model)
-    rings = eq.internal_rings([ring], math.sqrt(drive.brightest), model.thermal_resistance * eq.UW)
+    rings = eq.internal_rings([ring], math.sqrt(drive.brightest[0]), model.thermal_resistance * eq.UW)
     unit, (rates, _) = eq.units(np.size(state.thermal)), eq.internal_rates(ring)
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     run = Problem(rings._replace(bend=bend), heat, drive, chosen).integrate(
@@ -157,11 +152,37 @@ def drive_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
     edges = joint(P, nu, dT)
     turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)])
     squared = P.times(2 * ring.bus_rate * eq.NS / eq.UW)
-    ends = np.array([start, stop]) / eq.NS
+    none = Polynomials(np.array([start, stop]) / eq.NS, np.zeros((1, 1, 1)))
     return Drive(
-        edges / eq.NS, table([squared]), Polynomials(ends, np.zeros((1, 1, 1))), table([turning]), np.ones((1, 1)),
-        max(float(np.abs(squared.on(edges).coefficients[:, 0]).max()), abs(float(squared.ends[-1])), 1e-300),
-    )  # fmt: skip
+        edges / eq.NS,
+        table([squared]),
+        none,
+        table([turning]),
+        np.ones((1, 1), dtype=complex),
+        np.array([largest(squared)]),
+    )
+
+
+def values(functions: Polynomials, times: Array) -> Array:
+    """Values of the kernel's functions at times in s, shape (functions, m)."""
+    t = times / eq.NS
+    k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
+    u = (t - functions.edges[k])[:, None] ** np.arange(functions.coefficients.shape[2])
+    return np.asarray(np.einsum("mft,mt->fm", functions.coefficients[k], u))
+
+
+def integral(rates: Polynomials) -> Polynomials:
+    """The integrals of functions from the first edge on."""
+    c, h = rates.coefficients, np.diff(rates.edges)
+    n = np.arange(1, c.shape[2] + 1)
+    ends = np.cumsum((c / n * h[:, None, None] ** n).sum(axis=2), axis=0)
+    starts = np.vstack([np.zeros(c.shape[1]), ends[:-1]])
+    return Polynomials(rates.edges, np.concatenate([starts[:, :, None], c / n], axis=2))
+
+
+def largest(power: Pieces) -> float:
+    """Largest power at the breakpoints; above 0 in the dark, too."""
+    return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power.ends[-1])), 1e-300)
 
 
 def table(functions: Sequence[Pieces]) -> Polynomials:
@@ -169,6 +190,15 @@ def table(functions: Sequence[Pieces]) -> Polynomials:
     edges = joint(*functions)
     coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
     return Polynomials(edges / eq.NS, coefficients * eq.NS ** np.arange(coefficients.shape[2]))
+
+
+def constant_laser(start: float, stop: float, pump: float, detuning: float) -> Any:
+    """A laser that does not change; times in s, pump and detuning in internal units."""
+    from ..kernels.rosenbrock import LaserPieces
+
+    zero = [0.0, 0.0, 0.0]
+    edges = np.array([start / eq.NS, stop / eq.NS])
+    return LaserPieces(edges, np.array([[pump * pump, *zero]]), np.array([[detuning, *zero]]))
 
 
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
@@ -191,27 +221,6 @@ def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: 
             f"the integration found no step small enough at t = {reached * 1e-9:g} s: light and heat run away, or the "
             "rise is at the top of an output map; look at the model's largest numbers"
         )
-
-
-def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
-    """Sizes of field, carriers and temperature, in internal units, below which errors are not relative to them.
-
-    A thousandth of the values on resonance with the loss of the cold ring, but at most a thousandth of 1e23 carriers
-    per m^3, which is that of a ring whose light makes none, and of 10 K. These values are far below those that shift
-    the resonance by its width.
-    """
-    U = (pump / rates.loss) ** 2
-    N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2 if rates.g > 0 else 1.0
-    dT = thermal_resistance * 2 * rates.absorbed * U
-    tiny = 1e-27  # with no light at all, keeps 0/0 away
-    return 1e-3 * np.array([max(np.sqrt(U), tiny), min(max(N, tiny), 1), min(max(dT, tiny), 10)])
-
-
-def units(order: int) -> Array:
-    """SI value of one internal unit of every state."""
-    from ..kernels import equations as eq
-
-    return np.concatenate([np.array([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY]), np.ones(order)])
 
 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:

@@ -1,49 +1,68 @@
 """Models for other programs. Model files of this project are `thermofem.models.files`.
 
-A format joins by one file with a function ``write(model, path, header)`` and one line in `FORMATS`.
+A format joins by a function ``write(model, path, header, ...)`` and one line in `FORMATS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from importlib import import_module
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermofem import checks
+from thermofem.data.files import check_target
+from thermofem.models import HasModel, bare
+
+from . import fmu, matrices_and_poles, spice, verilog_a
+from .export_header import header
+from .ring_rates import demonstration
 
 if TYPE_CHECKING:
     from thermofem import ThermalModel
 
-# name -> module here, usual ending of the file
-FORMATS = {
-    "spice": ("spice", ".cir"),
-    "verilog-a": ("verilog_a", ".va"),
-    "fmu": ("fmu", ".fmu"),
-    "mat": ("mat", ".mat"),
-    "csv": ("csv", ".csv"),
-}
+FORMATS = {"spice": ".cir", "verilog-a": ".va", "fmu": ".fmu", "mat": ".mat", "csv": ".csv"}  # usual endings
+DEMONSTRATIONS = {"spice": ".cir", "verilog-a": ".sim", "fmu": ".py"}  # of a ring: endings of PATH_demo
 
 
 def export_model(
-    model: ThermalModel, path: str | Path, *, to: str, provenance: Mapping[str, Any] | None = None, fmi: int = 2
+    model: ThermalModel,
+    path: str | Path,
+    *,
+    to: str | None = None,
+    ring: Any = None,
+    power: Any = None,
+    detuning: float = 0.0,
+    period: float | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    fmi: int = 2,
+    platforms: Sequence[str] = (),
 ) -> Path:
-    """Write a model for a circuit or system simulator, or as matrices or a table.
+    """Write a thermal model, or a ring whole with its light and carriers, for a circuit or system simulator.
 
     Parameters
     ----------
     model : ThermalModel
-        of a kind that the format can hold ("mat" holds all), or a fit or reduction that holds one.
+        of a kind that the format can hold ("mat" holds all), or a fit or reduction that holds one. With a ring, its
+        light heats the first input.
     path : str or Path
         SPICE and Verilog-A call the subcircuit or module after the file.
-    to : str
-        "spice" (subcircuit), "verilog-a" (module), "fmu" (FMI co-simulation; needs pythonfmu or pythonfmu3), "mat"
-        (matrices for SciPy, MATLAB, pyMOR) or "csv" (poles).
+    to : str, optional
+        "spice" (subcircuit), "verilog-a" (module), "fmu" (FMI unit in C, model exchange and co-simulation), "mat"
+        (matrices for SciPy, MATLAB, pyMOR) or "csv" (poles); default by the ending of ``path``.
+    ring : RingResonator or Circuit, optional
+        light and carriers, for "spice", "verilog-a" and "fmu"; a `coupled.Circuit` for "spice".
+    power, detuning : float; W, Hz, optional
+        of the laser of a run that is written beside the export: PATH_demo.cir for ngspice, PATH_demo.sim for VACASK,
+        PATH_demo.py for FMPy, 100 us from cold.
+    period : float, s, optional
+        settled period of that run (`coupled.limit_cycle`): the largest step is a 400th of it.
     provenance : mapping
         `load_provenance` of the model's file, for the header; default the ``.provenance`` of a fit or
         reduction, or the ``.origin`` of a model.
     fmi : 2 or 3
         version of FMI, for "fmu".
+    platforms : sequence of str
+        libraries in an FMU: "linux", "windows", "macos", "macos-arm", "linux-arm"; default this platform.
 
     Returns
     -------
@@ -53,29 +72,39 @@ def export_model(
     Raises
     ------
     InputError
-        an unknown format, a kind of model that it cannot hold, or a file that cannot be written.
+        an unknown format, a kind of model or ring that it cannot hold, or a file that cannot be written.
     MissingLibraryError
-        ``to="fmu"``, and the library that builds it is not installed.
+        an FMU for another platform, and ziglang is not installed.
     """
-    from thermofem.data.files import check_target
-    from thermofem.models import HasModel, bare
-
-    from .header import header
-
-    name, _ = FORMATS[checks.choice("to", to, FORMATS)]
+    path = Path(path)
+    if to is None:
+        endings = {ending: name for name, ending in FORMATS.items()}
+        checks.choice("the ending of path", path.suffix, endings, hint="or give to, such as to='spice'")
+        to = endings[path.suffix]
+    checks.choice("to", to, FORMATS)
     check_target(path)
     checks.has("model", model, "inputs", "outputs", hint="a thermal model is needed, such as thermofem.Foster or a fit")
+    if fmi not in (2, 3):
+        raise checks.InputError(f"fmi = {checks.shown(fmi)} must be 2 or 3")
+    if fmi != 2 and to != "fmu":
+        raise checks.InputError(f'fmi = {fmi!r} goes with to = "fmu"; {to!r} has no such versions')
+    if ring is not None and to not in DEMONSTRATIONS:
+        raise checks.InputError(f"ring goes with to = {', '.join(DEMONSTRATIONS)}; {to!r} holds the heat only")
+    if ring is None and power is not None:
+        raise checks.InputError("power is that of a ring's laser; give ring, too")
+    run = None if power is None else demonstration(power, detuning, period)
     if provenance is None:
         provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
-    if not isinstance(fmi, int):
-        raise checks.InputError(f"fmi = {checks.shown(fmi)} must be 2 or 3")
-    lines = header(bare(model), checks.mapping("provenance", provenance, hint="such as the .provenance of a fit"))
     model = bare(model)
-    if to == "fmu":
-        from .fmu import write
-
-        return write(model, Path(path), lines, fmi=fmi)
-    if fmi != 2:
-        raise checks.InputError(f'fmi = {fmi!r} goes with to = "fmu"; {to!r} has no such versions')
-    written: Path = import_module(f".{name}", __name__).write(model, Path(path), lines)
-    return written
+    lines = header(model, checks.mapping("provenance", provenance, hint="such as the .provenance of a fit"))
+    match to:
+        case "spice":
+            return spice.write(model, path, lines, ring, run)
+        case "verilog-a":
+            return verilog_a.write(model, path, lines, ring, run)
+        case "fmu":
+            return fmu.write(model, path, lines, ring, run, fmi=fmi, platforms=platforms)
+        case "mat":
+            return matrices_and_poles.write_mat(model, path, lines)
+        case _:
+            return matrices_and_poles.write_csv(model, path, lines)

@@ -13,23 +13,22 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 from thermofem.data.netcdf import DAMAGE
 from thermofem.fem.derivatives import MOST, dataset_of, step_times
-from thermofem.fem.projected import ModalDerivative
+from thermofem.fem.modal_derivatives import ModalDerivative
 from thermofem.models.contract import OutsideTrainingWarning
 
 from ..reduction.reduce import reduce
-from . import files
-from .bend import Bend
-from .box import Box
-from .certify import Certified, certified
-from .reduced import LineTerms, MemberModes, Small, difference
+from . import family_files
+from .interpolation import OutputMaps
+from .parameter_box import Box
+from .projection import AffineMembers, MemberMatrices, MemberModes, difference
+from .snapshots import Certified, certified
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .moved import MovedMembers
+    from .projection import MovedMeshMembers
 
 log = logging.getLogger("thermofem")
 
@@ -63,7 +62,6 @@ class HeldOut(float):
         return f"HeldOut(worst={self.worst:.2g}, median={self.median:.2g}, count={self.count})"
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Family:
     """Thermal models of all rings in a box of parameters, by projection on one basis.
@@ -80,12 +78,12 @@ class Family:
         heated parts and what is read.
     tolerance : float
         that was asked for.
-    members : LineTerms or MovedMembers
+    members : AffineMembers or MovedMeshMembers
         makes the small matrices of a member.
     error : HeldOut
     floor, factor : float
         of `predicted_error`.
-    bend : Bend, optional
+    output_maps : OutputMaps, optional
         k(T) and c_p(T) up to a power: the output map of every member, by interpolation, and its own error. All errors
         beside it, derivatives and certificates are those at small power.
     provenance : dict
@@ -95,11 +93,11 @@ class Family:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     tolerance: float
-    members: LineTerms | MovedMembers
+    members: AffineMembers | MovedMeshMembers
     error: HeldOut
     floor: float
     factor: float
-    bend: Bend | None = None
+    output_maps: OutputMaps | None = None
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
@@ -107,7 +105,11 @@ class Family:
             f"{name} {low:g} .. {high:g} {unit}".rstrip()
             for name, low, high, unit in zip(self.names, self.box.low, self.box.high, self.box.units, strict=True)
         )
-        hot = "" if self.bend is None else f", k(T) up to {self.bend.power:g} W within {self.bend.error:.2g}"
+        hot = (
+            ""
+            if self.output_maps is None
+            else f", k(T) up to {self.output_maps.power:g} W within {self.output_maps.error:.2g}"
+        )
         return f"Family({span}; {self.size} functions, engine {self.engine!r}, {self.error!r}{hot})"
 
     @property
@@ -123,11 +125,11 @@ class Family:
 
     @property
     def engine(self) -> str:
-        """How members are made: "lines" (sums of fixed matrices) or "moved meshes" (reassembled).
+        """How members are made: "affine" (sums of fixed matrices) or "moved mesh" (reassembled).
 
         With k(T) followed by " and interpolation", of the output map.
         """
-        return self.members.engine + ("" if self.bend is None else " and interpolation")
+        return self.members.engine + ("" if self.output_maps is None else " and interpolation")
 
     @property
     def size(self) -> int:
@@ -156,22 +158,22 @@ class Family:
         """
         a, b = self._channel(heated, read)
         row = self.box.row(values)
-        return self._bent(self._foster(self.members.member(row).modes(), a, b), row, (a, b))
+        return self._with_output_map(self._foster(self.members.member(row).modes(), a, b), row, (a, b))
 
     def at(self, values: Mapping[str, float]) -> Model:
         """`model` of the first channel with the parameters in a mapping."""
         row, channel = self.box.row(values), self._channel(None, None)
-        return self._bent(self._foster(self.members.member(row).modes(), *channel), row, channel)
+        return self._with_output_map(self._foster(self.members.member(row).modes(), *channel), row, channel)
 
-    def _bent(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
-        if self.bend is None:
+    def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
+        if self.output_maps is None:
             return linear
         if channel != self._channel(None, None):
             a, b = (self.ports[k] for k in channel)
             text = f"heat in {a!r} read in {b!r} is linear, right at small power"
             warnings.warn(f"{text}; k(T) is followed in the first channel alone", OutsideTrainingWarning, stacklevel=3)
             return linear
-        return self.bend.on(linear, self.box.share(row))
+        return self.output_maps.on(linear, self.box.share(row))
 
     def held(self, **values: float) -> Held:
         """The members with some parameters held, as `coupled.identify` takes them."""
@@ -196,7 +198,7 @@ class Family:
         model = reduce(channel, tolerance).model
         if not isinstance(model, Foster):  # one channel always is
             raise TypeError("a single channel is a Foster network")
-        return self._bent(model, self.box.row(values), (a, b))
+        return self._with_output_map(model, self.box.row(values), (a, b))
 
     def thermal_resistance(self, *, heated: str | None = None, read: str | None = None, **values: ArrayLike) -> Array:
         """Return R_th in K/W of many members; the values broadcast against each other.
@@ -228,11 +230,11 @@ class Family:
 
         The floor is the error of the mesh and the factor the largest ratio over the held-out members, both with half as
         much on top. It is an estimate from those few members and no bound; `certify` measures one member. It holds at
-        small power: with k(T) the error of the output map, ``bend.error``, comes on top.
+        small power: with k(T) the error of the output map, ``output_maps.error``, comes on top.
         """
         return self._predicted(self.members.member(self.box.row(values)))
 
-    def _predicted(self, small: Small) -> float:
+    def _predicted(self, small: MemberMatrices) -> float:
         return self.floor + self.factor * coarse_difference(small, len(self.inputs))
 
     def derivatives(
@@ -310,7 +312,7 @@ class Family:
 
     def save(self, path: str | Path) -> Path:
         """Write the family as one file, whole or not at all; `surrogate.load_family` reads it without a mesher."""
-        return files.save(self, path)
+        return family_files.save(self, path)
 
     def _channel(self, heated: str | None, read: str | None) -> tuple[int, int]:
         a = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
@@ -346,7 +348,7 @@ class Held:
         return self.family.at({**self.values, **values})
 
 
-def coarse_difference(small: Small, heated: int) -> float:
+def coarse_difference(small: MemberMatrices, heated: int) -> float:
     """Change of a member from the first part of the basis to all of it."""
     count = max(1, int(COARSER * small.K.shape[0]))
     return difference(small.first(count).modes(), small.modes(), heated)
@@ -360,7 +362,7 @@ def load_family(path: str | Path) -> Family:
     InputError
         no such file, not a family, one of a newer version, changed since it was written, or one without members.
     """
-    fields = files.read(path)
+    fields = family_files.read(path)
     numbers = fields["error"]
     error = HeldOut([numbers["worst"]])
     error.median, error.count = numbers["median"], numbers["count"]

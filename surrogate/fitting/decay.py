@@ -10,7 +10,6 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 
 from .correlated import noise_along
 from .notes import EXPLAINED, cancelling, unseen_times
@@ -24,7 +23,6 @@ FALLEN = 0.99  # of the largest rise: what does not end below is no cooling curv
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Decay:
     """dT(t) = sum_i amplitude_i exp(-t/tau_i).

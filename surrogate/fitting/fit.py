@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, checks
+from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array
 from thermofem.data import files
 from thermofem.data.dataset import at_probe, responses_of
-from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
     BORGHI2021_HEAT_CAPACITY,
@@ -27,7 +26,8 @@ from thermofem.models.lumped import (
 )
 
 from .mismatch import mismatch
-from .notes import EXPLAINED, cancelling, other_gain, starts, undetermined, unseen
+from .notes import EXPLAINED, OUTSIDE, UNSEEN, below_last, cancelling, offsets, other_gain, starts, undetermined, unseen
+from .optical_fit import fit_optical
 from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 METHODS = ("variable projection", "pso")
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
+ROUND_OFF = 1e-9  # of the swing: a misfit that more poles do not lower
 SAME = 1.02  # ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Fit(HasModel):
     """A trained model and how well it fits its data.
@@ -67,6 +67,10 @@ class Fit(HasModel):
         TOML of the cross-section, where the data carries it.
     swarm_residual : float or None, K
         what the particle swarm alone reached, with ``method="pso"``.
+    misfit_is_noise : bool or None
+        whether the misfit is that of the rows at rest, where there are such, or else forgets itself from row to row.
+    training_period : float or None, s
+        of the drive, where all Datasets have the same.
     """
 
     model: Foster
@@ -79,6 +83,8 @@ class Fit(HasModel):
     notes: tuple[str, ...] = ()
     geometry: str | None = field(default=None, repr=False)
     swarm_residual: float | None = None
+    misfit_is_noise: bool | None = None
+    training_period: float | None = None
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
@@ -100,6 +106,7 @@ class Fit(HasModel):
             "residual_K": self.residual,
             "relative_residual": self.relative_residual,
             "notes": list(self.notes),
+            "training_period": self.training_period,
             "geometry": self.geometry,
         }
 
@@ -204,11 +211,12 @@ def fit_second_order(
 
 def fit_foster(
     data: xr.Dataset | Sequence[xr.Dataset],
-    order: int = 5,
+    order: int | str = 5,
     *,
     thermal_resistance: float | None = None,
     method: str = "variable projection",
     transfer: bool | None = None,
+    readout: MZI | None = None,
 ) -> Fit:
     """Train a Foster network of ``order`` poles, every R_i >= 0 where the heated part is read.
 
@@ -218,7 +226,9 @@ def fit_foster(
     ----------
     data : Dataset or list of them
         each is weighted by its swing. A step sampled evenly in log t shows every time scale equally.
-    order : int, 1 to 12
+    order : int, 1 to 12, or "auto"
+        "auto" is the smallest that leaves only noise: the next one does not lower the Bayesian information criterion,
+        or has a time constant that the data do not determine (Schwarz, Ann. Statist. 6, 461 (1978)).
     thermal_resistance : float, K/W
         static gain to impose; default the Datasets' own ``thermal_resistance`` where all agree (`thermofem.solve`
         writes it), else none.
@@ -226,6 +236,12 @@ def fit_foster(
     transfer : bool, optional
         whether another part is read than the one that is heated, as a core under its heater: the R_i then have either
         sign, because the rise begins late. By default what the Datasets' ``heated`` and ``read`` say, else False.
+
+    readout : MZI, optional
+        the data is light behind this interferometer, in any unit: a variable ``optical``, or ``delta_T`` of a table.
+        Its ``shift`` is taken as known; bias and visibility are fitted, with the network, as further parameters
+        ``bias`` (rad), ``visibility`` and ``half_power`` (P0/2 in the unit of the trace). ``notes`` say which of them
+        the trace cannot tell apart. The sign of the bias is that of the first phase turned by heat.
 
     Returns
     -------
@@ -238,8 +254,10 @@ def fit_foster(
     InputError
         too few samples, an order out of range, data without power or rise, or that no heating pole fits.
     """
-    order = checks.integer("order", order, 1, 12)
+    if readout is not None:
+        return fit_optical(data, 5 if order == "auto" else checks.integer("order", order, 1, 12), readout)
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
+    order = _smallest_order(training) if order == "auto" else checks.integer("order", order, 1, 12)
     found, swarm = training.search(order, method)
     kept = found.gain != 0 if training.transfer else found.gain > 0
     if not np.any(found.gain > 0):
@@ -256,6 +274,25 @@ def fit_foster(
         rows.append(np.concatenate([-tau[i] * np.eye(n)[i], np.zeros(n)]))
     model = Foster(R=R[fastest_first], tau=tau[fastest_first], **training.parts)
     return training.fit(model, parameters, np.array(rows), found, swarm)
+
+
+def _smallest_order(training: Training) -> int:
+    """The smallest number of poles that leaves only noise, n ln(misfit^2) + 2 order ln(n) at its least."""
+    samples, best, least, worse = training.problem.weight.size, 1, np.inf, 0
+    for order in range(1, min(12, samples // 3) + 1):
+        found = optimum(training.problem, order)
+        deviation = np.sqrt(np.maximum(found.covariance.diagonal()[:order], 0))
+        tau, (shortest, longest) = np.exp(-found.log_rate), training.problem.span
+        unseen = np.any(found.gain == 0) or deviation.max() > UNSEEN or tau.max() > OUTSIDE * longest
+        if order > 1 and (unseen or tau.min() < shortest / OUTSIDE):
+            break
+        criterion = 2 * samples * np.log(max(found.relative_residual, ROUND_OFF)) + 2 * order * np.log(samples)
+        worse = 0 if criterion < least else worse + 1
+        if criterion < least:
+            best, least = order, criterion
+        if worse or found.relative_residual < ROUND_OFF:
+            break
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +348,15 @@ class Training:
         """Sentences on the model that was found."""
         stated = _common([r.thermal_resistance for r in self.problem.responses])
         other = other_gain(model, stated)
-        return *starts(found), *unseen(found, self.problem.span), *cancelling(model.R), *other
+        low = () if self.transfer else below_last(model, self.problem.responses, found.offset)
+        return (
+            *starts(found),
+            *offsets(found, self.problem.responses),
+            *low,
+            *unseen(found, self.problem.span),
+            *cancelling(model.R),
+            *other,
+        )
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
@@ -362,6 +407,8 @@ class Training:
             notes=(*self.doubts, *self.told(model, found)),
             geometry=self.geometry,
             swarm_residual=swarm_residual,
+            misfit_is_noise=found.noise,
+            training_period=_common([r.wave.period for r in self.problem.responses]),
         )
         return replace(fit, model=replace(model, origin=fit.provenance))
 

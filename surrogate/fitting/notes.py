@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from thermofem import Foster
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data import quantity
+from thermofem.data.dataset import Response
 
 from .projection import Optimum
+
+FEW = 3  # rows at rest that show a baseline
+LOW = 1e-3  # of the swing: R_th P below the last rows by less is the misfit of the fit
 
 CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
@@ -29,6 +35,29 @@ def starts(found: Optimum) -> list[str]:
             error = quantity.rounded(error, "s", 2)
             notes.append(f"the heating begins {size} +- {error} {side} than the trace shows: fitted with the poles")
     return notes
+
+
+def offsets(found: Optimum, responses: Sequence[Response]) -> list[str]:
+    """Sentences on baselines that were fitted with the poles, because no rows at rest show them."""
+    return [
+        f"the offset of the rows is fitted with the poles: {offset:.3g} +- {error:.2g} K beside what was subtracted"
+        for offset, error, response in zip(found.offset, found.offset_error, responses, strict=True)
+        if response.rest_rows < FEW
+    ]
+
+
+def below_last(model: Foster, responses: Sequence[Response], offset: Array) -> list[str]:
+    """A sentence where R_th P lies below the last rows of a step, which no model with positive R can reach."""
+    for response, level in zip(responses, offset, strict=True):
+        t, y = response.times, response.rise - level
+        power = response.wave(t)
+        if response.periodic or np.ptp(power) > 0 or power[0] <= 0 or t.size < FEW:
+            continue
+        last, top = y[-max(1, t.size // 50) :], model.thermal_resistance * float(power[0])
+        noise = float(np.median(np.abs(np.diff(y, 2)))) / (0.6745 * np.sqrt(6))
+        if top < last.mean() - max(4 * noise / np.sqrt(last.size), LOW * float(np.ptp(y))):
+            return [f"R_th P is {top:.4g} K, below the last rows, {last.mean():.4g} K: are start and baseline right?"]
+    return []
 
 
 def other_gain(model: Foster, stated: float | None) -> list[str]:

@@ -37,6 +37,7 @@ STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root 
 UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
 CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
 AT_END = 0.999  # of the range of a shift, from which on it counts as held there
+ROUND_OFF, SIGMAS = 1e-9, 3.0  # of the swing; of the noise: below these a misfit counts as noise
 SCANNED = 3  # up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
 
 
@@ -52,6 +53,8 @@ class Optimum:
     relative_residual: rms of residual over swing.
     shift, shift_error [shape (responses,), s]: of the start of the heating, 0 where it is known; its error is inf at
         an end of its range.
+    offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
+    noise: whether the misfit is noise, see `is_noise`.
     """
 
     log_rate: Array
@@ -61,6 +64,9 @@ class Optimum:
     relative_residual: float
     shift: Array
     shift_error: Array
+    offset: Array
+    offset_error: Array
+    noise: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,6 +284,13 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
     noise = noise_along(np.split(misfit, ends), U[:, seen], variance, rest=problem.rested)
     covariance = back @ noise @ back.T
     shift_error = np.where(problem.within > 0, np.inf, 0.0)
+    parts = np.split(misfit, ends)
+    offset = np.array(
+        [
+            _offset(d, log_rate, gain, late, covariance[: 2 * n, : 2 * n])
+            for d, late in zip(problem.responses, shift, strict=True)
+        ]
+    )
     shift_error[inside] = np.sqrt(covariance.diagonal()[2 * n :]) * problem.within[inside]
     return Optimum(
         log_rate=log_rate,
@@ -287,4 +300,33 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
         relative_residual=float(np.sqrt(np.mean(misfit**2))),
         shift=shift,
         shift_error=shift_error,
+        offset=offset[:, 0],
+        offset_error=offset[:, 1],
+        noise=all(is_noise(d, left * d.swing) for d, left in zip(problem.responses, parts, strict=True)),
     )
+
+
+def _offset(response: Response, log_rate: Array, gain: Array, shift: float, covariance: Array) -> tuple[float, float]:
+    """The baseline of a response that was eliminated, (sum y - sum phi g)/(n + rest rows), and its standard error, K."""
+    rows = response.times.size + response.rest_rows
+    if not np.isfinite(rows):
+        return 0.0, 0.0
+    mean, other = (_answers(response, np.exp(log_rate + by), shift).sum(axis=0) / rows for by in (0.0, STEP))
+    level = float(response.rise.sum() / rows - mean @ gain)
+    slope = np.concatenate([(other - mean) / STEP * gain, mean])
+    left = response.rise - _answers(response, np.exp(log_rate), shift) @ gain - level
+    return level, float(np.sqrt(max(slope @ covariance @ slope, 0.0) + np.mean(left**2) / rows))
+
+
+def is_noise(response: Response, left: Array) -> bool:
+    """Whether a misfit in K is no larger than the rows at rest scatter; without such rows, whether it is white.
+
+    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n).
+    """
+    n, square = left.size, float(left @ left)
+    if square <= n * (ROUND_OFF * response.swing) ** 2:
+        return True
+    if np.isfinite(response.rest_noise):
+        rows = min(n, max(response.rest_rows, 2.0))
+        return bool(np.sqrt(square / n) <= response.rest_noise * (1 + SIGMAS / np.sqrt(2 * rows)))
+    return bool(abs(left[1:] @ left[:-1]) <= SIGMAS / np.sqrt(n) * square)

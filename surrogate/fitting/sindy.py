@@ -26,8 +26,7 @@ import numpy as np
 
 from thermofem import Quadratic, Waveform, checks
 from thermofem.arrays import Array
-from thermofem.data.dataset import check_texts, response_of, warn_of
-from thermofem.data.display import shown
+from thermofem.data.dataset import response_of, warn_of
 from thermofem.models import HasModel, Network, gate
 
 if TYPE_CHECKING:
@@ -45,7 +44,6 @@ UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 Identified = TypeVar("Identified", Network, Quadratic)
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class SindyFit(HasModel, Generic[Identified]):
     """An identified network and how well it fits.
@@ -235,7 +233,6 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
             "data.delta_T has no probes: SINDy needs shells of oxide around the core beside it; describe them as "
             "[[probe]] in the geometry and solve with read=('core', 'shell', ...), or --read core --read shell"
         )
-    check_texts(data)
     if data.attrs.get("kind", "transient") != "transient" or "waveform" not in data.attrs:
         raise checks.InputError("data must be a transient from rest that carries its waveform")
     responses = [response_of(data.isel(probe=k)) for k in range(data.sizes["probe"])]

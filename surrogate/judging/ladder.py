@@ -25,19 +25,18 @@ from thermofem import (
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
 from thermofem.data.dataset import describe
-from thermofem.data.display import shown
 from thermofem.data.variables import contents
 from thermofem.models import NonlinearSystem, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
 from ..fitting.sindy import fit_sindy
 from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..reduction.balanced import balanced_truncation
 from ..reduction.output_map import output_map
-from ..reduction.quadratic import reduce_quadratic
+from ..reduction.quadratic_reduction import reduce_quadratic
 from ..reduction.reduce import reduce
-from ..reduction.truncate import balanced_truncation
-from .swings import swings
-from .validate import PERIODS, check_models, error_curve, valid_range
+from .temperature_swing import swings
+from .validate import PERIODS, check_models, error_curve, widest_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,7 +48,6 @@ REFERENCE = 1e-6  # certificate of what the others are judged by
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Ladder:
     """Compact models of one geometry, by name, and the reference model.
@@ -256,7 +254,7 @@ def judge(
         exact = swings(reference, periods, float(power), duty)
         for i, model in enumerate(models.values()):
             curve = error_curve(model, exact, periods, float(power), float(duty))
-            error[i, j], ends[i, j] = curve["relative_error"].values, valid_range(curve)
+            error[i, j], ends[i, j] = curve["relative_error"].values, widest_range(curve)
             swing[i, j] = curve["swing_model"].values / exact - 1
     over = ("model", "power", "period")
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
@@ -317,7 +315,7 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
             lines.append(said + "no model suffices everywhere")
         for m in here["model"].values:
             if m not in enough:
-                a, b = valid_range(here.sel(model=m).rename(period_error="relative_error"), within=within)
+                a, b = widest_range(here.sel(model=m).rename(period_error="relative_error"), within=within)
                 reach = f"{a * 1e6:.3g} to {b * 1e6:.3g} us" if a <= b else "nowhere"
                 lines.append(f"  {m}: {reach}")
     return "\n".join(lines)

@@ -16,7 +16,7 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import in_si
 from thermofem.piecewise import bounds
 
-from .swings import period_of, swing_over_period, swings
+from .temperature_swing import period_of, swing_over_period, swings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -93,15 +93,17 @@ def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float,
     }
     coords = {"period": ("period", periods, {"units": "s", "long_name": "period"})}
     curve = xr.Dataset(variables, coords=coords, attrs={"power": power, "duty": duty})
+    trained = (getattr(model, "origin", None) or {}).get("training_period")
+    if isinstance(trained, float):
+        curve.attrs["training_period"] = trained
     return curve.assign_attrs(validity=validity(curve))
 
 
-def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float]:
-    """Shortest and longest period (s) of the widest stretch where |relative error| <= ``within``.
+def valid_range(curve: xr.Dataset, *, within: float = 0.1, training: float | None = None) -> list[tuple[float, float]]:
+    """Shortest and longest period (s) of every stretch where |relative error| <= ``within``.
 
-    Its ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
-    stretch. A stretch of less than an octave, `OCTAVE`, does not count unless it is the whole curve: an error that
-    crosses zero is small at one period only, and that period is not known beforehand.
+    The ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
+    stretch.
 
     Parameters
     ----------
@@ -109,11 +111,13 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
         of `period_error`: ``relative_error`` over ``period`` (s).
     within : float
         relative error that is allowed.
+    training : float, s, optional
+        period of the model's training; default that of ``curve.attrs["training_period"]``, where it is known.
 
     Returns
     -------
-    tuple of two floats, s
-        (nan, nan) if there is no such stretch.
+    list of pairs of floats, s
+        the stretch around the training period first, then the widest; empty if there is none.
 
     Raises
     ------
@@ -130,25 +134,38 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     y = np.abs(error.values.ravel())
     good = np.concatenate([[False], y <= within, [False]])
     first, last = np.flatnonzero(~good[:-1] & good[1:]), np.flatnonzero(good[:-1] & ~good[1:]) - 1
-    if not first.size:
-        return float("nan"), float("nan")
 
     def crossing(inside: int, outside: int) -> float:
         if not (0 <= outside < x.size and np.isfinite(y[outside])):
-            return float(x[inside])
+            return float(np.exp(x[inside]))
         share = (within - y[inside]) / (y[outside] - y[inside])
-        return float(x[inside] + share * (x[outside] - x[inside]))
+        return float(np.exp(x[inside] + share * (x[outside] - x[inside])))
 
     pairs = zip(first.tolist(), last.tolist(), strict=True)
     stretches = [(crossing(i, i - 1), crossing(j, j + 1)) for i, j in pairs]
-    low, high = max(stretches, key=lambda ends: ends[1] - ends[0])
-    if high - low < min(np.log(OCTAVE), x[-1] - x[0]):
+    at = curve.attrs.get("training_period") if training is None else training
+
+    def rank(ends: tuple[float, float]) -> tuple[bool, float]:
+        return not (at is not None and ends[0] <= at <= ends[1]), -np.log(ends[1] / ends[0])
+
+    return sorted(stretches, key=rank)
+
+
+def widest_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float]:
+    """The widest stretch of `valid_range`, (nan, nan) where it is less than an octave and not the whole curve.
+
+    An error that crosses zero is small at one period only, and that period is not known beforehand.
+    """
+    stretches = valid_range(curve, within=within)
+    low, high = max(stretches, key=lambda ends: ends[1] / ends[0], default=(np.nan, np.nan))
+    period = np.atleast_1d(in_si("curve", curve)["period"].values)
+    if not high / low >= min(OCTAVE, period[-1] / period[0]) * (1 - 1e-12):
         return float("nan"), float("nan")
-    return float(np.exp(low)), float(np.exp(high))
+    return low, high
 
 
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
-    """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us'.
+    """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us (trained at 1 us) and from 3 to 4.1 us'.
 
     Parameters
     ----------
@@ -166,11 +183,15 @@ def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
     InputError
         as `valid_range`.
     """
-    low, high = valid_range(curve, within=within)
-    within = float(within)
-    if not low <= high:
-        return f"nowhere within {100 * within:g} %"
-    return f"within {100 * within:g} % from {low * 1e6:.3g} to {high * 1e6:.3g} us"
+    at, percent = curve.attrs.get("training_period"), 100 * float(within)
+    trained = "" if at is None else f" (trained at {at * 1e6:.3g} us)"
+    words = []
+    for low, high in valid_range(curve, within=within):
+        around = at is not None and low <= at <= high
+        words.append(f"from {low * 1e6:.3g} to {high * 1e6:.3g} us{trained if around else ''}")
+    if not words:
+        return f"nowhere within {percent:g} %"
+    return f"within {percent:g} % {' and '.join(words)}"
 
 
 def compare(

@@ -5,7 +5,7 @@ so far leaves of the heat vectors. As the system is symmetric, so is the reducti
 heated part is positive, and as s = 0 is a shift R_th is exact. For real s >= 0 it approaches H(s) from below.
 
 Sources: A. Ruhe, Linear Algebra Appl. 58, 391 (1984) (rational Krylov); A. C. Antoulas, Approximation of Large-Scale
-Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.reduction.certificate`.
+Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.reduction.error_bound`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.krylov import check_pair
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.waveforms import Waveform
 
-from .certificate import Certificate, Indices, Projection, certify, certify_defect, leftover
-from .space import CertifiedSpace
+from .certified_space import CertifiedSpace
+from .error_bound import Certificate, Indices, Projection, certify, certify_defect, leftover
 
 NOTHING = 1e-50  # of the entries of an input or output
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
@@ -33,7 +32,6 @@ OVERLOOKED = 1e-2  # share of the residual that `certify` neglects, above which 
 FEW = 4  # samples per decade for that
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Reduction(HasModel):
     """A reduced model and the proof of its accuracy.

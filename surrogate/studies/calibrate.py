@@ -12,13 +12,12 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
-from thermofem.data.display import shown
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
-from ..family.box import Box
+from ..family.parameter_box import Box
 from ..fitting.correlated import noise_along
-from .search import Ranges, family_over, inside
+from .inverse_search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,7 +28,6 @@ NOISE = 1e-15, 1e6  # K, of a sample
 ON_EDGE = 1e-6  # of a range
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Parameters of a geometry that explain measured traces best.
@@ -96,7 +94,7 @@ def calibrate(
     geometry : CrossSection or Family
         of a CrossSection a family is trained over ``free``.
     data : Dataset or list of Dataset
-        as `thermofem.load` and `thermofem.read_csv` give them, under any power; from rest or periodic.
+        as `thermofem.load` and `thermofem.read_trace` give them, under any power; from rest or periodic.
     free : dict from parameter to (low, high), SI
         default all parameters of a family over their box.
     noise : float, K
@@ -140,9 +138,9 @@ def calibrate(
         row, model = span.at(x), family.at(values_of(x))
         modal = family.modal_derivative(row)
         each = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
-        if isinstance(model, OutputMap) and family.bend is not None:  # dT = z + a z^2
+        if isinstance(model, OutputMap) and family.output_maps is not None:  # dT = z + a z^2
             z = np.concatenate([_rise(model.linear, d) for d in responses])
-            each = (1 + 2 * model.coefficient * z) * each + np.outer(family.bend.slopes(family.box, row), z**2)
+            each = (1 + 2 * model.coefficient * z) * each + np.outer(family.output_maps.slopes(family.box, row), z**2)
         return np.asarray(each.T * (_slope(span, x) / scale))
 
     shares = np.random.default_rng(0).uniform(0.15, 0.85, (STARTS - 1, len(low)))

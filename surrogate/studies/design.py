@@ -10,12 +10,11 @@ import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
-from thermofem.data.display import shown
 
 from ..family import Certified, Family
+from .inverse_search import Ranges, Search, family_over, search_of, wanted_of
 from .pareto import front_of
-from .quantities import QUANTITIES, Optics, Quantity
-from .search import Ranges, Search, family_over, search_of, wanted_of
+from .targets import QUANTITIES, Optics, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +25,6 @@ ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an activ
 STEP = 1e-4  # of a range, of the differences behind the search
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Design:
     """A member of a family, and how well it meets its targets.

@@ -11,8 +11,8 @@ from thermofem import CrossSection, checks
 from thermofem.arrays import Array
 
 from ..family import Family
-from .quantities import Optics, Quantity
-from .search import Ranges, Search, family_over, search_of, wanted_of
+from .inverse_search import Ranges, Search, family_over, search_of, wanted_of
+from .targets import Optics, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr

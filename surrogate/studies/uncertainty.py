@@ -12,8 +12,8 @@ from thermofem.arrays import Array
 from thermofem.data import quantity
 
 from ..family import Family
-from ..family.interpolant import interpolate_members
-from .quantities import Optics, Property, Quantity, word
+from ..family.interpolation import interpolate_members
+from .targets import Optics, Property, Quantity, word
 
 if TYPE_CHECKING:
     import xarray as xr

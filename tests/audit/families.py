@@ -18,7 +18,7 @@ from scipy import stats
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Variation
+from thermofem.campaign import Variation
 
 VARIED = (
     Variation("radius", ("part.core.radius",), "m", low=4e-6, high=12e-6),

@@ -44,7 +44,7 @@ def test_a_heater_a_ring_file_and_no_predictor(tmp_path):
         (["--heater", "heatr=5 mW"], "'heatr' is unknown"),
         (["--heater", "5 mW"], "NAME=VALUE"),
         (["--paraview", "a.pvd"], "--field-times"),
-        (["--tolerance", "1 mW"], "--max-discrepancy"),
+        (["--max-discrepancy", "1 mW"], "--max-discrepancy"),
         (["--predictor", "missing.json"], "missing.json"),
         (["--figure", "a.txt"], "a.txt"),
     ],

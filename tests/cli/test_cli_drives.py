@@ -12,7 +12,7 @@ from commands import thermofem
 import coupled
 import surrogate
 import thermofem as th
-from thermofem_cli import drives
+from thermofem_cli import drive_texts
 
 
 @pytest.fixture
@@ -147,7 +147,7 @@ def test_bad_options_are_one_line(folder, arguments, message):
     ],
 )
 def test_what_a_drive_says(text, unit, values):
-    wave = drives.varying("--modulate", text, unit)
+    wave = drive_texts.varying("--modulate", text, unit)
     assert [wave if isinstance(wave, float) else float(wave(t)) for t in (0.1e-6, 0.4e-6, 0.6e-6)] == pytest.approx(
         values
     )

@@ -78,7 +78,7 @@ def test_the_map_of_probabilities_and_the_settled_period(folder):
     # at 10 dBm and -6.7 GHz every member pulses, at 3 dBm and -20 GHz none (the map of the paper's ring)
     assert found["mean"].values[2, 1] == 1
     assert found["mean"].values[0, 0] == 0
-    text = run(*spread, "--period", "--layer", "12", "--samples", "4")
+    text = run(*spread, "--period", "--interpolate", "12", "--samples", "4")
     assert "interpolated between 12 members" in text
     assert 600 < float(text.split("mean ")[1].split(" ns")[0]) < 800  # 685 ns at 2 um
 
@@ -112,7 +112,7 @@ def test_calibrate(folder):
 def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
     (folder / "scope.csv").write_text("t (s),T (K)\n0,0\n1,1\n")
     done = CliRunner().invoke(app, ["calibrate", str(folder / "family.json"), str(folder / "scope.csv")])
-    with pytest.raises(th.InputError, match=r"thermofem.read_csv\(.*scope.csv', ...\), .*scope.nc'"):
+    with pytest.raises(th.InputError, match=r"thermofem.read_trace\(.*scope.csv', ...\), .*scope.nc'"):
         raise done.exception
 
 

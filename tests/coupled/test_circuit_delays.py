@@ -20,8 +20,8 @@ def test_every_round_in_a_loop_of_one_splitter_is_a_step(delay, rtol):
     circuit = Circuit({"idle": RING}, [loop], [LaserPort("in", "s.in 1")], (), [Splitter("s", cross)])
     near = np.arange(1, 12)[:, None] + [-0.01, -1e-3, 1e-3, 3e-3, 0.1]
     times = np.unique(np.concatenate([near.ravel(), np.linspace(0.0013, 11.9, 301)])) * delay
-    drive = {"inputs": {"in": P}, "duration": 12 * delay, "rtol": rtol}
-    run = coupled.simulate_circuit(circuit, SECOND_ORDER, times=times, **drive)
+    drive = {"power": {"in": P}, "duration": 12 * delay, "rtol": rtol}
+    run = coupled.simulate(circuit, SECOND_ORDER, times=times, **drive)
     inside = [0j]
     for _ in range(12):
         inside.append(loop.transmission * (1j * np.sqrt(cross * P) + np.sqrt(1 - cross) * inside[-1]))
@@ -30,7 +30,7 @@ def test_every_round_in_a_loop_of_one_splitter_is_a_step(delay, rtol):
     assert run.output.sel(port="s.out 1").values == pytest.approx(
         seen[(times / delay).astype(int)], rel=0, abs=1e-13 * P
     )
-    every = coupled.simulate_circuit(circuit, SECOND_ORDER, average=True, **drive)
+    every = coupled.simulate(circuit, SECOND_ORDER, average=True, **drive)
     late = every.isel(time=slice(1, None))
     means = seen[((late.time - np.diff(every.time) / 2) / delay).values.astype(int)]
     # the energies since the start, divided by the shortest step
@@ -58,8 +58,8 @@ def test_detectors_behind_an_interferometer_with_a_ring_at_low_power(delay, rtol
     bandwidth, detuning, halves, cells = 2e9, -5e9, 32, 400
     circuit, k = interferometer(delay, bandwidth), 2 * np.pi * bandwidth
     times = np.arange(1, halves + 1) * delay / 2
-    run = coupled.simulate_circuit(
-        circuit, SECOND_ORDER, inputs={"in": th.SquareWave(FAINT, period=8 * delay, duty=0.5)}, detuning=detuning,
+    run = coupled.simulate(
+        circuit, SECOND_ORDER, power={"in": th.SquareWave(FAINT, period=8 * delay, duty=0.5)}, detuning=detuning,
         duration=halves * delay / 2, times=times, rtol=rtol, average=True,
     )  # fmt: skip
     cell = delay / 2 / cells
@@ -95,10 +95,10 @@ def test_a_front_at_a_dark_ring_takes_the_sharpest_rtol():
         Waveguide("ring 1.through", "ring 1.add", loss=2.0, phase=0.8, delay=3 * delay),
     ]
     circuit = Circuit({"ring 1": RING}, ways, [LaserPort("in", "s.in 1")], (), [Splitter("s", 0.5)])
-    drive = {"inputs": {"in": P}, "duration": 50 * delay, "times": np.linspace(2.1, 49.9, 20) * delay}
-    sharp = coupled.simulate_circuit(circuit, SECOND_ORDER, rtol=1e-13, **drive).energy.values
+    drive = {"power": {"in": P}, "duration": 50 * delay, "times": np.linspace(2.1, 49.9, 20) * delay}
+    sharp = coupled.simulate(circuit, SECOND_ORDER, rtol=1e-13, **drive).energy.values
     for rtol in (1e-12, 1e-9):
-        run = coupled.simulate_circuit(circuit, SECOND_ORDER, rtol=rtol, **drive)
+        run = coupled.simulate(circuit, SECOND_ORDER, rtol=rtol, **drive)
         within = run.attrs["steps"] * rtol * sharp.max()  # rtol in each step
         assert run.energy.values == pytest.approx(sharp, rel=0, abs=within)
 
@@ -107,7 +107,7 @@ def test_a_front_at_a_dark_ring_takes_the_sharpest_rtol():
 def test_light_at_a_jump_is_that_after_it(times):
     """As `input` and `simulate` have it; it was that before, and the power balance at the time off by all of it."""
     wave, drive = th.SquareWave(P, 2e-9, 0.5), {"duration": 4.5e-9, "times": times, "rtol": 1e-9}
-    run = coupled.simulate_circuit(coupled.bus(RING), SECOND_ORDER, inputs={"in": [P, wave]}, average=True, **drive)
+    run = coupled.simulate(coupled.bus(RING), SECOND_ORDER, power={"in": [P, wave]}, average=True, **drive)
     one = coupled.simulate(RING, SECOND_ORDER, power=[P, wave], **{**drive, "times": run.time.values})
     assert run.output.sel(port="through").values == pytest.approx(one.through.values, rel=0, abs=1e-6 * P)
 
@@ -120,8 +120,8 @@ def test_light_at_a_front_is_that_after_it():
     circuit = Circuit({"idle": RING}, ways, [LaserPort("in", "s1.in 1")], (), splitters)
     jumps = np.sort(np.concatenate([delay * 4 / 3 + np.arange(4) * period / 2, delay + np.arange(4) * period / 2]))
     times = np.unique(np.concatenate([jumps, np.nextafter(jumps, 0), np.nextafter(jumps, 1)]))
-    run = coupled.simulate_circuit(
-        circuit, SECOND_ORDER, inputs={"in": th.SquareWave(P, period, 0.5)}, duration=1e-9, times=times
+    run = coupled.simulate(
+        circuit, SECOND_ORDER, power={"in": th.SquareWave(P, period, 0.5)}, duration=1e-9, times=times
     )
     for port, late, share in (("s2.out 1", delay, 4), ("s3.out 1", delay * 4 / 3, 8)):
         phase = (times - late) / period + 1e-9
@@ -135,10 +135,10 @@ def test_a_detector_is_dark_until_light_comes(rtol):
     delay = 2.07e-10
     ways, detector = [Waveguide("ring 1.drop", "s.in 1", delay=delay)], [Detector("out", "s.out 1", bandwidth=10e9)]
     circuit = Circuit({"ring 1": RING}, ways, [LaserPort("in", "ring 1.in")], detector, [Splitter("s", 0.5)])
-    run = coupled.simulate_circuit(
+    run = coupled.simulate(
         circuit,
         SECOND_ORDER,
-        inputs={"in": FAINT},
+        power={"in": FAINT},
         duration=3.1 * delay,
         times=delay * np.linspace(0.8, 3, 23),
         rtol=rtol,
@@ -159,8 +159,8 @@ def test_two_lasers_beat_at_a_detector_behind_no_ring():
     beat, times = 20e9, np.linspace(0, 1e-9, 9)[1:]
     lasers = [LaserPort("a", "s.in 1"), LaserPort("b", "s.in 2", offset=beat)]
     circuit = Circuit({"idle": RING}, (), lasers, (), [Splitter("s", 0.5)])
-    run = coupled.simulate_circuit(
-        circuit, SECOND_ORDER, inputs={"a": P, "b": P}, duration=1e-9, times=times, average=True, rtol=1e-6
+    run = coupled.simulate(
+        circuit, SECOND_ORDER, power={"a": P, "b": P}, duration=1e-9, times=times, average=True, rtol=1e-6
     )
     # |1 + i exp(i w t)|^2 / 2 = 1 - sin(w t)
     turned = np.cos(2 * np.pi * beat * np.append(0.0, times)) / (2 * np.pi * beat)
@@ -173,6 +173,6 @@ def test_a_resonance_of_a_loop_without_loss_has_no_spectrum(cross):
     """NumPy's "Singular matrix" ended it, and 1e-16 of the power into the loop made a wrong one."""
     loop = Waveguide("s.out 1", "s.in 1", delay=1e-11)
     circuit = Circuit({"idle": RING}, [loop], [LaserPort("in", "s.in 2")], (), [Splitter("s", cross)])
-    with pytest.raises(th.InputError, match=r"detunings\[1\] = 0 Hz is a resonance of a loop of waveguides without"):
+    with pytest.raises(th.InputError, match=r"detuning\[1\] = 0 Hz is a resonance of a loop of waveguides without"):
         coupled.transmission(circuit, detuning=[-1e9, 0.0])
     assert np.isfinite(coupled.transmission(circuit, detuning=[-1e9, 1e9]).transmission).all()

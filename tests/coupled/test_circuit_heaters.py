@@ -27,8 +27,8 @@ def test_a_heater_that_follows_a_sine_has_its_closed_form(frequency, rtol):
     """x' = -r x + P (1 + sin w t): the rise was off by 0.03 K, 0.39 K and 0.81 K of 5 K."""
     P, w, times = 2e-3, 2 * np.pi * frequency, np.linspace(0, 20e-6, 2001)
     wave = th.Function(lambda t: P * (1 + np.sin(w * t)))
-    run = coupled.simulate_circuit(
-        coupled.bus(RING), heated(), inputs={}, heaters={"heater": wave}, duration=20e-6, times=times, rtol=rtol
+    run = coupled.simulate(
+        coupled.bus(RING), heated(), power={}, heaters={"heater": wave}, duration=20e-6, times=times, rtol=rtol
     )
     r, t = RATE[:, None], times
     turning = (r * np.sin(w * t) - w * np.cos(w * t) + w * np.exp(-r * t)) / (r * r + w * w)
@@ -39,8 +39,8 @@ def test_a_heater_that_follows_a_sine_has_its_closed_form(frequency, rtol):
 
 def test_a_spike_between_two_edges_heats():
     """Of 2.34 K, 1.00 K was seen: samples stood 8 % of the time since the last edge apart."""
-    run = coupled.simulate_circuit(
-        coupled.bus(RING), heated(), inputs={}, heaters={"heater": SPIKE}, duration=20e-6, rtol=1e-8,
+    run = coupled.simulate(
+        coupled.bus(RING), heated(), power={}, heaters={"heater": SPIKE}, duration=20e-6, rtol=1e-8,
         times=np.linspace(11.9e-6, 20e-6, 200),
     )  # fmt: skip
     exact = solve_ivp(
@@ -53,26 +53,26 @@ def test_a_spike_between_two_edges_heats():
 
 def test_a_heater_takes_what_the_heater_of_a_ring_takes():
     """Lists, which add; powers that no heater has are refused."""
-    circuit, run = coupled.bus(RING), {"inputs": {}, "duration": 2e-6, "times": np.linspace(0, 2e-6, 9), "rtol": 1e-8}
+    circuit, run = coupled.bus(RING), {"power": {}, "duration": 2e-6, "times": np.linspace(0, 2e-6, 9), "rtol": 1e-8}
     bias, pulse = th.Constant(1e-3), th.Pulse(2e-3, width=0.3e-6, start=0.5e-6)
-    each = [coupled.simulate_circuit(circuit, heated(), heaters={"heater": w}, **run) for w in (bias, pulse)]
-    both = coupled.simulate_circuit(circuit, heated(), heaters={"heater": [1e-3, pulse]}, **run)
+    each = [coupled.simulate(circuit, heated(), heaters={"heater": w}, **run) for w in (bias, pulse)]
+    both = coupled.simulate(circuit, heated(), heaters={"heater": [1e-3, pulse]}, **run)
     expected = sum(one.delta_T.values for one in each)
     np.testing.assert_allclose(both.delta_T, expected, rtol=0, atol=3e-10 * expected.max())  # 0.01 rtol of three runs
     assert np.array_equal(both.heater_power, sum(one.heater_power.values for one in each))
     for wave in (th.Function(lambda t: 1e-3 * np.sin(1e7 * t)), th.Function(lambda t: 20.0 + 0 * t), 20.0, -1e-3):
         with pytest.raises(th.InputError, match=r"heaters\['heater'\] = .* must lie between 0 and 10"):
-            coupled.simulate_circuit(circuit, heated(), heaters={"heater": wave}, **run)
+            coupled.simulate(circuit, heated(), heaters={"heater": wave}, **run)
 
 
 def test_a_run_goes_on_under_a_function():
     """A sine in two halves, the second from the heat of the first, against a whole one."""
-    circuit, run = coupled.bus(RING), {"inputs": {"in": 1e-3}, "detuning": -20e9, "rtol": 1e-9}
+    circuit, run = coupled.bus(RING), {"power": {"in": 1e-3}, "detuning": -20e9, "rtol": 1e-9}
     period, times = 1e-6, np.linspace(0, 2e-6, 21)
     wave = th.Function(lambda t: 2e-3 * (1 + np.sin(2 * np.pi * t / period)))
-    whole = coupled.simulate_circuit(circuit, heated(), heaters={"heater": wave}, duration=2e-6, times=times, **run)
-    half = coupled.simulate_circuit(circuit, heated(), heaters={"heater": wave}, duration=1e-6, **run)
-    rest = coupled.simulate_circuit(
+    whole = coupled.simulate(circuit, heated(), heaters={"heater": wave}, duration=2e-6, times=times, **run)
+    half = coupled.simulate(circuit, heated(), heaters={"heater": wave}, duration=1e-6, **run)
+    rest = coupled.simulate(
         circuit, heated(), heaters={"heater": wave}, duration=1e-6, times=times[10:] - 1e-6, initial=half, **run
     )
     # 1e-9 a step of some hundred steps

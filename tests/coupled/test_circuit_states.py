@@ -1,6 +1,5 @@
 """Fixed points and limit cycles of circuits: against a ring alone, by differences, and against long runs."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,25 +38,10 @@ def test_two_separate_bistable_rings_have_all_pairs_of_states():
     assert int(np.sum(found.growing.values == 0)) == stable**2
 
 
-def test_the_jacobian_is_the_derivative_of_the_right_hand_side():
-    """Rings that heat each other and exchange light, by central differences: 1e-6 of the step squared and round-off."""
-    from coupled.circuit.fixed_points import _flow, _jacobian, autonomous
-
-    circuit = coupled.scissor([RING, replace(RING, frequency=RING.frequency + 4e9)], phase=0.7, loss=0.4)
-    system = autonomous(circuit, pair(), {"in": 5e-3}, None, 1e9)
-    rng = np.random.default_rng(3)
-    y = np.abs(rng.normal(1.0, 0.3, 6 + system.heat.gain.size))
-    J, h = _jacobian(system, y), 1e-5
-    for j in range(y.size):
-        step = h * np.eye(y.size)[j]
-        difference = (_flow(system, y + step) - _flow(system, y - step)) / (2 * h)
-        assert J[:, j] == pytest.approx(difference, rel=1e-6, abs=1e-6 * np.abs(J).max())
-
-
 def test_a_run_settles_on_the_stable_fixed_point_of_two_rings_that_heat_each_other():
     inputs = {"one": 0.4e-3, "two": 0.8e-3}
     found = coupled.steady_states(TWO, pair(), power=inputs, detuning=-3e9)
-    run = coupled.simulate_circuit(TWO, pair(), inputs=inputs, detuning=-3e9, duration=200e-6, times=[200e-6])
+    run = coupled.simulate(TWO, pair(), power=inputs, detuning=-3e9, duration=200e-6, times=[200e-6])
     settled = run.isel(time=0)
     stable = found.isel(state=found.growing.values == 0)
     # rtol = 1e-6 a step, and 16 time constants of the slowest heat: 1e-7
@@ -141,8 +125,6 @@ def test_a_dark_laser_of_another_frequency_changes_no_cycle():
 def test_the_start_alone_is_one_row(average):
     """All accepted steps came back."""
     circuit = coupled.bus([RING, RING])
-    run = coupled.simulate_circuit(
-        circuit, SECOND_ORDER, inputs={"in": 1e-3}, duration=1e-9, times=[0.0], average=average
-    )
+    run = coupled.simulate(circuit, SECOND_ORDER, power={"in": 1e-3}, duration=1e-9, times=[0.0], average=average)
     assert run.sizes["time"] == 1
     assert not run.energy.values.any()

@@ -18,7 +18,7 @@ mpl.use("Agg")
 def run() -> xr.Dataset:
     """Two rings on a bus; the first one takes the light, and the second one what it leaves."""
     ring, model = coupled.borghi2021(), surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
-    return coupled.simulate_circuit(coupled.bus([ring, ring]), model, inputs={"in": 6.31e-3}, duration=8e-6)
+    return coupled.simulate(coupled.bus([ring, ring]), model, power={"in": 6.31e-3}, duration=8e-6)
 
 
 def test_a_ring_of_a_circuit_pulses_as_it_does_alone(run):
@@ -41,7 +41,7 @@ def test_a_swept_laser_and_a_pulse_are_named(run):
         (coupled.bus([ring, ring]), {"in": 1e-3}),
         (apart, {"l1": 1e-3, "l2": th.Pulse(1e-3, 7e-7)}),
     ):
-        swept = coupled.simulate_circuit(circuit, model, inputs=inputs, detuning=sweep, duration=1e-6, times=times)
+        swept = coupled.simulate(circuit, model, power=inputs, detuning=sweep, duration=1e-6, times=times)
         np.testing.assert_allclose(swept.detuning, sweep(times), atol=1e-3)  # Hz, round-off of 5e9
         assert "detuning" not in swept.attrs
         found = coupled.pulsing(swept.sel(ring="ring 1"))

@@ -67,12 +67,12 @@ def test_a_ring_of_a_circuit_is_driven_by_light_that_beats_in_it():
             coupled.LaserPort("c", "ring 2.in"),
         ],
     )
-    run = coupled.simulate_circuit(circuit, HEAT, inputs={"a": 0.3e-3, "b": 0.2e-3, "c": 6.31e-3}, duration=12e-6)
+    run = coupled.simulate(circuit, HEAT, power={"a": 0.3e-3, "b": 0.2e-3, "c": 6.31e-3}, duration=12e-6)
     one, two = (coupled.pulsing(run.sel(ring=name)) for name in ("ring 1", "ring 2"))
     assert (one.regime, two.regime) == ("driven", "self-pulsing")
     assert one.reason.startswith("the light of ring 1 varies: ")
     assert one.period == pytest.approx(200e-9, rel=0.01, abs=0)
-    dark = coupled.simulate_circuit(circuit, HEAT, inputs={"a": 6.31e-3}, duration=2e-6)
+    dark = coupled.simulate(circuit, HEAT, power={"a": 6.31e-3}, duration=2e-6)
     assert json.loads(dark.attrs[ATTRIBUTE]) == {"ring 1": {}, "ring 2": {}}
 
 
@@ -81,7 +81,7 @@ def test_a_ring_is_driven_by_what_reaches_it():
     lasers = [coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 2.in")]
     apart = coupled.Circuit([RING, RING], lasers=lasers)
     inputs = {"one": 6.31e-3, "two": th.SquareWave(1e-3, 1e-6, 0.5)}
-    run = coupled.simulate_circuit(apart, HEAT, inputs=inputs, duration=8e-6)
+    run = coupled.simulate(apart, HEAT, power=inputs, duration=8e-6)
     assert [coupled.pulsing(run.sel(ring=name)).regime for name in apart.names] == ["self-pulsing", "driven"]
     R = np.array([[7784.0, 1500.0], [1500.0, 7784.0]])
     w, V = np.linalg.eigh(R)
@@ -89,7 +89,7 @@ def test_a_ring_is_driven_by_what_reaches_it():
     crossed = th.StateSpace(np.eye(2), -np.eye(2) / 1.2e-6, C.T, C, names, names)
     beating = coupled.Circuit([RING, RING], lasers=[*lasers, coupled.LaserPort("b", "ring 1.add", offset=2e6)])
     inputs = {"one": 1e-3, "b": 8e-4, "two": 2e-4}
-    run = coupled.simulate_circuit(beating, crossed, inputs=inputs, duration=10e-6, detuning=-3e9)
+    run = coupled.simulate(beating, crossed, power=inputs, duration=10e-6, detuning=-3e9)
     found = coupled.pulsing(run.sel(ring="ring 2"))
     assert found.reason.startswith("the light of ring 1 varies: ")
 

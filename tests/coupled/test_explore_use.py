@@ -14,7 +14,7 @@ from browser import opened, run_in_a_shell, settled
 import coupled
 import surrogate
 import thermofem as th
-from thermofem_cli.explore import models_of_geometry, trained
+from thermofem_cli.light.explore_command import models_of_geometry, trained
 
 pytestmark = pytest.mark.slow
 

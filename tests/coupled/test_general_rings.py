@@ -148,7 +148,7 @@ def test_two_rings_that_pass_the_top_of_an_output_map_say_so():
     """The linear rise goes on to 80 K, and the temperatures turn around at 5 K, as z + c z^2 does."""
     circuit = coupled.bus([RING, RING])
     with pytest.warns(th.OutsideTrainingWarning, match="ends at 5 K, where more heat"):
-        run = coupled.simulate_circuit(circuit, STEEP, inputs={"in": 20e-3}, detuning=-20e9, duration=2e-6)
+        run = coupled.simulate(circuit, STEEP, power={"in": 20e-3}, detuning=-20e9, duration=2e-6)
     assert float(run.delta_T.max()) <= 5
     with pytest.raises(th.InputError, match="top of an output map"):
         coupled.simulate(RING, STEEP, power=20e-3, detuning=-20e9, duration=2e-6)

@@ -47,8 +47,8 @@ def test_pulses_of_light_and_heat_alone():
     assert run["energy"].values == pytest.approx(want, abs=1e-4 * want.max())  # 0.03 ps on a slope of 5 % in 50 ps
     waits = np.diff(coupled.runs.pulsing.crossings(times, want, (want.min() + want.max()) / 2))
     whole = coupled.simulate(RING, HEAT, power=POWER, detuning=DETUNING, duration=10e-6, rtol=1e-8)
-    circuit = coupled.simulate_circuit(
-        coupled.bus([RING]), HEAT, inputs={"in": POWER}, detuning=DETUNING, duration=10e-6, rtol=1e-8
+    circuit = coupled.simulate(
+        coupled.bus([RING]), HEAT, power={"in": POWER}, detuning=DETUNING, duration=10e-6, rtol=1e-8
     )
     for trace in (whole, circuit.sel(ring="ring 1")):
         found = coupled.pulsing(trace)

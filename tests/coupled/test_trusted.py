@@ -15,7 +15,6 @@ import thermofem as th
 BUS = coupled.bus(RING)
 ASKED = {
     "simulate": lambda m: coupled.simulate(RING, m, power=6.31e-3, duration=2e-6),
-    "simulate, adiabatic": lambda m: coupled.simulate(RING, m, power=6.31e-3, duration=2e-6, adiabatic=True),
     "simulate, two lasers": lambda m: coupled.simulate(
         RING, m, power=6.31e-3, duration=2e-6, lasers=coupled.Laser(1e-6, -2e9)
     ),
@@ -25,8 +24,8 @@ ASKED = {
     "simulate, few times": lambda m: coupled.simulate(
         RING, m, power=th.Pulse(6.31e-3, 2e-6, 2e-6), duration=20e-6, times=[0.0, 1e-6, 20e-6]
     ),
-    "simulate_circuit, few times": lambda m: coupled.simulate_circuit(
-        BUS, m, inputs={"in": th.Pulse(6.31e-3, 2e-6, 2e-6)}, duration=20e-6, times=[0.0, 1e-6, 20e-6]
+    "simulate a circuit, few times": lambda m: coupled.simulate(
+        BUS, m, power={"in": th.Pulse(6.31e-3, 2e-6, 2e-6)}, duration=20e-6, times=[0.0, 1e-6, 20e-6]
     ),
     "transmission": lambda m: coupled.transmission(RING, m, power=6.31e-3, detuning=(-90e9, 10e9)),
     "sweep": lambda m: coupled.sweep(RING, m, power=6.31e-3, detuning=np.linspace(10e9, -90e9, 41)),
@@ -38,7 +37,7 @@ ASKED = {
     "stability_map": lambda m: coupled.stability_map(RING, m, [6.3e-3, 6.4e-3], [0.0, 1e9]),
     "stability_map, at rest": lambda m: coupled.stability_map(RING, m, [6.3e-3, 6.4e-3], [-90e9, -89e9]),
     "pulsing_map, at rest": lambda m: coupled.pulsing_map(RING, m, [6.3e-3, 6.4e-3], [-90e9, -89e9]),
-    "simulate_circuit": lambda m: coupled.simulate_circuit(BUS, m, inputs={"in": 6.31e-3}, duration=2e-6),
+    "simulate a circuit": lambda m: coupled.simulate(BUS, m, power={"in": 6.31e-3}, duration=2e-6),
     "circuit_steady_states": lambda m: coupled.steady_states(BUS, m, power={"in": 6.31e-3}),
 }
 POLES = th.OutputMap(SECOND_ORDER, -1e-3, largest_rise=3.0)

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 from paths import ROOT
-from scipy.optimize import brentq
 
 import surrogate
 import thermofem as th
+import thermofem.readout
 from thermofem.data import quantity
 
 MEASURED = ROOT / "docs" / "measured.toml"
@@ -75,11 +75,25 @@ class Device:
     def rise_time(self) -> float:
         return 1e6 * (self.reached(0.9) - self.reached(0.1))
 
-    def bandwidth(self) -> float:
-        def above(decade: float) -> float:
-            return float(abs(self.system.impedance(10.0**decade)) / self.resistance - np.sqrt(0.5))
+    @cached_property
+    def reduced(self) -> Any:
+        heated, read = self.row["heated"], self.row["read"]
+        return surrogate.reduce(self.heat.channels(heated, (read,)), tolerance=1e-4).model
 
-        return 1e-3 * 10.0 ** brentq(above, 2, 7, xtol=1e-4)
+    def bandwidth(self) -> float:
+        """-3 dB of the temperature, as of an electrical signal, kHz."""
+        return 1e-3 * th.MZI().bandwidth(self.reduced, decibels="electrical")
+
+    def light_bandwidth(self) -> float:
+        """-3 dB of the optical power, kHz."""
+        return 1e-3 * th.MZI().bandwidth(self.reduced)
+
+    def edges(self, half_period: str) -> th.readout.EdgeTimes:
+        """Times of the light behind an interferometer whose phase swings as `drive` of the row says."""
+        drive, half = self.row["drive"], quantity.parse(half_period, "s")
+        shift = np.pi * drive["swing"] / self.resistance
+        mzi = th.MZI(bias=np.pi * drive["bias"], shift=shift)
+        return mzi.edge_times(self.reduced, th.SquareWave(1.0, 2 * half, 0.5))
 
     def tuning(self) -> float:
         """Shift of a resonance, λ/n_g dn/dT R_th, nm/mW."""
@@ -103,6 +117,19 @@ class Device:
         return 1e-3 * self.resistance if kind == "resistance" else float(getattr(self, kind)())
 
 
+def light(row: dict[str, Any], figure: dict[str, Any]) -> tuple[float, float, float]:
+    """A dynamic figure with its read-out: as named in the row, and the ends of what is plausible."""
+    if figure["kind"] == "bandwidth":
+        named = Device(row, figure["light_at"]) if "light_at" in figure else Device(row)
+        ends = Device(row), Device(row, row["vary"]["from"]), Device(row, row["vary"]["to"])
+        values = [device.light_bandwidth() for device in (named, *ends)]
+    else:
+        edge = ("rise" if "ris" in figure["what"] else "fall") + ("_10_90" if figure["kind"] == "rise_time" else "")
+        device, drive = Device(row), row["drive"]
+        values = [1e6 * getattr(device.edges(h), edge) for h in (drive["half_period"], *drive["plausible"])]
+    return values[0], min(values), max(values)
+
+
 def computed(row: dict[str, Any]) -> dict[str, tuple[float, float, float]]:
     """Every figure of a device by its kind: as its file has it, and with the unknown at either end."""
     devices = [Device(row), Device(row, row["vary"]["from"]), Device(row, row["vary"]["to"])]
@@ -116,3 +143,6 @@ if __name__ == "__main__":
         print(row["name"])
         for kind, (ours, low, high) in computed(row).items():
             print(f"  {kind}: {ours:.4g}, {low:.4g} to {high:.4g}")
+        for figure in row["figure"]:
+            if "light" in figure:
+                print(f"  {figure['what']} behind its read-out:", *(f"{value:.4g}" for value in light(row, figure)))

@@ -11,7 +11,7 @@ from grids import facets_where, graded, tensor_mesh
 
 import surrogate
 import thermofem as th
-from thermofem.fem.matrices import capacity, conduction
+from thermofem.fem.weak_forms import capacity, conduction
 from thermofem.models import NonlinearSystem, foster
 from thermofem.transient.nonlinear import nodal_operator
 
@@ -117,13 +117,13 @@ def identified_network() -> surrogate.Network:
 
 
 @cache
-def identified_quadratic() -> surrogate.SindyFit:
+def identified_quadratic():
     """A fit of a polynomial network to a chain whose conductances depend on temperature."""
     return surrogate.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
 
 
 @cache
-def ladder() -> surrogate.Ladder:
+def ladder():
     """Newton's law and the second-order equation, trained on the reference strip."""
     return surrogate.train_all(th.assemble(th.strip_ring(), accuracy=1e-2), names=["Newton", "second order"])
 

@@ -14,7 +14,7 @@ from coupled import ring_toml
 from coupled.circuit import file as circuit_file
 from thermofem.campaign import Campaign
 from thermofem.waveforms import from_json, to_json
-from thermofem_cli.kinds import kind_of
+from thermofem_cli.command_files import kind_of
 
 Reader = Callable[[str, Path], Any]
 
@@ -43,7 +43,7 @@ READERS: dict[str, Reader] = {
     "ring": as_file(coupled.RingResonator.from_toml, "laser.toml"),
     "circuit": as_file(coupled.Circuit.from_toml, "circuit.toml"),
     "waveform": lambda text, folder: from_json(text),
-    "table": as_file(lambda path: th.read_csv(path, time="time (us)", temperature="T (K)", power=1e-3), "table.csv"),
+    "table": as_file(lambda path: th.read_trace(path, 1e-3), "table.csv"),
     "kind": as_file(kind_of, "model.json"),
 }
 CAMPAIGN = """geometry = "strip.toml"

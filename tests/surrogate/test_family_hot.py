@@ -9,7 +9,7 @@ import pytest
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Drive, Variation
+from thermofem.campaign import Drive, Variation
 
 POWER = 10e-3  # W; 78 K
 STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
@@ -37,15 +37,15 @@ def family() -> surrogate.Family:
 
 @pytest.mark.slow
 def test_members_follow_their_own_hot_meshes_within_the_stated_error(family, tmp_path):
-    assert family.engine == "lines and interpolation"
-    assert 0 < family.bend.error < 0.012  # of output maps: 0.8 to 1.2 % of the peak at most (`surrogate.output_map`)
+    assert family.engine == "affine and interpolation"
+    assert 0 < family.output_maps.error < 0.012  # 0.8 to 1.2 % of the peak (`output_map`)
     again = surrogate.load_family(family.save(tmp_path / "hot.npz"))
     wave, times = th.Pulse(POWER, 1e-6), np.array([0.0, 3e-8, 3e-7, 1e-6, 1.3e-6, 4e-6])
     for box in (1.17e-6, 2.61e-6):
         heat = th.assemble(family.box.geometry(np.array([box])), 1e-3)
         model = again.model(box=box)
         assert isinstance(model, th.OutputMap)
-        allowed = family.bend.error + family.predicted_error(box=box) + 1e-3
+        allowed = family.output_maps.error + family.predicted_error(box=box) + 1e-3
         hot, linear = heat.steady_rise(POWER), POWER * heat.thermal_resistance()
         assert abs(linear / hot - 1) > 4 * allowed  # the laws matter here
         assert model.steady_rise(POWER) == pytest.approx(hot, rel=allowed)
@@ -63,7 +63,7 @@ def test_the_stated_error_covers_the_hottest_corner():
     heat = th.assemble(family.box.geometry(np.array([3e-6, 3e-6])), 1e-3)
     off = family.model(radius=3e-6, box=3e-6).steady_rise(power / 2) / heat.steady_rise(power / 2) - 1
     assert abs(off) > 0.03
-    assert abs(off) < family.bend.error + 3e-3
+    assert abs(off) < family.output_maps.error + 3e-3
 
 
 @pytest.mark.slow
@@ -72,7 +72,7 @@ def test_hot_traces_calibrate_with_exact_derivatives(family):
     rise = family.model(box=1.4e-6).response(th.Constant(POWER), times)
     fit = surrogate.calibrate(family, th.dataset.build(times, rise, th.Constant(POWER)), noise=1e-3)
     assert fit.values["box"] == pytest.approx(1.4e-6, rel=1e-6)
-    at = family.bend
+    at = family.output_maps
     row, h = np.array([1.4e-6]), 1e-9
     up, down = (at.coefficient(family.box.share(row + s)) for s in (h, -h))
     assert at.slopes(family.box, row)[0] == pytest.approx((up - down) / (2 * h), rel=1e-3)

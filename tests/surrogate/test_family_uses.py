@@ -176,7 +176,7 @@ def test_calibration_takes_a_table_whatever_its_column_is_called(family, tmp_pat
     for column, refused in (("T (K)", False), ("core", False), ("box", True)):
         columns = np.column_stack([times, rise])
         np.savetxt(table, columns, delimiter=",", header=f"t (s),{column}", comments="", fmt="%.12e")
-        data = th.read_csv(table, time="t (s)", temperature=column, power=1e-3, units={"temperature": "K"})
+        data = th.read_trace(table, 1e-3, temperature=column, units={"temperature": "K"}, start=0.0, baseline=0.0)
         if refused:
             with pytest.raises(th.InputError, match="data was read in 'box', and the members are in 'core'"):
                 surrogate.calibrate(family, data)
@@ -305,7 +305,7 @@ def test_no_member_beats_the_pareto_front(family):
     assert np.all(np.diff(t) <= 0)  # less of one is more of the other
     for row in family.box.draw(64, seed=3):
         model = family.at(dict(zip(family.names, map(float, row), strict=True)))
-        rise = surrogate.studies.quantities.rise_time(model)
+        rise = surrogate.studies.targets.rise_time(model)
         assert not np.any((model.thermal_resistance < 0.97 * R) & (rise < 0.97 * t))
 
 

@@ -415,7 +415,7 @@ def test_two_tables_whose_columns_have_other_names_are_fitted_and_noted(tmp_path
         table = np.column_stack([times, model.response(th.Constant(power), times)])
         np.savetxt(tmp_path / column, table, delimiter=",", header=f"t,{column}", comments="", fmt="%.12e")
         units = {"time": "s", "temperature": "K"}
-        data.append(th.read_csv(tmp_path / column, time="t", temperature=column, power=power, units=units))
+        data.append(th.read_trace(tmp_path / column, power, temperature=column, units=units, start=0.0, baseline=0.0))
     fit = surrogate.fit_newton(data)
     assert fit.model.tau == pytest.approx([1e-6], rel=1e-6)
     assert any("read in 'CH1' and 'CH2'" in note for note in fit.notes)

@@ -96,9 +96,9 @@ def test_the_network_warns_outside_its_training(fitted):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.response(th.Pulse(2e-3, 1e-6), [1e-6])
-    with pytest.warns(surrogate.OutsideTrainingWarning, match="its training reached"):
+    with pytest.warns(th.OutsideTrainingWarning, match="its training reached"):
         model.response(th.Constant(10e-3), [1e-5])
-    with pytest.warns(surrogate.OutsideTrainingWarning):
+    with pytest.warns(th.OutsideTrainingWarning):
         model.periodic_response(th.SquareWave(20e-3, 1e-6, 0.5), 21)
 
 

@@ -6,7 +6,7 @@ from surrogate_systems import strip
 
 import surrogate
 import thermofem as th
-from surrogate.judging.swings import swing_over_period
+from surrogate.judging.temperature_swing import swing_over_period
 from surrogate.judging.validate import COMPARED
 
 FAST, SLOW = th.Foster(R=[5000.0], tau=[1e-7]), th.Foster(R=[5000.0], tau=[2e-7])
@@ -97,13 +97,12 @@ def test_second_order_errs_as_published(trained, reference, validated):
         )
     assert np.all(np.diff(curve.error.values / curve.period.values, 2) != 0)
     curve = surrogate.period_error(trained["second order"], reference, PERIODS)
-    low, high = surrogate.valid_range(curve)
+    low, high = surrogate.valid_range(curve, training=1e-6)[0]
     assert low == pytest.approx(0.6e-6, rel=0.1)  # .6 and 1.45 us are given with two digits
     assert high == pytest.approx(1.45e-6, rel=0.1)
-    assert (
-        curve.attrs["validity"]
-        == surrogate.validity(curve)
-        == f"within 10 % from {low * 1e6:.3g} to {high * 1e6:.3g} us"
+    assert curve.attrs["training_period"] == 1e-6
+    assert curve.attrs["validity"].startswith(
+        f"within 10 % from {low * 1e6:.3g} to {high * 1e6:.3g} us (trained at 1 us)"
     )
 
 
@@ -115,41 +114,30 @@ def test_a_swing_never_reached_is_infinite_and_one_always_exceeded_zero():
     slow = surrogate.period_error(instant, weak, [1e-8])
     assert slow.period_model.item() == 0
     assert slow.attrs["validity"] == "nowhere within 10 %"
-    assert np.isnan(surrogate.valid_range(slow)).all()
+    assert surrogate.valid_range(slow) == []
 
 
-def test_the_widest_stretch_is_interpolated():
+def test_all_stretches_are_given_the_one_around_the_training_period_first():
+    """A model trained at 1 us was said to hold from 0.112 to 0.261 us, the widest stretch, or nowhere."""
     import xarray as xr
 
     error = [0.15, 0.05, 0.05, 0.3, 0.0, 0.2]
     curve = xr.Dataset({"relative_error": ("period", error)}, coords={"period": np.geomspace(1e-7, 1e-2, 6)})
-    low, high = surrogate.valid_range(curve)
-    # .15 -> .05 passes .1 after half of the decade, .05 -> .3 after a fifth
-    assert (low, high) == pytest.approx((1e-7 * 10**0.5, 1e-5 * 10**0.2))
-    assert surrogate.valid_range(curve, within=1.0) == pytest.approx((1e-7, 1e-2))
-
-
-def test_a_crossing_of_zero_is_no_range():
-    import xarray as xr
-
-    periods = np.geomspace(1e-7, 1e-5, 41)
-    for slope, octaves in ((0.3, 0), (0.25, 1)):
-        # within 10 % over a factor exp(.2/slope): 1.9 and 2.2
-        curve = xr.Dataset({"relative_error": ("period", slope * np.log(periods / 1e-6))}, coords={"period": periods})
-        low, high = surrogate.valid_range(curve)
-        if octaves:
-            assert (low, high) == pytest.approx((1e-6 * np.exp(-0.4), 1e-6 * np.exp(0.4)), rel=1e-9)
-        else:
-            assert surrogate.validity(curve) == "nowhere within 10 %"
-    short = curve.isel(period=slice(19, 22))  # less than an octave altogether: the whole of it counts
-    assert surrogate.valid_range(short) == pytest.approx((periods[19], periods[21]))
+    # .15 -> .05 passes .1 after half of the decade, .05 -> .3 after a fifth; .3 -> 0 after two thirds, 0 -> .2 after half
+    wide, other = (1e-7 * 10**0.5, 1e-5 * 10**0.2), (1e-4 * 10 ** (2 / 3), 1e-3 * 10**0.5)
+    for options, first, second in (({}, wide, other), ({"training": 1e-3}, other, wide)):
+        found = surrogate.valid_range(curve, **options)
+        assert found[0] == pytest.approx(first)
+        assert found[1] == pytest.approx(second)
+    assert surrogate.valid_range(curve, within=1.0)[0] == pytest.approx((1e-7, 1e-2))
+    assert "us (trained at 1e+03 us) and from" in surrogate.validity(curve.assign_attrs(training_period=1e-3))
 
 
 def test_a_range_is_read_in_order_and_in_the_unit_of_the_periods():
     a, b = th.Foster(R=[1e4], tau=[1e-6]), th.Foster(R=[9.7e3], tau=[0.95e-6])
     curve = surrogate.period_error(b, a, np.geomspace(1e-7, 1e-5, 13))
     micro = curve.assign_coords(period=("period", curve.period.values * 1e6, {"units": "us"}))
-    assert surrogate.valid_range(micro) == pytest.approx(surrogate.valid_range(curve), rel=1e-12, abs=0)
+    assert surrogate.valid_range(micro)[0] == pytest.approx(surrogate.valid_range(curve)[0], rel=1e-12, abs=0)
     for bad, words in (
         (curve.isel(period=slice(None, None, -1)), "must increase"),
         (curve.expand_dims(model=2), "pick one model"),

@@ -48,12 +48,10 @@ def test_every_sparse_matrix_is_a_system(kind, array):
         (E, np.array([[-1e-4, 1e-4], [1e-4, -1e-4]]), B, "singular"),
         (E * (1 + 1j), -K, B, "complex"),  # the imaginary part was dropped
         (sparse.csc_matrix(E * (1 + 1j)), -K, B, "complex"),
-        (np.full((2, 2), "a"), -K, B, "E is not an array of numbers"),
-        (np.array([[1, None], [None, 1]]), -K, B, "E holds nan"),
+        (np.full((2, 2), "a"), -K, B, "E holds values of the type"),
+        (np.array([[1, np.nan], [np.nan, 1]]), -K, B, "E = nan is not finite"),
         (E, np.array(1.0), B, r"A has shape \(\); two"),
-        (E, -K, np.array([[np.inf], [-np.inf]]), "B holds inf"),
-        (np.array([[np.longdouble("1e400"), 0], [0, 1]]), -K, B, "E holds inf"),
-        (np.ma.masked_array(E, [[0, 1], [1, 0]]), -K, B, "masked"),
+        (E, -K, np.array([[np.inf], [-np.inf]]), "B = inf"),
     ],
 )
 @pytest.mark.parametrize(

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 import xml.etree.ElementTree as ET
-from enum import Enum
 from html import escape
-from typing import Protocol
 
 import numpy as np
 import pytest
 from surrogate_systems import strip
 
-import coupled
 import surrogate
 import thermofem as th
 
@@ -60,46 +56,6 @@ def test_a_heat_problem_shows_what_can_be_heated_and_read():
     assert "part core" in text
     assert repr(heat) == "HeatProblem('strip ring', 2508 unknowns, accuracy 0.001, heated core)"
 
-
-def test_no_result_fills_the_terminal():
-    rom = surrogate.reduce(strip(smallest=0.3), 1e-3)
-    data = th.dataset.build(TIMES, LINEAR.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
-    for shown in (rom, surrogate.fit_foster(data, order=2), LINEAR, th.assemble(th.strip_ring())):
-        assert len(repr(shown)) < 1200, type(shown)
-
-
-NO_OBJECTS = (BaseException, Enum, Protocol)  # errors, choices and contracts
-
-
-@pytest.mark.parametrize("package", [th, surrogate, coupled])
-def test_every_public_class_has_a_notebook_display(package):
-    classes = [c for c in (getattr(package, name) for name in package.__all__) if inspect.isclass(c)]
-    assert classes
-    objects = [c for c in classes if not issubclass(c, NO_OBJECTS) and not getattr(c, "_is_protocol", False)]
-    assert [c.__name__ for c in objects if not hasattr(c, "_repr_html_")] == []
-
-
-LARGE = {
-    "ring": coupled.borghi2021,
-    "geometry": th.strip_ring,
-    "mesh": lambda: th.assemble(th.strip_ring()).mesh,
-    "matrices": lambda: th.assemble(th.strip_ring()).system,
-    "discretization": lambda: th.assemble(th.strip_ring()).discretization,
-    "samples": lambda: th.Sampled(np.linspace(0, 1, 900), np.ones(900)),
-    "Foster": lambda: th.Foster(R=np.ones(100), tau=np.ones(100)),
-    "circuit": lambda: coupled.crow([coupled.borghi2021()] * 9),
-    "corrector": lambda: coupled.FEM(th.assemble(th.strip_ring())),
-    "event": lambda: coupled.Event("carriers", 1e23),
-}
-
-
-@pytest.mark.parametrize("name", LARGE)
-def test_large_objects_fit_three_lines(name):
-    shown = LARGE[name]()
-    assert len(repr(shown)) <= 3 * 116
-    assert "\n" not in repr(shown)
-    assert repr(shown).startswith(type(shown).__name__ + "(")
-    words(shown)
 
 
 def test_materials_list_themselves():

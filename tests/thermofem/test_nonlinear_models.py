@@ -113,7 +113,7 @@ def parts(model):
         ({"A": [[-1.0, 0.0]]}, "shape"),
         ({"B": [np.nan]}, "not finite"),
         ({"B": [1.0, []]}, "not an array"),
-        ({"C": ["warm"]}, "not an array"),
+        ({"C": ["warm"]}, "C holds"),
         ({"inputs": ("core", "heater")}, "one of each"),
         ({"largest_rise": -1.0}, "must be positive"),
     ],

@@ -1,18 +1,17 @@
 """Campaigns: many geometries times drives, one netCDF file for each geometry, resumable, on any Executor.
 
-plan    base geometry, what is varied, how it is driven: `Campaign`
-vary    one quantity that varies, one drive: `Variation`, `Drive`
-schema  the campaign file (TOML)
-pool    worker processes that may die
-work    one geometry: solved in a worker process, handed back as the bytes of a netCDF file
-run     the loop over an Executor
-store   the folder: results, failures, and what is finished
-collect all results as one Dataset: the index and the training collection
+variations     one quantity that varies, one drive
+plan           base geometry, what is varied, how it is driven: `Campaign`
+campaign_file  the same as TOML
+run            the loop over the geometries
+workers        processes of our own, or any Executor
+store          finished results of any long job: a file for each key, and its hash
+collection     the folder, and all results as one Dataset
 """
 
-from .collect import open_campaign
+from .collection import open_campaign
 from .plan import Campaign, Case
 from .run import Summary
-from .vary import Drive, Variation
+from .variations import Drive, Variation
 
 __all__ = ["Campaign", "Case", "Drive", "Summary", "Variation", "open_campaign"]

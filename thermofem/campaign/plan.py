@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import json
 import math
-import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -15,23 +15,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from .. import checks, waveforms
-from ..checks import InputError
 from ..data import files
-from ..data.display import shown
-from ..data.files import to_toml
-from ..geometry.paths import check_once, place
-from ..mesh.sizes import sizes
+from ..data.variables import known
+from ..errors import InputError
+from ..geometry.parameters import check_once, place
+from ..mesh.element_sizes import sizes
 from ..version import __version__
-from . import schema
-from .vary import LARGEST, Drive, Value, Variation, check_number, check_taken
+from . import campaign_file
+from .variations import Drive, Value, Variation
 
 if TYPE_CHECKING:
     from .run import Summary
-    from .work import Task
 
-FORMAT = 1  # of what enters the content hash, and of the files
+FORMAT = 2  # of the result files; it enters the hash of every geometry
+LARGEST = 1_000_000  # geometries of one campaign
+# names of variables and dimensions of the index and of the training collection
+INDEX = ("case", "key", "status", "reason", "probe", "thermal_resistance", "unknowns", "discretization_error",
+         "domain_error", "feature", "features", "feature_unit")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,6 @@ class Case:
     values: tuple[Value, ...]
 
 
-@shown
 @dataclass(frozen=True)
 class Campaign:
     """A base geometry, what is varied, and how each geometry is driven and read.
@@ -83,138 +85,85 @@ class Campaign:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        checks.plain(self)
-        checks.text("geometry", self.geometry)
-        checks.text("name", self.name)
-        if self.heated is not None:
-            checks.text("heated", self.heated)
-        checks.seed(self.seed)
-        checks.integer("samples", self.samples, 0, np.inf)
-        for field, kind in (("variations", Variation), ("drives", Drive), ("read", str)):
-            object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
         sizes(self.accuracy)  # the rule of the meshes
         checks.between("rtol", self.rtol, 1e-10, 0.1)
-        for what, names in (("drive", self.drives), ("vary", self.variations)):
-            check_number(what, len(names))
-            checks.unique(f"list of {what} names", [item.name for item in names])
-        check_taken(self.variations, self.drives)
+        self._check_names()
         check_once(path for variation in self.variations for path in variation.paths)
         drawn = [v.name for v in self.variations if not v.values]
         if bool(drawn) != bool(self.samples):
             raise InputError(
-                f"{', '.join(drawn)} has a range without count: give samples, the number of points to draw from it"
-                if drawn
-                else f"samples = {self.samples} but nothing has a range to draw from; leave it out"
+                f"samples = {self.samples} with ranges to draw from: {', '.join(drawn) or 'none'}",
+                "samples is the number of points drawn from ranges without count",
             )
-        checks.integer("samples", self.samples, 0, LARGEST)
         if len(self) > LARGEST:
-            raise InputError(f"{len(self)} geometries are more than {LARGEST}; take fewer values or draw from ranges")
-        first = next(self._values())
-        self.geometry_of(first)  # a path that leads nowhere raises here
+            raise InputError(f"{len(self)} geometries are more than {LARGEST}", "take fewer values or draw from ranges")
+        self.geometry_of(next(self._values()))  # a path that leads nowhere raises here
+
+    def _check_names(self) -> None:
+        """InputError where two names are equal, or one is that of a variable of the index."""
+        taken = {*INDEX, *(f"{kind}_{d.name}" for d in self.drives for kind in ("time", "power", "delta_T"))}
+        for what, items in (("drive", self.drives), ("vary", self.variations)):
+            for name, count in Counter(item.name for item in items).items():
+                if count > 1:
+                    raise InputError(f"{what} name = {name!r} is given twice")
+        for variation in self.variations:
+            own = known(variation.name)
+            if variation.name in taken or (own and own.unit != variation.unit):
+                raise InputError(f"vary: name = {variation.name!r} is taken by the index or by files", "choose another")
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Campaign:
         """Read a campaign file; InputErrors begin with the name of the file."""
-        return files.read_toml(path, "campaign", lambda text: cls(**schema.fields(text, Path(path).parent)))
+        folder = Path(path).parent
+        return files.read_toml(path, "campaign", lambda text: cls(**campaign_file.fields(text, folder)))
 
     def __len__(self) -> int:
         return math.prod(len(v.values) for v in self.variations if v.values) * max(self.samples, 1)
 
     @cached_property
     def _table(self) -> dict[str, Any]:
-        try:
-            return tomllib.loads(self.geometry)
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
-            hint = "give the text of a geometry file, e.g. th.strip_ring().to_toml()"
-            raise InputError(f"geometry is not valid TOML: {error}", hint) from None
+        return files.from_toml(self.geometry)
 
     def _values(self) -> Iterator[tuple[Value, ...]]:
         """The values of every geometry, in order: lists crossed, the first one slowest, hypercube innermost."""
         drawn = [v for v in self.variations if not v.values]
-        points = [[]] if not drawn else self._hypercube(drawn)
+        points = self._hypercube(drawn) if drawn else [[]]
         for listed in itertools.product(*(v.values for v in self.variations if v.values)):
             for point in points:
                 grid, free = iter(listed), iter(point)
                 yield tuple(next(grid) if v.values else next(free) for v in self.variations)
 
     def _hypercube(self, drawn: list[Variation]) -> list[list[float]]:
-        """Points that fall once into each of ``samples`` equal slices of every range, as SciPy draws them.
-
-        SciPy's own function would import more than all of a campaign's main process.
-        """
-        draw, count = np.random.default_rng(self.seed).spawn(1)[0], self.samples
-        inside = draw.uniform(size=(count, len(drawn)))
-        slices = np.tile(np.arange(1, count + 1), (len(drawn), 1))
-        for row in slices:
-            draw.shuffle(row)
-        points = (slices.T - inside) / count
-        # nine digits: geometry file and index agree to the last one
-        return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in points]
+        """Points that fall once into each of ``samples`` equal slices of every range, to nine digits."""
+        shares = qmc.LatinHypercube(len(drawn), rng=np.random.default_rng(self.seed)).random(self.samples)
+        return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in shares]
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:
         """Text of the geometry file with these values."""
-        checks.instance("values", values, tuple, list, hint="a value for each variation is needed")
-        values = checks.instances("values", values, str, float, int, np.number)
-        values = tuple(v if isinstance(v, str) else checks.finite("values", v) for v in values)
         if len(values) != len(self.variations):
             raise InputError(f"values holds {len(values)} values; {len(self.variations)} vary")
         table = json.loads(json.dumps(self._table))
         for variation, value in zip(self.variations, values, strict=True):
             for path in variation.paths:
                 place(table, path, variation.text(value))
-        return to_toml(table)
+        return files.to_toml(table)
 
-    def check_channels(self) -> None:
-        """InputError where the base geometry has no such heated part, or nothing of these names to read."""
-        from ..geometry import CrossSection
-
-        try:
-            base = CrossSection.from_toml_text(self.geometry)
-        except InputError:  # the first worker says why
-            return
-        if self.heated is not None:
-            checks.choice("heated", self.heated, base.heated)
-        readable = [one.name for some in (base.layers, base.parts, base.probes) for one in some]
-        checks.unique("read", [checks.choice("read", name, readable) for name in self.read])
+    def named(self, case: Case) -> dict[str, Value]:
+        """The values of one geometry by name."""
+        return {v.name: value for v, value in zip(self.variations, case.values, strict=True)}
 
     def cases(self) -> list[Case]:
         """Every geometry once, with the hash of all that determines its result."""
+        drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
+        base = files.to_toml(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
+        names = [v.name for v in self.variations]  # which the results hold
+        shared = (FORMAT, __version__, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
         seen: dict[str, Case] = {}
         for values in self._values():
-            key = self._key(self.geometry_of(values))
+            content = json.dumps((self.geometry_of(values), *shared))
+            key = hashlib.sha256(content.encode()).hexdigest()[:16]
             seen.setdefault(key, Case(key, values))
         return list(seen.values())
-
-    def _key(self, geometry: str) -> str:
-        drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
-        base = to_toml(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
-        names = [v.name for v in self.variations]  # which the results hold
-        content = (FORMAT, __version__, geometry, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
-        return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
-
-    def task(self, case: Case) -> Task:
-        """Everything a worker needs to compute one geometry."""
-        values = {v.name: value for v, value in zip(self.variations, case.values, strict=True)}
-        return self._task(case.key, self.geometry_of(case.values), json.dumps(values))
-
-    def base_task(self) -> Task:
-        """The task of the base geometry, with nothing varied."""
-        return self._task("base", self.geometry, "{}")
-
-    def _task(self, key: str, geometry: str, values: str) -> Task:
-        from .work import Task
-
-        return Task(
-            key=key,
-            geometry=geometry,
-            values=values,
-            drives=self.drives,
-            heated=self.heated,
-            read=self.read,
-            accuracy=self.accuracy,
-            rtol=self.rtol,
-            base=self.geometry if self.variations else "",
-        )
 
     def run(
         self,

@@ -1,33 +1,28 @@
-"""The loop of a campaign: tasks go to an Executor, results come back and are written, by this process alone.
-
-At most a few tasks for each worker are under way, so memory does not grow with the campaign. A geometry that kills its
-worker again and again is recorded while the others go on (`pool`).
-"""
+"""The loop of a campaign: each geometry is solved in a worker, which writes its file; this process keeps the books."""
 
 from __future__ import annotations
 
-import contextlib
+import json
 import time
-from collections import deque
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from .. import checks
-from ..checks import InputError, MissingLibraryError
-from .collect import Row, write_collections
-from .pool import Pool, WorkerDiedError, WorkersDoNotStartError
-from .processes import begin, cpus
-from .store import ResultStore
-from .work import Outcome, compute, prepare, ready
+import numpy as np
+import xarray as xr
 
-if TYPE_CHECKING:
-    from .plan import Campaign, Case
-
-FOREIGN = 64  # limit of pending tasks for a user-supplied executor
-ROOM, PER_ROW = 100_000_000, 2_000  # bytes of rows kept for the index, and of one beside its numbers; others are read
+from ..data import files, netcdf
+from ..errors import InputError, MissingLibraryError
+from ..fem import HeatProblem
+from ..fem.assembly import assemble_like
+from ..geometry import CrossSection
+from ..solving import solve, solve_periodic
+from .collection import NUMBERS, Folder, Row, write_collections
+from .plan import Campaign, Case
+from .workers import completed
 
 
 @dataclass(frozen=True)
@@ -55,6 +50,15 @@ class Summary:
         return self.reused + self.finished + self.failed
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What a worker reports of one geometry: the reason of a failure, CPU seconds, and its row of the index."""
+
+    reason: str
+    cpu: float
+    row: Row = field(default_factory=dict)
+
+
 def run(
     campaign: Campaign,
     directory: str | Path,
@@ -64,18 +68,17 @@ def run(
     retry_failed: bool = False,
     report: Callable[[Summary], None] | None = None,
 ) -> Summary:
-    """Compute every geometry of a campaign that its folder does not hold yet, then write index and training data.
+    """Solve every geometry of a campaign that has no result yet, and write index and training collection.
 
     Parameters
     ----------
     campaign : Campaign
     directory : str or Path
-        made where it does not exist; finished geometries in it are kept and not computed again.
-    executor : Executor
-        anything that keeps the contract of `concurrent.futures`; default a pool of processes of its own. A script that
-        takes the default needs ``if __name__ == "__main__":`` around the call.
+        of the results; another run continues there.
+    executor : concurrent.futures.Executor
+        whose workers reach the folder, such as Dask's or ``mpi4py.futures``; default processes of our own.
     workers : int
-        processes of the default pool; default one for each CPU.
+        number of these processes; default one for each CPU.
     retry_failed : bool
         take geometries that failed in an earlier run again.
     report : callable
@@ -84,129 +87,114 @@ def run(
     Raises
     ------
     InputError
-        no drive; the folder is not writable, full or in use; a base geometry that cannot be solved; workers that do
-        not start. What is finished stays.
+        no drive; the folder cannot be written or is in use; a base geometry that cannot be solved; an executor that
+        breaks. What is finished stays.
     MissingLibraryError
         meshes must be made and gmsh cannot be loaded.
     """
     if not campaign.drives:
-        raise InputError(f"campaign {campaign.name!r} has no drive; add a [[drive]] table (a family needs none)")
-    if workers is not None:
-        checks.integer("workers", workers, 1, 1024)
-    retry_failed = checks.flag("retry_failed", retry_failed)
-    campaign.check_channels()
-    store = ResultStore(checks.path("directory", directory))
-    cases = campaign.cases()
-    with store.opened():
-        store.write_plan(campaign, cases)
-        loop = _Loop(campaign, store, report or (lambda summary: None), Summary(len(cases)))
-        waiting = loop.sort(cases, retry_failed)
-        if not waiting:
-            loop.report(loop.summary)
-        else:
-            with contextlib.ExitStack() as stack:
-                count = workers or cpus()
-                if executor is None:
-                    begin()
-                    pool = stack.enter_context(Pool(count, prepare))
-                loop.start(executor or pool, 1 if executor else count)
-                loop.report(loop.summary)
-                loop.work(waiting, executor or pool, FOREIGN if executor else 2 * count)
-        write_collections(store, loop.rows)
-    return loop.summary
-
-
-@dataclass
-class _Loop:
-    """State of one run."""
-
-    campaign: Campaign
-    store: ResultStore
-    report: Callable[[Summary], None]
-    summary: Summary
-    rows: dict[str, Row] = field(default_factory=dict)
-    room: int = ROOM
-
-    def sort(self, cases: list[Case], retry_failed: bool) -> deque[Case]:
-        """The geometries that need work; a result whose hash is another one is made again."""
-        waiting: deque[Case] = deque()
-        hashes = self.store.hashes()
-        for case, status in zip(cases, self.store.status([case.key for case in cases]), strict=True):
-            if status == "finished" and self.store.finished(case.key, hashes):
-                self.summary = replace(self.summary, reused=self.summary.reused + 1)
-            elif status == "failed" and not retry_failed:
-                self.summary = replace(self.summary, failed=self.summary.failed + 1)
+        raise InputError(f"campaign {campaign.name!r} has no drive", "add a [[drive]] table (a family needs none)")
+    report = report or (lambda summary: None)
+    folder, cases = Folder(Path(directory)), campaign.cases()
+    with folder.opened():
+        folder.write_plan(campaign, cases)
+        there = folder.store.intact([case.key for case in cases])
+        failed = set() if retry_failed else {case.key for case in cases if folder.reason(case.key)} - there
+        waiting = [case for case in cases if case.key not in there | failed]
+        summary = Summary(len(cases), reused=len(there), failed=len(failed))
+        if waiting:
+            _assembled(campaign, campaign.geometry)
+        report(summary)
+        rows, begin = {}, time.perf_counter()
+        work = partial(compute, campaign, folder)
+        for case, future in completed(work, waiting, executor=executor, workers=workers):
+            error = future.exception()
+            if isinstance(error, MissingLibraryError | BrokenExecutor):
+                kept = summary.reused + summary.finished
+                raise error if isinstance(error, MissingLibraryError) else InputError(
+                    f"the executor broke ({error})", f"{kept} finished geometries are kept, run again with a new one"
+                )  # fmt: skip
+            outcome = future.result() if error is None else Outcome(str(error), 0.0)
+            if outcome.reason:
+                folder.write_failure(case.key, outcome.reason, campaign.named(case))
+                summary = replace(summary, failed=summary.failed + 1)
             else:
-                self.store.result(case.key).unlink(missing_ok=True)
-                waiting.append(case)
-        return waiting
+                folder.store.enter(case.key)
+                folder.failure(case.key).unlink(missing_ok=True)
+                rows[case.key] = outcome.row
+                summary = replace(summary, finished=summary.finished + 1)
+            spent = summary.cpu_seconds + outcome.cpu
+            summary = replace(summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)
+            report(summary)
+        write_collections(folder, rows)
+    return summary
 
-    def start(self, executor: Executor, count: int) -> None:
-        """Have the first worker check the base geometry, and the others load their libraries."""
-        base = self.campaign.base_task()
-        try:
-            tests = [executor.submit(ready, base if k == 0 else None) for k in range(count)]
-            for test in tests:
-                test.result()
-        except WorkerDiedError as error:
-            raise InputError(f"the base geometry cannot be solved: {error}") from None
-        except BrokenExecutor as error:
-            raise InputError(f"the executor breaks at the base geometry ({error}); give one that works") from None
 
-    def work(self, waiting: deque[Case], executor: Executor, width: int) -> None:
-        """Compute all of ``waiting``, ``width`` of them under way at the same time."""
-        begin = time.perf_counter()
-        under_way: dict[Future[Outcome], Case] = {}
-        try:
-            while waiting or under_way:
-                while waiting and len(under_way) < width:
-                    case = waiting.popleft()
-                    under_way[executor.submit(compute, self.campaign.task(case))] = case
-                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                    self._settle(under_way.pop(future), future, begin)
-        except BrokenExecutor:
-            for future in [future for future in under_way if future.done() and not future.cancelled()]:
-                if future.exception() is None:
-                    self._settle(under_way.pop(future), future, begin)
-            raise InputError(
-                f"the executor broke; {self.summary.finished} geometries of this run are kept, run again "
-                "with a new one to go on"
-            ) from None
-        finally:
-            for future in under_way:
-                future.cancel()
+def _assembled(campaign: Campaign, geometry: str) -> HeatProblem:
+    """The heat problem of one geometry, on the moved mesh of the base where that keeps the accuracy."""
+    base = campaign.geometry if campaign.variations else ""
+    heat = assemble_like(base, CrossSection.from_toml_text(geometry), campaign.accuracy)
+    heat.channels(campaign.heated or heat.heated[0], campaign.read or None)
+    return heat
 
-    def _settle(self, case: Case, future: Future[Outcome], begin: float) -> None:
-        """Write what came back."""
-        error = future.exception()
-        if isinstance(error, MissingLibraryError | WorkersDoNotStartError | BrokenExecutor):
-            raise error
-        if error is None:
-            outcome = future.result()
+
+def compute(campaign: Campaign, folder: Folder, case: Case) -> Outcome:
+    """Solve one geometry under every drive and write its file; this runs in a worker.
+
+    Raises MissingLibraryError: no other geometry would fare better.
+    """
+    start = time.thread_time()
+    try:
+        results = _solved(campaign, case)
+        _write(results, folder.store.path(case.key))
+    except MissingLibraryError:
+        raise
+    except Exception as error:  # whatever stops one geometry is recorded, and the others go on
+        kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+        return Outcome(f"{kind}{error}" or "no message", time.thread_time() - start)
+    return Outcome("", time.thread_time() - start, _row(results))
+
+
+def _solved(campaign: Campaign, case: Case) -> dict[str, xr.Dataset]:
+    """One result for each drive, as `thermofem.solve` returns it."""
+    heat = _assembled(campaign, campaign.geometry_of(case.values))
+    heated = campaign.heated or heat.heated[0]
+    names = campaign.read or (heated,)
+    channels: dict[str, Any] = {"heated": heated, "read": names[0] if len(names) == 1 else names, "rtol": campaign.rtol}
+    results = {}
+    for drive in campaign.drives:
+        if drive.times:
+            found = solve(heat, drive.wave, drive.kept, **channels)
         else:
-            kind = "" if isinstance(error, WorkerDiedError) else f"{type(error).__name__}: "
-            outcome = Outcome(case.key, b"", f"{kind}{error}", 0.0)
-        if outcome.reason:
-            self._fail(case, outcome.reason)
-        else:
-            self._keep(lambda: self.store.write_result(case.key, outcome.content))
-            if outcome.row and self.room > 0:
-                self.rows[case.key] = outcome.row
-                self.room -= sum(value.nbytes for value in outcome.row.values()) + PER_ROW
-            self.summary = replace(self.summary, finished=self.summary.finished + 1)
-        spent = self.summary.cpu_seconds + outcome.cpu
-        self.summary = replace(self.summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)
-        self.report(self.summary)
+            found = solve_periodic(heat, drive.wave, drive.samples, **channels)
+        found.attrs |= {
+            "thermal_resistances": [heat.thermal_resistance(heated, name) for name in names],
+            "drive": drive.name,
+            "campaign_case": case.key,
+            "campaign_values": json.dumps(campaign.named(case)),
+        }
+        results[drive.name] = found
+    return results
 
-    def _fail(self, case: Case, reason: str) -> None:
-        values = {v.name: value for v, value in zip(self.campaign.variations, case.values, strict=True)}
-        self._keep(lambda: self.store.write_failure(case.key, reason, values))
-        self.summary = replace(self.summary, failed=self.summary.failed + 1)
 
-    def _keep(self, write: Callable[[], None]) -> None:
-        """Write into the folder; where that fails, say that nothing finished is lost."""
-        try:
-            write()
-        except InputError as error:
-            kept = self.summary.reused + self.summary.finished
-            raise InputError(f"{error}; {kept} finished geometries are kept, run again to go on") from None
+def _write(results: dict[str, xr.Dataset], path: Path) -> None:
+    """Write the results of one geometry: the first as `thermofem.load` reads it, each further one as a group."""
+
+    def write(temporary: Path) -> None:
+        for number, (name, data) in enumerate(results.items()):
+            data.attrs = netcdf.signed(data.variables, data.attrs)
+            group = {"group": name, "mode": "a"} if number else {}
+            data.to_netcdf(temporary, engine="h5netcdf", **group)
+
+    files.write_whole(path, write)
+
+
+def _row(results: dict[str, xr.Dataset]) -> Row:
+    """Values of one geometry for the index, see `collection`."""
+    first = next(iter(results.values())).attrs
+    row = {name: np.asarray(first[name], dtype=float) for name in NUMBERS}
+    row["thermal_resistance"] = np.asarray(first["thermal_resistances"], dtype=float)
+    for name, data in results.items():
+        rise = data["delta_T"].values
+        row[f"delta_T_{name}"] = rise[:, None] if rise.ndim == 1 else rise
+    return row

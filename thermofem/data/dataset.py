@@ -26,7 +26,7 @@ from ..arrays import Array, ArrayLike
 from ..version import __version__
 from . import static_gain
 from .clipping import clipping
-from .header_units import unit_of
+from .column_units import unit_of
 from .netcdf import SCHEMA, load, save
 from .variables import describe, in_si
 
@@ -38,7 +38,7 @@ KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 CROPPED = 100.0  # of the span of a trace: how far its start may be off, where most of its rows were left out
-START, REST = "start_within", "rest_rows"  # attributes of a measured trace, see `Response`
+START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
 ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
 _OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
@@ -56,6 +56,7 @@ class Response:
     doubts: what makes the data doubtful, see `static_gain.contradictions` and `clipping`.
     start_within [s]: how far from t = 0 the heating may begin, of a measured trace; 0 where the start is known.
     rest_rows: rows at rest whose mean was subtracted as the baseline, of a measured trace; infinite where it is known.
+    rest_noise [K]: standard deviation of the rows at rest, nan where there are none.
     """
 
     wave: waveforms.Waveform
@@ -67,6 +68,7 @@ class Response:
     doubts: tuple[str, ...] = ()
     start_within: float = 0.0
     rest_rows: float = float("inf")
+    rest_noise: float = float("nan")
 
     @property
     def swing(self) -> float:
@@ -161,7 +163,6 @@ def response_of(data: xr.Dataset) -> Response:
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
     data = in_si("data", data)
-    check_texts(data)
     data = at_probe(data)
     times = checks.array("data.time", data["time"].values, increasing=True)
     if odd := [str(dim) for dim in data["delta_T"].dims if dim not in ("time", "probe")]:
@@ -200,9 +201,9 @@ def response_of(data: xr.Dataset) -> Response:
         return Response(wave, times, rise, periodic, words, gain, doubts)
     within = _estimated(data, START, 0.0, CROPPED * float(np.ptp(times)))
     rest = _estimated(data, REST, np.inf, POSSIBLE[1])
-    if 0 < rest < 1:
-        raise checks.InputError(f"data.attrs[{REST!r}] = {rest:g} is no number of rows; 0, or 1 and more, is needed")
-    return Response(wave, times, rise, periodic, words, gain, doubts, min(within, float(times[-1]) / FEWEST), rest)
+    noise = _estimated(data, NOISE, np.nan, POSSIBLE[1])
+    within = min(within, float(times[-1]) / FEWEST)
+    return Response(wave, times, rise, periodic, words, gain, doubts, within, rest, noise)
 
 
 def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None:
@@ -216,13 +217,6 @@ def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:
     """An attribute of a measured trace, of which the start or the baseline was found from the trace itself."""
     name, value = f"data.attrs[{name!r}]", data.attrs.get(name)
     return known if value is None else checks.between(name, value, 0, most)
-
-
-def check_texts(data: xr.Dataset) -> None:
-    """InputError where an attribute that names or describes is no text: a file may hold an array in its place."""
-    for name in ("kind", "heated", "read", "geometry", "materials"):
-        if not isinstance(data.attrs.get(name), str | None):
-            raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
 
 
 def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:

@@ -1,12 +1,11 @@
-"""HTML tables of models, fits and geometries, for notebooks; and the text of objects in three lines."""
+"""HTML tables of models, fits and geometries, for notebooks."""
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +15,6 @@ from . import quantity
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..materials.library import Material
-
-T = TypeVar("T")
 
 
 def card(title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:
@@ -76,55 +73,3 @@ def materials_card(materials: Sequence[Material]) -> str:
 def _properties(m: Material) -> tuple[str, str, str, str, str]:
     k = f"{m.conductivity:g}" + ("" if m.conductivity_z is None else f" ({m.conductivity_z:g} along z)")
     return m.name, k, f"{m.density:g}", f"{m.specific_heat:g}", "  follows T" if m.varies else ""
-
-
-LINES, WIDE = 3, 116  # of the text of an object
-
-
-def shown(kind: type[T]) -> type[T]:
-    """Class decorator: a text of at most three lines, and a table of the fields for notebooks.
-
-    For dataclasses, above ``@dataclass``, and for named tuples. What the class has written itself stays.
-    """
-    own = getattr(kind, "__repr__", None)
-    if own is None or hasattr(own, "__wrapped__") or own is object.__repr__:  # dataclasses wrap the one they make
-        kind.__repr__ = _text  # type: ignore[method-assign]
-    if not hasattr(kind, "_repr_html_"):
-        kind._repr_html_ = _table  # type: ignore[attr-defined]
-    return kind
-
-
-def _text(self: Any) -> str:
-    """Class and fields, the longest of them shortened until it fits."""
-    for most in (10_000, 200, 60, 30, 16):
-        words = ", ".join(f"{name}={_short(getattr(self, name), most)}" for name in _names(self))
-        text = f"{type(self).__name__}({words})"
-        if len(text) <= LINES * WIDE:
-            return text
-    return text[: LINES * WIDE - 5] + " ...)"
-
-
-def _short(value: Any, most: int) -> str:
-    """One value in at most about ``most`` characters on one line."""
-    if isinstance(value, float):
-        return repr(value) if most > 200 else f"{value:.6g}"
-    if isinstance(value, np.ndarray) and value.size > (30 if most > 200 else 6):
-        numeric = value.dtype.kind in "fiu"
-        ends = f" {np.min(value):.4g} to {np.max(value):.4g}" if numeric else ""
-        return f"<{' x '.join(map(str, value.shape))}{ends}>"
-    if isinstance(value, tuple | list | dict) and len(repr(value)) > most:
-        return f"<{len(value)} of {type(value).__name__}>"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= most else text[: max(most - 3, 1)] + "..."
-
-
-def _table(self: Any) -> str:
-    """A card of the fields."""
-    return card(type(self).__name__, [(name, _short(getattr(self, name), 400)) for name in _names(self)])
-
-
-def _names(self: Any) -> Sequence[str]:
-    """Fields of a dataclass that its text shows, or of a named tuple."""
-    if isinstance(self, tuple):
-        return self._fields  # type: ignore[attr-defined]
-    return [f.name for f in dataclasses.fields(self) if f.repr]

@@ -5,7 +5,6 @@ The plane of the mesh is (x, y) = (r, z) in m; ParaView's Rotational Extrusion m
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from functools import partial
 from html import escape
@@ -16,13 +15,14 @@ import numpy as np
 
 from .. import checks
 from ..checks import InputError
-from .files import check_target, read_bytes, write_whole
+from .files import check_target, write_whole
 from .variables import contents
 
 if TYPE_CHECKING:
     import xarray as xr
 
 NAME = "temperature_rise"  # K, of the field in the files
+FIELDS = "a Dataset of th.solve with field_times, which keeps the temperature field"
 _KINDS = (".xdmf", ".pvd", ".vtu")
 
 
@@ -45,8 +45,7 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     Raises
     ------
     InputError
-        no field in the data, another ending, several times for one .vtu, a folder that cannot be written, or a .vtu
-        file of a step's name that an earlier .pvd of this name does not list.
+        no field in the data, another ending, several times for one .vtu, a folder that cannot be written.
 
     >>> data = solve(assemble(strip_ring()), Pulse(2e-3, 1e-6), [1e-6], field_times=[0.5e-6, 1e-6])
     >>> import tempfile
@@ -61,15 +60,9 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
         return (write_whole(path, lambda p: _write_xdmf(data, p)),)
     if path.suffix == ".vtu":
         return (write_whole(path, lambda p: _mesh(data, 0).write(p, file_format="vtu")),)
-    new = [step for step in steps if not step.exists()]
-    try:
-        for k, step in enumerate(steps):
-            write_whole(step, partial(_mesh(data, k).write, file_format="vtu"))
-        return (*steps, write_whole(path, lambda p: p.write_text(_list_of_steps(times, steps), encoding="utf-8")))
-    except BaseException:
-        for step in new:  # no list names them
-            step.unlink(missing_ok=True)
-        raise
+    for k, step in enumerate(steps):
+        write_whole(step, partial(_mesh(data, k).write, file_format="vtu"))
+    return (*steps, write_whole(path, lambda p: p.write_text(_list_of_steps(times, steps), encoding="utf-8")))
 
 
 def files_of(path: str | Path, count: int) -> tuple[Path, ...]:
@@ -81,36 +74,16 @@ def files_of(path: str | Path, count: int) -> tuple[Path, ...]:
     kind = checks.choice("fields: ending", path.suffix, _KINDS, hint="ParaView opens these three")
     if kind == ".vtu" and count > 1:
         raise InputError(f"{path.name} holds one time and the data {count}; take .xdmf or .pvd, or select one")
-    if kind == ".pvd" and os.fsencode(path.name).decode(errors="ignore").encode() != os.fsencode(path.name):
-        raise InputError(f"{path.name} is not UTF-8, as the names in a .pvd are; give another name, or .xdmf")
     steps = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(count)] if kind == ".pvd" else []
     for file in (*steps, path):
         check_target(file)
-    there = [step for step in steps if step.exists()]
-    listed = _listed(path) if there else set()
-    for step in there:
-        if step.name not in listed:
-            raise InputError(f"{step} exists and is no part of an earlier {path.name}; move it, or give another name")
     return (*steps, path)
-
-
-def _listed(path: Path) -> set[str]:
-    """Files that a .pvd lists; none where it does not exist or is damaged."""
-    from xml.etree.ElementTree import ParseError, fromstring
-
-    try:
-        return {entry.get("file", "") for entry in fromstring(read_bytes(path, "ParaView")).iter("DataSet")}
-    except (InputError, ParseError):
-        return set()
 
 
 def check_field(data: xr.Dataset) -> xr.Dataset:
     """The Dataset in SI, or InputError unless it holds temperature fields."""
-    for name in ("field", "field_time", "triangles", "r", "z"):
-        if name not in getattr(data, "variables", {}):
-            raise InputError(f"data holds no {name}; solve with field_times=[...] keeps the temperature field")
     dims = {"field_time": "field_time", "triangles": "triangle corner", "r": "vertex", "z": "vertex"}
-    data = contents("data", data, {"field": "field_time vertex", **dims}, what="a Dataset of th.solve with field_times")
+    data = contents("data", data, {"field": "field_time vertex", **dims}, what=FIELDS)
     corners = data["triangles"].values
     if corners.shape[1] != 3 or corners.dtype.kind not in "iu" or corners.min() < 0 or corners.max() >= data["r"].size:
         raise InputError(f"data['triangles'] must hold three numbers from 0 to {data['r'].size - 1} for each triangle")

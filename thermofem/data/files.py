@@ -81,15 +81,16 @@ def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
 
 def read_json(path: str | Path, kind: str) -> Any:
     """Tree of a JSON file, see `from_json`; the error begins with the file."""
-    return _naming(path, from_json, read_text(path, kind))
+    text = read_text(path, kind)
+    try:
+        return from_json(text)
+    except InputError as error:
+        raise InputError(f"{path} cannot be read: {error}; is it complete?") from None
 
 
 def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
     """``read`` of the text of a TOML file; an InputError of it begins with the file."""
-    return _naming(path, read, read_text(path, kind))
-
-
-def _naming(path: str | Path, read: Callable[[str], T], text: str) -> T:
+    text = read_text(path, kind)
     try:
         return read(text)
     except InputError as error:

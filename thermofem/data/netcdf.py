@@ -11,7 +11,6 @@ import json
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -170,24 +169,6 @@ def unsigned(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> tuple[di
         return bare, bool(_content_hash(variables, bare, kept["attributes"]) == kept["hash"])
     except (LookupError, TypeError, ValueError, RecursionError):  # an attribute is missing, or the JSON is damaged
         return bare, False
-
-
-def sign(file: Any) -> None:
-    """Write `HASH` into an open file of h5netcdf that is otherwise complete."""
-    file.attrs[HASH] = signed(_stored(file), file.attrs)[HASH]
-
-
-def unchanged(path: Path) -> bool | None:
-    """Whether a file is as it was signed; None without a hash."""
-    import h5netcdf
-
-    with h5netcdf.File(path, "r") as file:
-        return unsigned(_stored(file), file.attrs)[1]
-
-
-def _stored(file: Any) -> dict[str, Any]:
-    variables = file.variables.items()
-    return {name: SimpleNamespace(dims=v.dimensions, values=v[...], attrs=v.attrs) for name, v in variables}
 
 
 def _content_hash(variables: Mapping[Any, Any], attrs: Mapping[Any, Any], names: Sequence[str]) -> str:

@@ -41,6 +41,7 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "m/W": ("a two-photon absorption coefficient", "0.81 cm/GW", ()),
     "m^2/W": ("a Kerr coefficient", "4.5e-18 m^2/W", ()),
     "1/m": ("an attenuation of power", "7 dB/cm", ()),
+    "Hz/K": ("a thermal shift of a frequency", "9.3 GHz/K", ()),
     "m/K": ("a thermal shift of a wavelength", "75 pm/K", ()),
     "1/K": ("a thermo-optic coefficient", "1.86e-4 1/K", ()),
     "eV": ("an energy", "0.1 eV", ()),

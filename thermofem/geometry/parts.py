@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import check_name
 from ..data import quantity
-from ..data.display import shown
 from ..materials.library import VOID
 
 VERTICAL = math.pi / 2
@@ -22,7 +21,6 @@ _BEYOND = 1e300  # m; no hint repairs it
 _LONGEST = 0.1  # m; nothing on a chip is longer
 
 
-@shown
 @dataclass(frozen=True)
 class Layer:
     """One layer of the stack.
@@ -50,7 +48,6 @@ class Layer:
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
 
 
-@shown
 @dataclass(frozen=True)
 class Part:
     """A ring (a disc when ``inner_radius`` is 0) or a straight bar with a rectangular or trapezoidal cross-section.
@@ -148,7 +145,6 @@ def images(one: Part, other: Part) -> bool:
     return sides and one.material == other.material == VOID and bool(np.abs(mirror - other.outline()).max() <= SAME)
 
 
-@shown
 @dataclass(frozen=True)
 class Boundary:
     """Boundary condition on one side: "isothermal" (held at ambient), "insulated", "convection" or "open".
@@ -195,7 +191,6 @@ class Boundary:
 ISOTHERMAL, INSULATED, OPEN = Boundary("isothermal"), Boundary("insulated"), Boundary("open")
 
 
-@shown
 @dataclass(frozen=True)
 class Interface:
     """Thermal boundary resistance in m^2 K/W on the whole surface of one part.
@@ -214,7 +209,6 @@ class Interface:
         checks.between(f"interface of {self.part!r}: resistance", self.resistance, 0, 1, unit="m^2*K/W", hint=hint)
 
 
-@shown
 @dataclass(frozen=True)
 class Probe:
     """An additional readout: a shell around a part, or a copy of a part off the axis.

@@ -8,10 +8,14 @@ import sys as _sys
 from collections.abc import Iterator as _Iterator
 from types import ModuleType as _ModuleType
 
+from .index_laws import INDEX_LAWS, IndexTable, Sellmeier, constant_index
 from .laws import Polynomial, PowerLaw, Table
 from .library import LIBRARY, Material, find, silicon_film
 
-__all__ = ["LIBRARY", "Material", "Polynomial", "PowerLaw", "Table", "find", "silicon_film"]
+__all__ = [
+    "INDEX_LAWS", "LIBRARY", "IndexTable", "Material", "Polynomial", "PowerLaw", "Sellmeier", "Table",
+    "constant_index", "find", "silicon_film",
+]  # fmt: skip
 
 
 class _Listed(_ModuleType):
@@ -38,4 +42,5 @@ class _Listed(_ModuleType):
         return materials_card([find(name) for name in self])
 
 
+# as Python's data model describes it: "customizing module attribute access"
 _sys.modules[__name__].__class__ = _Listed

@@ -15,7 +15,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike
-from ..data.display import shown
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
 QUIET = np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
@@ -34,7 +33,6 @@ class Law(Protocol):
         """Integral of f from ``start`` to ``start + rise``, in K."""
 
 
-@shown
 @dataclass(frozen=True)
 class PowerLaw:
     """f(T) = (T/reference)^exponent; the exponent 0 is a constant property.
@@ -68,7 +66,6 @@ class PowerLaw:
         return np.asarray((scale / n * np.expm1(n * log) if n else scale * log) + below)
 
 
-@shown
 @dataclass(frozen=True)
 class Polynomial:
     """f(T) = 1 + a_1 (T - reference) + a_2 (T - reference)^2 + ...
@@ -119,7 +116,6 @@ def _horner(coefficients: tuple[float, ...], x: Array) -> Array:
     return np.asarray(total)
 
 
-@shown
 @dataclass(frozen=True)
 class Table:
     """f(T) = v(T)/v(reference), v the monotone cubic through a table, held constant beyond its ends.

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from .. import checks
-from ..data.display import shown
+from .index_laws import INDEX_LAWS, IndexLaw
 from .laws import CONSTANT, Law, PowerLaw, Table, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated
 
 
-@shown
 @dataclass(frozen=True)
 class Material:
     """A material that conducts and stores heat.
@@ -39,6 +39,12 @@ class Material:
         see `thermofem.materials.laws`; constant by default, ``PowerLaw(-1.3)`` for the conductivity of bulk silicon.
     conductivity_z : float, W/m/K
         along z; None where it is the same. The law holds for both directions.
+    index : Sellmeier or IndexTable
+        refractive index over wavelength (`thermofem.materials.index_laws`); None where light must not go.
+    thermo_optic : float, 1/K
+        dn/dT.
+    two_photon, kerr : float, m/W and m^2/W
+        coefficient of two-photon absorption, and n_2.
 
     Raises
     ------
@@ -54,6 +60,10 @@ class Material:
     conductivity_law: Law = CONSTANT
     specific_heat_law: Law = CONSTANT
     conductivity_z: float | None = None
+    index: IndexLaw | None = None
+    thermo_optic: float = 0.0
+    two_photon: float = 0.0
+    kerr: float = 0.0
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -69,6 +79,11 @@ class Material:
             checks.has(f"{of}{name}", getattr(self, name), "factor", "integral", hint="th.PowerLaw(-1.3) is one")
         if self.conductivity_z is not None:
             checks.between(f"{of}conductivity_z", self.conductivity_z, 1e-4, 1e4, unit="W/m/K")
+        if self.index is not None:
+            checks.has(f"{of}index", self.index, "index", "group_index", hint="th.materials.Sellmeier() is one")
+        checks.between(f"{of}thermo_optic", self.thermo_optic, -1e-2, 1e-2, unit="1/K", hint="silicon has 1.86e-4")
+        checks.between(f"{of}two_photon", self.two_photon, 0, 1e-9, unit="m/W", hint="0.8 cm/GW is 8e-12 m/W")
+        checks.between(f"{of}kerr", self.kerr, -1e-15, 1e-15, unit="m^2/W", hint="silicon has 4.5e-18 m^2/W")
 
     @property
     def varies(self) -> bool:
@@ -87,6 +102,19 @@ class Material:
 
 
 _INCROPERA = "Incropera, DeWitt, Bergman and Lavine, Fundamentals of Heat and Mass Transfer (Wiley), table A.1"
+
+
+_SILICON_LIGHT: dict[str, Any] = {
+    "index": INDEX_LAWS["Si, Salzberg 1957"],
+    "thermo_optic": 1.86e-4,  # 1/K; Borghi et al., Opt. Express 29, 4363 (2021), from Johnson et al. 2006
+    "two_photon": 7.9e-12,  # m/W at 1.54 um; Dinu, Quochi and Garcia, Appl. Phys. Lett. 82, 2954 (2003)
+    "kerr": 4.5e-18,  # m^2/W, the same
+}
+_SILICA_LIGHT: dict[str, Any] = {
+    "index": INDEX_LAWS["SiO2, Malitson 1965"],
+    "thermo_optic": 0.95e-5,  # 1/K near 1.55 um; Leviton and Frey, Proc. SPIE 6273, 62732K (2006)
+    "kerr": 2.6e-20,  # m^2/W; Agrawal, Nonlinear Fiber Optics (Academic), a typical value
+}
 
 
 def silicon_film(thickness: float) -> Material:
@@ -126,6 +154,7 @@ def silicon_film(thickness: float) -> Material:
         source=f"148 W/m/K of bulk silicon ({_INCROPERA}) reduced by surface scattering, k/(1 + 3 L/(8 d)), with L = "
         "300 nm, a typical mean free path (100..300 nm); an estimate, good to some 20 %",
         conductivity_law=PowerLaw(-1.3 / (1 + x)),
+        **_SILICON_LIGHT,
     )
 
 
@@ -140,6 +169,7 @@ LIBRARY: dict[str, Material] = {
             source="crystalline silicon: 700 J/kg/K is that of Borghi et al., Opt. Express 29, 4363 (2021), appendix"
             " A; 130 W/m/K is a typical value, range 130..148; bulk at 300 K has 148 W/m/K, 2330 kg/m^3, 712 "
             f"J/kg/K ({_INCROPERA}); films conduct less, see silicon_film",
+            **_SILICON_LIGHT,
         ),
         Material(
             "SiO2",
@@ -149,6 +179,7 @@ LIBRARY: dict[str, Material] = {
             source='fused silica: the values of "Silica glass" in the material library of COMSOL Multiphysics, the'
             " solver of Borghi et al., Opt. Express 29, 4363 (2021); deposited oxides conduct less, typical "
             "range 1.0..1.4 W/m/K",
+            **_SILICA_LIGHT,
         ),
         Material(
             "air",
@@ -157,6 +188,7 @@ LIBRARY: dict[str, Material] = {
             specific_heat=1007.0,
             source="dry air at 300 K and 1 atm: typical values, range 0.0257..0.0264 W/m/K, 1.16..1.18 kg/m^3, "
             "1004..1007 J/kg/K",
+            index=INDEX_LAWS["air"],
         ),
         Material(VOID, conductivity=0.0, density=0.0, specific_heat=0.0, source="not meshed; its walls are insulated"),
         Material(
@@ -176,6 +208,7 @@ LIBRARY: dict[str, Material] = {
             source=f"bulk crystal from 200 to 800 K: {_INCROPERA}",
             conductivity_law=Table((200, 300, 400, 600, 800), (264, 148, 98.9, 61.9, 42.2)),
             specific_heat_law=Table((200, 300, 400, 600, 800), (556, 712, 790, 867, 913)),
+            **_SILICON_LIGHT,
         ),
         Material(
             "SiO2(T)",
@@ -187,6 +220,7 @@ LIBRARY: dict[str, Material] = {
             " 745",
             conductivity_law=Table((200, 300, 400, 600, 800), (1.14, 1.38, 1.51, 1.75, 2.17)),
             specific_heat_law=Table((300, 400, 600, 800), (745, 905, 1040, 1105)),
+            **_SILICA_LIGHT,
         ),
         silicon_film(220e-9),
         Material(
@@ -205,6 +239,9 @@ LIBRARY: dict[str, Material] = {
             source="2.1 W/m/K: film of 180 nm, Stojanovic et al., J. Microelectromech. Syst. 16, 1269 (2007); "
             "density and heat capacity: material library of COMSOL Multiphysics; across an amorphous LPCVD "
             "film 1.6 W/m/K, dense ceramic 20",
+            index=INDEX_LAWS["Si3N4, Luke 2015"],
+            thermo_optic=2.45e-5,  # 1/K; Arbabi and Goddard, Opt. Lett. 38, 3878 (2013)
+            kerr=2.4e-19,  # m^2/W; Ikeda et al., Opt. Express 16, 12987 (2008)
         ),
     )
 }

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import InputError, check_names
 from ..data import files
-from ..data.display import shown
 from . import gmsh_file
 
 MOST = 2**53  # of an index: larger floats skip whole numbers
@@ -27,7 +26,6 @@ FLAT = 1e-10  # height over longest side, of a triangle that has no area
 _log = logging.getLogger("thermofem")
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles in (r, z) with named regions.

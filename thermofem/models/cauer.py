@@ -23,7 +23,6 @@ import numpy as np
 from .. import checks
 from ..arrays import ArrayLike
 from ..checks import check_one
-from ..data.display import shown
 from .contract import Delegates, ThermalModel
 from .foster import Foster, linear_poles
 from .json_fields import columns, names, parts, reader, rows
@@ -37,7 +36,6 @@ MOST = 200  # poles of a ladder: the time goes with their fourth power, 4 s for 
 DIGITS_PER_POLE = 12  # more for each pole: the continued fraction loses up to the square of the ratio of neighbours
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Cauer(Delegates):
     """Ladder of resistances to the next node and capacities to the ambient, from the heated part outwards.

@@ -23,7 +23,7 @@ import numpy as np
 
 from .. import checks
 from ..data import files
-from ..data.files import digest_tree, read_text, write_whole
+from ..data.files import digest_tree, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
 from .foster import Foster
@@ -34,18 +34,10 @@ from .state_space import StateSpace
 
 FORMAT = "thermofem thermal model"
 SCHEMA = 1
-COMMON = ("format", "schema", "kind", "inputs", "outputs", "provenance")  # fields of every kind
-SMALLEST, LARGEST = 1e-75, 1e75  # of a number: the product of four is a float
 AGREEMENT = 1e-9  # of R_th with what is stated: 17 digits are written, a person may keep 10
 OF_NETWORK = 1e-3  # the same of a `Network`, see `gate`
-HASH = "content_hash"  # in the provenance, where earlier versions leave a field alone
-CLAIMS = (
-    "error_bound",
-    "static_error",
-    "residual_K",
-    "relative_residual",
-)  # of the provenance: how good the numbers are
-_BASIS = ("method", "tolerance", "training", "geometry", "mesh_accuracy")  # what else the hash of version 0.2.0 covers
+HASH = "content_hash"  # in the provenance
+CLAIMS = ("error_bound", "static_error", "residual_K", "relative_residual")  # of the provenance: how good the model is
 _log = logging.getLogger("thermofem")
 
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Cauer, Foster, Network, OutputMap, Quadratic, StateSpace)}
@@ -93,8 +85,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     }
     try:
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-        read = files.from_json(text)  # raises where the file could not be read back, as the next line
-        _check_sizes(read)
+        read = files.from_json(text)  # raises where the file could not be read back
         provenance[HASH] = _signature(read, sorted(read["provenance"]))
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
     except (TypeError, ValueError, RecursionError) as error:
@@ -115,12 +106,10 @@ def load_model(path: str | Path) -> Any:
     """
     content, changed = _content(path)
     try:
-        _check_sizes(content)
         kind = checks.choice("kind", str(content.get("kind")), KINDS)
         model = KINDS[kind].from_json(content)
         written = model.to_json()
         _check_units(content.get("units", {}), written["units"])
-        _check_fields(content, {**dict.fromkeys(COMMON), **written})
         _check_static(content.get("thermal_resistance"), written.get("thermal_resistance"), kind)
     except KeyError as error:
         raise checks.InputError(f"{path} has no {error.args[0]!r}; docs/models.md lists the fields") from None
@@ -145,34 +134,6 @@ def _check_units(stated: Any, units: Mapping[str, str]) -> None:
     for name, unit in units.items():
         if stated.get(name, unit) != unit:
             raise checks.InputError(f"{name} is in {checks.shown(stated[name])}; a model file holds it in {unit}")
-
-
-def _check_sizes(tree: Any) -> None:
-    """InputError for a number, outside the provenance, whose products would leave the floats."""
-    level = [value for key, value in tree.items() if key != "provenance"]
-    while level:
-        below: list[Any] = []
-        for node in level:
-            if isinstance(node, dict | list):
-                below.extend(node.values() if isinstance(node, dict) else node)
-            elif isinstance(node, int | float) and node and not SMALLEST <= abs(node) <= LARGEST:
-                raise checks.InputError(f"it holds {node:g}; numbers of a model lie in {SMALLEST:g}..{LARGEST:g}")
-        level = below
-
-
-def _check_fields(found: Any, written: Any, at: str = "") -> None:
-    """InputError for a field that this kind and schema do not have: it would be ignored, whatever it was to say."""
-    if isinstance(found, dict) and isinstance(written, dict):
-        for key, value in found.items():
-            name = f"{at}.{key}" if at else key
-            if key not in written:
-                raise checks.InputError(
-                    f"{checks.shown(name)} is no field of this kind; notes of your own belong into provenance"
-                )
-            _check_fields(value, written[key], name)
-    elif isinstance(found, list) and isinstance(written, list) and written and isinstance(written[0], dict):
-        for k, item in enumerate(found):
-            _check_fields(item, written[0], f"{at}[{k}]")
 
 
 def _check_static(stated: Any, found: float | None, kind: str) -> None:
@@ -213,23 +174,16 @@ def load_provenance(path: str | Path) -> dict[str, Any]:
 
 def _signature(content: dict[str, Any], entries: list[str]) -> dict[str, Any]:
     """Hash of a model file, and the entries of its provenance that it covers; 1 and 1.0 are one number."""
-    return {"hash": _hash(content, {key: content["provenance"].get(key) for key in entries}), "entries": entries}
-
-
-def _hash(content: dict[str, Any], known: Any) -> str:
-    return digest_tree(json.loads(json.dumps({**content, "provenance": known}), parse_int=float))
+    covered = {**content, "provenance": {key: content["provenance"].get(key) for key in entries}}
+    return {"hash": digest_tree(json.loads(json.dumps(covered), parse_int=float)), "entries": entries}
 
 
 def _is_changed(content: dict[str, Any], written: Any) -> bool:
     """Whether a file is another one than its `HASH` is of; a file without one counts as it is."""
     if written is None:
         return False
-    if isinstance(written, str):  # of version 0.2.0
-        return written != _hash(content, [content["provenance"].get(key) for key in (*CLAIMS, *_BASIS)])
     entries = written.get("entries") if isinstance(written, dict) else None
-    if not isinstance(entries, list) or not all(isinstance(key, str) for key in entries):
-        return True
-    return bool(written != _signature(content, entries))
+    return not isinstance(entries, list) or bool(written != _signature(content, list(map(str, entries))))
 
 
 def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
@@ -237,18 +191,12 @@ def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
 
     It comes without its hash, and without its claims where they were those of other numbers.
     """
-    text = read_text(path, "model")
-    try:
-        content = files.from_json(text)
-    except checks.InputError as error:
-        raise checks.InputError(f"{path} cannot be read: {error}; is it complete?") from None
+    content = files.read_json(path, "model")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise checks.InputError(f'{path} is not a thermal model; its "format" must be "{FORMAT}"')
-    schema = content.get("schema")
-    if not isinstance(schema, int) or isinstance(schema, bool) or schema < 1:
-        raise checks.InputError(f"{path} has schema {checks.shown(schema)}; a whole number from 1 is needed")
-    if schema > SCHEMA:
-        raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
+    if content.get("schema") not in range(1, SCHEMA + 1):
+        what = f"{path} has schema {checks.shown(content.get('schema'))}"
+        raise checks.InputError(f"{what}; this version reads 1 to {SCHEMA}, update thermofem")
     found = content.get("provenance")
     provenance: dict[str, Any] = found if isinstance(found, dict) else {}
     written = provenance.pop(HASH, None)

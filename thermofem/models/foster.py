@@ -13,12 +13,11 @@ from ..algebra.poles import pole_responses
 from ..algebra.system import LONGEST, SHORTEST
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..checks import check_one
-from ..data.display import model_html, shown
+from ..data.display import model_html
 from .contract import at_times
 from .json_fields import columns, names, parts, reader, rows
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Foster:
     """Foster network: thermal resistances R_i in series, each with its own time constant.

@@ -29,7 +29,7 @@ def newton(*, tau_th: float, heat_capacity: float = BORGHI2021_HEAT_CAPACITY) ->
     InputError
         a value that is not positive, or out of range by a unit.
     """
-    tau_th = checks.positive("tau_th", tau_th, unit="s", at_most=1.0, hint="times are in s (did you mean 275e-9?)")
+    tau_th = checks.positive("tau_th", tau_th, unit="s", at_most=1e6, hint="times are in s (did you mean 275e-9?)")
     heat_capacity = check_heat_capacity(heat_capacity)
     return Foster(R=[tau_th / heat_capacity], tau=[tau_th])
 
@@ -66,8 +66,8 @@ def second_order(
     7784.2
     """
     hint = "times are in s (did you mean 55.8e-9?)"
-    tau_f = checks.positive("tau_f", tau_f, unit="s", at_most=1.0, hint=hint)
-    tau_s = checks.positive("tau_s", tau_s, unit="s", at_most=1.0, hint=hint)
+    tau_f = checks.positive("tau_f", tau_f, unit="s", at_most=1e6, hint=hint)
+    tau_s = checks.positive("tau_s", tau_s, unit="s", at_most=1e6, hint=hint)
     kappa = checks.positive("kappa", kappa, unit="1/s", at_most=1e12, hint="8.87e-4 /ns is 8.87e5 1/s")
     eta = checks.positive("eta", eta, at_most=100, hint="eta has no unit")
     if tau_f >= tau_s:
@@ -114,4 +114,4 @@ def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEA
 def check_heat_capacity(value: float) -> float:
     """``value``, or InputError unless it is a heat capacity in J/K."""
     hint = "m c_p is in J/K (the paper's resonator has 7.63e-12)"
-    return checks.positive("heat_capacity", value, unit="J/K", at_most=1e-3, hint=hint)
+    return checks.positive("heat_capacity", value, unit="J/K", at_most=1e6, hint=hint)

@@ -11,7 +11,6 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike
 from ..checks import check_names
-from ..data.display import shown
 from ..waveforms import Waveform
 from .contract import Delegates, warn_beyond
 from .foster import Foster
@@ -20,7 +19,6 @@ from .json_fields import names, parts, reader, table
 STATIC = 1e-3  # largest error of the static gain that passes
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Network(Delegates):
     """An identified linear network with the largest temperature rise of its training.

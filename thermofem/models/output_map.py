@@ -10,13 +10,12 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
-from ..data.display import model_html, shown
+from ..data.display import model_html
 from .contract import AtSmallPower, check_rise, warn_beyond
 from .foster import Foster
 from .json_fields import reader
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class OutputMap(AtSmallPower):
     """Linear dynamics with a static map of the output, the Kirchhoff transformation in one number.

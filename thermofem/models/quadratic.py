@@ -15,7 +15,7 @@ import numpy as np
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..checks import check_one
-from ..data.display import model_html, shown
+from ..data.display import model_html
 from .contract import check_rise, warn_beyond
 from .json_fields import names, parts, reader
 from .state_space import StateSpace
@@ -28,7 +28,6 @@ MOST_STATE = 1e30  # K, of a state; its square, times H, is a float
 _TINY = np.finfo(float).tiny
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Quadratic:
     """Quadratic thermal system: a reduced model with k(T) and c_p(T), or a polynomial SINDy network.

@@ -14,7 +14,7 @@ from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL, check_heat_flow
 from ..arrays import Array, ArrayLike, NDArray
 from ..checks import check_names
-from ..data.display import model_html, shown
+from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import at_times, check_single
@@ -31,7 +31,6 @@ MOST = 1e50  # of an entry of a matrix: a bound has products of four
 ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class StateSpace:
     """Linear thermal model E dx/dt = A x + B P, dT = C x: sparse for the FEM, small for a reduction.

@@ -124,7 +124,7 @@ class Project:
         """Write the page that computes the reference ring."""
         import coupled
 
-        from ..explore import models_of_geometry
+        from ..light.explore_command import models_of_geometry
 
         models, heat = models_of_geometry(None)
         self.written.add(self.ring)

@@ -16,7 +16,8 @@ from rich.table import Table
 
 from thermofem.data import files
 
-from ..output import console as terminal
+from ..console import settings as output
+from ..console import terminal
 from .claims import Claim, claims, known, plain
 from .page import page, shown
 from .plan import stages_of
@@ -45,7 +46,7 @@ def run(out: Path, settings: Settings | None = None, *, processes: int = 1) -> d
 
 
 def _run(project: Project, processes: int) -> dict[str, Any]:
-    console, settings = terminal(err=False), project.settings
+    console, settings = terminal(err=output.json), project.settings
     with quiet():
         computed = _work_through(project, processes, console)
     results = project.given(project.keys)

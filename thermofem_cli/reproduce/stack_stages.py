@@ -8,11 +8,10 @@ import xarray as xr
 import coupled
 import surrogate
 from coupled.parameters import borghi2021 as paper
-from surrogate.family.interpolant import smooth
+from surrogate.family.interpolation import smooth
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.campaign import Campaign
-from thermofem.campaign.vary import Variation
+from thermofem.campaign import Campaign, Variation
 from thermofem.data.dataset import build
 from thermofem.geometry import strip_ring
 from thermofem.models import Foster, OutputMap

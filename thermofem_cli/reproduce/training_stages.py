@@ -9,6 +9,7 @@ import numpy as np
 import surrogate
 from coupled.parameters import borghi2021 as paper
 from surrogate.judging.ladder import shells
+from surrogate.judging.validate import widest_range
 from thermofem.data.dataset import build
 from thermofem.models import Foster, StateSpace
 from thermofem.waveforms import Constant, Pulse, SquareWave
@@ -126,7 +127,7 @@ def periods(job: Job) -> Result:
     for name, model in models.items():
         curve = surrogate.period_error(model, reference["elements"], PERIODS, power=HEATING, duty=1 / 3)
         curves[slug(name)] = curve.assign_attrs(model=name)
-        low, high = surrogate.valid_range(curve)
+        low, high = widest_range(curve)
         error = curve["relative_error"]
         middle = error.sel(period=slice(0.4e-6, None))  # the paper's figure begins there
         chosen = error.interp(period=[0.5e-6, 1e-6, 2e-6, 3e-6]).values

@@ -17,9 +17,7 @@ from threading import current_thread, main_thread
 from types import FrameType
 
 from thermofem import checks
-from thermofem.campaign.work import prepare
 
-from ..group import take_over_imports
 from .plan import stages_of
 from .project import Project, WorkItem
 from .settings import Settings
@@ -111,8 +109,6 @@ def _hear(worker: Connection, task: WorkItem) -> float | None:
 
 def _work(out: Path, settings: Settings, parent: Connection) -> None:
     """Do the tasks that the parent sends, and send their progress back, until the parent ends."""
-    prepare()
-    take_over_imports()
     project = Project(out, settings, stages_of(settings))
     with suppress(EOFError, BrokenPipeError):  # the parent has gone
         while True:

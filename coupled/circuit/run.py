@@ -1,0 +1,212 @@
+"""Light, carriers and heat of all rings of a circuit in time: what `simulate` does for a circuit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thermofem import checks
+from thermofem.arrays import Array
+from thermofem.data import dataset
+
+from ..arguments import check_duration, check_times
+from ..inputs import pieces
+from ..kernel import units as eq
+from ..kernel.tableaus import Method
+from ..runs.driven import Spans, attribute, beats, changes, spans
+from ..runs.record import heater_powers
+from ..states import check_same_heat
+from ..thermal import dense_times, trusted
+from .circuit import Circuit
+from .drive import beat_of, corners, warn_of_fast_streams
+from .heat import RingHeat
+from .network import NOTHING, Light, check_delays
+from .system import System, system_of
+
+NAMES = {
+    "output": ("W", "power at the ports"),
+    "detected": ("W", "power that the detectors show"),
+    "mean_output": ("W", "power that the detectors show, averaged since the time before"),
+    "phase": ("rad", "phase of the light at the ports, against the first laser's"),
+    "input": ("W", "power of the lasers"),
+    "lost": ("W", "power lost in waveguides and on the way from lasers"),
+    "scattered": ("W", "power scattered by the rings"),
+}
+
+
+def run_circuit(
+    circuit: Circuit,
+    thermal: Any,
+    *,
+    power: Mapping[str, Any],
+    detuning: Any,
+    heaters: Mapping[str, Any] | None,
+    duration: float,
+    rtol: float,
+    times: Any,
+    average: bool,
+    method: Method | None,
+    initial: Any,
+    progress: Callable[[float], None] | None,
+) -> xr.Dataset:
+    """As of `simulate`, whose docstring says what a circuit is given and returns."""
+    duration = check_duration(duration)
+    rtol = checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
+    check_delays(circuit)
+    before = None
+    if initial is not None:
+        kept = np.ravel(getattr(initial, "attrs", {}).get("heater_states", ()))
+        before = checks.array("initial.attrs['heater_states']", kept, empty=True)
+    system = system_of(
+        circuit, thermal, power=power, heaters=heaters, detuning=detuning, duration=duration, rtol=rtol, before=before
+    )
+    warn_of_fast_streams(circuit, power)
+    light, corner = system.light, corners(circuit, system.light)
+    wanted = np.empty(0) if times is None else check_times(times, duration)
+    asked, kept = dense_times(thermal, wanted, duration)
+    alone = len(circuit.names) == 1 and not circuit.waveguides
+    chosen = method or (Method.RODAS4 if rtol >= 1e-6 and alone else Method.RODAS5P)
+    problem = system.problem(chosen, corner=corner, energies=average)
+    longest = min([np.inf, *(light.delay / eq.NS)])
+    beat = beat_of(light, circuit, system.powers, system.detunings)
+    if problem.waves and beat:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
+        longest = min(longest, (1944.0 * rtol) ** 0.25 / beat)
+    run = problem.integrate(
+        _start(circuit, system.heat, initial), rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
+        progress=(lambda t: progress(t * eq.NS)) if progress else None,
+    )  # fmt: skip
+    attributes = {
+        "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": run.accepted,
+        "rejected_steps": run.rejected, "final_state": run.y * eq.units(problem.order, problem.rings),
+        "model_tau": np.ravel(1 / system.heat.rate), **varies(system, duration),
+    }  # fmt: skip
+    if system.heat.heaters:
+        attributes["heater_states"] = system.heater_states
+    rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
+    rises += np.array([offset(run.rows[:, 0] * eq.NS) for offset in system.offsets]).T
+    trusted(thermal, rises)
+    rows = run.rows[kept[: len(run.rows)]] if wanted.size else run.rows
+    return _dataset(system, rows, attributes, corner=corner, average=average)
+
+
+def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
+    """The state that a run begins with, in the kernel's units."""
+    n, K = heat.gain.shape
+    if initial is None:
+        return np.zeros(n * (3 + K))
+    if any(w.delay > 0 for w in circuit.waveguides):
+        raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
+    if "final_state" not in getattr(initial, "attrs", {}):
+        raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate")
+    values = checks.array("initial.attrs['final_state']", initial.attrs["final_state"])
+    if values.size != n * (3 + K):
+        raise checks.InputError(
+            f"initial has {values.size} states and this circuit {n * (3 + K)}; go on with the same circuit and model"
+        )
+    check_same_heat(initial.attrs.get("model_tau"), 1 / heat.rate)
+    return np.asarray(values / eq.units(K, n))
+
+
+def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner: Array, average: bool) -> xr.Dataset:
+    """The rows of the kernel as a Dataset, in SI."""
+    circuit, light = system.circuit, system.light
+    n, D, ports, Q = len(circuit.names), light.delay.size, len(circuit.ports), len(light.terminals)
+    time, states = rows[:, 0] * eq.NS, rows[:, 1 : 1 + 4 * n].reshape(-1, n, 4)
+    fields = (states[:, :, 0] + 1j * states[:, :, 1]).T * eq.FJ**0.5
+    further = rows[:, 1 + 4 * n :]
+    waves = (further[:, : 2 * Q : 2] + 1j * further[:, 1 : 2 * Q : 2]).T * eq.UW**0.5 if further.size else None
+    waves = system.waves(fields, time) if waves is None else waves
+    power, energy = np.abs(waves) ** 2, np.abs(fields) ** 2
+    rates = [eq.internal_rates(ring)[0] for ring in circuit.resonators]
+    heating = [eq.absorbed_power(energy[i] / eq.FJ, states[:, i, 2], rates[i]) * eq.UW for i in range(n)]
+    of_rings = {
+        "energy": energy,
+        "carriers": states[:, :, 2].T * eq.DENSITY,
+        "delta_T": states[:, :, 3].T,
+        "absorbed": np.array(heating),
+        "scattered": 2 * np.array([ring.scattering_rate for ring in circuit.resonators])[:, None] * energy,
+    }
+    shown, seen = power[D : D + ports], slice(D, D + ports)
+    variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
+    variables["output"] = (("port", "time"), shown, described("output"))
+    variables["phase"] = (("port", "time"), np.angle(waves[seen]), described("phase"))
+    given = np.array([np.maximum(p(time), 0) for p in system.powers])
+    variables["input"] = (("laser", "time"), given, described("input"))
+    on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
+    variables["lost"] = (("time",), light.lost @ power + on_the_way @ given, described("lost"))
+    if corner.size:
+        late = corner[seen] > 0
+        signals = further[:, (3 if average else 2) * Q :][:, seen].T * eq.UW
+        shown = np.where(late[:, None], signals, shown)
+        variables["detected"] = (("port", "time"), shown, described("detected"))
+    if average:
+        energies = further[:, 2 * Q : 3 * Q][:, seen].T * eq.FJ
+        if corner.size:  # dz/dt = corner (P - z)
+            energies = energies - np.where(late, eq.NS / np.where(late, corner[seen], 1.0), 0.0)[:, None] * shown
+        before = np.hstack([np.zeros((ports, 1)), energies[:, :-1]])
+        length = np.diff(time, prepend=0.0)
+        mean = np.where(length > 0, (energies - before) / np.where(length > 0, length, 1.0), shown)
+        variables["mean_output"] = (("port", "time"), mean, described("mean_output"))
+    if system.detuning is None:
+        variables["detuning"] = (("time",), system.detunings[0](time), described("detuning"))
+    else:
+        attributes = attributes | {"detuning": system.detuning}
+    coordinates = {
+        "time": ("time", time, dataset.describe("time")),
+        "ring": list(circuit.names),
+        "port": list(circuit.ports),
+        "laser": [laser.name for laser in circuit.lasers],
+    }
+    origin = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": json.dumps(asdict(circuit))}
+    return xr.Dataset(variables | heater_powers(system.heaters, time), coords=coordinates, attrs=origin | attributes)
+
+
+def described(name: str) -> dict[str, str]:
+    """Unit and long name of a variable."""
+    if name in NAMES:
+        unit, words = NAMES[name]
+        return {"units": unit, "long_name": words}
+    return dataset.describe(name)
+
+
+def varies(system: System, duration: float) -> dict[str, str]:
+    """When which input varies at each ring: lasers whose light reaches it, heaters, lasers that beat in it.
+
+    The attribute that `driven.varies_in` reads. Where heat goes from ring to ring, what drives one drives all.
+    """
+    circuit, offsets = system.circuit, [float(laser.offset) for laser in system.circuit.lasers]
+    heaters = {f"the power of {name}": wave for name, wave in system.heaters.items()}
+    common = spans({"the detuning": system.detunings[0], **heaters}, duration)
+    lasers, frequencies = [changes(p) for p in system.powers], [pieces("offset", f, 0.0, duration) for f in offsets]
+    found: dict[str, dict[str, Spans]] = {}
+    for name, here in zip(circuit.names, reached(system.light), strict=True):
+        which = np.flatnonzero(here).tolist()
+        own = {f"the power of {circuit.lasers[k].name}": lasers[k] for k in which}
+        own[f"the light of {name}"] = beats([system.powers[k] for k in which], [frequencies[k] for k in which])
+        found[name] = common | {key: when for key, when in own.items() if when}
+    if system.heat.crossed:
+        together = {key: when for own in found.values() for key, when in own.items()}
+        found = dict.fromkeys(found, together)
+    return attribute(found)
+
+
+def reached(light: Light) -> Any:
+    """Which lasers' light comes to which rings, on any way, shape (N, L)."""
+
+    def some(matrix: Any) -> Any:  # more than round-off
+        return np.abs(matrix) > NOTHING * np.abs(matrix).max(initial=0.0)
+
+    n, delayed = len(light.between), slice(0, light.delay.size)
+    step = np.block([[light.between, light.from_delay], [light.seen_ring[delayed], light.seen_delay[delayed]]])
+    found, way = some(np.vstack([light.from_laser, light.seen_laser[delayed]])), some(step).astype(float)
+    for _ in range(len(way)):
+        further = found | (way @ found.astype(float) > 0)
+        if np.array_equal(further, found):
+            break
+        found = further
+    return found[:n]

@@ -1,0 +1,304 @@
+"""Several rings on one chip: one certified thermal model with an input and an output for each ring.
+
+On a laterally uniform stack every ring heats the same axisymmetric field, centred at its own axis. Ring i, at the
+distance d_ij from ring j, reads that field off the axis. With one reduced field (rates lambda_k, input b_k)
+
+    dx_jk/dt = -lambda_k x_jk + b_k P_j,         dT_i = sum_j sum_k c_k(d_ij) x_jk
+    H_ij     = sum_k b_k c_k(d_ij)/(s + lambda_k) = H_ji
+
+The static field of the heated ring is in the basis: the static gain of every pair is that of the FEM. How the error of
+a pair is bounded stands in `surrogate.arrays.channel_pairs`.
+
+Rings of different geometry: ring i has its own cross-section, over which it reads the field of ring j. What ring j
+reads of ring i is the same but for the silicon of the reading ring and the two meshes; the model has the mean of both.
+
+Passive: with t_k = 1/(1 + (w/lambda_k)^2), which rises with lambda_k, and R_k = b_k c_k/lambda_k, a matrix over pairs,
+
+    Re H(i w) = sum_k t_k R_k = sum_m (t_m - t_(m-1)) S_m,    S_m = sum_(k >= m) R_k,    rates in increasing order,
+
+so that no powers of any rings draw heat from nothing if no S_m has a negative eigenvalue, which is checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from thermofem import Foster, HeatProblem, StateSpace, checks
+from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.models import HasModel
+from thermofem.models.state_space import LARGEST
+
+from .channel_pairs import Pairs, reduce_pairs
+from .ring_positions import SAME, RingKinds, check_positions, ring_positions, rings_of, with_copies
+
+ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
+_SHARES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayReduction(HasModel):
+    """A thermal model of several rings, and the proof of its accuracy.
+
+    Attributes
+    ----------
+    model : StateSpace
+        inputs "ring 1" to "ring N", then "heater 1" to "heater N" for each kind of heater; outputs the rings.
+    positions : array, shape (N, 2), m
+    error_bound : float
+        the largest of ``channel_bounds``.
+    channel_bounds : array, shape (N, inputs)
+        |H - H_r|/(H(0) + `certificate.FLOOR` R_th) of each channel, at any frequency; R_th is that of one ring.
+    passive : bool
+        whether no powers in the rings draw heat from nothing (checked by sums of residues, see the module).
+    tolerance : float
+    poles : array of int, shape (N, inputs)
+        how many poles each channel has; far pairs have fewer.
+    asymmetry : float
+        largest difference of the static gains of two rings of different geometry, each as the source, relative to their
+        mean; 0 for rings of one geometry.
+    domain_error : float
+        relative change of the crosstalk of the farthest pair, or of R_th, if the chip went on beyond the domain. It is
+        no part of ``error_bound``; above 1 % the log warns.
+    """
+
+    model: StateSpace
+    positions: Array
+    error_bound: float
+    channel_bounds: Array = field(repr=False)
+    passive: bool
+    tolerance: float
+    poles: NDArray[np.int64] = field(repr=False)
+    asymmetry: float = 0.0
+    domain_error: float = 0.0
+
+    @property
+    def rings(self) -> int:
+        """Number of rings."""
+        return len(self.positions)
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.model.order
+
+    @cached_property
+    def crosstalk(self) -> Array:
+        """Steady rise of every output per watt in every input, in K/W, shape (N, inputs)."""
+        return self.model.gain
+
+    def channel(self, heated: int, read: int) -> Foster:
+        """One channel between two rings, counted from 0, as a Foster network; its R_i may be of either sign."""
+        for name, ring in (("heated", heated), ("read", read)):
+            checks.integer(name, ring, 0, self.rings - 1, hint="rings are counted from 0")
+        rate = -self.model.A.diagonal()
+        residue = self.model.C[read] * self.model.B[:, heated]
+        used = residue != 0
+        return Foster(R=residue[used] / rate[used], tau=1 / rate[used])
+
+    @cached_property
+    def half_times(self) -> Array:
+        """Time in s after which a step of heat in one ring has half of its effect on another, shape (N, N).
+
+        nan where that takes more than 10 s.
+        """
+        found: dict[bytes, float] = {}
+        times = np.empty((self.rings, self.rings))
+        for i in range(self.rings):
+            for j in range(self.rings):
+                channel = self.channel(j, i)
+                key = np.append(channel.R, channel.tau).tobytes()  # of pairs of the same kinds and distance
+                if key not in found:
+                    found[key] = _half_time(channel)
+                times[i, j] = found[key]
+        return times
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Provenance that `surrogate.save_model` writes with the model."""
+        bound, centres = self.error_bound, self.positions.tolist()
+        made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": centres}
+        return {**(self.model.origin or {}), **made, "ports": list(self.model.inputs)}
+
+
+def reduce_array(
+    heat: HeatProblem | Sequence[HeatProblem],
+    positions: ArrayLike,
+    tolerance: float = 1e-4,
+    *,
+    heated: str | None = None,
+    heaters: Sequence[str] = (),
+) -> ArrayReduction:
+    """Reduce N rings at given centres to one thermal model with N inputs and N outputs.
+
+    Parameters
+    ----------
+    heat : HeatProblem, or a sequence of N of them
+        of one ring for all, or of each ring, on the same layers. Meshes are made again where the neighbours need them
+        finer.
+    positions : array, shape (N, 2), m
+        the rings' centres.
+    tolerance : float
+        of every channel at every frequency, relative to its static gain plus a hundredth of R_th.
+    heated : str
+        the part that light heats, and whose mean temperature is read; default the first heated part.
+    heaters : sequence of str
+        further heated parts of each ring, which become inputs: a bank of tuned filters.
+
+    Returns
+    -------
+    ArrayReduction
+
+    Raises
+    ------
+    InputError
+        rings that overlap, a domain that ends before the most distant pair, a stack that is not laterally uniform
+        (voids), rings on different layers, names that are not heated, or a tolerance out of reach.
+
+    >>> from thermofem import assemble, strip_ring
+    >>> pair = reduce_array(assemble(strip_ring(outer_radius=120e-6).opened()), [(0, 0), (20e-6, 0)])
+    >>> (pair.crosstalk / 1e3).round(2).tolist()  # K/mW
+    [[7.89, 0.24], [0.24, 7.89]]
+    """
+    tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
+    centres = ring_positions(positions)
+    rings = rings_of(heat, len(centres), heated, heaters)
+    apart = check_positions(rings, centres)
+    names = tuple(heaters) if not isinstance(heaters, str) else (heaters,)
+    sources = [
+        _sources(rings, g, apart, (part, *names), tolerance) for g, part in enumerate(ring.part for ring in rings.kinds)
+    ]
+    model, bounds, poles = _assembled(sources, rings, names)
+    array = ArrayReduction(
+        model=replace(model, origin=_origin(rings)),
+        positions=centres,
+        error_bound=float(bounds.max()),
+        channel_bounds=bounds,
+        passive=_is_passive(model),
+        tolerance=tolerance,
+        poles=poles,
+        asymmetry=_asymmetry(sources, rings),
+        domain_error=max(source.domain for source in sources),
+    )
+    return replace(array, model=replace(model, origin=array.provenance))
+
+
+def _origin(rings: RingKinds) -> dict[str, Any]:
+    """Geometry of the rings, one after the other where they differ, and the accuracy of their meshes."""
+    toml = [kind.heat.geometry.to_toml() for kind in rings.kinds]
+    return {"geometry": "\n".join(toml), "mesh_accuracy": max(kind.heat.accuracy for kind in rings.kinds)}
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Reduced fields of the heated parts of one kind of ring, and the row by which each ring reads each place.
+
+    pairs: of the core, then of each kind of heater.
+    row [shape (N, N)]: the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring
+        j.
+    domain: relative error by the end of the domain, of the core itself and of the farthest reader.
+    """
+
+    pairs: list[Pairs]
+    row: NDArray[np.intp]
+    domain: float
+
+
+def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
+    """Reduce the fields of one kind of ring, read by every ring at its distance."""
+    row, readers = np.zeros(apart.shape, dtype=np.intp), []
+    known: dict[tuple[int, int], int] = {}
+    for i, j in zip(*np.nonzero(~np.eye(len(apart), dtype=bool)), strict=True):
+        if g not in (rings.of[i], rings.of[j]):
+            continue
+        reader = rings.of[i] if rings.of[j] == g else rings.of[j]
+        key = (int(reader), round(float(apart[i, j]) / SAME))
+        if key not in known:
+            readers.append((int(reader), key[1] * SAME))
+            known[key] = len(readers)
+        row[i, j] = known[key]
+    solved, copies = with_copies(rings, g, readers)
+    read = (heated[0], *copies)
+    domain = solved.domain_error(heated[0], heated[0])
+    if readers:
+        far = int(np.argmax([distance for _, distance in readers]))
+        what = f"the crosstalk over {readers[far][1] * 1e6:.3g} um"
+        domain = max(domain, solved.domain_error(heated[0], copies[far], what=what))
+    return Sources([reduce_pairs(solved, part, read, tolerance) for part in heated], row, domain)
+
+
+def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
+    """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
+    from scipy.sparse import diags
+
+    n = len(rings.of)
+    rates, inputs, outputs, names = [], [], [], []
+    bounds, poles = np.zeros((n, n * (1 + len(heaters)))), np.zeros((n, n * (1 + len(heaters))), dtype=np.int64)
+    for m, kind in enumerate(("ring", *heaters)):
+        for j in range(n):
+            column = m * n + j
+            names.append(f"{kind} {j + 1}")
+            for g, source in enumerate(sources):
+                pair, same, own = source.pairs[m], rings.of == g, rings.of[j] == g
+                if not own and m > 0:  # heater and core are no pair that could be exchanged
+                    continue
+                # between rings of two kinds half of each source
+                share = np.where(same, 1.0, 1.0 if m else 0.5) if own else np.where(same, 0.5, 0.0)
+                if not np.any(share):
+                    continue
+                rows = source.row[:, j]
+                rates.append(pair.rate)
+                inputs.append((column, pair.source))
+                outputs.append(share[:, None] * pair.read[rows])
+                used = share > 0
+                bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
+                poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
+    rate = np.concatenate(rates)
+    B = np.zeros((rate.size, len(names)))
+    start = 0
+    for column, b in inputs:
+        B[start : start + len(b), column] = b
+        start += len(b)
+    outs = tuple(f"ring {i + 1}" for i in range(n))
+    E, A = np.ones(rate.size), -rate
+    full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")
+    model = StateSpace(full(E), full(A), B, np.hstack(outputs), inputs=tuple(names), outputs=outs)
+    return model, bounds, poles
+
+
+def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
+    """Largest relative difference of the static gains of two rings of different kind, each as the source."""
+    worst = 0.0
+    for i, j in zip(*np.nonzero(rings.of[:, None] < rings.of), strict=True):
+        one, other = (
+            float((pair.read[source.row[i, j]] * pair.source / pair.rate).sum())
+            for source, pair in ((sources[k], sources[k].pairs[0]) for k in (rings.of[i], rings.of[j]))
+        )
+        worst = max(worst, abs(one - other) / abs(one + other) * 2)
+    return worst
+
+
+def _is_passive(model: StateSpace) -> bool:
+    """Whether no sum of the static shares of the fastest poles has a negative eigenvalue, see the module."""
+    n = len(model.outputs)
+    rate = -model.A.diagonal()
+    values, which = np.unique(rate, return_inverse=True)
+    total, least = np.zeros((n, n)), np.inf
+    for k in range(values.size - 1, -1, -1):
+        here = which == k
+        total = total + model.C[:, here] @ model.B[here, :n] / values[k]
+        least = min(least, float(np.linalg.eigvalsh((total + total.T) / 2)[0]))
+    return least >= -ROUND_OFF * float(model.gain.max())
+
+
+def _half_time(channel: Foster) -> float:
+    """Time in s after which a step response has half of its final value; nan where that takes more than 10 s."""
+    rise = channel.step_response(_SHARES) / channel.thermal_resistance
+    if not rise[-1] >= 0.5:
+        return float("nan")
+    k = max(int(np.argmax(rise >= 0.5)), 1)
+    return float(np.exp(np.interp(0.5, rise[k - 1 : k + 1], np.log(_SHARES[k - 1 : k + 1]))))

@@ -1,0 +1,101 @@
+"""Header of every exported file: the model, its geometry, its error and its units."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import thermofem
+from thermofem import ThermalModel
+from thermofem.checks import InputError
+from thermofem.data.files import lines_of
+
+MARK = "Thermal model of thermofem"  # how the header of every export begins
+MOST = 4000  # bytes of a file within which it stands
+
+
+def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
+    """Printable lines: kind of model and size, heated and read parts, error, units, geometry."""
+    name, order = type(model).__name__, getattr(model, "order", None)
+    lines = [
+        f"{MARK} {thermofem.__version__}: {name}" + (f" with {order} poles" if order else ""),
+        f"heated: {', '.join(model.inputs)}; read: {', '.join(model.outputs)}; thermal resistance {_gain(model)} K/W",
+        f"error: {_error(provenance)}",
+        "units: power in W, temperature rise above ambient in K, time in s",
+    ]
+    geometry = provenance.get("geometry")
+    if not geometry:
+        lines.append("geometry: not recorded")
+    else:
+        lines += ["geometry:", *(f"    {line}" for line in str(geometry).splitlines() if line.strip())]
+    return [piece for line in lines for piece in lines_of(line)]
+
+
+def is_export(path: Path) -> bool:
+    """Whether a file is one that `export_model` wrote: its header says so."""
+    mark = MARK.encode()
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as unit, unit.open("modelDescription.xml") as file:
+                return mark in file.read(MOST)
+        if path.suffix == ".mat":
+            from scipy.io import loadmat
+
+            return mark in str(loadmat(path, variable_names=["header"]).get("header")).encode()
+        with path.open("rb") as file:
+            return mark in file.read(MOST)
+    except Exception:  # a file of any other program
+        return False
+
+
+def _gain(model: Any) -> str:
+    """Static gain, a row for each part that is read."""
+    if (len(model.inputs), len(model.outputs)) == (1, 1):
+        return f"{model.thermal_resistance:.6g}"
+    return "; ".join(", ".join(f"{value:.6g}" for value in row) for row in np.asarray(model.gain))
+
+
+def _error(provenance: Mapping[str, Any]) -> str:
+    """The proven bound of a reduction, the misfit of a fit, or that nothing is known."""
+    bound, residual = provenance.get("error_bound"), provenance.get("residual_K")
+    if isinstance(bound, (int, float)):
+        mesh = provenance.get("mesh_accuracy")
+        of = f" of mesh accuracy {mesh:g}" if isinstance(mesh, (int, float)) else ""
+        return f"below {bound:.1e} of the thermal resistance at every frequency, from the FEM{of}"
+    if isinstance(residual, (int, float)):
+        training = provenance.get("training", ())
+        drives = ", ".join(map(str, training)) if isinstance(training, (list, tuple)) else str(training)
+        return f"misfit {residual:.3g} K rms over {drives or 'its training data'}"
+    return "not recorded"
+
+
+def comment(lines: Iterable[str], mark: str) -> str:
+    """The lines as comments in plain ASCII, which every simulator reads; a line with breaks becomes several."""
+    return "".join(f"{mark} {piece}".rstrip() + "\n" for line in lines for piece in lines_of(line))
+
+
+def plain_name(name: str) -> str:
+    """A file's name that a deck can include as it is; InputError for one with other characters."""
+    if not re.fullmatch(r"\w[\w.+-]*", name, flags=re.ASCII):
+        raise InputError(f"path = {name!r} is included by a deck; take letters, digits and _ . + - for its name")
+    return name
+
+
+def identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]:
+    """Names that simulators accept: letters, digits and single underscores, no two alike even where case counts not.
+
+    Double underscores are left to the exporters' own nodes.
+    """
+    used, result = {name.lower() for name in taken}, []
+    for name in names:
+        base = re.sub(r"[\W_]+", "_", name, flags=re.ASCII).strip("_")
+        base = base if base[:1].isalpha() else f"n_{base}"
+        word = next(w for k in range(10_000) if (w := base if not k else f"{base}_{k}").lower() not in used)
+        used.add(word.lower())
+        result.append(word)
+    return result

@@ -1,0 +1,131 @@
+"""Independent poles: the form of a linear thermal model that circuits, co-simulation units and tables share.
+
+dx_k/dt = -rate_k x_k + sum_i B_ki P_i,    z_j = sum_k C_jk x_k,    dT_j = z_j + coefficient z_j^2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thermofem import Foster, OutputMap, StateSpace, checks
+from thermofem.arrays import Array
+from thermofem.models.state_space import eigenmodes
+
+from .export_header import identifiers
+
+LARGEST_ORDER = 500  # poles; a file of more is read slowly by every simulator, a certified reduction needs 10 to 40
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Poles with their share in every input and output.
+
+    rate [shape (n,), 1/s]
+    B [shape (n, inputs), K/J]
+    C [shape (outputs, n)]: the largest entry of each column is 1 in size, so that x_k is a temperature in K.
+    coefficient [1/K]: of the output map; 0 for a linear model.
+    """
+
+    rate: Array
+    B: Array
+    C: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    coefficient: float = 0.0
+
+
+def poles_of(model: Any) -> Poles:
+    """The poles of a linear model or an output map, slowest last; poles that no input reaches are left out.
+
+    Raises InputError: another kind of model, too many states, or a pole that does not decay.
+    """
+    if isinstance(model, StateSpace):  # of any number of inputs and outputs
+        return _of_state_space(model)
+    small = model.dynamics
+    if isinstance(small, OutputMap):
+        return replace(poles_of(small.linear), coefficient=small.coefficient)
+    if not isinstance(small, Foster):
+        raise checks.InputError(
+            f"a {type(model).__name__} is not a set of independent poles: the format mat takes it; the others take "
+            "Foster, StateSpace, Network, Cauer and OutputMap"
+        )
+    R, tau = np.asarray(small.R), np.asarray(small.tau)
+    kept = R != 0
+    share = np.ones((1, int(kept.sum())))
+    return Poles(1 / tau[kept], (R / tau)[kept, None], share, model.inputs, model.outputs)
+
+
+def _of_state_space(model: StateSpace) -> Poles:
+    """The poles of a linear system, each scaled to a temperature."""
+    if model.order > LARGEST_ORDER:
+        raise checks.InputError(
+            f"model is a StateSpace of {model.order} states, too large for this format, which takes {LARGEST_ORDER}",
+            "reduce finite elements (surrogate.reduce); of an array take fewer rings, a larger tolerance, or to='mat'",
+        )
+    rate, vectors = eigenmodes(model)
+    B, C = vectors.T @ np.asarray(model.B), np.asarray(model.C) @ vectors
+    scale = np.abs(C).max(axis=0)
+    kept = (scale > 0) & np.any(B != 0, axis=1)
+    rate, B, C, scale = rate[kept], B[kept], C[:, kept], scale[kept]
+    order = np.argsort(-rate)
+    return Poles(rate[order], (B * scale[:, None])[order], (C / scale)[:, order], model.inputs, model.outputs)
+
+
+@dataclass(frozen=True, eq=False)
+class RCNetwork:
+    """R parallel to C for each pole, and how the pins couple to them: what SPICE and Verilog-A write down.
+
+    R, C [shape (n,), K/W and J/K]
+    shares [shape (n, inputs)]: share of the power into each heated pin that enters each pole; None: one pin, all poles
+        in series (Foster).
+    reads [shape (outputs, n)]: share of each pole's temperature in each pin that is read.
+    pins: every part once, heated ones first.
+    heated, read: pins of the columns of ``shares`` and of the rows of ``reads``.
+    coefficient [1/K]: of the output map dT = z + coefficient z^2, or 0.
+    """
+
+    R: Array
+    C: Array
+    shares: Array | None
+    reads: Array
+    pins: list[str]
+    heated: list[int]
+    read: list[int]
+    coefficient: float
+
+    def read_by(self, pin: int) -> Array | None:
+        """Shares of the poles in a pin's temperature; None for a pin that is heated only."""
+        return self.reads[self.read.index(pin)] if pin in self.read else None
+
+
+def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
+    """The network of a model of independent poles; pins are named after the parts, none of them as ``taken``."""
+    found = poles_of(model)
+    if not found.rate.size:
+        raise checks.InputError("model has R = 0 K/W at every pole: it never warms up, and is no circuit")
+    parts = list(dict.fromkeys([*found.inputs, *found.outputs]))
+    pins = identifiers(parts, taken=taken)
+    heated, read = [parts.index(p) for p in found.inputs], [parts.index(p) for p in found.outputs]
+    if len(parts) == 1 and not found.coefficient:  # one pin and a linear model
+        size, shares = found.B[:, 0] * found.C[0], None
+    else:
+        size = np.abs(found.B).max(axis=1)
+        shares = found.B / size[:, None]
+    return RCNetwork(size / found.rate, 1 / size, shares, found.C, pins, heated, read, found.coefficient)
+
+
+def lit_part(model: Any) -> tuple[str, str]:
+    """The part that the light of a ring heats and the one whose rise detunes it: the first input, read where it is.
+
+    Raises InputError: the model does not read that part, and reads several others.
+    """
+    heated = model.inputs[0]
+    if heated in model.outputs:
+        return heated, heated
+    if len(model.outputs) == 1:
+        return heated, model.outputs[0]
+    raise checks.InputError(f"model heats {heated!r} and reads {', '.join(model.outputs)}: one must be {heated!r}, too")

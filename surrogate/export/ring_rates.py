@@ -1,0 +1,119 @@
+"""Light and carriers of a ring as numbers of order one: ns, fJ, 1e23 carriers per m^3, fields in sqrt(fJ) and sqrt(W).
+
+    da/dt = (i D - gamma) a + i (pump s_in + add s_add),     |a|^2 = U
+    D     = -thermal_shift dT - sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) - kerr U - 2 pi detuning
+    gamma = loss + fca N + tpa U
+    dN/dt = -N (1 + b N)/(tau0 (1 + a N)) + g U^2
+    P_abs = 2e-6 (absorbed + fca N + tpa U) U in W
+    s_through = s_in + i through a,    s_drop = s_add + i drop a
+
+N (N^2 + eps^2)^((p - 1)/2) stands for N^p, whose slope is infinite at N = 0 for p < 1.
+
+Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, as `coupled.RingResonator` reads them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from thermofem import checks
+
+NS, FJ, DENSITY = 1e-9, 1e-15, 1e23  # the units in s, J, 1/m^3
+EPSILON = 1e-8  # eps in 1e23/m^3: 1e15 per m^3 is six orders below the densities that matter
+STEPS_A_PERIOD = 400  # ngspice is within 3e-4 of the period with it, within 1e-3 with half as many
+STEPS_A_LIFETIME = 20  # where the period is not known; a pulse lasts some carrier lifetimes
+DURATION = 100e-6  # s, of a demonstration: a ring over 2 um of oxide has settled to 1e-5 of its period after 80 us
+
+
+@dataclass(frozen=True)
+class RingRates:
+    """The numbers of the module's equations; ``dispersion`` holds the pairs (c_k, p_k), c_k in rad/ns."""
+
+    pump: float
+    add: float
+    through: float
+    drop: float
+    loss: float
+    absorbed: float
+    fca: float
+    tpa: float
+    g: float
+    tau0: float
+    a: float
+    b: float
+    thermal_shift: float
+    kerr: float
+    dispersion: tuple[tuple[float, float], ...]
+
+
+def ring_rates(ring: Any) -> RingRates:
+    """The numbers of a ring, such as `coupled.RingResonator`: its fields and derived rates in SI are read.
+
+    Raises InputError: something that has no such rates.
+    """
+    hint = "coupled.borghi2021() is one, coupled.Circuit holds several"
+    checks.has("ring", ring, "bus_rate", "linear_rate", "thermal_shift", "carriers", hint=hint)
+    bus, drop, carriers = ring.bus_rate, ring.drop_bus_rate, ring.carriers
+    return RingRates(
+        pump=math.sqrt(2 * bus / FJ) * NS,
+        add=math.sqrt(2 * drop / FJ) * NS,
+        through=math.sqrt(2 * bus * FJ),
+        drop=math.sqrt(2 * drop * FJ),
+        loss=ring.linear_rate * NS,
+        absorbed=ring.loss_rate * NS,
+        fca=ring.eta_fca * DENSITY * NS,
+        tpa=ring.eta_tpa * FJ * NS,
+        g=ring.g_tpa * FJ**2 * NS / DENSITY,
+        tau0=carriers.tau0 / NS,
+        a=carriers.a * DENSITY,
+        b=carriers.b * DENSITY,
+        thermal_shift=ring.thermal_shift * NS,
+        kerr=ring.kerr_shift * FJ * NS,
+        dispersion=tuple((ring.index_rate * c * DENSITY**p * NS, float(p)) for c, p in ring.fcd),
+    )
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """A run from cold that goes with an export.
+
+    power [W], detuning [Hz]: of the laser, on from t = 0.
+    period [s]: of the settled pulsation, or None where it is not known or the ring does not pulse.
+    """
+
+    power: float
+    detuning: float
+    period: float | None
+
+    def largest_step(self, rates: RingRates) -> float:
+        """Largest step of a simulator in s."""
+        return self.period / STEPS_A_PERIOD if self.period else rates.tau0 * NS / STEPS_A_LIFETIME
+
+    def row(self) -> float:
+        """Time between the rows of a table in s: a whole number of ns, 100 rows a period where 1 to 4 ns make them."""
+        return min(4.0, max(1.0, self.period / 100 // NS)) * NS if self.period else 4 * NS
+
+    def reason(self) -> str:
+        """Where the largest step comes from."""
+        if self.period:
+            return f"settled period {self.period:.9g} s / {STEPS_A_PERIOD}"
+        return f"carrier lifetime / {STEPS_A_LIFETIME}; the period is not known"
+
+
+def demonstration(power: Any, detuning: float, period: float | None) -> Demonstration:
+    """The run of a laser; a circuit's power may be given under the laser's name.
+
+    Raises InputError: a power or detuning out of range, or powers of several lasers.
+    """
+    if isinstance(power, Mapping):
+        if len(power) != 1:
+            raise checks.InputError(f"power = {checks.shown(dict(power))} must be that of one laser")
+        (power,) = power.values()
+    power = checks.between("power", power, 0, 10, unit="W", hint="powers are in W (did you mean 6.3e-3?)")
+    detuning = checks.between("detuning", detuning, -5e12, 5e12, unit="Hz", hint="did you mean 10e9?")
+    if period is not None:
+        period = checks.between("period", period, 1e-12, 1, unit="s")
+    return Demonstration(float(power), float(detuning), period)

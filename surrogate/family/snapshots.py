@@ -1,0 +1,309 @@
+"""Members that are solved, on their own mesh or as snapshots of the basis; on any Executor, kept in a folder.
+
+A snapshot is reduced first (`surrogate.reduce`). Its fields x(s) = (K + s M)^-1 c at many shifts, on the real and on
+the imaginary axis, are then combinations of a few modes. Each is divided by the square root of |Z(s)|: a projection
+that leaves the share e of its energy errs by about e in Z(s).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import CrossSection, HeatProblem, StateSpace, assemble, checks
+from thermofem.arrays import Array
+from thermofem.campaign.store import Store
+from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
+from thermofem.data.netcdf import DAMAGE
+
+from ..reduction.reduce import Projected, project
+from .affine_matrices import AffineEngine
+from .projection import MemberModes, MovedMeshEngine, difference
+
+HASH = "hash"  # name of the array that holds it
+_ARCHIVE_DAMAGE = (
+    EOFError,
+    MemoryError,
+    SyntaxError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""Exceptions of NumPy and zipfile for a damaged archive, beside `DAMAGE`."""
+
+
+def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
+    """The archive of named arrays."""
+    memory = io.BytesIO()
+    named: dict[str, Any] = {**arrays, HASH: np.array(_hash(arrays))}
+    (np.savez_compressed if deflated else np.savez)(memory, **named)
+    return memory.getvalue()
+
+
+def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
+    """The arrays of an archive.
+
+    Raises
+    ------
+    ValueError
+        no archive, a damaged one, one that unpacks to more than `LARGEST` bytes, or arrays that are not those
+        of the hash.
+    """
+    if raw[:4] != b"PK\x03\x04":  # NumPy would say how to run what is in it
+        raise ValueError("no archive")
+    try:
+        with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
+            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST:
+                raise ValueError(f"more than {LARGEST} bytes unpacked")
+            arrays = {name: archive[name] for name in archive.files}
+    except (*DAMAGE, *_ARCHIVE_DAMAGE) as error:
+        raise ValueError(str(error) or type(error).__name__) from None
+    if str(arrays.pop(HASH, None)) != _hash(arrays):
+        raise ValueError("it was changed after it was written")
+    return arrays
+
+
+def _hash(arrays: Mapping[str, Any]) -> str:
+    each = {name: np.asarray(values) for name, values in arrays.items()}
+    return digest_tree({name: [str(a.dtype), a.shape, digest(a.tobytes())] for name, a in each.items()})
+
+
+FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the family
+FINEST, REDUCTION = 2e-5, 1e-2  # accuracy of the finest mesh made; tolerance of the reduction over that of the family
+
+
+@dataclass(frozen=True, eq=False)
+class Certified:
+    """A member checked on its own mesh.
+
+    Attributes
+    ----------
+    heat : HeatProblem
+    model : StateSpace
+        certified reduction in modal form, with every part and read region of the family.
+    thermal_resistance : float, K/W
+        of the first heated part.
+    error : float
+        of the family: relative, of R_th and of the step response from 1 ns on.
+    error_bound : float
+        of ``model`` against its mesh, relative to R_th at every frequency.
+    mesh_error : float
+        estimated, of the mesh.
+    """
+
+    heat: HeatProblem = field(repr=False)
+    model: StateSpace = field(repr=False)
+    thermal_resistance: float
+    error: float
+    error_bound: float
+    mesh_error: float
+
+
+def certified_modes(heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> tuple[MemberModes, Projected]:
+    """Certified modes of a heat problem between its ports."""
+    d = heat.discretization
+    columns = np.column_stack([d.means[name][d.free] for name in ports])
+    system = StateSpace(E=d.E, A=-d.K, B=columns, C=columns.T, inputs=ports, outputs=ports)
+    found = project(system, max(REDUCTION * tolerance, 1e-7))
+    rate, beta = found.projection.rate, found.projection.ports
+    return MemberModes(1 / rate, (beta / np.sqrt(rate)[:, None]).T), found
+
+
+def certified(
+    geometry: CrossSection, modes: MemberModes, ports: tuple[str, ...], tolerance: float, heated: int
+) -> Certified:
+    """Compare a member with its own mesh, which is finer than the family's tolerance.
+
+    The first ``heated`` of the ports carry heat.
+    """
+    heat = assemble(geometry, max(FINER * tolerance, FINEST))
+    truth, found = certified_modes(heat, ports, tolerance)
+    gain = found.projection.gain.diagonal()
+    a, b = found.pairs
+    rate, beta = found.projection.rate, found.projection.ports
+    return Certified(
+        heat=heat,
+        model=StateSpace(np.eye(rate.size), -np.diag(rate), beta, beta.T, inputs=ports, outputs=ports),
+        thermal_resistance=float(truth.R().sum()),
+        error=difference(modes, truth, heated),
+        error_bound=float((found.certificate.top / np.sqrt(gain[a] * gain[b])).max()),
+        mesh_error=heat.mesh_error(ports[0]),
+    )
+
+
+PER_DECADE = 4  # shifts
+FASTEST = 1e10  # 1/s; faster poles do not change the step response after 1 ns
+NEGLIGIBLE = 1e-5  # of the tolerance: energy of a mode of the snapshots that is left out
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A member solved on the reference mesh.
+
+    row [shape (p,)]
+    modes: its certified reduction.
+    static [shape (unknowns, ports)]: fields at s = 0, of unit energy.
+    fields [shape (unknowns, m)]: orthogonal combinations of the fields at all shifts, their energies decreasing.
+    """
+
+    row: Array
+    modes: MemberModes
+    static: Array
+    fields: Array
+
+
+def solve_member(row: Array, heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> Member:
+    """Reduce one ring of the family and compute its temperature fields at many shifts."""
+    modes, found = certified_modes(heat, ports, tolerance)
+    rate, beta = found.projection.rate, found.projection.ports  # (k,), (k, ports)
+    slow = min(rate[0], FASTEST / 10)
+    real = np.append(0.0, np.geomspace(slow, FASTEST, int(PER_DECADE * np.log10(FASTEST / slow))))
+    weights, scale = [], found.projection.gain.diagonal()
+    for p in range(len(ports)):
+        for s in (*real, *(1j * real[1:])):
+            y = beta[:, p] / (rate + s)
+            size = np.sqrt(abs(beta[:, p] @ y))
+            weights += [y.real / size, y.imag / size] if np.iscomplexobj(y) else [y / size]
+    W = np.array(weights).T  # modes by snapshots; energy of a mode is its rate
+    u, s, _ = np.linalg.svd(np.sqrt(rate)[:, None] * W, full_matrices=False)
+    kept = s**2 > NEGLIGIBLE * tolerance
+    fields = found.basis @ (u[:, kept] * s[kept] / np.sqrt(rate)[:, None])
+    static = found.basis @ (beta / rate[:, None] / np.sqrt(scale))
+    return Member(row, modes, static, fields)
+
+
+def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
+    """Extend X-orthonormal functions V by the principal directions of the fields outside their span, down to an energy.
+
+    V [shape (n, k)]
+    X [sparse, shape (n, n)]: inner product.
+    fields [shape (n, m)]
+    least: energy of the weakest direction that is added.
+    """
+    for _ in range(2):
+        fields = fields - V @ (V.T @ (X @ fields))
+    gram = fields.T @ (X @ fields)
+    value, vector = np.linalg.eigh((gram + gram.T) / 2)
+    value, vector = value[::-1], vector[:, ::-1]
+    count = int((value > max(least, 1e-13 * max(value[0], 1.0))).sum())
+    if not count:
+        return V
+    new = fields @ (vector[:, :count] / np.sqrt(value[:count]))
+    new = new - V @ (V.T @ (X @ new))
+    lower = np.linalg.cholesky(new.T @ (X @ new))
+    return np.hstack([V, np.linalg.solve(lower, new.T).T])
+
+
+Task = tuple[Any, ...]
+
+log = logging.getLogger("thermofem")
+
+
+def fine_member(geometry: str, ports: tuple[str, ...], tolerance: float) -> MemberModes:
+    """A member on its own finer mesh, from the text of its geometry."""
+    heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST))
+    return certified_modes(heat, ports, tolerance)[0]
+
+
+def snapshot_of(engine: AffineEngine | MovedMeshEngine, row: Array, ports: tuple[str, ...], tolerance: float) -> Member:
+    """A member on the reference mesh."""
+    return solve_member(row, engine.heat(row), ports, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """Where members are solved and kept.
+
+    key: of everything that the members share; others in the store are left alone.
+    executor: None solves in this process.
+    store: keeps what is solved, open while the solver is called; None keeps nothing.
+    """
+
+    key: str
+    executor: Executor | None = None
+    store: Store | None = None
+
+    def __call__(
+        self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""
+    ) -> list[Any]:
+        """Results in order; None for a task that failed, which a line in the log names.
+
+        ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
+
+        Raises InputError: of a task, or all of them failed; the executor broke.
+        """
+        keys = [self._key(f"{function.__name__} {shared}", mark) for mark in marks]
+        there = self.store.intact(keys) if self.store else set()
+        kept = [_member(self.store.path(key)) if self.store and key in there else None for key in keys]
+        left = [k for k, one in enumerate(kept) if one is None]
+        futures: dict[int, Future[Any]] = {}
+        reason = ""
+        try:
+            for k in left:
+                futures[k] = self._submit(function, tasks[k])
+            for k, future in futures.items():
+                try:
+                    found = kept[k] = future.result()
+                except (checks.InputError, BrokenExecutor):
+                    raise
+                except Exception as error:
+                    reason = f"{type(error).__name__}: {error}"
+                    log.warning("a member failed and is left out: %s", reason)
+                    continue
+                if self.store:
+                    self.store.write(keys[k], _packed(found))
+        except BrokenExecutor as error:
+            raise checks.InputError(
+                f"the executor broke ({type(error).__name__}: {error})",
+                "run again with a new one" + (f"; what {self.store.folder} holds is kept" if self.store else ""),
+            ) from None
+        finally:
+            for future in futures.values():
+                future.cancel()
+        if tasks and all(one is None for one in kept):
+            raise checks.InputError(f"every member of a batch failed, the last one with {reason}")
+        return kept
+
+    def _submit(self, function: Callable[..., Any], task: Task) -> Future[Any]:
+        if self.executor is not None:
+            return self.executor.submit(function, *task)
+        done: Future[Any] = Future()
+        try:
+            done.set_result(function(*task))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+    def _key(self, what: str, mark: Array) -> str:
+        content = f"{self.key} {what}".encode() + np.ascontiguousarray(mark).tobytes()
+        return hashlib.sha256(content).hexdigest()[:24]
+
+
+def _packed(found: Member | MemberModes) -> bytes:
+    """The member as an archive."""
+    modes = found if isinstance(found, MemberModes) else found.modes
+    arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
+    if isinstance(found, Member):
+        arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
+    return pack(arrays, deflated=False)
+
+
+def _member(path: Path) -> Member | MemberModes:
+    """The member of an archive."""
+    arrays = unpack(read_bytes(path, "member"))
+    modes = MemberModes(arrays["tau"], arrays["ports"])
+    return Member(arrays["row"], modes, arrays["static"], arrays["fields"]) if "row" in arrays else modes

@@ -1,0 +1,397 @@
+"""Train a family from a campaign: choose the engine, solve members, and test it on members it has not seen.
+
+Members are solved where the error is largest until new ones are predicted well enough. Every batch is predicted before
+it is added, so its error is a fair test of the functions so far. Between batches, many candidates are looked at with
+all functions and with those of earlier batches alone; where the two differ most, the next members are solved.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermofem import Campaign, Foster, checks
+from thermofem import __version__ as version
+from thermofem.arrays import Array
+from thermofem.campaign import campaign_file
+from thermofem.campaign.store import Store
+from thermofem.data.files import read_toml
+
+from .affine_grid import NotAffineError
+from .affine_matrices import AffineEngine
+from .family import Family, HeldOut, coarse_difference
+from .interpolation import OutputMaps, interpolate_output_maps
+from .parameter_box import Box
+from .projection import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
+from .snapshots import FINEST, Member, Solver, certified_modes, extend_basis, fine_member, snapshot_of
+
+SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
+STATIC = 0.1  # of the tolerance, by which thermal resistances of the first functions may miss those of all
+KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch adds
+CANDIDATES = 128
+BATCH = 6
+MOST_BATCHES = 60  # batches
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """Results of the training.
+
+    basis [shape (unknowns, N)]: functions, those of the static fields first.
+    statics: how many.
+    left: worst error of every batch, predicted before it was added.
+    """
+
+    basis: Array
+    statics: int
+    members: tuple[Member, ...]
+    left: tuple[float, ...]
+    terms: AffineMembers | None
+
+
+@dataclass
+class Trainer:
+    """State of a training run."""
+
+    engine: AffineEngine | MovedMeshEngine
+    ports: tuple[str, ...]
+    tolerance: float
+    seed: int
+    heated: int
+    report: Callable[[str], None]
+    solver: Solver
+
+    def __post_init__(self) -> None:
+        self.box: Box = self.engine.box
+        self.X = self.engine.reference.discretization.K
+        self.V = np.empty((self.engine.unknowns, 0))
+        self.members: list[Member] = []
+        self.earlier = 0  # functions before the last batch
+
+    def run(self) -> Trained:
+        """Train until a batch is predicted to `SHARE` of the tolerance."""
+        left: list[float] = []
+        rows = self._first()
+        for number in range(MOST_BATCHES):
+            errors = []
+            new = self._solved(rows)
+            for member in new:
+                if number:
+                    here = projected(self.engine.heat(member.row), self.V, self.ports).modes()
+                    errors.append(difference(here, member.modes, self.heated))
+                self.members.append(member)
+            self.report(f"{len(self.members)} members solved, {self.V.shape[1]} functions")
+            if errors:
+                left.append(max(errors))
+                if left[-1] <= SHARE * self.tolerance:
+                    break
+            self.earlier = self.V.shape[1]
+            fields = np.hstack([member.fields for member in new])
+            self.V = extend_basis(self.V, self.X, fields, KEPT * self.tolerance)
+            rows = self._next(number)
+        return self._finish(left)
+
+    def _solved(self, rows: Array) -> list[Member]:
+        """Members on the reference mesh; those that fail are left out."""
+        tasks = [(self.engine, row, self.ports, self.tolerance) for row in rows]
+        mesh = f"{self.engine.unknowns} {self.engine.reference.mesh.points.sum():.15g}"
+        found = self.solver(snapshot_of, tasks, rows, mesh)
+        return [member for member in found if member is not None]
+
+    def _first(self) -> Array:
+        """The middle, some corners and points inside."""
+        return np.vstack([self.box.middle[None], self.box.corners(2 * BATCH), self.box.draw(BATCH, self.seed)])
+
+    def _terms(self, V: Array, statics: int) -> AffineMembers | None:
+        """Terms between functions, where the engine has such."""
+        if not isinstance(self.engine, AffineEngine):
+            return None
+        terms = self.engine.project(V, self.ports)
+        return AffineMembers.of(self.engine.coefficients, terms, self.engine.volumes(self.ports), statics)
+
+    def _next(self, number: int) -> Array:
+        """Members where all functions and the earlier ones differ most, and some drawn at random."""
+        random = self.box.draw(BATCH, self.seed + 1 + number)
+        terms = self._terms(self.V, 0)
+        if terms is None or not self.earlier:
+            return random
+        inside = self.box.draw(CANDIDATES, self.seed + 1000 + number)
+        candidates = np.vstack([inside, self.box.corners(CANDIDATES // 4)])
+        gaps = []
+        for row in candidates:
+            small = terms.member(row)
+            gaps.append(difference(small.first(self.earlier).modes(), small.modes(), self.heated))
+        span = self.box.high - self.box.low
+        picked: list[int] = []
+        for k in np.argsort(gaps)[::-1]:  # apart from each other
+            if all(np.abs((candidates[k] - candidates[m]) / span).max() > 0.2 for m in picked):
+                picked.append(int(k))
+            if len(picked) == BATCH // 2:
+                break
+        return np.vstack([candidates[picked], random[: BATCH - len(picked)]])
+
+    def _finish(self, left: list[float]) -> Trained:
+        """The fewest functions that hold all members, those of the static fields first."""
+        none = np.empty((self.engine.unknowns, 0))
+        static = extend_basis(none, self.X, np.hstack([m.static for m in self.members]), 0.02 * KEPT * self.tolerance)
+        fields = np.hstack([member.fields for member in self.members])
+        basis, statics = extend_basis(static, self.X, fields, KEPT * self.tolerance), static.shape[1]
+        terms = self._terms(basis, statics)
+        if terms is not None:
+            count = self._fewest(terms, statics)
+            kept, statics = np.eye(terms.size)[:, :count], self._enough(terms, statics, count)
+            basis, terms = basis[:, :count], terms.rotated(kept, statics)
+        return Trained(basis, statics, tuple(self.members), tuple(left), terms)
+
+    def _fewest(self, terms: AffineMembers, statics: int) -> int:
+        """Smallest number of functions that keeps the error of all members below `SHARE` of the tolerance."""
+        small = [terms.member(member.row) for member in self.members]
+        low, high = statics, terms.size
+        while high - low > 1:
+            count = (low + high) // 2
+            pairs = zip(small, self.members, strict=True)
+            off = (difference(one.first(count).modes(), m.modes, self.heated) for one, m in pairs)
+            if all(error <= SHARE * self.tolerance for error in off):
+                high = count
+            else:
+                low = count
+        return high
+
+    def _enough(self, terms: AffineMembers, statics: int, count: int) -> int:
+        """Smallest number of functions whose thermal resistances are those of ``count`` of them, up to `STATIC`.
+
+        The static fields of the members span those of other members less well than all their fields do. Looked at where
+        no member was solved, and at the corners.
+        """
+        rows = np.vstack([self.box.draw(CANDIDATES, self.seed + 2000), self.box.corners(CANDIDATES)])
+        small = [terms.member(row).first(count) for row in rows]
+        all_of_them = [one.resistances(self.heated) for one in small]
+        low, high = statics - 1, count
+        while high - low > 1:
+            middle = (low + high) // 2
+            pairs = zip(small, all_of_them, strict=True)
+            off = (np.abs(one.resistances(self.heated, middle) / R - 1).max() for one, R in pairs)
+            if all(error <= STATIC * self.tolerance for error in off):
+                high = middle
+            else:
+                low = middle
+        return high
+
+
+log = logging.getLogger("thermofem")
+
+MESH = 0.5  # accuracy of the first reference mesh over the tolerance
+MESHES = 3  # reference meshes tried
+HELD_OUT = 8  # members
+NOTHING = 1e-9  # relative change of a response over the range of a parameter that does nothing
+SAFETY = 1.5  # on floor and factor of the predicted error
+
+
+def train_family(
+    campaign: Campaign | str | Path,
+    tolerance: float = 1e-3,
+    *,
+    seed: int = 0,
+    held_out: int = HELD_OUT,
+    report: Callable[[str], None] | None = None,
+    executor: Executor | None = None,
+    folder: str | Path | None = None,
+    power: float | None = None,
+) -> Family:
+    """Train one reduced basis for all members of a campaign's ranges.
+
+    Parameters
+    ----------
+    campaign : Campaign, or the path of a campaign file
+        its [[vary]] tables are the parameters; drives do not matter and may be left out.
+    tolerance : float
+        wanted relative error of R_th and of the step response from 1 ns on, 1e-4..0.05.
+    seed : int
+        of the members that are solved.
+    held_out : int
+        random members, never trained on, whose own finer meshes give ``family.error``.
+    report : callable
+        gets a line of text after every batch of members.
+    executor : Executor
+        anything that keeps the contract of `concurrent.futures`; default this process alone.
+    folder : str or Path
+        keeps the members that are solved; training that was interrupted goes on from it.
+    power : float, W
+        with k(T) or c_p(T) the largest power of interest: members then have an output map (`surrogate.output_map`),
+        interpolated between members that are solved with these laws; ``family.output_maps.error`` is its error.
+
+    Returns
+    -------
+    Family
+        where ``family.error`` is above the tolerance the log says so. Where outlines lie along r and z a member takes
+        about a millisecond (engine "affine"); leaning walls, shells and copies off the axis take some tens ("moved
+        meshes"). Without ``power``, conductivities that depend on temperature are taken at the ambient one, and the
+        log says so.
+
+    Raises
+    ------
+    InputError
+        a campaign that varies nothing or words; ranges that contradict each other; a mesh that cannot follow.
+    """
+    started = time.perf_counter()
+    tolerance = checks.between(
+        "tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member"
+    )
+    held_out, seed = checks.integer("held_out", held_out, 1, 1000), checks.seed(seed)
+    box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
+    report = (lambda line: None) if report is None else report
+    inputs, outputs = _channels(box)
+    ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
+    key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"
+    store = None if folder is None else Store(checks.path("folder", folder), ".npz")
+    solver = Solver(key, executor, store)
+    with store.opened() if store else contextlib.nullcontext():
+        rows, fine_members = _held_out(box, held_out, seed, ports, tolerance, solver)
+        report(f"{len(fine_members)} held-out members solved")
+        engine, references = _engine(box, ports, heated, tolerance, rows, fine_members)
+        found = Trainer(engine, ports, tolerance, seed, heated, report, solver).run()
+    members: AffineMembers | MovedMeshMembers
+    if found.terms is not None:
+        members = found.terms
+    elif isinstance(engine, MovedMeshEngine):
+        members = MovedMeshMembers(engine, found.basis, ports)
+    else:
+        raise TypeError("the engine on lines gives terms")
+    small = [members.member(row) for row in rows]
+    modes = [one.modes() for one in small]
+    errors = [difference(one, truth, heated) for one, truth in zip(modes, fine_members, strict=True)]
+    meshes = [difference(one, truth, heated) for one, truth in zip(references, fine_members, strict=True)]
+    rest = [difference(one, reference, heated) for one, reference in zip(modes, references, strict=True)]
+    ratios = [each / max(coarse_difference(one, heated), 1e-12) for each, one in zip(rest, small, strict=True)]
+    error = HeldOut(errors)
+    a, b = inputs[0], inputs[0] if inputs[0] in outputs else outputs[0]
+
+    def foster(row: Array) -> Foster:
+        one = members.member(row).modes()
+        return Foster(R=one.R(ports.index(a), ports.index(b)), tau=np.maximum(one.tau, 1e-30))
+
+    output_maps: OutputMaps | None = None
+    if power is not None:
+        report("members with conductivities that depend on temperature")
+        output_maps = interpolate_output_maps(engine, (a, b), power, foster, seed, replace(solver, store=None))
+    elif engine.reference.nonlinear:
+        log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
+    for name in _without_effect(box, members, heated):
+        log.warning("parameter %r changes nothing in this geometry; leave it out", name)
+    if error.worst > tolerance:
+        log.warning(
+            "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
+            "or ask for a smaller tolerance",
+            error.worst,
+            tolerance,
+        )
+    return Family(
+        box=box,
+        inputs=inputs,
+        outputs=outputs,
+        tolerance=tolerance,
+        members=members,
+        error=error,
+        floor=SAFETY * max(meshes),
+        factor=SAFETY * max(ratios),
+        output_maps=output_maps,
+        provenance={
+            "method": f"reduced basis, {members.engine}",
+            "version": version,
+            "campaign": box.campaign.name,
+            "campaign_hash": campaign_hash(box.campaign),
+            "solved_members": len(found.members),
+            "seconds": round(time.perf_counter() - started, 3),
+            "unknowns": engine.unknowns,
+        },
+    )
+
+
+def _held_out(
+    box: Box, count: int, seed: int, ports: tuple[str, ...], tolerance: float, solver: Solver
+) -> tuple[Array, list[MemberModes]]:
+    """Random members on their own finer meshes; those that fail are left out."""
+    rows = box.draw(count, seed + 7919)
+    tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
+    found = solver(fine_member, tasks, rows)
+    there = [k for k, one in enumerate(found) if one is not None]
+    return rows[there], [found[k] for k in there]
+
+
+def _without_effect(box: Box, members: AffineMembers | MovedMeshMembers, heated: int) -> list[str]:
+    """Parameters whose whole range moves no response by more than `NOTHING`."""
+    found = []
+    for k, name in enumerate(box.names):
+        rows = np.tile(box.middle, (2, 1))
+        rows[:, k] = box.low[k], box.high[k]
+        low, high = (members.member(row).modes() for row in rows)
+        if difference(low, high, heated) < NOTHING:
+            found.append(name)
+    return found
+
+
+def read_campaign(path: str | Path) -> Campaign:
+    """Read a campaign file; one without drives or samples is good enough for a family.
+
+    Raises InputError: as `Campaign.from_toml`.
+    """
+
+    def campaign(text: str) -> Campaign:
+        from thermofem.data import files
+        from thermofem.data.files import to_toml
+
+        table: dict[str, Any] = files.from_toml(text)
+        ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))
+        table.setdefault("samples", 1 if ranges else 0)
+        return Campaign(**campaign_file.fields(to_toml(table), Path(path).parent))
+
+    return read_toml(checks.path("campaign", path), "campaign", campaign)
+
+
+def campaign_hash(campaign: Campaign) -> str:
+    """Sixteen hexadecimal digits of geometry and variations."""
+    content = [campaign.geometry, [(v.name, v.paths, v.values, v.low, v.high) for v in campaign.variations]]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+def _engine(
+    box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
+) -> tuple[AffineEngine | MovedMeshEngine, list[MemberModes]]:
+    """Choose the engine, and a mesh whose error at held-out members is below `SHARE`; and these members on it."""
+    accuracy = MESH * tolerance
+    for _ in range(MESHES):
+        engine: AffineEngine | MovedMeshEngine
+        try:
+            engine = AffineEngine(box, accuracy)
+        except NotAffineError as reason:
+            log.info("the family moves its mesh for every member, because %s", reason)
+            engine = MovedMeshEngine(box, accuracy)
+        references = [certified_modes(engine.heat(row), ports, tolerance)[0] for row in rows]
+        error = max(difference(one, truth, heated) for one, truth in zip(references, fine_members, strict=True))
+        if error <= SHARE * tolerance or accuracy <= FINEST:
+            break
+        accuracy = max(FINEST, 0.7 * accuracy * SHARE * tolerance / error)
+    return engine, references
+
+
+def _channels(box: Box) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the heated and of the read parts of a campaign."""
+    base, campaign = box.base, box.campaign
+    inputs = (campaign.heated,) if campaign.heated else base.heated
+    readable = (*base.region_names, *(probe.name for probe in base.probes))
+    for name in inputs:
+        checks.choice("heated", str(name), base.heated)
+    outputs = campaign.read or tuple(map(str, inputs))
+    for name in outputs:
+        checks.choice("read", name, readable)
+    return tuple(map(str, inputs)), tuple(outputs)

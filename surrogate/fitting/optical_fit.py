@@ -1,0 +1,195 @@
+"""A Foster network fitted to the light behind an interferometer.
+
+    s(t) = a [1 + V cos(phi_0 + phi(t))],    phi(t) = phi_T sum_i R_i y_i(t; tau_i)
+
+with y_i the answer of a pole of gain 1 to the power. As s = a + b cos(phi) + c sin(phi) the trace is linear in a, b
+and c, which are eliminated (variable projection); a = P0/2, V = hypot(b, c)/a and phi_0 = atan2(-c, b) follow. Only
+ln R_i and ln tau_i are searched for, from several starts, as the trace is periodic in the phase.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from thermofem import MZI, Foster, checks
+from thermofem.arrays import Array
+from thermofem.data.dataset import Response, responses_of
+from thermofem.waveforms import period_times
+
+from .correlated import noise_along
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .fit import Fit
+
+PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
+UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
+BOUND = 12.0  # of the natural logarithms from their start: five decades either way
+
+
+@dataclass(frozen=True, eq=False)
+class Optical:
+    """Traces of light and what they share.
+
+    light [each of shape (n,)]: measured, in any unit.
+    shift [rad/K]
+    """
+
+    responses: list[Response]
+    light: list[Array]
+    shift: float
+
+    def phases(self, logs: Array) -> Array:
+        """phi at every sample for ln R_i and then ln tau_i; shape (samples,)."""
+        R, tau = np.exp(logs.reshape(2, -1))
+        model = Foster(R=R, tau=tau)
+        return np.concatenate([self.shift * _rise(model, one) for one in self.responses])
+
+    @property
+    def target(self) -> Array:
+        """All samples, shape (samples,)."""
+        return np.concatenate(self.light)
+
+    def linear(self, logs: Array) -> tuple[Array, Array]:
+        """a, b and c, shape (3,), and the residuals, shape (samples,)."""
+        phi = self.phases(logs)
+        columns = np.column_stack([np.ones_like(phi), np.cos(phi), np.sin(phi)])
+        found = np.linalg.lstsq(columns, self.target, rcond=1e-10)[0]
+        return found, columns @ found - self.target
+
+    def misfit(self, logs: Array) -> Array:
+        """The residuals, and one more that grows where no light could be: V > 1 or P0 < 0."""
+        (a, b, c), left = self.linear(logs)
+        return np.append(left, np.sqrt(left.size) * max(float(np.hypot(b, c) - a), 0.0))
+
+    def model(self, parameters: Array) -> Array:
+        """s at every sample for ln R_i, ln tau_i, V, phi_0 and a."""
+        logs, (V, bias, a) = parameters[:-3], parameters[-3:]
+        return np.asarray(a * (1 + V * np.cos(bias + self.phases(logs))))
+
+
+def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int, readout: MZI) -> Fit:
+    """Fit ``order`` poles, bias and visibility to Datasets with a variable ``optical`` (or light as ``delta_T``).
+
+    Only phi_T of ``readout`` is taken as known; its bias and visibility are the first of several starts.
+    """
+    checks.instance("readout", readout, MZI, hint="thermofem.MZI(shift=...) makes one")
+    if not readout.shift:
+        raise checks.InputError("readout: shift = 0 rad/K turns no phase; give phi_T = 2 pi L (dn/dT)/wavelength")
+    each: Any = data if isinstance(data, list | tuple) else [data]
+    responses = responses_of([_light(one) for one in each])
+    problem = Optical(responses, [np.asarray(one.rise, dtype=float) for one in responses], readout.shift)
+    logs, _ = _search(problem, order)
+    order_by_tau = np.argsort(logs[order:])
+    logs = np.concatenate([logs[:order][order_by_tau], logs[order:][order_by_tau]])
+    (a, b, c), left = problem.linear(logs)
+    end = np.concatenate([logs, [np.hypot(b, c) / a, np.arctan2(-c, b), a]])
+    return _concluded(problem, end, left, order)
+
+
+def _light(data: xr.Dataset) -> xr.Dataset:
+    """The Dataset with its light in the place of temperatures, and without the static gain of those."""
+    if "optical" in data:
+        data = data.assign(delta_T=data["optical"].assign_attrs(data["delta_T"].attrs))
+    data = data.copy()
+    data.attrs.pop("thermal_resistance", None)
+    return data
+
+
+def _rise(model: Foster, one: Response) -> Array:
+    """Rise in K of a model at the samples of a trace."""
+    if not one.periodic:
+        return model.response(one.wave, one.times)
+    period = float(one.wave.period or 0.0)
+    whole = model.periodic_response(one.wave, 2001)
+    return np.interp(one.times, period_times(one.wave, 2001), whole, period=period)
+
+
+def _search(problem: Optical, order: int) -> tuple[Array, float]:
+    """ln R and ln tau of the least misfit from all starts, and the sum of squares."""
+    first = np.concatenate([one.times[one.times > 0][:1] for one in problem.responses]).min()
+    last = max(float(one.times.max()) for one in problem.responses)
+    best: tuple[Array, float] | None = None
+    for phase in PHASES:
+        for low, high in ((0.02, 0.3), (0.002, 0.1)):
+            tau = np.geomspace(max(low * last, first), high * last, order) if order > 1 else np.array([high * last])
+            logs = np.log(np.concatenate([np.full(order, 1.0), tau]))
+            largest = float(np.abs(problem.phases(logs)).max())
+            logs[:order] += np.log(phase / largest)
+            found = least_squares(
+                problem.misfit,
+                logs,
+                bounds=(logs - BOUND, logs + BOUND),
+                x_scale=1.0,
+                max_nfev=60 * order,
+            )
+            if best is None or found.cost < best[1]:
+                best = found.x, float(found.cost)
+    if best is None:
+        raise checks.InputError("data has no samples after the power began")
+    return best
+
+
+def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
+    """Parameters, their errors and what the trace cannot tell apart."""
+    from .fit import Fit
+
+    names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)] + ["visibility", "bias", "half_power"]
+    steps = 1e-5 * np.maximum(np.abs(end), 1.0)
+    J = np.column_stack([_slope(problem, end, k, step) for k, step in enumerate(steps)])
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    free = max(left.size - end.size, 1)
+    ends = np.cumsum([one.size for one in problem.light])[:-1]
+    noise = noise_along(np.split(left, ends), U, float(left @ left) / free)
+    inverse = Vt.T / np.maximum(s, s[0] * 1e-12)
+    covariance = inverse @ noise @ inverse.T
+    scale = np.concatenate([np.exp(end[:-3]), [1.0, 1.0, 1.0]])
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0)) * scale
+    values = np.concatenate([np.exp(end[:-3]), end[-3:]])
+    safe = np.maximum(deviation / scale, np.finfo(float).tiny)
+    correlations = covariance / np.outer(safe, safe)
+    values[-2] = float(np.mod(values[-2] + np.pi, 2 * np.pi) - np.pi)
+    model = Foster(R=values[:order], tau=values[order : 2 * order])
+    rms = float(np.sqrt(np.mean(left**2)))
+    fit = Fit(
+        model=model,
+        parameters=dict(zip(names, map(float, values), strict=True)),
+        standard_errors=dict(zip(names, map(float, deviation), strict=True)),
+        correlations=correlations,
+        residual=rms,
+        relative_residual=rms / float(np.ptp(problem.target)),
+        training=tuple(one.name for one in problem.responses),
+        notes=tuple(_apart(names, covariance, np.append(np.ones(end.size - 1), abs(end[-1])))),
+    )
+    return replace(fit, model=replace(model, origin=fit.provenance))
+
+
+def _slope(problem: Optical, end: Array, k: int, step: float) -> Array:
+    """Derivative of the trace with respect to one parameter, central difference."""
+    high, low = end.copy(), end.copy()
+    high[k] += step
+    low[k] -= step
+    return np.asarray((problem.model(high) - problem.model(low)) / (2 * step))
+
+
+def _apart(names: Sequence[str], covariance: Array, size: Array) -> list[str]:
+    """A sentence for every direction of the parameters that the trace leaves open by more than `UNCERTAIN`.
+
+    covariance: of ln R_i, ln tau_i, V, phi_0 and the half power, shape (p, p); ``size`` is what `UNCERTAIN` is of.
+    """
+    notes = []
+    squares, directions = np.linalg.eigh(covariance / np.outer(size, size))
+    for square, direction in zip(squares[::-1], directions.T[::-1], strict=True):
+        open_by = np.sqrt(max(square, 0.0)) * np.abs(direction)
+        open_names = [name for name, size in zip(names, open_by, strict=True) if size > UNCERTAIN]
+        if len(open_names) > 1:
+            notes.append(f"the trace cannot tell {', '.join(open_names)} apart: drive it further, or at another bias")
+        elif open_names:
+            notes.append(f"the trace does not determine {open_names[0]}: drive it further, or at another bias")
+    return list(dict.fromkeys(notes))

@@ -1,0 +1,233 @@
+"""Pictures of compact models, their fits and errors, and of arrays of rings.
+
+Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import LogNorm
+
+from thermofem import checks
+from thermofem.data.column_units import unit_of
+from thermofem.data.dataset import response_of
+from thermofem.data.variables import contents
+from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, takes, time_unit
+from thermofem.plot import axes as _axes
+from thermofem.waveforms import period_times
+
+from .judging.validate import widest_range
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+    from .arrays.array_reduction import ArrayReduction
+    from .reduction.reduce import Reduction
+
+CURVES = "a mapping from names to Datasets of surrogate.period_error"
+CURVE = "Datasets of surrogate.period_error"
+
+
+def plot_period_error(
+    curves: Mapping[str, xr.Dataset], ax: Axes | None = None, *, within: float = 0.1, absolute: bool = False
+) -> Axes:
+    """Period error against period (us), relative in % or absolute in us, the 10 % band shaded: the paper's Fig. 7.
+
+    curves [mapping from the model's name to a Dataset of `surrogate.period_error`]
+    within: half width of the band.
+    absolute: T - T_model itself, as the paper's solid line.
+    """
+    takes("curves", curves, "items", "values", what=CURVES)
+    dims = dict.fromkeys(("period", "relative_error", *(("error",) if absolute else ())), "period")
+    curves = {name: contents("curve", curve, dims, what=CURVE) for name, curve in curves.items()}
+    ax = _axes(ax)
+    periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
+    band = within * (periods if absolute else 100 * np.ones_like(periods))
+    ax.fill_between(periods, -band, band, color=SKY, alpha=0.18, linewidth=0)
+    ax.axhline(0, color=INK, linewidth=0.6)
+    for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
+        error = curve["error"].values * 1e6 if absolute else curve["relative_error"].values * 100
+        low, high = widest_range(curve, within=within)
+        words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
+        shown = np.where(np.isfinite(error), error, np.nan)
+        style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat
+        ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)
+    bottom, top = ax.get_ylim()
+    limit = 1.0 if absolute else 100.0
+    ax.set_ylim(max(bottom, -limit), min(top, limit))
+    ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel=f"period error ({'µs' if absolute else '%'})")
+    ax.set_title(
+        f"shaded: error within {100 * within:g} %; the legend gives the periods",
+        fontsize="small",
+        loc="left",
+        color=INK,
+    )
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.margins(x=0)
+    below: dict[str, Any] = (
+        {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2} if len(curves) > len(CYCLE) else {}
+    )
+    ax.legend(frameon=False, fontsize="small", **below)
+    return ax
+
+
+def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1, title: str = "") -> np.ndarray:
+    """Period error twice: in %, and below its magnitude on a logarithmic axis, where good models differ.
+
+    curves, within: as in `plot_period_error`.
+    title: of the figure.
+    """
+    figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 6.4), layout="constrained")
+    plot_period_error(curves, left, within=within)
+    for line in left.lines[1:]:  # the first is zero
+        error = np.abs(np.asarray(line.get_ydata(), dtype=float))
+        right.loglog(line.get_xdata(), np.where(error > 0, error, np.nan), line.get_linestyle(), color=line.get_color())
+    right.axhline(100 * within, color=INK, linewidth=0.8, linestyle=":")
+    right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
+    right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
+    right.xaxis.set_major_formatter("{x:g}")
+    right.margins(x=0)
+    legend = left.get_legend()
+    if legend is not None:
+        names = [text.get_text() for text in legend.get_texts()]
+        figure.legend(
+            legend.legend_handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize="small"
+        )
+        legend.remove()
+    if title:
+        figure.suptitle(title, fontsize="medium")
+    return np.array([left, right])
+
+
+def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Rms error over swing (%) of every model against its number of states: one dot a model, a line over the drives.
+
+    comparison: from `surrogate.compare`.
+    """
+    dims = {"model": "model", "states": "model", "rms_relative": "model drive"}
+    comparison = contents("comparison", comparison, dims, what="a Dataset of surrogate.compare", words=("model",))
+    ax = _axes(ax)
+    states = checks.numbers("comparison['states']", comparison["states"].values)
+    error = 100 * checks.numbers("comparison['rms_relative']", comparison["rms_relative"].values)
+    typical = np.sqrt(np.mean(error**2, axis=1))
+    families = [str(name).split(" (")[0] for name in comparison["model"].values]
+    count = len(set(families))
+    crowded = np.array([np.sum(states == n) > 1 for n in states])
+    beside = 0.08 * (np.arange(count) - (count - 1) / 2)  # bars of models with as many states stand side by side
+    for family, shift, colour in zip(dict.fromkeys(families), beside, _cycle(count), strict=True):
+        own = [i for i, f in enumerate(families) if f == family]
+        at = states[own] + shift * crowded[own]
+        ax.vlines(at, error[own].min(axis=1), error[own].max(axis=1), color=colour, linewidth=1, alpha=0.5)
+        ax.plot(at, typical[own], "o-" if len(own) > 1 else "o", color=colour, markersize=5, label=family)
+    ax.set(yscale="log", xlabel="number of states", ylabel="rms error (% of swing)")
+    ax.set_xlim(0, states.max() + 1)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
+    """Guaranteed error of a one-channel reduction (relative to R_th) against frequency, and its tolerance."""
+    takes("rom", rom, "bound", "error_bound", what="a reduction of surrogate.reduce")
+    ax = _axes(ax)
+    shown = rom.bound > 1e-4 * rom.error_bound
+    ax.loglog(rom.frequency[shown], rom.bound[shown], color=BLUE, label=f"bound, {rom.order} states")
+    ax.axhline(rom.tolerance, color=INK, linewidth=0.8, linestyle="--", label="tolerance")
+    ax.set(xlabel="frequency (Hz)", ylabel="error over $R_\\mathrm{th}$")
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def _cycle(count: int) -> Sequence[str]:
+    """Enough colours, repeated where there are more lines than colours."""
+    return [CYCLE[i % len(CYCLE)] for i in range(count)]
+
+
+RATIOS = 5  # times the median gap: the mean gap beyond which samples are in equal ratios
+FINE = 4001  # samples of a period, between which a periodic state is a straight line
+
+
+def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
+    """Data and model against time above, their difference below; samples in equal ratios on a logarithmic axis.
+
+    fit [reduction or thermal model]
+    data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_trace`.
+    ax: for the traces and for the residual.
+    """
+    model = takes("fit", getattr(fit, "model", fit), "response", what="a fit, a reduction or a thermal model")
+    takes("data", data, "time", "delta_T", what="a Dataset of th.solve or th.read_trace, with time and delta_T")
+    response = response_of(data)
+    if response.periodic:
+        times = period_times(response.wave, FINE)
+        rise = np.interp(response.times, times, model.periodic_response(response.wave, FINE))
+    else:
+        rise = np.asarray(model.response(response.wave, response.times))
+    if ax is None:
+        layout: dict[str, Any] = {"sharex": True, "height_ratios": [3, 1], "layout": "constrained"}
+        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 4.2), **layout)
+    upper, lower = ax
+    factor, unit = time_unit(float(response.times[-1]))
+    rise_unit = unit_of(data.attrs.get("assumed", ""))
+    t, missed = response.times * factor, rise - response.rise
+    upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
+    upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
+    gaps = np.diff(t)
+    if not response.periodic and gaps.mean() > RATIOS * np.median(gaps):
+        upper.set(xscale="log")
+        lower.set(xscale="log")
+    rise_label = "temperature rise (K)" if rise_unit == "K" else "rise of the voltage (V)"
+    upper.set(ylabel=rise_label, xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
+    upper.legend(frameon=False, fontsize="small")
+    rms = float(np.sqrt(np.mean(missed**2)))
+    of = response.name.replace(" us", " µs")
+    upper.set_title(
+        f"{of}: residual {rms:.2g} {rise_unit} rms, {rms / response.swing:.2%} of the swing", fontsize="small"
+    )
+    lower.axhline(0, color=INK, linewidth=0.6)
+    lower.plot(t, missed, color=VERMILION, linewidth=1)
+    lower.set(xlabel=f"time ({unit})", ylabel=f"residual ({rise_unit})")
+    return np.array([upper, lower])
+
+
+def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
+    """Steady rise of every ring (rows) per watt in every input (columns), in K/mW, colours logarithmic."""
+    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
+    ax = _axes(ax)
+    matrix = array.crosstalk / 1e3
+    picture = ax.imshow(matrix, cmap="magma_r", norm=LogNorm(vmin=matrix.min() / 2, vmax=matrix.max()), aspect="equal")
+    if matrix.size <= 64:
+        luma = picture.to_rgba(matrix)[..., :3] @ (0.299, 0.587, 0.114)  # ITU-R BT.601
+        for (i, j), value in np.ndenumerate(matrix):
+            colour = "white" if luma[i, j] < 0.5 else INK
+            ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize="small", color=colour)
+    ax.set_xticks(range(len(array.model.inputs)), array.model.inputs, rotation=60, ha="right", fontsize="small")
+    ax.set_yticks(range(array.rings), array.model.outputs, fontsize="small")
+    ax.set(xlabel="heated", ylabel="read")
+    ax.figure.colorbar(picture, ax=ax, label="steady rise (K/mW)")
+    return ax
+
+
+def plot_time_scales(array: ArrayReduction, ax: Axes | None = None) -> Axes:
+    """Step of every pair against time (us), relative to its own end; dots where half of it is reached."""
+    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
+    ax = _axes(ax)
+    between = np.linalg.norm(array.positions[:, None] - array.positions, axis=-1)
+    first = np.unique(np.round(between, 12), return_index=True)[1]
+    times = np.geomspace(1e-8, 1e-3, 200)
+    for k, index in enumerate(first[:: max(1, first.size // 8)]):
+        i, j = np.unravel_index(index, between.shape)
+        channel = array.channel(int(j), int(i))
+        share = k / max(1, min(first.size, 8) - 1)
+        colour = VERMILION if k == 0 else plt.get_cmap("viridis")(0.85 * share)
+        name = "own ring" if k == 0 else f"{between[i, j] * 1e6:.3g} µm"
+        ax.plot(times * 1e6, channel.step_response(times) / channel.thermal_resistance, color=colour, label=name)
+        ax.plot(array.half_times[i, j] * 1e6, 0.5, "o", color=colour, markersize=4)
+    ax.axhline(0.5, color=BLUE, linewidth=0.5, linestyle=":")
+    ax.set(xscale="log", xlabel="time (µs)", ylabel="rise / steady rise", xlim=(1e-2, 1e3))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.legend(frameon=False, fontsize="small", title="distance")
+    return ax

@@ -1,0 +1,144 @@
+"""A ring from its cross-section, against the paper's table and the rates that follow by hand."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from scipy.constants import c
+
+import coupled
+import thermofem as th
+from coupled.ring_from import check_geometry
+
+
+def nitride():
+    geometry = th.strip_ring(radius=20e-6, width=1e-6, height=0.4e-6, box=4e-6, cladding=4e-6)
+    return replace(geometry, parts=(replace(geometry.parts[0], material="Si3N4"),))
+
+
+@pytest.fixture(scope="module")
+def made():
+    """The racetrack of Borghi et al. 2021: bends of 7 um, straights of 3 um, gaps of 250 nm, 7 dB/cm."""
+    return coupled.ring_from(th.strip_ring(), wavelength=1.555e-6, loss=161.0, gap=250e-9, straight=3e-6, buses=2)
+
+
+def test_the_fem_column_of_the_paper(made):
+    assert made.ring.tpa_volume == pytest.approx(5.35e-18, rel=0.01)
+    assert made.ring.fca_volume == pytest.approx(4.87e-18, rel=0.002)
+    assert made.ring.tpa_confinement == pytest.approx(0.992, abs=1e-3)
+    assert made.ring.fca_confinement == pytest.approx(0.999, abs=5e-4)
+
+
+def test_rates_of_the_guide_and_of_the_bus(made):
+    speed = c / made.mode.n_g
+    assert made.ring.loss_rate == pytest.approx(161 * speed / 2, rel=1e-12)
+    kappa = 1 - math.exp(-made.ring.bus_rate * 2 * 49.982e-6 / speed)
+    assert kappa == pytest.approx(0.0523, rel=0.02)  # an independent code, 1 %
+    assert made.ring.drop_rate == made.ring.bus_rate
+    assert "gap" in made.origins["bus_rate"].origin
+
+
+def test_the_resonance_is_whole_and_nearest(made):
+    nu = made.mode.order + (made.ring.frequency - c / 1.555e-6) * made.mode.n_g * made.mode.radius * 2 * math.pi / c
+    assert nu == pytest.approx(round(nu), abs=1e-6)
+    assert abs(c / made.ring.frequency - 1.555e-6) < 11.3e-9 / 2  # half a free spectral range of n_g 4.29 and 49.98 um
+
+
+def test_the_shifts_have_the_weight_of_the_mode(made):
+    ring = made.ring
+    # 4.69443e-5 1/K: NGSolve's integrals for the straight guide; the printed rule has 5.337e-5
+    assert ring.thermal_shift / ring.omega == pytest.approx(4.69443e-5, rel=2e-3)
+    printed = replace(ring, index_confinement=None)
+    assert ring.index_rate / printed.index_rate == pytest.approx(0.2488 / 0.2869 * 3.4773 / 3.485, rel=3e-3)
+    assert ring.eta_fca / printed.eta_fca == pytest.approx(1.0677, rel=2e-3)
+    assert ring.kerr_shift == printed.kerr_shift
+
+
+def test_the_energy_closes_under_the_new_rules(made):
+    model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    run = coupled.simulate(made.ring, model, power=2e-4, detuning=0.0, duration=50e-6, rtol=1e-8)
+    end = run.isel(time=-1)  # at rest: ten time constants have passed, and nothing more is stored
+    assert float(end["carriers"]) > 1e19
+    assert float(end["drop"] + end["through"] + end["absorbed"]) == pytest.approx(2e-4, rel=1e-5)
+
+
+def test_a_file_of_it_is_the_same_ring(made):
+    again = coupled.RingResonator.from_text(made.to_toml())
+    for name in ("frequency", "bus_rate", "index_confinement", "thermo_optic", "tpa_volume", "fcd"):
+        assert getattr(again, name) == getattr(made.ring, name)
+    assert again.carriers.tau0 == pytest.approx(made.ring.carriers.tau0, rel=1e-9)
+    assert made.to_toml().count("# computed") >= 9
+    assert made.to_toml().count("# base borghi2021") >= 8
+
+
+def test_every_field_has_an_origin(made):
+    fields = set(vars(made.ring)) - {"name", "rates"}
+    assert set(made.origins) == fields
+    assert all(made.origins[name].value == getattr(made.ring, name) for name in fields)
+
+
+def test_nitride_has_no_carriers():
+    made = coupled.ring_from(nitride(), wavelength=1.55e-6, loss="0.5 dB/cm", coupling=0.01, buses=1)
+    assert made.ring.g_tpa == 0.0
+    assert made.ring.kerr_shift > 0
+    assert made.ring.drop_bus_rate == 0.0
+    assert made.ring.bus_rate == pytest.approx(-c / made.mode.n_g / (4 * math.pi * 20e-6) * math.log(0.99))
+    again = coupled.RingResonator.from_text(made.to_toml())
+    assert again.carriers == made.ring.carriers
+    quality = made.ring.omega / (2 * made.ring.scattering_rate)
+    assert quality == pytest.approx(4.8e5, rel=0.03)  # an independent code, two digits
+
+
+SILICON = {"wavelength": 1.555e-6, "loss": 161.0, "coupling": 0.05}
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"gap": 250e-9}, "gap and coupling"),
+        ({"coupling": None}, "gap and coupling"),
+        ({"coupling": 0.6}, "coupling"),
+        ({"coupling": None, "gap": 0.0}, "gap"),
+        ({"coupling": None, "gap": 250.0}, "gap"),
+        ({"coupling": None, "gap": 100e-9, "straight": 10e-6}, "gap"),
+        ({"loss": -1.0}, "loss"),
+        ({"loss": "7 dB"}, "loss"),
+        ({"mode": "TE7"}, "mode"),
+        ({"geometry": th.strip_ring(width=150e-9)}, "guides no mode"),
+        ({"geometry": th.straight_guide()}, "straight"),
+        ({"geometry": nitride(), "base": coupled.borghi2021()}, "silicon"),
+    ],
+)
+def test_what_makes_no_ring(change, word):
+    given = {"geometry": th.strip_ring(), **SILICON, **change}
+    with pytest.raises(th.InputError, match=word):
+        coupled.ring_from(given.pop("geometry"), **given)
+
+
+def test_a_measured_shift_in_a_ring_file():
+    text = 'base = "borghi2021"\nresonance_shift = "75 pm/K"\n'
+    ring = coupled.RingResonator.from_text(text)
+    wavelength = c / ring.frequency
+    assert ring.thermal_shift * wavelength / ring.omega == pytest.approx(75e-12, rel=1e-12)
+    same = coupled.RingResonator.from_text(text.replace("75 pm/K", "9.3 GHz/K"))
+    assert same.thermal_shift == pytest.approx(2 * math.pi * 9.3e9, rel=1e-12)
+
+
+def test_an_effective_index_is_asked_about():
+    with pytest.raises(th.InputError, match="refractive_index"):
+        coupled.RingResonator.from_text('base = "borghi2021"\nrefractive_index = 2.35\n')
+
+
+def test_a_file_takes_the_rest_from_its_base_in_one_line(caplog):
+    coupled.RingResonator.from_text('base = "borghi2021"\nwavelength = "1551 nm"\n')
+    (line,) = caplog.messages
+    assert "tpa_volume" in line
+    assert "frequency" not in line
+
+
+def test_a_ring_that_contradicts_its_geometry(caplog):
+    wide = th.Foster(R=[1e4], tau=[1e-6], origin={"geometry": th.strip_ring(radius=40e-6, width=2e-6).to_toml()})
+    check_geometry(coupled.borghi2021(), wide)
+    assert "tpa_volume" in caplog.text
+    with pytest.raises(th.InputError, match="silicon"):
+        check_geometry(coupled.borghi2021(), replace(wide, origin={"geometry": nitride().to_toml()}))

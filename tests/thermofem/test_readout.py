@@ -1,0 +1,143 @@
+"""Read-outs of heat with one time constant against closed forms, and of any Dataset and model."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import surrogate
+import thermofem as th
+from thermofem.data import dataset
+
+TAU, R = 2e-6, 1000.0
+ONE = th.Foster(R=[R], tau=[TAU])
+
+
+@pytest.mark.parametrize(("decibels", "ratio"), [("optical", np.sqrt(3)), ("electrical", 1.0)])
+@pytest.mark.parametrize("readout", [th.MZI(bias=0.3), th.RingEdge(bias=1e9, linewidth=2e9, shift=1e9)])
+def test_bandwidth_of_one_pole(readout, decibels, ratio):
+    """|Z| = R/sqrt(1 + (2 pi f tau)^2): half at 2 pi f tau = sqrt 3, 1/sqrt 2 at 1."""
+    assert readout.bandwidth(ONE, decibels=decibels) == pytest.approx(ratio / (2 * np.pi * TAU), rel=1e-8)
+
+
+@pytest.mark.parametrize("swing", [1e-3, 0.3, 1.5])
+def test_edges_at_quadrature(swing):
+    """From quadrature the light is (1 - sin phi)/2: sin phi(t) = q sin A on the way up, (1 - q) sin A down."""
+    mzi = th.MZI(bias=np.pi / 2, shift=swing / R)
+    edges = mzi.edge_times(ONE, th.SquareWave(1.0, 60 * TAU, 0.5))
+
+    def up(q):
+        return -TAU * np.log(1 - np.arcsin(q * np.sin(swing)) / swing)
+
+    def down(q):
+        return -TAU * np.log(np.arcsin((1 - q) * np.sin(swing)) / swing)
+
+    share = 1 - np.exp(-1)
+    exact = up(share), down(share), up(0.9) - up(0.1), down(0.9) - down(0.1)
+    found = edges.rise, edges.fall, edges.rise_10_90, edges.fall_10_90
+    np.testing.assert_allclose(found, exact, rtol=2e-3)  # 2001 samples of 60 tau: chords of 0.03 tau
+    step = mzi.edge_times(ONE, th.Constant(1.0))
+    np.testing.assert_allclose([step.rise, step.rise_10_90], [exact[0], exact[2]], rtol=1e-4)
+    assert np.isnan(step.fall)
+
+
+def test_short_square_and_sine():
+    """In a square wave of half period h heat goes as (1 - exp(-t/tau))/(1 - exp(-h/tau)); a sine keeps its shape."""
+    mzi, h = th.MZI(shift=1e-6 / R), TAU / 2
+    edges = mzi.edge_times(ONE, th.SquareWave(1.0, 2 * h, 0.5))
+    full = 1 - np.exp(-h / TAU)
+    share = 1 - np.exp(-1)
+    assert edges.rise == pytest.approx(-TAU * np.log(1 - share * full), rel=1e-4)
+    assert edges.fall == pytest.approx(edges.rise, rel=1e-4)
+    period = 10 * TAU
+    sine = th.Function(lambda t: 0.5 - 0.5 * np.cos(2 * np.pi * t / period), period=period)
+    light = mzi.periodic_response(ONE, sine)
+    gain = 1 / np.hypot(1, 2 * np.pi * TAU / period)
+    assert np.ptp(light) == pytest.approx(0.5e-6 * gain, rel=1e-4)
+
+
+def test_light_of_datasets_and_models():
+    times = np.linspace(0, 20e-6, 101)
+    wave, mzi = th.Pulse(3e-3, 5e-6), th.MZI(bias=0.2, visibility=0.8, shift=0.4)
+    data = dataset.build(times, ONE.response(wave, times), wave)
+    expected = (1 + 0.8 * np.cos(0.2 + 0.4 * ONE.response(wave, times))) / 2
+    np.testing.assert_allclose(mzi(data).optical, expected, rtol=1e-12)
+    np.testing.assert_allclose(mzi.response(ONE, wave, times), expected, rtol=1e-12)
+    ring = th.RingEdge(bias=-1e9, linewidth=4e9, shift=1e9, depth=0.9)
+    assert float(ring(np.array(1.0))) == pytest.approx(0.1)  # on resonance
+    assert float(ring(np.array(3.0))) == pytest.approx(1 - 0.9 / 2)  # half a linewidth away
+
+
+def test_finite_elements_and_their_reduction_read_alike():
+    heat = th.assemble(th.straight_guide())
+    model = surrogate.reduce(heat.system, tolerance=1e-4).model
+    mzi = th.MZI(bias=0.5, shift=0.1)
+    # 1e-4 of |H| moves the frequency by up to three times that on a flat response
+    assert mzi.bandwidth(heat) == pytest.approx(mzi.bandwidth(model), rel=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: th.MZI(bias=0.1, visibility=1.2), "visibility"),
+        (lambda: th.RingEdge(bias=0.0, linewidth=-1e9, shift=1e9), "linewidth"),
+        (lambda: th.MZI().bandwidth(ONE, decibels="dBm"), "decibels"),
+        (lambda: th.MZI().edge_times(ONE, th.Pulse(1e-3, 1e-6)), "wave"),
+        (lambda: surrogate.fit_foster(trace(0)[0], 1, readout=th.MZI(shift=0.0)), "shift"),
+    ],
+)
+def test_what_cannot_be(make, name):
+    with pytest.raises(th.InputError, match=name):
+        make()
+
+
+def trace(seed, phase=1.4 * np.pi, noise=3e-3):
+    """Light behind an interferometer: a pulse of 20 us on one pole, and what made it."""
+    draw = np.random.default_rng(seed)
+    true = {"R_1": 1e3 * draw.uniform(0.5, 2), "tau_1": 1e-6 * draw.uniform(2, 6)}
+    true |= {"visibility": draw.uniform(0.6, 1.0), "bias": draw.uniform(-2.0, 2.0), "half_power": 0.5}
+    wave, times = th.Pulse(10e-3, 20e-6), np.linspace(0, 40e-6, 200)
+    model = th.Foster(R=[true["R_1"]], tau=[true["tau_1"]])
+    shift = phase / (true["R_1"] * 10e-3)
+    mzi = th.MZI(bias=true["bias"], visibility=true["visibility"], shift=shift)
+    data = mzi(dataset.build(times, model.response(wave, times), wave))
+    data["optical"] = data.optical + noise * draw.standard_normal(times.size)
+    return data, true, shift
+
+
+def test_fit_behind_an_interferometer_recovers_forty_networks():
+    """Pulls of 40 synthetic traces, 5 parameters each: their rms is 1 with a spread of 1/sqrt(400) = 5 %."""
+    pulls = []
+    for seed in range(40):
+        data, true, shift = trace(seed)
+        fit = surrogate.fit_foster(data, 1, readout=th.MZI(shift=shift))
+        pulls.append([(fit.parameters[name] - true[name]) / fit.standard_errors[name] for name in true])
+    assert 0.8 < float(np.sqrt(np.mean(np.square(pulls)))) < 1.3
+    assert np.abs(pulls).max() < 5
+
+
+def test_small_signals_do_not_tell_visibility_from_resistance():
+    """A swing of 0.03 rad is linear: V and R enter as one product, which the notes say."""
+    data, _, shift = trace(3, phase=0.03, noise=1e-5)
+    fit = surrogate.fit_foster(data, 1, readout=th.MZI(shift=shift))
+    assert any("R_1" in note and "bias" in note for note in fit.notes), fit.notes
+
+
+def test_one_command_fits_a_trace_behind_an_interferometer(tmp_path):
+    """Trace of a photodiode in V: network, bias and visibility come back within five standard errors."""
+    wave, model = th.Pulse(10e-3, 20e-6), th.Foster(R=[1000.0], tau=[4e-6])
+    times = np.linspace(-5e-6, 45e-6, 300)
+    rise = np.where(times < 0, 0.0, model.response(wave, np.maximum(times, 0.0)))
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(times.size)
+    light = 1.7 * th.MZI(bias=0.7, visibility=0.9, shift=0.4)(rise) + noise
+    table = np.column_stack([times * 1e6, light])
+    np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header="time (us),light (V)", comments="")
+    words = ["--readout", "mzi", "--order", "1", "--power", "10 mW", "--pulse", "20 us", "--start", "0 us"]
+    words += ["--phase", "0.4 rad/K", "--json", "-o"]
+    command = [sys.executable, "-m", "thermofem_cli", "fit", str(tmp_path / "trace.csv"), *words]
+    done = subprocess.run([*command, str(tmp_path / "m.json")], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    for name, true in (("R_1", 1000.0), ("tau_1", 4e-6), ("visibility", 0.9), ("bias", 0.7), ("half_power", 0.85)):
+        assert abs(found["parameters"][name] - true) < 5 * found["standard_errors"][name], name

@@ -1,0 +1,154 @@
+"""The campaign file: TOML text with units in, the fields of a `Campaign` out.
+
+geometry = "strip.toml"                # beside this file; or [geometry] with the same tables inside
+samples = 100                          # points of the Latin hypercube; seed = 0
+[[vary]]                               # path, and values | from, to, count | from, to; optional name, spacing
+[[drive]]                              # power, and pulse | square, duty, periodic; optional name, duration, samples
+[probes]                               # heated, read
+
+A family needs no [[drive]]; a run does.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import checks, waveforms
+from ..checks import InputError, check_name, check_names, shown
+from ..data import files, quantity
+from ..data.files import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, to_toml
+from .variations import Drive, Value, Variation
+
+_TOP = {
+    "name": TEXT, "geometry": ANY, "samples": ANY, "seed": ANY, "accuracy": NUMBER, "rtol": NUMBER, "vary": TABLES,
+    "drive": TABLES, "probes": TABLE,
+}  # fmt: skip
+_PROBES = {"heated": ANY, "read": ANY}
+_VARY = {"path": ANY, "name": TEXT, "values": ANY, "from": ANY, "to": ANY, "count": ANY, "spacing": ANY}
+_DRIVE = {
+    "name": TEXT, "power": "W", "pulse": "s", "square": "s", "duty": NUMBER, "periodic": FLAG, "duration": "s",
+    "first": "s", "samples": ANY, "spacing": ANY,
+}  # fmt: skip
+_TRANSIENT = ("duration", "first", "spacing")
+MOST = 1_000_000  # points of a hypercube, values of a quantity, samples of a drive
+_UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
+
+
+def fields(text: str, folder: Path) -> dict[str, Any]:
+    """The fields of the `Campaign` that the text of a campaign file describes; geometry files lie in ``folder``."""
+    top = read_table(files.from_toml(text), _TOP, "the file")
+    if "geometry" not in top:
+        raise InputError('geometry is missing; name a file, geometry = "strip.toml"')
+    probes = read_table(top.get("probes", {}), _PROBES, "[probes]")
+    read = probes.get("read", [])
+    read = check_names("[probes]: read", [read] if isinstance(read, str) else read) if read != [] else ()
+    heated = probes.get("heated")
+    return {
+        "geometry": _geometry(top["geometry"], folder),
+        "variations": tuple(_variation(item, k) for k, item in enumerate(top.get("vary", []), 1)),
+        "drives": tuple(_drive(item, k) for k, item in enumerate(top.get("drive", []), 1)),
+        "name": top.get("name", "campaign"),
+        "heated": heated if heated is None else check_name("[probes]: heated", heated),
+        "read": read,
+        "accuracy": top.get("accuracy", 1e-3),
+        "rtol": top.get("rtol", 1e-4),
+        "samples": checks.integer("samples", top.get("samples", 0), 0, MOST),
+        "seed": checks.integer("seed", top.get("seed", 0), 0, MOST),
+    }
+
+
+def _geometry(given: Any, folder: Path) -> str:
+    """Text of the base geometry, which must be a geometry itself."""
+    from ..geometry import CrossSection
+
+    if isinstance(given, dict):
+        text = to_toml(given)
+        CrossSection.from_toml_text(text)
+        return text
+    if not isinstance(given, str):
+        raise InputError(f"geometry = {given!r} is neither a file nor a table")
+    CrossSection.from_toml(folder / given)
+    return files.read_text(folder / given, "geometry")
+
+
+def _variation(table: dict[str, Any], k: int) -> Variation:
+    given = table.get("path")
+    paths = tuple(given) if isinstance(given, list) else (given,)
+    where = f"vary {given if isinstance(given, str) else k}"
+    table = read_table(table, _VARY, where)
+    if not paths or not all(isinstance(path, str) for path in paths):
+        raise InputError(f'{where}: path = {shown(given)} is missing or no text; e.g. path = "part.core.width"')
+    name = table.get("name", paths[0])
+    logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
+    if "values" in table:
+        if {"from", "to", "count"} & set(table) or not isinstance(table["values"], list) or not table["values"]:
+            raise InputError(f"{where}: give values = [...], or from and to, not both")
+        unit, values = _listed(table["values"], where)
+        return Variation(name, paths, unit, values)
+    if not {"from", "to"} <= set(table):
+        raise InputError(f"{where}: give values = [...], or from and to")
+    unit, ends = _listed([table["from"], table["to"]], where)
+    low, high = (checks.finite(f"{where}: {key}", end) for key, end in zip(("from", "to"), ends, strict=True))
+    free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
+    if "count" not in table:
+        return free
+    shares = np.linspace(0, 1, checks.integer(f"{where}: count", table["count"], 2, MOST))
+    return Variation(name, paths, unit, tuple(float(f"{free.at(x):.9g}") for x in shares))
+
+
+def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
+    """The unit that all the texts share, and their values in SI; words stay words."""
+    for unit in _UNITS:
+        try:
+            return unit, tuple(quantity.parse(text, unit, name=where) for text in texts)
+        except InputError:
+            continue
+    if all(isinstance(text, str) and text[:1].isalpha() for text in texts):
+        return "", tuple(texts)
+    raise InputError(f'{where}: {shown(texts)} are not all quantities of one kind; write each with its unit, "450 nm"')
+
+
+def _drive(table: dict[str, Any], k: int) -> Drive:
+    where = f"drive {table.get('name', k)}"
+    table = read_table(table, _DRIVE, where)
+    watts, periodic = table.get("power", 1e-3), table.get("periodic", False)
+    for key, needed, other in (
+        ("pulse", "square" not in table, "pulse and square exclude each other; give one"),
+        ("duty", "square" in table, "duty goes with square: a pulse or a step has none"),
+        *(
+            (key, not (periodic and "square" in table), f"{key} is that of a transient, not of a periodic state")
+            for key in _TRANSIENT
+        ),
+    ):
+        if key in table and not needed:
+            raise InputError(f"{where}: {other}")
+    wave: Any = waveforms.Constant(watts)
+    if "pulse" in table:
+        wave = waveforms.Pulse(watts, table["pulse"])
+    elif "square" in table:
+        wave = waveforms.SquareWave(watts, table["square"], table.get("duty", 1 / 3))
+    kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
+    name = table.get("name", kind)
+    if periodic:
+        return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, MOST))
+    return Drive(name, wave, _times(table, where, logarithmic=kind == "step"))
+
+
+def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[float, ...]:
+    """Times of a transient: 0, and evenly in time or, for a step, in its logarithm from ``first`` on."""
+    duration = checks.positive(f"{where}: duration", table.get("duration", 40e-6), unit="s")
+    default = "log" if logarithmic else "linear"
+    spacing = checks.choice(f"{where}: spacing", table.get("spacing", default), ("linear", "log"))
+    samples = 81 if spacing == "log" else 401
+    samples = checks.integer(f"{where}: samples", table.get("samples", samples), 2, MOST)
+    if spacing == "linear":
+        if "first" in table:
+            raise InputError(f'{where}: first goes with spacing = "log"; even times begin at 0')
+        return tuple(map(float, np.linspace(0, duration, samples)))
+    first = table.get("first", 1e-9)
+    if not 0 < first < duration:
+        raise InputError(f"{where}: first = {first:g} s must lie between 0 and duration = {duration:g} s")
+    return (0.0, *map(float, np.geomspace(first, duration, max(samples - 1, 2))))

@@ -1,0 +1,248 @@
+"""The folder of a campaign, and all its geometries as one Dataset: the index and the training collection.
+
+    plan.json             the geometries and their hashes, what is varied, the drives
+    results/KEY.nc        one geometry each; results.sha256: a hash for each
+    failures/KEY.json     why one has no result
+    index.nc              every geometry; training.nc: the finished ones, ready for machine learning
+
+Dimensions and variables, DRIVE being the name of a drive
+    case; delta_T_DRIVE (K) over case, time_DRIVE and probe; power_DRIVE (W) over time_DRIVE; thermal_resistance (K/W)
+    over case and probe; unknowns, discretization_error and domain_error (relative) over case; the varied
+    quantities and ``key`` (the name of the file) over case.
+    The index holds every geometry, nan where there is no result, with ``status`` ("finished", "failed" or "waiting")
+    and ``reason``. The training collection holds the finished ones and the matrix ``features`` over case and feature.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+import xarray as xr
+
+from .. import waveforms
+from ..arrays import Array
+from ..data import dataset, files, netcdf
+from ..data.variables import describe
+from ..errors import InputError
+from .store import Store
+
+if TYPE_CHECKING:
+    from .plan import Campaign, Case
+
+Row = dict[str, Array]  # thermal_resistance, delta_T_DRIVE and `NUMBERS` of one geometry
+
+HASH = "content_hash"  # of plan.json
+KEY = re.compile(r"[0-9a-f]{16}")
+NUMBERS = {
+    "unknowns": "unknowns of the mesh",
+    "discretization_error": "relative error of R_th and of the step from 1 ns on by the mesh",
+    "domain_error": "relative change of R_th if the stack went on beyond the domain",
+}
+
+
+@dataclass(frozen=True)
+class Folder:
+    """The files of one campaign."""
+
+    directory: Path
+
+    @property
+    def store(self) -> Store:
+        """The finished geometries."""
+        return Store(self.directory, ".nc")
+
+    @property
+    def plan(self) -> Path:
+        """File that lists the geometries."""
+        return self.directory / "plan.json"
+
+    def failure(self, key: str) -> Path:
+        """File of the reason why one geometry has no result."""
+        return self.directory / "failures" / f"{key}.json"
+
+    @contextlib.contextmanager
+    def opened(self) -> Iterator[None]:
+        """Make and lock the folder; InputError where another run is using it, or it holds a plan.json of others."""
+        if self.plan.exists() and not isinstance(self._plan_tree().get("cases", []), list):
+            raise InputError(f"{self.plan} is no file of a campaign", "move it, or take another folder")
+        with self.store.opened("failures"):
+            yield
+
+    def _plan_tree(self) -> dict[str, Any]:
+        """Content of plan.json; empty where it is damaged, as it is then written again."""
+        try:
+            tree = files.read_json(self.plan, "plan")
+        except InputError:
+            return {}
+        return tree if isinstance(tree, dict) and "cases" in tree else {"cases": None}
+
+    def write_failure(self, key: str, reason: str, values: Mapping[str, Any]) -> None:
+        """Store why one geometry has no result."""
+        text = json.dumps({"reason": reason, "values": values}, indent=1)
+        files.write_whole(self.failure(key), lambda temporary: temporary.write_text(text))
+
+    def reason(self, key: str) -> str:
+        """Reason why a geometry has no result; empty where none was written."""
+        if not self.failure(key).is_file():
+            return ""
+        try:
+            return str(files.read_json(self.failure(key), "reason")["reason"])
+        except (InputError, KeyError, TypeError):
+            return ""
+
+    def status(self, keys: list[str]) -> list[str]:
+        """ "finished", "failed" or "waiting" for each geometry."""
+        there = self.store.intact(keys)
+        return ["finished" if k in there else "failed" if self.failure(k).is_file() else "waiting" for k in keys]
+
+    def write_plan(self, campaign: Campaign, cases: list[Case]) -> None:
+        """Write the plan of the campaign into its folder."""
+        plan = {
+            "name": campaign.name,
+            "geometry": campaign.geometry,
+            "variations": [{"name": v.name, "paths": v.paths, "unit": v.unit} for v in campaign.variations],
+            "drives": [
+                {"name": s.name, "waveform": waveforms.to_json(s.wave), "times": s.kept.tolist()}
+                for s in campaign.drives
+            ],
+            "cases": [[case.key, *case.values] for case in cases],
+        }
+        text = json.dumps({**plan, HASH: files.digest_tree(plan)})
+        files.write_whole(self.plan, lambda temporary: temporary.write_text(text))
+
+    def read_plan(self) -> dict[str, Any]:
+        """The plan as `write_plan` stored it; InputError where the folder holds none, or one that was changed."""
+        if not self.plan.is_file():
+            raise InputError(f"{self.directory} holds no campaign", "thermofem campaign makes one")
+        plan = files.read_json(self.plan, "plan")
+        hint = "run the campaign again, which takes over its results"
+        if not isinstance(plan, dict) or plan.pop(HASH, "") != files.digest_tree(plan):
+            raise InputError(f"{self.plan} was changed after thermofem wrote it", hint)
+        if not all(KEY.fullmatch(str(case[0])) for case in plan["cases"]):  # keys become names of files
+            raise InputError(f"{self.plan} holds a key that is no hash", hint)
+        return plan
+
+
+def open_campaign(directory: str | Path) -> xr.Dataset:
+    """Open the index of a campaign: every geometry, finished or not, as one Dataset.
+
+    After a run that was killed, or where somebody changed the index, it is made anew from the results that are there
+    (in memory; the folder is not written).
+
+    Parameters
+    ----------
+    directory : str or Path
+
+    Returns
+    -------
+    Dataset
+        see `thermofem.campaign.collection`.
+
+    Raises
+    ------
+    InputError
+        no campaign in the folder.
+    """
+    folder = Folder(Path(directory))
+    plan = folder.read_plan()
+    keys = [case[0] for case in plan["cases"]]
+    with contextlib.suppress(InputError, KeyError):  # no index yet, or a damaged one
+        index = netcdf.load(folder.directory / "index.nc")
+        if index["key"].values.tolist() == keys and index["status"].values.tolist() == folder.status(keys):
+            return index
+    return _index(folder, plan, {})
+
+
+def write_collections(folder: Folder, rows: Mapping[str, Row]) -> None:
+    """Write index and training collection of a campaign, each whole or not at all.
+
+    rows: results that are in memory already, by the key of their geometry; the others are read from their files.
+    """
+    plan = folder.read_plan()
+    index = _index(folder, plan, rows)
+    netcdf.save(index, folder.directory / "index.nc")
+    netcdf.save(_training(index, [v["name"] for v in plan["variations"]]), folder.directory / "training.nc")
+
+
+def _index(folder: Folder, plan: dict[str, Any], rows: Mapping[str, Row]) -> xr.Dataset:
+    """All geometries of a plan as one Dataset."""
+    keys = [case[0] for case in plan["cases"]]
+    status = folder.status(keys)
+    found = [
+        (rows.get(key) or _read(folder.store.path(key), plan["drives"])) if one == "finished" else None
+        for key, one in zip(keys, status, strict=True)
+    ]
+    there = next((k for k, row in enumerate(found) if row is not None), None)
+    probes = [] if there is None else _probes(folder.store.path(keys[there]))
+    coords: dict[str, Any] = {
+        "probe": ("probe", np.array(probes, dtype=object), {"long_name": "part whose mean is read"}),
+        "key": ("case", np.array(keys, dtype=object), {"long_name": "content hash, the name of the file"}),
+    }
+    for k, variation in enumerate(plan["variations"], 1):
+        values = [case[k] for case in plan["cases"]]
+        word = any(isinstance(value, str) for value in values)
+        attrs = {"long_name": ", ".join(variation["paths"])} | ({} if word else {"units": variation["unit"] or "1"})
+        coords[variation["name"]] = ("case", np.array(values, dtype=object if word else float), attrs)
+    data: dict[str, Any] = {
+        "status": ("case", np.array(status, dtype=object), {"long_name": "whether there is a result"}),
+        "reason": ("case", np.array([folder.reason(k) for k in keys], dtype=object), {"long_name": "why not"}),
+    }
+
+    def over_case(name: str, dims: tuple[str, ...], shape: tuple[int, ...], attrs: dict[str, Any]) -> None:
+        none = np.full(shape, np.nan)
+        data[name] = (("case", *dims), np.array([none if row is None else row[name] for row in found]), attrs)
+
+    for drive in plan["drives"]:
+        name, times, wave = drive["name"], np.array(drive["times"]), waveforms.from_json(drive["waveform"])
+        time = f"time_{name}"
+        coords[time] = (time, times, describe("time"))
+        data[f"power_{name}"] = (time, wave(times), {**describe("power"), "waveform": drive["waveform"]})
+        over_case(f"delta_T_{name}", (time, "probe"), (times.size, len(probes)), describe("delta_T"))
+    resistance = {"units": "K/W", "long_name": "thermal resistance"}
+    over_case("thermal_resistance", ("probe",), (len(probes),), resistance)
+    for name, long_name in NUMBERS.items():
+        over_case(name, (), (), {"units": "1", "long_name": long_name})
+    attrs = {**dataset.stamp("campaign"), "campaign": plan["name"], "geometry": plan["geometry"]}
+    return xr.Dataset(data, coords, attrs)
+
+
+def _training(index: xr.Dataset, names: list[str]) -> xr.Dataset:
+    """The finished geometries with the varied quantities as a matrix in SI; a word is its place in the alphabet."""
+    data = index.isel(case=np.flatnonzero(index["status"].values == "finished")).drop_vars(["status", "reason"])
+    columns = []
+    for name in names:
+        values = data[name].values
+        words = values.astype(str)
+        columns.append(np.searchsorted(np.unique(words), words) if values.dtype == object else values)
+    units = [str(data[name].attrs.get("units", "1")) for name in names]
+    matrix = np.array(columns, dtype=float).reshape(len(names), data.sizes["case"]).T
+    return data.assign(
+        features=(("case", "feature"), matrix, {"long_name": "varied quantities in SI"}),
+        feature_unit=("feature", np.array(units, dtype=object), {"long_name": "its unit"}),
+    ).assign_coords(feature=("feature", np.array(names, dtype=object), {"long_name": "varied quantity"}))
+
+
+def _probes(path: Path) -> list[str]:
+    """Names of what was read, from one result."""
+    with h5py.File(path, "r") as file:
+        return str(file.attrs["read"]).split(", ")
+
+
+def _read(path: Path, drives: list[dict[str, Any]]) -> Row:
+    """Values of one result for the index, from its file."""
+    with h5py.File(path, "r") as file:
+        row = {name: np.asarray(np.ravel(file.attrs.get(name, np.nan))[0]) for name in NUMBERS}
+        row["thermal_resistance"] = np.ravel(file.attrs["thermal_resistances"])
+        for name in (drive["name"] for drive in drives):
+            group = file if file.attrs["drive"] == name else file[name]
+            rise = group["delta_T"][()]
+            row[f"delta_T_{name}"] = rise[:, None] if rise.ndim == 1 else rise
+    return row

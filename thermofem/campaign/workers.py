@@ -1,0 +1,108 @@
+"""Tasks in worker processes: a worker that dies costs its task one more try, alone; the other tasks go on."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from typing import Any, TypeVar
+
+from loky import ProcessPoolExecutor
+
+T = TypeVar("T")
+FOREIGN = 64  # tasks under way in a caller's executor, whose number of workers is unknown
+IDLE = 10  # s: a worker that hears nothing ends, also where its parent was killed
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+class WorkerDiedError(RuntimeError):
+    """A task killed its worker twice, as when memory runs out."""
+
+
+def completed(
+    function: Callable[[T], Any], tasks: Iterable[T], *, executor: Executor | None = None, workers: int | None = None
+) -> Iterator[tuple[T, Future[Any]]]:
+    """Yield each task with its finished future, in the order of completion.
+
+    executor: of the caller, left open; by default ``workers`` processes, one for each CPU.
+    The future raises what ``function`` raised, `WorkerDiedError` where a task killed two workers, or BrokenExecutor
+    where the caller's executor broke.
+    """
+    waiting = deque(tasks)
+    if executor is not None:
+        yield from _windowed(executor, function, waiting, FOREIGN)
+        return
+    count = min(workers or os.cpu_count() or 1, len(waiting))
+    while waiting:
+        suspects = deque[T]()
+        for task, future in _in_pool(count, function, waiting):
+            if isinstance(future.exception(), BrokenExecutor):
+                suspects.append(task)  # it killed a worker, or ran beside the one that did
+            else:
+                yield task, future
+        while suspects:
+            for task, future in _in_pool(1, function, deque([suspects.popleft()])):
+                if isinstance(future.exception(), BrokenExecutor):
+                    future = Future()
+                    future.set_exception(WorkerDiedError("its worker process was killed twice; is memory short?"))
+                yield task, future
+
+
+def _in_pool(count: int, function: Callable[[T], Any], waiting: deque[T]) -> Iterator[tuple[T, Future[Any]]]:
+    """`_windowed` in processes of our own."""
+    with processes(count) as pool:
+        yield from _windowed(pool, function, waiting, 2 * count)
+
+
+@contextlib.contextmanager
+def processes(count: int | None = None) -> Iterator[Executor]:
+    """Worker processes as an Executor, one for each CPU by default; they end with the block, at once after an error."""
+    pool = ProcessPoolExecutor(count or os.cpu_count(), timeout=IDLE, env=ONE_THREAD, initializer=_begin)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(kill_workers=True)
+        raise
+    pool.shutdown()
+
+
+def _begin() -> None:
+    """Set up a worker. Ctrl-C reaches every process of a terminal; the parent alone answers it, and ends its workers.
+
+    What a worker would warn of stands in its result.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a process of our own
+    logging.getLogger("thermofem").setLevel(logging.ERROR)
+
+
+def _windowed(
+    executor: Executor, function: Callable[[T], Any], waiting: deque[T], width: int
+) -> Iterator[tuple[T, Future[Any]]]:
+    """Submit at most ``width`` tasks at a time, so that memory does not grow with their number.
+
+    Ends early where the executor breaks; ``waiting`` then holds what was not submitted.
+    """
+    under_way: dict[Future[Any], T] = {}
+    try:
+        while True:
+            try:
+                while waiting and len(under_way) < width:
+                    under_way[executor.submit(function, waiting[0])] = waiting[0]
+                    waiting.popleft()
+            except BrokenExecutor:
+                if not under_way:
+                    raise
+            if not under_way:
+                return
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                task = under_way.pop(future)
+                yield task, future
+                if isinstance(future.exception(), BrokenExecutor) and not under_way:
+                    return
+    finally:
+        for future in under_way:
+            future.cancel()

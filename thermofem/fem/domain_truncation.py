@@ -1,0 +1,248 @@
+"""Error of a thermal resistance by the finite domain, from a domain that goes on beyond its bottom and outer side.
+
+The facets of a side are drawn outwards in steps that grow by `STEP`, each with the material beside it, and the other
+sides go on. The new ends are open: at `FAR` times the size of the domain little is left of what 1/d does not describe
+(`parts.Boundary`). The mesh of the domain itself stays as it is, and so does what is heated and read. Measured on
+slabs and anisotropic substrates, and on 16 random stacks with closed and with open sides, against domains of 2 to 3 mm:
+the change of R_th within 3 % from 5e-4 of R_th on; what is less drowns in the difference of the meshes.
+
+In a straight section heat also leaves through the ends of the guide. The mean over the length of a line source's field
+on a half space, c(d/L), is the solution of the plane equation with a sink,
+
+    div(k grad T) = k sigma T,    sigma = (d c')'/(d c) = (1 - u/sqrt(1 + u^2))/(L^2 u c(u)),    u = d/L
+
+which the wider domain has everywhere, and the far ends follow 1/d as those of a ring do.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..algebra.factor import solve_once
+from ..arrays import Array, NDArray
+from ..mesh import Mesh
+from .contacts import beside, contacts, resistances
+from .surfaces import Surfaces, exchanged, line_source, surface_terms
+from .weak_forms import build, capacity, properties
+
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from .heat_problem import HeatProblem
+    from .weak_forms import Discretization
+
+FAR = 50.0  # sizes of the domain to which it goes on; squared where much is left beyond
+LEFT = 2e-4  # of R_th, beyond that end: a solid leaves less, along a plate R_th grows with the logarithm of the size
+STEP = 1.6  # ratio of the distances of neighbouring layers of elements
+
+
+@dataclass(frozen=True, eq=False)
+class Wider:
+    """A heat problem on the wider domain.
+
+    place [shape (unknowns,)]: number of each function of the domain among those of the wider one.
+    beyond: the part of K that stands for what lies beyond the far ends.
+    """
+
+    discretization: Discretization
+    place: NDArray[np.intp]
+    beyond: Any
+
+    def resistance(self, heat: HeatProblem, heated: str, read: str) -> tuple[float, float]:
+        """Thermal resistance in K/W with the heated part and the one that is read as they are, and what lies beyond.
+
+        That is T_h^T K T_r of the fields that heat in either part makes, with the far ends' part of K.
+        """
+        d = self.discretization
+        loads = np.zeros((2, d.basis.N))
+        loads[:, self.place] = [heat.discretization.means[name] for name in (heated, read)]
+        loads = loads[:, d.free]
+        fields = [solve_once(d.K, load) for load in loads[: 1 if heated == read else 2]]
+        return float(loads[1] @ fields[0]), float(fields[0] @ (self.beyond @ fields[-1]))
+
+
+def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
+    """The heat problem beyond the bottom and the outer side, but not beyond convection; None where both have it."""
+    sides = [side for side in ("bottom", "outer") if getattr(heat.geometry, side).kind != "convection"]
+    if not sides:
+        return None
+    geometry, grid = heat.geometry, heat.discretization.basis.mesh
+    source = heat.discretization.surfaces.source[1]
+    R, depth = geometry.outer_radius, source - geometry.bottom_z
+    far = sizes * max(R, depth)
+    grown = _Grown(heat.mesh.points, heat.mesh.triangles, np.arange(len(heat.mesh.triangles)))
+    if "outer" in sides:
+        grown = grown.beyond(heat, 0, R, R * _steps(far / R))
+        if geometry.inner_end < 0:
+            grown = grown.beyond(heat, 0, -R, -R * _steps(far / R))
+    if "bottom" in sides:
+        grown = grown.beyond(heat, 1, geometry.bottom_z, source - depth * _steps(far / depth))
+    mesh = Mesh(grown.points, grown.triangles, heat.mesh.region[grown.owner], heat.mesh.region_names, geometry.depth)
+    k = properties(geometry, heat.mesh)[0][:, grown.owner]
+    count = len(heat.mesh.triangles)
+    facet = np.zeros(grid.facets.shape[1], dtype=np.intp)
+    facet[grid.t2f] = mesh.skfem.t2f[:, :count]
+    surfaces = _surfaces(heat, mesh, facet, sides, far, source - far)
+    d = build(mesh, k, np.ones(len(mesh.triangles)), surfaces)
+    if geometry.length is not None:
+        d = replace(d, stiffness=(d.stiffness + capacity(d.basis, k[1] * _sink(heat, mesh))).tocsr())
+    beyond = surface_terms(d.basis, k, Surfaces(open=surfaces.open, source=surfaces.source)).tocsr()
+    place = np.zeros(heat.discretization.basis.N, dtype=np.intp)
+    place[heat.discretization.basis.element_dofs] = d.basis.element_dofs[:, :count]
+    return Wider(d, place, beyond[d.free][:, d.free])
+
+
+def _sink(heat: HeatProblem, mesh: Mesh) -> Array:
+    """sigma in 1/m^2 at the middle of every triangle."""
+    L, surfaces = heat.geometry.length or np.inf, heat.discretization.surfaces
+    d = mesh.points[mesh.triangles].mean(axis=1) - surfaces.source
+    u = np.hypot(*d.T) / L
+    return np.asarray((1 - u / np.hypot(1, u)) / (L**2 * u * line_source(u)))
+
+
+def _steps(ratio: float) -> Array:
+    """Distances of the layers of elements, from 1 on to ``ratio``."""
+    return np.asarray(np.geomspace(1, ratio, int(np.ceil(np.log(ratio) / np.log(STEP))) + 1)[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class _Grown:
+    """Points, triangles, and the triangle of the domain whose material each has."""
+
+    points: Array
+    triangles: NDArray[np.int64]
+    owner: NDArray[np.intp]
+
+    def beyond(self, heat: HeatProblem, axis: int, at: float, levels: Array) -> _Grown:
+        """With layers of triangles drawn from the side r = ``at`` (axis 0) or z = ``at`` (1) to each of ``levels``."""
+        import skfem
+
+        grid = skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
+        facets = grid.boundary_facets()
+        there = np.abs(grid.p[axis, grid.facets[:, facets]] - at).max(axis=0) <= 1e-9 * heat.geometry.outer_radius
+        facets = facets[there]
+        if facets.size == 0:  # a void there
+            return self
+        ends, beside = grid.facets[:, facets], self.owner[grid.f2t[0, facets]]
+        vertices, local = np.unique(ends, return_inverse=True)
+        local = local.reshape(ends.shape)
+        layers = np.repeat(self.points[vertices][None], len(levels), axis=0)
+        layers[:, :, axis] = levels[:, None]
+        number = np.arange(layers[..., 0].size).reshape(len(levels), -1) + len(self.points)
+        number = np.vstack([vertices, number])
+        (a, b), (c, e) = number[:-1, local].swapaxes(0, 1), number[1:, local].swapaxes(0, 1)
+        points = np.concatenate([self.points, layers.reshape(-1, 2)])
+        new = np.stack([np.stack([a, b, e], axis=-1), np.stack([a, e, c], axis=-1)]).reshape(-1, 3)
+        p, q = points[new[:, 1]] - points[new[:, 0]], points[new[:, 2]] - points[new[:, 0]]
+        clockwise = p[:, 0] * q[:, 1] < p[:, 1] * q[:, 0]
+        new[clockwise] = new[clockwise][:, ::-1]
+        owner = np.tile(beside, 2 * len(levels))
+        return _Grown(points, np.concatenate([self.triangles, new]), np.concatenate([self.owner, owner]))
+
+
+def _surfaces(
+    heat: HeatProblem, mesh: Mesh, facet: NDArray[np.intp], sides: list[str], reach: float, depth: float
+) -> Surfaces:
+    """Boundary conditions and contacts of the wider domain; ``facet`` numbers those of the domain in it.
+
+    reach, depth [m]: r and z of the far ends.
+    """
+    geometry, old, grid = heat.geometry, heat.discretization.surfaces, heat.discretization.basis.mesh
+    edge = grid.boundary_facets()
+    r, z = grid.p[:, grid.facets[:, edge]].mean(axis=1)
+    on = {side: geometry.on_boundary(side, r, z) for side in ("bottom", "outer")}
+    inside = edge[np.any([on[side] for side in sides], axis=0)]
+    held = [facet[np.setdiff1d(old.held, inside)]]
+    convection = {h: [facet[np.setdiff1d(there, inside)]] for h, there in old.convection.items()}
+    wide = mesh.skfem
+    new = np.setdiff1d(wide.boundary_facets(), facet[edge])
+    ends = wide.p[:, wide.facets[:, new]]
+    slack = 1e-9 * geometry.outer_radius
+
+    def at(axis: int, value: float) -> NDArray[np.bool_]:
+        place = np.abs(ends[0]) if axis == 0 else ends[1]
+        return np.asarray(np.abs(place - value).max(axis=0) <= slack)
+
+    far = np.zeros(len(new), dtype=bool)
+    if "outer" in sides:
+        far |= at(0, reach)
+    if "bottom" in sides:
+        far |= at(1, depth)
+    for side, there in (
+        ("bottom", at(1, geometry.bottom_z)),
+        ("outer", at(0, geometry.outer_radius)),
+        ("top", at(1, geometry.top_z)),
+    ):
+        boundary = getattr(geometry, side)
+        h = boundary.exchange(geometry.ambient)
+        if side in sides or not (h or boundary.kind == "isothermal"):
+            continue
+        cooled = new[there & ~far]
+        series = beside(mesh, resistances(geometry), cooled)
+        if not h:
+            held.append(cooled[series == 0])
+        for through, those in exchanged(cooled, h, series).items():
+            convection.setdefault(through, []).append(those)
+    return replace(
+        old,
+        length=None,
+        held=np.concatenate(held),
+        convection={h: np.concatenate(each) for h, each in convection.items() if sum(map(len, each))},
+        open=new[far],
+        contacts=contacts(mesh, resistances(geometry)),
+    )
+
+
+log = logging.getLogger("thermofem")
+
+CLOSED = 'if the chip goes on there, say bottom = "open", outer = "open" in [boundary], or geometry.opened()'
+OPEN = "heat that runs along a layer or one axis of a material is still felt at its open sides: move them outwards"
+NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by less a line of information
+AGAIN = 2.0  # times the largest error that the log told of a domain: one as much larger is told, too
+_told: dict[tuple[str, str, float, float], float] = {}
+
+
+def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
+    """Relative change of R_th if the stack continued beyond its bottom and outer side, see `beyond`.
+
+    Sides with convection are mounts, not cuts, and stay as they are. Of open sides it is what 1/d does not describe,
+    such as heat that runs along a layer. Where much is left beyond the far ends they are moved outwards once more, and
+    what is left then counts as error, too: where heat leaves along a plate alone, no domain is wide enough. For a
+    straight section it includes the heat that leaves through the ends of the guide.
+    """
+    if heat.wider is None:
+        return 0.0
+    here = heat.thermal_resistance(heated, read)
+    there, left = heat.wider.resistance(heat, heated, read)
+    if left <= LEFT * here or (farther := wider(heat, FAR**2)) is None:
+        return abs(there - here) / here
+    there, left = farther.resistance(heat, heated, read)
+    return (abs(there - here) + left) / here
+
+
+def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what: str = "R_th") -> None:
+    """Log that the end of the domain changes R_th, or ``what``, by more than the accuracy, and the remedy.
+
+    A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Of geometries of
+    one name and size the first is told, and what errs `AGAIN` times as much or is the first above `NOTABLE`.
+    """
+    size = geometry.name, what, geometry.outer_radius, geometry.bottom_z
+    told = _told.get(size, 0.0)
+    if domain <= min(AGAIN * told, NOTABLE if told <= NOTABLE else math.inf):
+        return
+    _told[size] = domain
+    log.log(
+        logging.WARNING if domain > NOTABLE else logging.INFO,
+        "%s: the domain ends %.3g um below and %.3g um beside the axis, which moves %s by %.1e (accuracy = %g); %s",
+        geometry.name,
+        -geometry.bottom_z * 1e6,
+        geometry.outer_radius * 1e6,
+        what,
+        domain,
+        accuracy,
+        CLOSED if geometry.opened() != geometry else OPEN,
+    )

@@ -1,0 +1,251 @@
+"""Estimates of the mesh error of a thermal resistance and a step response.
+
+For functionals c of the heated part and d of what is read, real s >= 0, u = (K + s M)^-1 c and w the same for d,
+
+    Z(s) = d^T u,    Z_exact(s) - Z(s) = a(u_exact - u, w_exact - w),    a the bilinear form of K + s M
+
+(a minimum principle where d = c: Z rises with every enrichment). The cubic functions that `cubic_enrichment` adds to u
+and w on the same triangles stand for u_exact - u and w_exact - w, times `SATURATION`. As
+
+    s Z(s) = int s^2 t exp(-s t) step(t) dt/t,    a kernel that is one decade wide in t around 1/s,
+
+one s a decade sees the whole step response; s = 0 is R_th. Cubic functions see less of the error in triangles at a
+vertex where the field is strongly singular: these count more (`saturation`). The share of each triangle in
+a(u_3 - u, w_3 - w) says where to refine, see `mesh_refinement`.
+
+At such a vertex T = T_0 + C rho^lambda phi(angle), with lambda^2 the smallest eigenvalue, but for 0, of
+
+    -(k phi')' = lambda^2 k phi    around the vertex,    phi' = 0 on insulated sides, phi = 0 on held ones.
+
+For four right angles with k_1 < k_2 in turn, lambda = (4/pi) arctan sqrt(k_1/k_2): 0.13 for silicon in oxide, with no
+lower limit. It is 1/2 or more at the corner of one material in another. The energy that elements of size h miss is
+proportional to h^(2 lambda): where lambda is small, dividing them or adding cubic functions finds little of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Array, NDArray
+from .weak_forms import properties
+
+if TYPE_CHECKING:
+    from .cubic_enrichment import Enrichment
+    from .heat_problem import HeatProblem
+    from .weak_forms import Discretization
+
+# of a quadratic element of length 1: int phi' phi', int phi phi
+_SLOPES = np.array([[7.0, 1.0, -8.0], [1.0, 7.0, -8.0], [-8.0, -8.0, 16.0]]) / 3
+_VALUES = np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30
+STRONG = 0.5  # lambda below which a vertex is looked at
+
+
+def saturation(exponent: float) -> float:
+    """The exact energy over what cubic functions add in the triangles at a vertex, at most, for lambda < `STRONG`.
+
+    Measured at six corners with contrasts of 10, 94 and 1000 (`tests/audit/corners.py`), lambda from 0.028 to 0.39: at
+    most 1.13 lambda^-1.23. Cubic functions in the whole would leave 1/(1 - (2/3)^(4 lambda)).
+    """
+    return 1.2 * exponent**-1.25
+
+
+def strong(d: Discretization, conductivity: Array, region: NDArray[np.int64]) -> dict[int, float]:
+    """Every vertex with lambda < `STRONG`, and lambda.
+
+    conductivity [shape (2, triangles), W/(m K)]: k_r and k_z.
+    region [shape (triangles,)]
+    """
+    held = _ends(d, d.surfaces.held)
+    found = {int(v): _exponent(d, conductivity, int(v), held) for v in _candidates(d, region, held)}
+    return {vertex: exponent for vertex, exponent in found.items() if exponent < STRONG}
+
+
+def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Vertices where three edges between regions meet; on the boundary two, or one where a held side ends."""
+    grid = d.basis.mesh
+    count, (first, second) = grid.p.shape[1], grid.f2t
+    inner = second >= 0
+    between = np.flatnonzero(inner & (region[first] != region[np.where(inner, second, first)]))
+    meeting = np.bincount(grid.facets[:, between].ravel(), minlength=count)
+    outside = np.bincount(grid.facets[:, ~inner].ravel(), minlength=count) > 0
+    on_held = np.bincount(held.ravel(), minlength=count) == 1
+    return np.flatnonzero(np.where(outside, meeting + on_held >= 2, meeting >= 3))
+
+
+def _ends(d: Discretization, facets: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Vertices of some facets, shape (2, n)."""
+    return np.asarray(d.basis.mesh.facets[:, facets])
+
+
+def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray[np.int64]) -> float:
+    """lambda at a vertex, by quadratic functions of the angle on each of its triangles.
+
+    Where k_r and k_z differ, angles are those of r/sqrt(k_r), z/sqrt(k_z) and k is sqrt(k_r k_z): exact as lambda -> 0.
+    """
+    from scipy.linalg import eigh
+
+    t, p = d.basis.mesh.t, d.basis.mesh.p
+    around = np.flatnonzero((t == vertex).any(axis=0))
+    corners = t[:, around].T
+    others = corners[corners != vertex].reshape(-1, 2)  # the edges at the vertex, by their other ends
+    k = conductivity[:, around]
+    x, y = ((p[:, end] - p[:, [vertex]]) / np.sqrt(k) for end in others.T)
+    angle = np.abs(np.arctan2(x[0] * y[1] - x[1] * y[0], (x * y).sum(axis=0)))
+    edges, number = np.unique(others, return_inverse=True)
+    nodes = np.column_stack([number.reshape(-1, 2), len(edges) + np.arange(len(around))])
+    slopes, values = np.zeros((2, len(edges) + len(around), len(edges) + len(around)))
+    for own, kt, length in zip(nodes, np.sqrt(k[0] * k[1]), angle, strict=True):
+        slopes[np.ix_(own, own)] += kt / length * _SLOPES
+        values[np.ix_(own, own)] += kt * length * _VALUES
+    fixed = held[:, (held == vertex).any(axis=0)]
+    free = np.flatnonzero(~np.isin(np.append(edges, np.full(len(around), -1)), fixed))
+    squares = eigh(slopes[np.ix_(free, free)], values[np.ix_(free, free)], eigvals_only=True)
+    return float(np.sqrt(max(squares[1 if len(free) == len(slopes) else 0], 0.0)))
+
+
+Channel = tuple[str, str]  # heated, read
+
+SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary chip, and of the step at 1 ns
+FAINT = 1e-2  # of R_th: what another part feels less of is not worth a finer mesh
+SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
+CROSS = 1.75  # for another part that is read: the most it took on 200 random cross-sections (there)
+AT_ONCE = 200_000  # triangles times fields that are looked at together
+LAST = 1e6  # 1/s; the shift whose factors are left for the transient
+STORED = 1.1e6  # 1/s; the stored heat of slower processes needs fields of its own
+PEAK = 1.2  # between 0 and the last shift: what the error of the step may exceed its average over a decade by
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Estimated errors of some channels at every shift, relative to their reference values.
+
+    shifts [shape (s,), 1/s]
+    errors [dict from (heated, read) to array, shape (s,)]
+    shares [dict from (heated, read) to array, shape (s, triangles)]: the same in every triangle, absolute values.
+    weights [dict from (heated, read) to float]: what a channel counts when the mesh is judged: 1 where the heated part
+        is read, else gain/(gain + `FAINT` R_th), as what is hardly felt is not worth a finer mesh.
+    corners [dict from (r, z) in m to float]: where the field is strongly singular, with the exponent.
+    """
+
+    shifts: Array
+    errors: dict[Channel, Array]
+    shares: dict[Channel, Array]
+    weights: dict[Channel, float]
+    corners: dict[tuple[float, float], float]
+
+    @property
+    def largest(self) -> float:
+        """The largest of all errors, each times the weight of its channel."""
+        return max(float(errors.max()) * self.weights[channel] for channel, errors in self.errors.items())
+
+
+class MeshError:
+    """Estimates the mesh error in the channels of one heat problem.
+
+    fields [shape (unknowns, s)]: (K + s M)^-1 c of what was heated or read in estimates so far, at all shifts, 0 last.
+    contents [shape (unknowns,)]: (K + s M)^-1 M 1 at the shifts up to `STORED`.
+    """
+
+    def __init__(self, heat: HeatProblem) -> None:
+        self.heat = heat
+        self.fields: dict[str, Array] = {}
+        self.contents: list[Array] = []
+        self._statics: dict[str, Array] = {}
+        self._second: Array | None = None
+
+    @cached_property
+    def enrichment(self) -> Enrichment:
+        """The cubic functions on the mesh."""
+        from .cubic_enrichment import Enrichment
+
+        return Enrichment.of(self.heat.discretization, *properties(self.heat.geometry, self.heat.mesh))
+
+    @cached_property
+    def strong(self) -> dict[int, float]:
+        """Vertices where the field is strongly singular, with the exponent."""
+        heat = self.heat
+        return strong(heat.discretization, properties(heat.geometry, heat.mesh)[0], heat.mesh.region)
+
+    @cached_property
+    def unseen(self) -> Array:
+        """What each triangle's share is times more than `SATURATION` of it, less 1; shape (triangles,)."""
+        found = np.zeros(len(self.heat.mesh.triangles))
+        for vertex, exponent in self.strong.items():
+            at = (self.heat.mesh.triangles == vertex).any(axis=1)
+            found[at] = np.maximum(found[at], saturation(exponent) / SATURATION - 1)
+        return found
+
+    @cached_property
+    def shifts(self) -> Array:
+        """One a decade from the slowest rate of the system to `FASTEST`, in 1/s; 0 last."""
+        d, x = self.heat.discretization, self.static(self.heat.heated[0])
+        x = self._second = d.factors.solve(0.0, 1.0, d.E @ x)
+        self.contents = [d.factors.solve(0.0, 1.0, d.ledger.storage)]
+        slowest = float(x @ (d.K @ x)) / float(x @ (d.E @ x))  # Rayleigh's quotient after one inverse iteration
+        first = min(SLOWEST, int(np.floor(np.log10(slowest))))
+        return np.append(10.0 ** np.arange(FASTEST, first - 1, -1), 0.0)
+
+    def known(self, name: str) -> Array | None:
+        """Fields of a heated part from earlier estimates, shape (unknowns, f), static one last; None if none."""
+        fields = self.fields.get(name)
+        if fields is None or self._second is None or name != self.heat.heated[0]:
+            return fields
+        return np.column_stack([self._second, fields])
+
+    def static(self, name: str) -> Array:
+        """Static field K^-1 c of a part or probe with the mean functional c, shape (unknowns,)."""
+        if name not in self._statics:
+            d = self.heat.discretization
+            self._statics[name] = d.factors.solve(0.0, 1.0, d.means[name][d.free])
+        return self._statics[name]
+
+    def estimate(self, channels: tuple[Channel, ...]) -> Estimate:
+        """Estimate the errors of some channels: `SATURATION` (and `PEAK`) times |a(u_3 - u, w_3 - w)| / Z.
+
+        Relative to Z(s) for a part that is heated and read. Where another part is read nothing has arrived early on,
+        and the error is relative to its R_th; there each triangle counts with the root of its two energies, which is
+        Cauchy's and Schwarz's inequality, times `CROSS`, as the parts may cancel in u_3 and not in the exact field.
+        """
+        heat, d = self.heat, self.heat.discretization
+        names = list(dict.fromkeys(name for channel in channels for name in channel))
+        means = np.column_stack([d.means[name] for name in names])
+        load = np.column_stack([self.enrichment.mean(heat, name) for name in names])
+        fields = np.empty((len(names), d.free.size, len(self.shifts)))
+        fields[:, :, -1] = [self.static(name) for name in names]  # while the factors of 0 are there
+        order = np.argsort(self.shifts[:-1] == LAST, kind="stable")
+        for k, s in zip(order, self.shifts[order], strict=True):
+            fields[:, :, k] = [d.factors.solve(s, 1.0, mean) for mean in means[d.free].T]
+            if s <= STORED and not self.fields:
+                self.contents.append(d.factors.solve(s, 1.0, d.ledger.storage))
+        found = np.zeros((len(means), len(self.shifts), len(names)))
+        found[d.free] = fields.transpose(1, 2, 0)
+        values = np.einsum("ia,isb->sab", means, found, optimize=True)
+        at_once = max(1, AT_ONCE // (len(names) * d.basis.nelems))
+        parts = [
+            self.enrichment.added(self.shifts[k : k + at_once], found[:, k : k + at_once], load)
+            for k in range(0, len(self.shifts), at_once)
+        ]
+        totals, shares = (np.concatenate(each) for each in zip(*parts, strict=True))
+        self.fields.update(zip(names, fields, strict=True))
+        between = (self.shifts > 0) & (self.shifts < self.shifts.max())
+        factor = SATURATION * np.where(between, PEAK, 1.0)
+        errors, local, weights = {}, {}, {}
+        for heated, read in channels:
+            i, j = names.index(heated), names.index(read)
+            scale = np.array([v[j, i] for v in values]) if i == j else np.full(len(values), values[-1][j, i])
+            pair = np.sqrt(np.abs(shares[:, j] * shares[:, i]))
+            whole = np.abs([total[j, i] for total in totals])
+            if self.strong:
+                whole, pair = whole + pair @ self.unseen, pair * (1 + self.unseen)
+            each = (factor if i == j else CROSS * factor)[:, None] * pair / np.abs(scale)[:, None]
+            errors[heated, read] = factor * whole / np.abs(scale) if i == j else each.sum(axis=1)
+            local[heated, read] = each
+            gain, own = abs(values[-1][j, i]), values[-1][i, i]
+            weights[heated, read] = 1.0 if i == j else float(gain / (gain + FAINT * own))
+        points = self.heat.mesh.points
+        corners = {(float(points[v, 0]), float(points[v, 1])): exponent for v, exponent in self.strong.items()}
+        return Estimate(self.shifts, errors, local, weights, corners)

@@ -1,0 +1,397 @@
+"""The axisymmetric heat equation on a meshed cross-section, as matrices.
+
+    rho c_p dT/dt = div(k grad T) + q,    q = P / V_part in a heated part,    dT = mean of T - T0 over a part
+
+With the weight 2 pi r everywhere and P2 triangles this is  M dx/dt = -K x + c P,  dT = c^T x: the same functional c
+(volume mean over the part) heats and reads, so the system is symmetric and passive. Where k or c_p depend on T, these
+are the matrices at the ambient temperature T0, and `HeatProblem.model` is the nonlinear system around them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .. import checks
+from ..arrays import Array, ArrayLike, NDArray
+from ..materials.laws import Law, is_constant
+from ..models import NonlinearSystem, StateSpace
+from ..optics.reading import LIGHT, light_integral
+from ..transient.modal import Modal
+from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
+from ..transient.trajectory import Ledger
+from .contacts import resistances, split
+from .domain_truncation import Wider, domain_error, warn_of_domain, wider
+from .error_estimate import Estimate, MeshError
+from .mesh_refinement import divided
+from .probe_means import probe_mean
+from .surfaces import Surfaces, surfaces_of
+from .weak_forms import Discretization, build, capacity, conduction, discretize, properties
+
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from ..mesh import Mesh
+    from ..optics import Mode
+
+__all__ = ["Discretization", "HeatProblem", "Surfaces", "discretize"]
+
+ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
+LARGEST = 400_000  # unknowns; a mesh with more is not refined
+
+log = logging.getLogger("thermofem")
+
+
+@dataclass(frozen=True, eq=False)
+class HeatProblem:
+    """The heat problem of one cross-section, as returned by `assemble`.
+
+    Attributes
+    ----------
+    geometry : CrossSection
+    mesh : Mesh
+    discretization : Discretization
+    accuracy : float
+        that was asked for.
+    light : Mode, optional
+        the mode whose temperature is read as "light" (`with_light`).
+    """
+
+    geometry: CrossSection
+    mesh: Mesh
+    discretization: Discretization
+    accuracy: float
+    light: Mode | None = None
+
+    def __repr__(self) -> str:
+        size = f"{self.unknowns} unknowns, accuracy {self.accuracy:g}"
+        return f"HeatProblem({self.geometry.name!r}, {size}, heated {', '.join(self.heated)})"
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks."""
+        from ..data.display import card, section_card
+
+        rows = [
+            ("unknowns", f"{self.unknowns}"),
+            ("accuracy", f"{self.accuracy:g}"),
+            ("heated", ", ".join(self.heated)),
+        ]
+        return card("Heat problem", [*rows, ("can be read", ", ".join(self.readable))], section_card(self.geometry))
+
+    @property
+    def heated(self) -> tuple[str, ...]:
+        """Names of the parts that may carry absorbed power."""
+        return self.geometry.heated
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of every layer and part; each can be read."""
+        return self.mesh.region_names
+
+    @property
+    def readable(self) -> tuple[str, ...]:
+        """Names of everything that can be read: regions, probes, and "light" after `with_light`."""
+        light = () if self.light is None else (LIGHT,)
+        return (*self.regions, *(probe.name for probe in self.geometry.probes), *light)
+
+    def with_light(self, mode: Mode) -> HeatProblem:
+        """The same problem with "light" as one more output: the temperature as a mode sees it, see `optics.reading`.
+
+        A resonance moves by dw/w = -mode.thermo_optic times it. The mean over the core is within 0.3 % of it for a
+        silicon strip; 10 ns after a step it errs by -4 % for a rib, +5 % for a disc, -9 % for a nitride strip.
+
+        Raises InputError: a region of the geometry is called "light".
+
+        >>> heat = assemble(strip_ring())
+        >>> mode = th.light(heat, wavelength=1.555e-6).mode("TE0")
+        >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 3)
+        1.0
+        """
+        checks.has("mode", mode, "thermal_density", hint='th.light(heat, wavelength=1.55e-6).mode("TE0") is one')
+        if LIGHT in self.regions or any(probe.name == LIGHT for probe in self.geometry.probes):
+            raise checks.InputError(f"{self.geometry.name!r} has a region or probe called 'light'; rename it")
+        integral = light_integral(mode, self.discretization.basis)
+        means = {**self.discretization.means, LIGHT: integral / integral.sum()}
+        return replace(self, light=mode, discretization=replace(self.discretization, means=means))
+
+    @property
+    def judged(self) -> tuple[tuple[str, str], ...]:
+        """The channels (heated, read) whose mesh error decides about the mesh.
+
+        Every heated part with itself, with the other heated parts and with every probe.
+        """
+        probes = [probe.name for probe in self.geometry.probes]
+        return tuple((part, read) for part in self.heated for read in (*self.heated, *probes))
+
+    @property
+    def unknowns(self) -> int:
+        """Number of temperatures solved for."""
+        return int(self.discretization.free.size)
+
+    @cached_property
+    def system(self) -> StateSpace:
+        """The FEM itself as a thermal model: every heated part is an input and an output."""
+        return self.channels(self.heated, self.heated)
+
+    def channels(
+        self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None
+    ) -> StateSpace:
+        """The FEM with chosen inputs and outputs.
+
+        Parameters
+        ----------
+        heated : str or sequence of str
+            heated parts; default all of them.
+        read : str or sequence of str
+            layers, parts or probes whose mean is read; default the heated ones.
+
+        Raises
+        ------
+        InputError
+            a name that is no heated part, or nothing that can be read.
+        """
+        inputs = _names("heated", heated, self.heated, self.heated)
+        outputs = _names("read", read, self.readable, inputs)
+        if (inputs, outputs) not in self._channels:
+            origin = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
+            system = replace(self.discretization.state_space(inputs, outputs), origin=origin)
+            self._channels[inputs, outputs] = system
+        return self._channels[inputs, outputs]
+
+    @cached_property
+    def _channels(self) -> dict[tuple[tuple[str, ...], tuple[str, ...]], StateSpace]:
+        return {}
+
+    @cached_property
+    def nonlinear(self) -> bool:
+        """Whether k or c_p of any material in the geometry depends on temperature."""
+        return any(self.geometry.material_of(name).varies for name in self.regions)
+
+    def model(
+        self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None
+    ) -> StateSpace | NonlinearSystem:
+        """As `channels`, with k(T) and c_p(T) where materials have them."""
+        linear = self.channels(heated, read)
+        return (
+            NonlinearSystem(linear, self._flow_and_content[0], self._flow_and_content[1]) if self.nonlinear else linear
+        )
+
+    def modal(self, heated: str) -> Modal:
+        """Transients in closed form with ``heated`` carrying the power, at small power; one for all runs.
+
+        Raises
+        ------
+        InputError
+            a name that is no heated part.
+        """
+        if checks.choice("heated", heated, self.heated) not in self._modal:
+            known, contents = self._mesh_error.known(heated), self._mesh_error.contents
+            others = np.column_stack(contents) if contents else None
+            self._modal[heated] = Modal(self.channels(heated), self.discretization.factors, known, others)
+        return self._modal[heated]
+
+    @cached_property
+    def _modal(self) -> dict[str, Modal]:
+        return {}
+
+    @cached_property
+    def wider(self) -> Wider | None:
+        """The same heat problem on a stack that goes on beyond its bottom and outer side, see `domain_truncation`."""
+        return wider(self)
+
+    @cached_property
+    def ledger(self) -> Ledger | NonlinearLedger:
+        """Terms of the energy balance of a transient of `model`."""
+        if not self.nonlinear:
+            return self.discretization.ledger
+        d = self.discretization
+        flow, content = self._everywhere
+        ones = np.ones((1, d.mass.shape[0]))
+        held = np.zeros_like(ones)
+        held[0, d.held] = 1
+        return NonlinearLedger(rows(content, ones), rows(content, held), rows(flow, ones - held))
+
+    def audit(self, heated: str) -> Ledger | NonlinearLedger:
+        """The ledger with ``heated`` carrying the power, part of which a held boundary may take at once."""
+        checks.choice("heated", heated, self.heated)
+        return replace(self.ledger, direct=float(self.discretization.means[heated][self.discretization.held].sum()))
+
+    @cached_property
+    def _everywhere(self) -> tuple[NodalOperator, NodalOperator]:
+        """F and H with the rows of all unknowns, held ones included."""
+        d, (k, c) = self.discretization, properties(self.geometry, self.mesh)
+        flows, contents = [], []
+        for law, cells in self._cells("conductivity_law").items():
+            flows.append((conduction(d.basis, k * cells), law))
+        for law, cells in self._cells("specific_heat_law").items():
+            contents.append((capacity(d.basis, c * cells), law))
+        rest = d.stiffness - sum(matrix for matrix, _ in flows), d.mass - sum(matrix for matrix, _ in contents)
+        T0 = self.geometry.ambient
+        return nodal_operator(flows, rest[0], d.free, T0), nodal_operator(contents, rest[1], d.free, T0)
+
+    @cached_property
+    def _flow_and_content(self) -> tuple[NodalOperator, NodalOperator]:
+        free = self.discretization.free
+        flow, content = self._everywhere
+        return replace(flow, matrix=flow.matrix[free]), replace(content, matrix=content.matrix[free])
+
+    def _cells(self, kind: str) -> dict[Law, NDArray[np.bool_]]:
+        """Which triangles follow each law of temperature that is not constant."""
+        laws = [getattr(self.geometry.material_of(name), kind) for name in self.regions]
+        return {
+            law: np.array([other == law for other in laws])[self.mesh.region] for law in laws if not is_constant(law)
+        }
+
+    def thermal_resistance(self, heated: str | None = None, read: str | None = None) -> float:
+        """Steady mean rise of ``read`` per watt in ``heated``, in K/W; defaults: the first heated part, and itself.
+
+        At small power, where conductivities depend on temperature; `steady_rise` takes any power.
+
+        >>> round(assemble(strip_ring()).thermal_resistance("core") / 1e3, 2)  # K/mW
+        7.86
+        """
+        heated = self.heated[0] if heated is None else checks.choice("heated", heated, self.heated)
+        channel = self.channels(heated, heated if read is None else read)
+        return float(channel.C[0] @ self._mesh_error.static(heated))
+
+    def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
+        """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.
+
+        Raises
+        ------
+        InputError
+            a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
+        """
+        heated, read = self._channel(heated, read)
+        power = checks.between("power", power, -checks.MOST_POWER, checks.MOST_POWER, unit="W", hint=checks.POWER_HINT)
+        model = self.model(heated, read)
+        if isinstance(model, NonlinearSystem):
+            return float(model.steady_rise(power)[0])
+        return power * self.thermal_resistance(heated, read)
+
+    @cached_property
+    def _mesh_error(self) -> MeshError:
+        return MeshError(self)
+
+    @cached_property
+    def _estimated(self) -> dict[tuple[str, str, str], float]:
+        return {}
+
+    def estimate(self, *channels: tuple[str, str]) -> Estimate:
+        """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`.
+
+        InputError: a channel that is no pair of a heated part and a readable one.
+        """
+        for channel in channels:
+            if not isinstance(channel, tuple) or len(channel) != 2:
+                raise checks.InputError(f"channel {checks.shown(channel)} is no pair such as ('core', 'core')")
+            self._channel(*channel)
+        found = self._mesh_error.estimate(channels or self.judged)
+        self._estimated.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
+        return found
+
+    def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
+        """Relative mesh error of R_th and of the step response from 1 ns on, see `thermofem.fem.error_estimate`."""
+        key = "mesh", *self._channel(heated, read)
+        if key not in self._estimated:
+            self.estimate(key[1:])
+        return self._estimated[key]
+
+    def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
+        """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.fem.domain_truncation`.
+
+        Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for geometries of one
+        name and size that err alike.
+        """
+        return self.mesh_error(heated, read), self.domain_error(heated, read)
+
+    def domain_error(self, heated: str | None = None, read: str | None = None, *, what: str = "R_th") -> float:
+        """Relative error of R_th by the finite domain, see `errors`; the log calls it ``what``."""
+        key = "domain", *self._channel(heated, read)
+        if key not in self._estimated:
+            self._estimated[key] = domain_error(self, *key[1:])
+        if self._estimated[key] > self.accuracy:
+            warn_of_domain(self.geometry, self._estimated[key], self.accuracy, what)
+        return self._estimated[key]
+
+    def _channel(self, heated: str | None, read: str | None) -> tuple[str, str]:
+        heated = checks.choice("heated", heated, self.heated, default=self.heated[0])
+        return heated, checks.choice("read", read, self.readable, default=heated)
+
+    def field(self, state: ArrayLike) -> Array:
+        """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
+        state = checks.numbers("state", state)
+        if state.shape[-1:] != (self.unknowns,):
+            raise checks.InputError(f"state has shape {state.shape}; the last dimension has {self.unknowns} unknowns")
+        everywhere = np.zeros((*state.shape[:-1], self.discretization.mass.shape[0]))
+        everywhere[..., self.discretization.free] = state
+        return everywhere[..., self.discretization.basis.nodal_dofs[0]]
+
+
+def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
+    """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
+
+    The log says so where `ROUNDS`, `LARGEST` or `mesh_refinement.FINEST` end that before.
+    """
+    resistance, finer = resistances(geometry), mesh
+    for _ in range(ROUNDS):
+        mesh = finer
+        heat = on_mesh(geometry, split(mesh, resistance), accuracy)
+        estimate = heat.estimate()
+        if estimate.largest <= accuracy or heat.unknowns > LARGEST:
+            break
+        found = divided(mesh, estimate, accuracy)
+        if found is None:
+            break
+        finer = found
+    if estimate.largest > accuracy:
+        log.warning(
+            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
+            geometry.name,
+            heat.unknowns,
+            estimate.largest,
+            accuracy,
+            _corner(heat, estimate),
+        )
+    return heat, mesh
+
+
+def _corner(heat: HeatProblem, estimate: Estimate) -> str:
+    """Where the field is most singular, and what helps; "" where it is nowhere strongly so."""
+    if not estimate.corners:
+        return ""
+    r, z = min(estimate.corners, key=lambda point: estimate.corners[point])
+    there = (heat.mesh.points == (r, z)).all(axis=1)[heat.mesh.triangles].any(axis=1)
+    names = [repr(heat.mesh.region_names[k]) for k in np.unique(heat.mesh.region[there])]
+    return (
+        f"; {', '.join(names)} meet in the corner r = {r:g} m, z = {z:g} m, and what flows through a corner depends on "
+        "picometres; let the good conductors overlap there, or keep them apart"
+    )
+
+
+def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`contacts.split`)."""
+    mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
+    conductivity, heat_capacity = properties(geometry, mesh)
+    discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))
+    probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
+    discretization = replace(discretization, means={**discretization.means, **probes})
+    return HeatProblem(geometry, mesh, discretization, accuracy)
+
+
+def _names(
+    argument: str, given: str | Sequence[str] | None, known: Sequence[str], default: Sequence[str]
+) -> tuple[str, ...]:
+    """One or several names, each checked against the known ones."""
+    if not isinstance(given, str | Iterable | None):
+        raise checks.InputError(f"{argument} = {given!r} is no name; give one or several of {', '.join(known)}")
+    each = default if given is None else (given,) if isinstance(given, str) else given
+    names = checks.instances(argument, each, str)
+    if not names:
+        raise checks.InputError(f"{argument} is empty; give at least one of {', '.join(known)}")
+    checks.unique(argument, names)  # data.sel(probe=...) could not tell them apart
+    return tuple(checks.choice(argument, name, known) for name in names)

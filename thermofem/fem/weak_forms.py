@@ -1,0 +1,302 @@
+"""Weak forms of the heat equation on a mesh: capacity, conduction, boundaries, contacts and volume means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..algebra.factor import Pencil
+from ..arrays import Array, ArrayLike, NDArray
+from ..materials.laws import Law, check_positive
+from ..mesh.triangles import radii
+from ..models import StateSpace
+from ..transient.trajectory import Ledger
+from .surfaces import Surfaces, surface_terms
+
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from ..materials.library import Material
+    from ..mesh import Mesh
+    from ..mesh.triangles import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Discretization:
+    """Matrices of the heat equation on all unknowns, before any temperature is held.
+
+    Attributes
+    ----------
+    basis : skfem.CellBasis
+        P2 on triangles.
+    mass, stiffness : sparse, shape (n, n); J/K and W/K
+        stiffness includes convective and open boundaries, and contacts.
+    means : dict from region name to array, shape (n,)
+        functional of the volume mean; its entries sum to one.
+    held : array of int
+        unknowns at the ambient temperature.
+    surfaces : Surfaces
+    """
+
+    basis: Any
+    mass: Any
+    stiffness: Any
+    means: Mapping[str, Array]
+    held: NDArray[np.intp]
+    surfaces: Surfaces = field(default_factory=Surfaces)
+
+    @cached_property
+    def free(self) -> NDArray[np.intp]:
+        """Unknowns that are not held."""
+        return np.setdiff1d(np.arange(self.mass.shape[0]), self.held)
+
+    @cached_property
+    def E(self) -> Any:
+        """Capacity of the free unknowns, sparse, J/K."""
+        return self.mass[self.free][:, self.free]
+
+    @cached_property
+    def K(self) -> Any:
+        """Conduction between the free unknowns, sparse, W/K."""
+        return self.stiffness[self.free][:, self.free]
+
+    @cached_property
+    def factors(self) -> Pencil:
+        """Solves with combinations of E and K."""
+        return Pencil(self.E, self.K)
+
+    def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
+        """E = M, A = -K on the free unknowns; B and C from the volume means.
+
+        InputError: no names, or one that the mesh does not have.
+        """
+        free = self.free
+        for what, names in (("heated", heated), ("read", read)):
+            if not checks.instances(what, names, str):
+                raise checks.InputError(f"{what} is empty; name one region or more, such as {next(iter(self.means))!r}")
+            for name in names:
+                checks.choice(what, name, self.means)
+        return StateSpace(
+            E=self.E,
+            A=-self.K,
+            B=np.column_stack([self.means[name][free] for name in heated]),
+            C=np.vstack([self.means[name][free] for name in read]),
+            inputs=heated,
+            outputs=read,
+        )
+
+    @cached_property
+    def ledger(self) -> Ledger:
+        """Heat stored is 1^T M x; heat leaves through held unknowns, convective and open boundaries.
+
+        The rows of the held unknowns, left out of the system, give their reaction: -(M dx/dt + K x) is the heat that
+        flows out there; 1^T K x over all rows is the loss by convection, as conduction and contacts have zero column
+        sums.
+        """
+        free, held = self.free, self.held
+        convective = np.asarray(self.stiffness.sum(axis=0)).ravel()[free]
+        return Ledger(
+            storage=np.asarray(self.mass.sum(axis=0)).ravel()[free],
+            drain_A=convective - np.asarray(self.stiffness[held].sum(axis=0)).ravel()[free],
+            drain_E=-np.asarray(self.mass[held].sum(axis=0)).ravel()[free],
+        )
+
+
+def discretize(
+    mesh: Mesh,
+    conductivity: ArrayLike,
+    heat_capacity: ArrayLike,
+    *,
+    held: NDArray[np.intp],
+    convection: Mapping[float, NDArray[np.intp]] | None = None,
+) -> Discretization:
+    """Assemble M, K and the volume means with quadratic elements.
+
+        M_ij = int 2 pi r rho c_p u_i u_j dA,   K_ij = int 2 pi r k grad u_i . grad u_j dA + int 2 pi r h u_i u_j ds
+
+    Parameters
+    ----------
+    mesh : Mesh
+    conductivity : array, shape (triangles,) or (2, triangles) for k_r and k_z, or scalar; W/(m K)
+    heat_capacity : array, shape (triangles,), or scalar; J/(m^3 K)
+    held : array of int
+        boundary facets at the ambient temperature (numbered as `facets` does).
+    convection : dict from h in W/(m^2 K) to an array of facets
+
+    Raises
+    ------
+    InputError
+        ``mesh`` is no Mesh.
+    """
+    checks.has("mesh", mesh, "skfem", hint="give a thermofem.Mesh")
+    n, facets = len(mesh.triangles), mesh.skfem.facets.shape[1]
+    k, c = (
+        checks.numbers(name, value)
+        for name, value in (("conductivity", conductivity), ("heat_capacity", heat_capacity))
+    )
+    for name, value, shapes in (("conductivity", k, ((), (n,), (2, n))), ("heat_capacity", c, ((), (n,)))):
+        if value.shape not in shapes:
+            raise checks.InputError(f"{name} has the shape {value.shape}; one for each of {n} triangles is needed")
+        if value.min() < 0:
+            raise checks.InputError(f"{name} = {value.min():g} is negative in a triangle; it must be zero or more")
+    return build(mesh, k, c, Surfaces(held=_facets("held", held, facets), convection=_convection(convection, facets)))
+
+
+def _facets(name: str, value: Any, count: int) -> NDArray[np.intp]:
+    """Numbers of facets, or InputError."""
+    numbers = checks.array(name, value, empty=True)
+    if np.any(numbers != np.round(numbers)) or (numbers.size and not 0 <= numbers.min() <= numbers.max() < count):
+        raise checks.InputError(f"{name} holds a number that is no facet; they go from 0 to {count - 1}")
+    return numbers.astype(np.intp)
+
+
+def _convection(given: Any, count: int) -> dict[float, NDArray[np.intp]]:
+    """Facets by h, or InputError."""
+    if given is not None and not isinstance(given, Mapping):
+        raise checks.InputError(f"convection = {checks.shown(given)} must map h in W/(m^2 K) to facets")
+    return {
+        checks.between("h", h, 0, 1e12, unit="W/(m^2 K)"): _facets("convection", value, count)
+        for h, value in (given or {}).items()
+    }
+
+
+def build(
+    mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
+) -> Discretization:
+    """As `discretize`, with every term of `surfaces` and polynomials up to ``degree`` 2 or 3."""
+    import skfem
+
+    element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
+    basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
+    both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
+    stiffness = both.real  # places are found once for two
+    if surfaces.any:
+        stiffness = stiffness + surface_terms(basis, conductivity, surfaces)
+    return Discretization(
+        basis=basis,
+        mass=both.imag,
+        stiffness=stiffness.tocsr(),
+        means={name: mean(basis, mesh.region == index) for index, name in enumerate(mesh.region_names)},
+        held=basis.get_dofs(surfaces.held).all() if len(surfaces.held) else np.empty(0, dtype=np.intp),
+        surfaces=surfaces,
+    )
+
+
+def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
+    """k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), at the ambient temperature."""
+    T0 = geometry.ambient
+
+    def at_ambient(law: Law) -> float:
+        check_positive(law, T0, factor := law.factor(T0))
+        return float(factor)
+
+    def k(material: Material) -> list[float]:
+        along_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
+        return [value * at_ambient(material.conductivity_law) for value in (material.conductivity, along_z)]
+
+    materials = [geometry.material_of(name) for name in mesh.region_names]
+    capacities = [m.heat_capacity * at_ambient(m.specific_heat_law) for m in materials]
+    return np.array([k(m) for m in materials]).T[:, mesh.region], np.array(capacities)[mesh.region]
+
+
+def conduction(basis: Any, conductivity: ArrayLike) -> Any:
+    """K_ij = int 2 pi r (k_r du_i/dr du_j/dr + k_z du_i/dz du_j/dz) dA, sparse."""
+    return assembled(basis, element_conduction(basis, conductivity))
+
+
+def capacity(basis: Any, heat_capacity: ArrayLike) -> Any:
+    """M_ij = int 2 pi r rho c_p u_i u_j dA, sparse."""
+    return assembled(basis, element_capacity(basis, heat_capacity))
+
+
+def element_conduction(basis: Any, conductivity: ArrayLike) -> Array:
+    """K of every triangle, shape (triangles, b, b) with b its basis functions; exact, as r is linear.
+
+    With J its map from the reference triangle, r_i the radius of corner i and reference integrals S,
+
+        K = 2 pi sum_mni (J^-1 diag(k_r, k_z) J^-T)_mn |det J| r_i S_mni,   S_mni = int l_i d_m u d_n u^T
+    """
+    J, r = maps(basis.mesh)
+    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+    inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))
+    metric = 2 * np.pi * np.abs(det) * np.einsum("mde,de,nde->mne", inverse, k, inverse)
+    weights = (metric[:, :, None] * r).reshape(-1, basis.nelems)
+    return (weights.T @ reference(basis).stiffness).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+
+
+def element_capacity(basis: Any, heat_capacity: ArrayLike) -> Array:
+    """M of every triangle, shape (triangles, b, b): 2 pi rho c_p |det J| sum_i r_i int l_i u u^T."""
+    J, r = maps(basis.mesh)
+    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+    weights = 2 * np.pi * np.abs(det) * np.broadcast_to(np.asarray(heat_capacity, dtype=float), basis.nelems) * r
+    return (weights.T @ reference(basis).mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+
+
+def assembled(basis: Any, elements: Array) -> Any:
+    """Sparse sum of the matrices of all triangles."""
+    from scipy.sparse import csr_matrix
+
+    dofs = basis.element_dofs.T
+    rows, columns = (np.broadcast_to(d, elements.shape).ravel() for d in (dofs[:, :, None], dofs[:, None, :]))
+    return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
+
+
+def maps(grid: Grid, moved: Array | None = None) -> tuple[Array, Array]:
+    """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and `radii` of the corners, shape (3, triangles).
+
+    moved [shape (2, vertices)]: velocities of the vertices; the derivatives of both are returned.
+    """
+    corners = (grid.p if moved is None else moved)[:, grid.t]
+    r = radii(corners[0], grid.depth) if moved is None else corners[0] * (grid.depth is None)
+    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), r
+
+
+class ReferenceTriangle(NamedTuple):
+    """Integrals on the reference triangle, with l_i linear and u the b functions of the element.
+
+    load [shape (3, b)]: of l_i u.
+    mass [shape (3, b b)]: of l_i u u^T.
+    stiffness [shape (2 2 3, b b)]: of l_i d_m u d_n u^T.
+    """
+
+    load: Array
+    mass: Array
+    stiffness: Array
+
+
+def reference(basis: Any) -> ReferenceTriangle:
+    """Integrals of the element of a basis."""
+    kind: Any = type(basis.elem)
+    return _integrals(kind)
+
+
+@cache
+def _integrals(element: Any) -> ReferenceTriangle:
+    from skfem.quadrature import get_quadrature
+
+    elem = element()
+    X, W = get_quadrature(elem.refdom, 2 * elem.maxdeg + 1)
+    u, du = map(np.array, zip(*(elem.lbasis(X, k) for k in range(len(elem.doflocs))), strict=True))
+    corner = np.array([1 - X[0] - X[1], X[0], X[1]])
+    mass = np.einsum("iq,aq,bq,q->iab", corner, u, u, W)
+    stiff = np.einsum("iq,amq,bnq,q->mniab", corner, du, du, W)
+    return ReferenceTriangle(np.einsum("iq,aq,q->ia", corner, u, W), mass.reshape(3, -1), stiff.reshape(12, -1))
+
+
+def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
+    """Functional of the volume mean over the triangles ``inside``; its entries sum to one."""
+    integral = volume(basis, inside)
+    return integral / integral.sum()
+
+
+def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
+    """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3."""
+    J, r = maps(basis.mesh)
+    weights = 2 * np.pi * np.abs(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
+    shares = weights.T @ reference(basis).load
+    return np.asarray(np.bincount(basis.element_dofs.T[inside].ravel(), shares.ravel(), minlength=basis.N), dtype=float)

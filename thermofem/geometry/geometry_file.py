@@ -1,0 +1,235 @@
+"""The geometry file: TOML text with units in, the fields of a `CrossSection` out, and back.
+
+Each table of the file has its keys listed here once, with the unit that the value must have; an unknown key is an error
+that suggests the nearest one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import checks
+from ..checks import InputError
+from ..data import files, quantity
+from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
+from ..materials.index_laws import read_index, write_index
+from ..materials.library import LIBRARY, Material
+from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
+from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
+
+if TYPE_CHECKING:
+    from .cross_section import CrossSection
+
+# key -> the SI unit of its text, or what else it holds
+_TOP = {
+    "name": TEXT,
+    "kind": TEXT,
+    "outer_radius": "m",
+    "length": "m",
+    "half_width": "m",
+    "ambient": "K",
+    "layer": TABLES,
+    "part": TABLES,
+    "interface": TABLES,
+    "probe": TABLES,
+    "boundary": TABLE,
+    "material": TABLE,
+}
+_LAYER = {"name": TEXT, "material": TEXT, "thickness": "m", "datum": FLAG}
+_PART = {
+    "name": TEXT,
+    "material": TEXT,
+    "radius": "m",
+    "width": "m",
+    "inner_radius": "m",
+    "outer_radius": "m",
+    "x": "m",
+    "bottom": "m",
+    "height": "m",
+    "sidewall_angle": "rad",
+    "heated": FLAG,
+}
+_INTERFACE = {"part": TEXT, "resistance": "m^2*K/W"}
+_PROBE = {"name": TEXT, "part": TEXT, "shell": "m", "distance": "m"}
+_BOUNDARY = {"bottom": ANY, "top": ANY, "outer": ANY}
+_COEFFICIENT = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
+_OPTICAL = {"thermo_optic": "1/K", "two_photon": "m/W", "kerr": "m^2/W"}
+_MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT, "index": ANY, **_OPTICAL}
+
+_UNITS = {
+    key: unit
+    for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _COEFFICIENT, _MATERIAL)
+    for key, unit in keys.items()
+    if unit in quantity.SI
+} | {"conductivity": "W/m/K", "specific_heat": "J/kg/K", "exponent": "", "reference": "K"}
+
+
+def as_text(path: str, value: Any) -> Any:
+    """A value as a geometry file writes it at a path: numbers in SI get their unit, anything else is unchanged."""
+    if isinstance(value, np.generic) or (type(value) is np.ndarray and value.ndim == 0):  # no masked array
+        value = value.item()
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return value
+    *before, key = path.split(".")
+    unit = _UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
+    number = checks.finite(path, value)
+    return value if unit is None else quantity.write(number, unit)
+
+
+def fields(text: str) -> dict[str, Any]:
+    """The fields of the `CrossSection` that the text of a geometry file describes."""
+    table = files.from_toml(text)
+    if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
+        raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
+    straight = table.get("kind") == "straight"
+    sizes = ("length", "half_width") if straight else ("outer_radius",)
+    top = read_table(table, _TOP, "the file", required=(*sizes, "layer", "part"))
+    if straight and "outer_radius" in top:
+        raise InputError("outer_radius belongs to a ring; a straight section has half_width and length")
+    boundary = read_table(top.get("boundary", {}), _BOUNDARY, "[boundary]")
+    return {
+        "name": top.get("name", "cross-section"),
+        **{key: top[key] for key in ("kind", "outer_radius", "length", "half_width") if key in top},
+        "layers": tuple(_layer(item, k) for k, item in enumerate(top["layer"], 1)),
+        "parts": tuple(_part(item, k) for k, item in enumerate(top["part"], 1)),
+        "interfaces": tuple(_interface(item, k) for k, item in enumerate(top.get("interface", []), 1)),
+        "probes": tuple(_probe(item, k) for k, item in enumerate(top.get("probe", []), 1)),
+        "bottom": _boundary(boundary, "bottom", ISOTHERMAL),
+        "top": _boundary(boundary, "top", INSULATED),
+        "outer": _boundary(boundary, "outer", INSULATED),
+        "materials": tuple(_material(name, item) for name, item in top.get("material", {}).items()),
+        "ambient": top.get("ambient", 293.15),
+    }
+
+
+def _where(kind: str, table: dict[str, Any], k: int) -> str:
+    name = table.get("name", table.get("part"))
+    return f"{kind} {name!r}" if isinstance(name, str) else f"{kind} number {k}"
+
+
+def _layer(table: dict[str, Any], k: int) -> Layer:
+    return Layer(**read_table(table, _LAYER, _where("layer", table, k), required=("name", "material", "thickness")))
+
+
+def _part(table: dict[str, Any], k: int) -> Part:
+    where = _where("part", table, k)
+    values = read_table(table, _PART, where, required=("name", "material", "bottom", "height"))
+    by_centre, by_edges = {"radius", "width"} & set(values), {"inner_radius", "outer_radius"} & set(values)
+    if "x" in values and not by_edges and "radius" not in values:
+        return Part(**values)
+    if len(by_centre) == 2 and not by_edges:
+        inner, outer = ring(values.pop("radius"), values.pop("width"), of=f"{where}: ")
+        values |= {"inner_radius": inner, "outer_radius": outer}
+    elif len(by_edges) != 2 or by_centre:
+        given = ", ".join(sorted(by_centre | by_edges)) or "neither"
+        raise InputError(
+            f"{where}: give radius and width, or inner_radius and outer_radius (given: {given}); "
+            "of a straight section x and width"
+        )
+    return Part(**values)
+
+
+def _interface(table: dict[str, Any], k: int) -> Interface:
+    return Interface(**read_table(table, _INTERFACE, _where("interface of", table, k), required=("part", "resistance")))
+
+
+def _probe(table: dict[str, Any], k: int) -> Probe:
+    return Probe(**read_table(table, _PROBE, _where("probe", table, k), required=("name", "part")))
+
+
+def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
+    value = table.get(side)
+    if value is None:
+        return default
+    if isinstance(value, dict):
+        values = read_table(value, _COEFFICIENT, f"boundary {side}")
+        if len(values) != 1:
+            raise InputError(f"boundary {side} = {value!r} must have one key of {', '.join(_COEFFICIENT)}")
+        return Boundary(*values.popitem())
+    hint = 'convection is written { convection = "1e4 W/m^2/K" }'
+    return Boundary(checks.choice(f"boundary {side}", value, Boundary.KINDS.keys() - _COEFFICIENT.keys(), hint=hint))
+
+
+def _material(name: str, table: Any) -> Material:
+    """A material of the file; a key left out keeps the value and the law of the library's material of that name."""
+    where = f"[material.{name}]"
+    values = read_table(table, _MATERIAL, where, required=() if name in LIBRARY else PROPERTIES)
+    for key, unit in (("conductivity", "W/m/K"), ("specific_heat", "J/kg/K")):
+        if key in values:
+            given = values.pop(key)
+            if isinstance(given, dict):
+                given = read_table(given, LAW_KEYS[key], f"{where} {key}")
+            values |= read_property(key, given, unit, where)
+    if "index" in values:
+        values["index"] = read_index(values["index"], where)
+    missing = [key for key in PROPERTIES if key not in values]
+    optical = [key for key in ("index", *_OPTICAL) if key not in values and name in LIBRARY]
+    kept = {key: getattr(LIBRARY[name], key) for key in (*missing, *optical)}
+    for key in {"conductivity", "specific_heat"} & kept.keys():
+        kept |= {f"{key}_law": getattr(LIBRARY[name], f"{key}_law")}
+    if "conductivity" in kept:
+        kept |= {"conductivity_z": LIBRARY[name].conductivity_z}
+    source = "geometry file" + (f" ({', '.join(missing)}: {LIBRARY[name].source})" if missing else "")
+    return Material(**{"name": name, "source": source, **kept, **values})
+
+
+def table_of(geometry: CrossSection) -> dict[str, Any]:
+    """The table of a geometry file, quantities as text; reading it back gives an equal CrossSection."""
+    tables = {
+        **_texts({"name": geometry.name, **_domain(geometry), "ambient": geometry.ambient}),
+        "layer": [_texts(asdict(layer)) for layer in geometry.layers],
+        "part": [_texts(_part_values(part)) for part in geometry.parts],
+        "interface": [_texts(asdict(interface)) for interface in geometry.interfaces],
+        "probe": [_texts(asdict(probe)) for probe in geometry.probes],
+        "boundary": {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY},
+        "material": {m.name: _material_values(m) for m in geometry.materials},
+    }
+    return {key: table for key, table in tables.items() if table}
+
+
+def _domain(geometry: CrossSection) -> dict[str, Any]:
+    """Kind and sizes of the domain."""
+    if geometry.kind == "ring":
+        return {"outer_radius": geometry.outer_radius}
+    return {key: getattr(geometry, key) for key in ("kind", "length", "half_width")}
+
+
+def _texts(values: dict[str, Any]) -> dict[str, Any]:
+    """Quantities as text; a flag that is not set and a size that is not given are left out."""
+    return {key: as_text(key, value) for key, value in values.items() if value is not None and value is not False}
+
+
+def _boundary_value(boundary: Boundary) -> Any:
+    if Boundary.KINDS[boundary.kind] is None:
+        return boundary.kind
+    return _texts({boundary.kind: boundary.coefficient})
+
+
+def _material_values(m: Material) -> dict[str, Any]:
+    conductivity, specific_heat = (write_property(m, key, _UNITS[key]) for key in ("conductivity", "specific_heat"))
+    density = as_text("density", m.density)
+    optical = _texts({key: getattr(m, key) or None for key in _OPTICAL})
+    optical |= {} if m.index is None else {"index": write_index(m.index)}
+    heat = {"conductivity": conductivity, "density": density, "specific_heat": specific_heat}
+    return {**heat, **optical, "source": m.source}
+
+
+def _part_values(part: Part) -> dict[str, Any]:
+    """Fields of a part, with its radius and width where these give exactly the same edges."""
+    sizes = {"inner_radius": part.inner_radius, "outer_radius": part.outer_radius}
+    if part.x is not None and part.width is not None:
+        sizes = {"x": part.x, "width": part.width}
+    radius = float(f"{(part.inner_radius + part.outer_radius) / 2:.12g}")
+    width = float(f"{part.outer_radius - part.inner_radius:.12g}")
+    if (
+        part.x is None
+        and part.inner_radius
+        and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius)
+    ):
+        sizes = {"radius": radius, "width": width}
+    angle = None if part.sidewall_angle == VERTICAL else part.sidewall_angle
+    rest = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle, "heated": part.heated}
+    return {"name": part.name, "material": part.material, **sizes, **rest}

@@ -1,0 +1,188 @@
+"""Triangle meshes of a cross-section, made by gmsh through pygmsh; what is missing where it cannot be loaded."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib
+import re
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import InputError, MissingLibraryError
+from .element_sizes import size_function, sizes
+from .triangles import Mesh
+
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from ..geometry.regions import Face
+
+# shared libraries that the gmsh wheel links to, and the Debian package that brings each
+_PACKAGES = {
+    "libGLU.so.1": "libglu1-mesa",
+    "libGL.so.1": "libgl1",
+    "libOpenGL.so.0": "libopengl0",
+    "libX11.so.6": "libx11-6",
+    "libXext.so.6": "libxext6",
+    "libXrender.so.1": "libxrender1",
+    "libXcursor.so.1": "libxcursor1",
+    "libXfixes.so.3": "libxfixes3",
+    "libXft.so.2": "libxft2",
+    "libXinerama.so.1": "libxinerama1",
+    "libfontconfig.so.1": "libfontconfig1",
+    "libgomp.so.1": "libgomp1",
+}
+
+
+def _loads(library: str) -> bool:
+    """Whether a shared library is on the machine."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def gmsh_problem() -> str | None:
+    """None where gmsh and pygmsh can be loaded; otherwise one line with the missing library and how to install it."""
+    remedy = "the committed meshes of the reference cross-sections work without it"
+    for module in ("gmsh", "pygmsh"):
+        try:
+            importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            package = error.name
+            missing, brings = f"the Python package {package}", f"pip install {package}"
+        except (ImportError, OSError) as error:
+            library = re.match(r"(lib[\w.+-]+?\.so[.\d]*)", str(error))
+            if library is None:
+                return f"{module} cannot be loaded: {error}; {remedy}"
+            missing = f"the shared library {library[1]}"
+            absent = [known for known in _PACKAGES if known == library[1] or not _loads(known)]  # the loader names one
+            packages = " ".join(_PACKAGES[known] for known in absent)
+            named = library[1] in _PACKAGES
+            brings = f"Debian, Ubuntu: apt-get install {packages}" if named else "apt-file search finds its package"
+        else:
+            continue
+        return f"{module} cannot be loaded: {missing} is missing ({brings}); {remedy}"
+    return None
+
+
+OPTIONS = {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.LcIntegrationPrecision": 1e-2}
+MICRON = 1e-6  # gmsh has absolute tolerances of 1e-8: it is given micrometres
+
+_GMSH = threading.Lock()  # gmsh has one global state
+
+
+def make(geometry: CrossSection, accuracy: float) -> Mesh:
+    """Mesh a geometry with gmsh (deterministic; works in any thread).
+
+    Raises InputError, MissingLibraryError: as `mesh_for`.
+    """
+    mesh = make_faces(
+        geometry.subdivision.faces, size_function(geometry, sizes(accuracy)), geometry.name, geometry.depth
+    )
+    meshed = mesh.volumes()
+    for name, volume in geometry.volumes().items():
+        if abs(meshed[name] - volume) > 1e-9 * volume:
+            raise InputError(f"gmsh cannot mesh {geometry.name!r}: it leaves a gap in {name!r}; simplify its outline")
+    return mesh
+
+
+def make_faces(
+    faces: Sequence[Face], size: Callable[[float, float], float], name: str, depth: float | None = None
+) -> Mesh:
+    """Mesh faces that share points and edges; their owners are the regions.
+
+    size: element size in m at (r, z) in m.
+    name: for messages.
+    depth: of a straight section, m.
+    """
+    problem = gmsh_problem()
+    if problem:
+        raise MissingLibraryError(problem)
+    import gmsh
+    import pygmsh
+
+    with _GMSH, _pipe_signal():
+        ours = not gmsh.isInitialized()
+        if ours:  # not by pygmsh's context manager: it installs a signal handler, which only the main thread may do
+            gmsh.initialize(readConfigFiles=False, interruptible=False)
+        try:
+            points, triangles, region, names = _triangulate(gmsh, pygmsh.geo.Geometry(), faces, size)
+        except Exception as error:  # gmsh raises plain Exception
+            raise InputError(f"gmsh cannot mesh {name!r}: {error}") from None
+        finally:
+            if ours:
+                gmsh.finalize()
+    return Mesh(points, triangles, region, names, depth)
+
+
+def _triangulate(
+    gmsh: Any, builder: Any, faces: Sequence[Face], size: Callable[[float, float], float]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
+    """Points (m), triangles, region and region names of the faces, sharing points and lines."""
+    before = gmsh.model.getCurrent()  # the caller's, where gmsh was running already
+    gmsh.model.add("thermofem")
+    try:
+        surfaces = _surfaces(builder, faces)
+        builder.set_mesh_size_callback(lambda dim, tag, r, z, _, size_given: size(r * MICRON, z * MICRON) / MICRON)
+        for option, value in OPTIONS.items():
+            gmsh.option.setNumber(option, value)
+        builder.synchronize()
+        gmsh.model.mesh.generate(2)
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        cells = [gmsh.model.mesh.getElementsByType(2, surface._id)[1].reshape(-1, 3) for surface in surfaces]
+    finally:
+        gmsh.model.mesh.removeSizeCallback()
+        gmsh.model.remove()
+        gmsh.model.setCurrent(before)
+    names = tuple(dict.fromkeys(face.owner for face in faces))
+    region = np.repeat([names.index(face.owner) for face in faces], [len(cell) for cell in cells])
+    order = np.argsort(tags)
+    used, triangles = np.unique(np.concatenate(cells), return_inverse=True)
+    points = coordinates.reshape(-1, 3)[order[np.searchsorted(tags, used, sorter=order)], :2] * MICRON
+    return points, triangles.reshape(-1, 3).astype(np.int64), region.astype(np.int64), names
+
+
+def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
+    """A pygmsh surface for every face; neighbours share their points and lines."""
+    points: dict[tuple[float, float], Any] = {}
+    lines: dict[tuple[Any, Any], Any] = {}
+
+    def line(start: tuple[float, float], stop: tuple[float, float]) -> Any:
+        for corner in (start, stop):
+            if corner not in points:
+                points[corner] = builder.add_point([corner[0] / MICRON, corner[1] / MICRON, 0.0])
+        if (stop, start) in lines:
+            return -lines[stop, start]
+        if (start, stop) not in lines:
+            lines[start, stop] = builder.add_line(points[start], points[stop])
+        return lines[start, stop]
+
+    def loop(ring: NDArray[np.float64]) -> Any:
+        corners = [(float(r), float(z)) for r, z in ring]
+        return builder.add_curve_loop([line(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
+
+    return [builder.add_plane_surface(loop(face.rings[0]), [loop(hole) for hole in face.rings[1:]]) for face in faces]
+
+
+@contextlib.contextmanager
+def _pipe_signal() -> Iterator[None]:
+    """Preserve the handler of SIGPIPE: gmsh resets it, and the next write to a closed pipe would kill the process."""
+    number = getattr(signal, "SIGPIPE", None)
+    if number is None:  # Windows
+        yield
+        return
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig  # unlike signal.signal, in any thread
+    get.argtypes, get.restype = [ctypes.c_int], ctypes.c_void_p
+    put.argtypes, put.restype = [ctypes.c_int, ctypes.c_void_p], ctypes.c_void_p
+    before = get(number)
+    try:
+        yield
+    finally:
+        put(number, before)

@@ -1,0 +1,48 @@
+"""The temperature as a mode sees it: one more linear functional of the heat problem.
+
+    <T> = int n (dn/dT) T |E|^2 dV / int n (dn/dT) |E|^2 dV,      -dw/w = K <T>
+
+with K `Mode.thermo_optic`. Its entries sum to one like those of a mean over a region.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import Array, NDArray
+from .window import UM
+
+if TYPE_CHECKING:
+    from .modes import Light, Mode
+
+LIGHT = "light"  # the name under which it is read
+
+
+def light_integral(mode: Mode, basis: Any) -> Array:
+    """Integral of n (dn/dT) |E|^2 times each function of a scalar basis on the heat mesh, shape (functions,)."""
+    light: Light = mode.light  # type: ignore[assignment]
+    weight = mode.thermal_density * mode.space.arc * mode.space.dx
+    hot = np.flatnonzero(weight.any(axis=1))  # air has no heat and no triangles
+    places = mode.space.points[:, hot].reshape(2, -1) / UM + np.array([[light.centre], [0.0]])
+    if light.geometry.mirrored:
+        places[0] = np.abs(places[0])
+    cells, _ = containing(basis.mesh, places)
+    local = basis.mesh.mapping().invF(places[:, :, None], tind=cells)[:, :, 0]
+    values = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
+    shares = values * weight[hot].ravel()
+    found = np.bincount(basis.element_dofs[:, cells].ravel(), shares.ravel(), minlength=basis.N)
+    return found.astype(float)
+
+
+def containing(mesh: Any, places: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Number of a triangle around each point, and whether there is one; points of shape (2, n)."""
+    import shapely
+
+    corners = (mesh.p[:, mesh.t] * UM).transpose(2, 1, 0)
+    tree = shapely.STRtree(shapely.polygons(corners))
+    which, cells = tree.query(shapely.points(places.T * UM), predicate="intersects")
+    found, there = np.zeros(places.shape[1], dtype=np.intp), np.zeros(places.shape[1], dtype=bool)
+    found[which], there[which] = cells, True
+    return found, there

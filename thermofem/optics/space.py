@@ -1,0 +1,195 @@
+"""Nedelec and Lagrange elements for (e_r, e_z) and e_phi of a mode, and the two matrices of its eigenproblem.
+
+With s = r/R for a ring of radius R and 1 for a straight guide, lengths in um, E = (e, i beta p/s) exp(i beta R phi):
+
+    int s curl e curl v - k0^2 eps s e.v  +  beta^2 int (1/s) [(grad p - e).(grad q - v) - k0^2 eps p q]  =  0
+
+for all (v, q): A x + beta^2 B x = 0 with symmetric A and B. grad of the Lagrange functions lies in the space of e, so
+that no spurious modes exist. A perfectly matched layer stretches r and z by complex s_r, s_z (s from the stretched r);
+e and grad p are 1-forms, so that only the weights change.
+
+Source: derived; the form of J.-F. Lee, D.-K. Sun, Z. J. Cendes, IEEE Trans. Microw. Theory Tech. 39, 1262 (1991).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..algebra.factor import factorize
+from ..arrays import Array, NDArray
+
+STRENGTH = 3.0  # of the layer's stretch 1 + i STRENGTH (depth/whole depth)^2
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """The finite-element space of a mode.
+
+    mesh: scikit-fem's triangles in um, x = r - R; corners sorted.
+    order: 2 or 3 of both elements.
+    radius [um]: R; inf for a straight guide.
+    layers [um]: depths of the matched layers at the inner, outer, bottom and top side; () for none.
+    wall: which points of the sides, shape (2, n) in um, lie on electric walls; the others are magnetic walls.
+    """
+
+    mesh: Any
+    order: int = 2
+    radius: float = np.inf
+    layers: tuple[float, ...] = ()
+    wall: Callable[[Array], NDArray[np.bool_]] | None = None
+
+    def __post_init__(self) -> None:
+        if not np.all(np.diff(self.mesh.t, axis=0) > 0):  # else the elements would be wrong without a word
+            raise AssertionError("Nedelec elements need triangles with sorted corners")
+
+    @cached_property
+    def bases(self) -> tuple[Any, Any]:
+        """scikit-fem's bases of e and of p, on the same quadrature points."""
+        import skfem
+
+        kinds = {
+            1: (skfem.ElementTriN1, skfem.ElementTriP1),
+            2: (skfem.ElementTriN2, skfem.ElementTriP2),
+            3: (skfem.ElementTriN3, skfem.ElementTriP3),
+        }
+        order = 2 * self.order + (2 if np.isfinite(self.radius) or self.layers else 0)
+        e, p = (skfem.Basis(self.mesh, kind(), intorder=order) for kind in kinds[self.order])
+        return e, p
+
+    @cached_property
+    def functions(self) -> tuple[Array, Array, Array, Array]:
+        """e (functions, 2, triangles, points), curl e, p and grad p at the quadrature points."""
+        e, p = (basis.basis for basis in self.bases)
+        shape = self.dx.shape
+
+        def full(values: Any, *first: int) -> Array:
+            return np.broadcast_to(np.asarray(values), (*first, *shape))
+
+        return (
+            np.stack([full(f[0], 2) for f in e]),
+            np.stack([full(f[0].curl) for f in e]),
+            np.stack([full(f[0]) for f in p]),
+            np.stack([full(f[0].grad, 2) for f in p]),
+        )
+
+    @cached_property
+    def dx(self) -> Array:
+        """Quadrature weights in um^2, shape (triangles, points)."""
+        return np.asarray(self.bases[0].dx)
+
+    @cached_property
+    def points(self) -> Array:
+        """x and y of the quadrature points in um, shape (2, triangles, points)."""
+        return np.asarray(self.bases[0].global_coordinates())
+
+    @cached_property
+    def dofs(self) -> NDArray[np.intp]:
+        """Unknowns of every triangle, those of e first, shape (triangles, functions)."""
+        e, p = self.bases
+        return np.vstack([e.element_dofs, p.element_dofs + e.N]).T
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return int(self.bases[0].N + self.bases[1].N)
+
+    @cached_property
+    def free(self) -> NDArray[np.intp]:
+        """Unknowns that no electric wall holds."""
+        if self.wall is None:
+            return np.arange(self.size)
+        e, p = self.bases
+        facets = self.mesh.facets_satisfying(self.wall, boundaries_only=True)
+        held = np.concatenate([e.get_dofs(facets).all(), p.get_dofs(facets).all() + e.N])
+        return np.setdiff1d(np.arange(self.size), held)
+
+    @cached_property
+    def arc(self) -> Array:
+        """r/R at the quadrature points, of the real r; 1 for a straight guide."""
+        return 1 + self.points[0] / self.radius
+
+    @cached_property
+    def stretch(self) -> tuple[Any, Any, Any]:
+        """s = r/R of the stretched r, s_r and s_z at the quadrature points."""
+        x, y = self.points
+        if not self.layers:
+            return self.arc, np.ones_like(x), np.ones_like(x)
+        (left, bottom), (right, top) = self.mesh.p.min(axis=1), self.mesh.p.max(axis=1)
+        factors, longer = [], []
+        for u, end, depth, sign in zip(
+            (x, x, y, y), (left, right, bottom, top), self.layers, (-1, 1, -1, 1), strict=True
+        ):
+            t = np.clip(1 - sign * (end - u) / depth, 0, None) if depth else 0 * u
+            factors.append(1j * STRENGTH * t**2)
+            longer.append(sign * 1j * STRENGTH * depth * t**3 / 3)
+        s = 1 + (x + longer[0] + longer[1]) / self.radius
+        return s, 1 + factors[0] + factors[1], 1 + factors[2] + factors[3]
+
+    def matrices(self, eps: Array, k0: float) -> tuple[Any, Any]:
+        """A and B for eps of every triangle, and k0 in 1/um."""
+        s, s_r, s_z = self.stretch
+        q = k0**2 * eps[:, None]
+        mass = (-q * s * s_z / s_r, -q * s * s_r / s_z)
+        return self._assembled(s / (s_r * s_z), mass, (s_z / s_r / s, s_r / s_z / s), -q * s_r * s_z / s)
+
+    def energy(self, weight: Array) -> tuple[Any, Any]:
+        """Matrices of int s weight |E|^2 dA = x.(M_A + beta^2 M_B) x; the weight of every triangle."""
+        s, s_r, s_z = self.stretch
+        q, none = weight[:, None], 0 * s
+        return self._assembled(none, (q * s * s_z / s_r, q * s * s_r / s_z), (none, none), q * s_r * s_z / s)
+
+    def _assembled(
+        self, curl: Array, mass: tuple[Array, Array], flux: tuple[Array, Array], axial: Array
+    ) -> tuple[Any, Any]:
+        """A = int curl e curl v + e.mass.v,  B = int (grad p - e).flux.(grad q - v) + axial p q."""
+        e, rot, p, grad = self.functions
+        n = len(e)
+        A = np.zeros((len(self.dx), self.dofs.shape[1], self.dofs.shape[1]), dtype=np.result_type(curl, *mass, axial))
+        B = np.zeros_like(A)
+        A[:, :n, :n] = self._products(rot, curl) + sum(self._products(e[:, k], mass[k]) for k in (0, 1))
+        both = np.concatenate([-e, grad])
+        B += sum(self._products(both[:, k], flux[k]) for k in (0, 1))
+        B[:, n:, n:] += self._products(p, axial)
+        return self._summed(A), self._summed(B)
+
+    def _products(self, f: Array, weight: Array) -> Array:
+        """int weight f_i f_j of every triangle, shape (triangles, functions, functions)."""
+        return np.matmul((f * (weight * self.dx)).transpose(1, 0, 2), f.transpose(1, 2, 0))
+
+    def _summed(self, local: Array) -> Any:
+        from scipy.sparse import coo_matrix
+
+        n = self.dofs.shape[1]
+        rows, columns = np.repeat(self.dofs, n, axis=1), np.tile(self.dofs, (1, n))
+        return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size)).tocsc()
+
+
+def eigenpairs(space: Space, eps: Array, k0: float, index: float, count: int) -> list[tuple[complex, Array]]:
+    """beta^2 in 1/um^2 and x of the modes with n_eff nearest to ``index``, by shift and invert (ARPACK).
+
+    Real where no layer absorbs; each value is the Rayleigh quotient of its vector.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigs, splu
+
+    A, B = (matrix[space.free][:, space.free] for matrix in space.matrices(eps, k0))
+    shift, n = (k0 * index) ** 2, A.shape[0]
+    if A.dtype.kind == "c":
+        options = {"SymmetricMode": True}
+        solve = splu((A + shift * B).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options=options).solve
+    else:
+        solve = factorize(A + shift * B)
+    inverse = LinearOperator((n, n), matvec=lambda v: solve(np.ascontiguousarray(-(B @ v))), dtype=A.dtype)
+    start = np.random.default_rng(0).standard_normal(n).astype(A.dtype)
+    _, vectors = eigs(inverse, k=count, which="LM", tol=1e-10, v0=start, ncv=max(12, 4 * count))
+    found = []
+    for vector in vectors.T:
+        v = vector if A.dtype.kind == "c" else (vector / vector[np.argmax(np.abs(vector))]).real
+        x = np.zeros(space.size, dtype=A.dtype)
+        x[space.free] = v
+        found.append((-(v @ (A @ v)) / (v @ (B @ v)), x))
+    return found

@@ -1,0 +1,238 @@
+"""Read-outs: what an instrument sees of a temperature, an optical power that is not linear in it.
+
+    MZI:       P/P0 = [1 + V cos(phi_0 + phi_T dT)]/2
+    RingEdge:  P/P0 = 1 - D/(1 + (2 (delta + s dT)/w)^2)
+
+Papers state times and bandwidths of this power, not of heat (Coenen et al., Photonics 11, 603 (2024)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.optimize import brentq
+
+from . import checks
+from .arrays import Array, ArrayLike
+from .fem.heat_problem import HeatProblem
+from .models import ThermalModel
+from .waveforms import Constant, SquareWave, Waveform, period_times
+
+DECIBELS = {"optical": 0.5, "electrical": np.sqrt(0.5)}  # |Z|/R_th at -3 dB: 10 log10 of the light, or of its square
+SAMPLES = 2001  # of a trace whose times are read, of a step on a logarithmic scale
+TAIL, HEAD = 30.0, 1e-6  # last and first time of a step, in units of the time to 1 - 1/e
+
+Trace = TypeVar("Trace")
+
+
+@dataclass(frozen=True)
+class EdgeTimes:
+    """Times in s of the edges of a trace, each between its first and last value.
+
+    rise, fall: from the edge to the first time at 1 - 1/e of the way, after the power was raised and lowered.
+    rise_10_90, fall_10_90: between the first times at 10 % and at 90 % of the way.
+    nan where there is no such edge.
+    """
+
+    rise: float
+    fall: float
+    rise_10_90: float
+    fall_10_90: float
+
+
+class _Readout:
+    """What every read-out does with its law `_light` of temperature rise in K to light in units of P0."""
+
+    def _light(self, delta_T: Any) -> Any:
+        raise NotImplementedError
+
+    def __call__(self, delta_T: Trace) -> Trace:
+        """The optical power in units of P0 behind temperature rises in K.
+
+        An array gives an array, a DataArray a DataArray, and a Dataset of temperatures the same Dataset with the
+        variable ``optical``.
+        """
+        import xarray as xr
+
+        if isinstance(delta_T, xr.Dataset):
+            light = self._light(delta_T["delta_T"])
+            return delta_T.assign(optical=light.assign_attrs(long_name="optical power over its maximum", units="1"))
+        return self._light(delta_T if isinstance(delta_T, xr.DataArray) else np.asarray(delta_T, dtype=float))
+
+    def bandwidth(self, model: ThermalModel | HeatProblem, *, decibels: str = "optical") -> float:
+        """Frequency in Hz at which a small modulation of the heat has lost 3 dB of its optical signal.
+
+            |Z(f)| = R_th/2 (decibels of the optical power),    |Z(f)| = R_th/sqrt 2 (of the electrical power)
+
+        At small signals every bias with a slope reads Z itself.
+
+        Raises
+        ------
+        InputError
+            ``decibels`` is neither "optical" nor "electrical", or ``model`` has no impedance.
+        """
+        share = DECIBELS[checks.choice("decibels", decibels, DECIBELS)]
+        of = thermal(model)
+        level = share * abs(of.thermal_resistance)
+
+        def above(decade: float) -> float:
+            return float(np.abs(of.impedance(np.array([10.0**decade]))[0]) - level)
+
+        return float(10 ** brentq(above, -3, 14, xtol=1e-10))
+
+    def response(self, model: ThermalModel | HeatProblem, wave: Waveform, times: ArrayLike) -> Array:
+        """Optical power in units of P0 at times in s under a power that is switched on at t = 0 from rest."""
+        return np.asarray(self._light(thermal(model).response(wave, times)))
+
+    def periodic_response(self, model: ThermalModel | HeatProblem, wave: Waveform, samples: int = SAMPLES) -> Array:
+        """Optical power in units of P0 over one period of the periodic state, at `waveforms.period_times`."""
+        return np.asarray(self._light(thermal(model).periodic_response(wave, samples)))
+
+    def edge_times(self, model: ThermalModel | HeatProblem, wave: Waveform) -> EdgeTimes:
+        """Rise and fall times as an instrument reads them from the optical power.
+
+        Parameters
+        ----------
+        model : ThermalModel or HeatProblem
+        wave : Waveform
+            a `Constant` is a step from rest, without a fall; a `SquareWave` of any period has both edges in its
+            periodic state; of another periodic waveform (a sine as a `Function`) the rise is from the lowest to the
+            highest power, the fall back.
+
+        Raises
+        ------
+        InputError
+            a waveform that neither is constant nor has a period.
+        """
+        of = thermal(model)
+        if isinstance(wave, Constant):
+            return EdgeTimes(*_both(self._step(of, wave), None))
+        if wave.period is None:
+            raise checks.InputError("wave has no period; a step is th.Constant, a square wave th.SquareWave")
+        times, light = period_times(wave, SAMPLES), self.periodic_response(of, wave)
+        power = np.asarray(wave(times[:-1]))
+        if isinstance(wave, SquareWave):
+            start, stop = 0, int(np.argmin(np.abs(times - wave.duty * wave.period)))
+        else:
+            start, stop = int(power.argmin()), int(power.argmax())
+        up, down = (_arc(times, light, *ends) for ends in ((start, stop), (stop, start)))
+        return EdgeTimes(*_both(up, down))
+
+    def _step(self, of: ThermalModel, wave: Constant) -> tuple[Array, Array]:
+        """Times and light after a step; the light ends where heat has settled."""
+        R, power = of.thermal_resistance, float(wave.mean(0.0, 1.0))
+
+        def missing(decade: float) -> float:
+            return float(of.step_response(np.array([10.0**decade]))[0] / R - 1 + np.exp(-1))
+
+        tau = 10 ** brentq(missing, -13, 4, xtol=1e-6)
+        times = np.concatenate([[0.0], np.geomspace(HEAD * tau, TAIL * tau, SAMPLES)])
+        light = self._light(of.response(wave, times))
+        return np.append(times, np.inf), np.append(light, self._light(np.array(R * power)))
+
+
+@dataclass(frozen=True)
+class MZI(_Readout):
+    """A Mach-Zehnder interferometer with the heat in one arm.
+
+        P/P0 = [1 + V cos(phi_0 + phi_T dT)]/2,    phi_T = 2 pi L (dn_eff/dT)/lambda
+
+    Parameters
+    ----------
+    bias : float, rad
+        phi_0, the phase at rest; pi/2 is quadrature.
+    visibility : float
+        V, 0 to 1.
+    shift : float, rad/K
+        phi_T, phase per kelvin.
+
+    >>> float(MZI(bias=np.pi / 2, shift=0.1)(np.array(5.0)))  # 0.5 rad from quadrature
+    0.26028723069789846
+    """
+
+    bias: float = np.pi / 2
+    visibility: float = 1.0
+    shift: float = 1.0
+
+    def __post_init__(self) -> None:
+        checks.finite("bias", self.bias)
+        checks.between("visibility", self.visibility, 0, 1)
+        checks.finite("shift", self.shift)
+
+    def _light(self, delta_T: Any) -> Any:
+        return (1 + self.visibility * np.cos(self.bias + self.shift * delta_T)) / 2
+
+
+@dataclass(frozen=True)
+class RingEdge(_Readout):
+    """A weak probe on the slope of a resonance that heat moves to lower frequencies.
+
+        P/P0 = 1 - D/(1 + (2 (delta + s dT)/w)^2)
+
+    Parameters
+    ----------
+    bias : float, Hz
+        delta, frequency of the probe less that of the cold resonance.
+    linewidth : float, Hz
+        w, full width at half depth.
+    shift : float, Hz/K
+        s, by which a kelvin lowers the resonance.
+    depth : float
+        D of the resonance, 0 to 1; the drop port of a lossless ring has 1 - P/P0.
+    """
+
+    bias: float
+    linewidth: float
+    shift: float
+    depth: float = 1.0
+
+    def __post_init__(self) -> None:
+        checks.finite("bias", self.bias)
+        checks.positive("linewidth", self.linewidth, unit="Hz")
+        checks.finite("shift", self.shift)
+        checks.between("depth", self.depth, 0, 1)
+
+    def _light(self, delta_T: Any) -> Any:
+        return 1 - self.depth / (1 + (2 * (self.bias + self.shift * delta_T) / self.linewidth) ** 2)
+
+
+def thermal(model: Any) -> ThermalModel:
+    """The thermal model itself; of a HeatProblem its system of first heated and first read part."""
+    if isinstance(model, HeatProblem):
+        return model.channels(model.heated[0], model.heated[0])
+    of: ThermalModel = model
+    checks.has("model", of, "thermal_resistance", hint="give a thermal model, or what th.assemble returns")
+    return of
+
+
+def _arc(times: Array, light: Array, start: int, stop: int) -> tuple[Array, Array]:
+    """The trace from one sample of a period to another, cyclically, with times from the first one on."""
+    if stop > start:
+        return times[start : stop + 1] - times[start], light[start : stop + 1]
+    later = times[1 : stop + 1] + times[-1]
+    return np.append(times[start:], later) - times[start], np.append(light[start:], light[1 : stop + 1])
+
+
+def _both(up: tuple[Array, Array], down: tuple[Array, Array] | None) -> tuple[float, float, float, float]:
+    """The fields of `EdgeTimes`."""
+    share = 1 - np.exp(-1)
+    rise = _first(*up)
+    fall: Callable[[float], float] = (lambda _: np.nan) if down is None else _first(*down)
+    return rise(share), fall(share), rise(0.9) - rise(0.1), fall(0.9) - fall(0.1)
+
+
+def _first(times: Array, light: Array) -> Callable[[float], float]:
+    """First time at a share of the way from the first to the last value, linear between samples; nan if flat."""
+    way = light[-1] - light[0]
+    part = (light - light[0]) / way if way else np.zeros(light.size)
+
+    def at(share: float) -> float:
+        k = int(np.argmax(part >= share))
+        if not k:
+            return float("nan")
+        return float(times[k - 1] + (times[k] - times[k - 1]) * (share - part[k - 1]) / (part[k] - part[k - 1]))
+
+    return at

@@ -1,0 +1,143 @@
+"""The program ``thermofem``: its commands and the one place where errors become lines and exit codes."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+import typer
+
+from thermofem import OutsideTrainingWarning
+from thermofem.errors import InputError, MissingLibraryError, one_line
+from thermofem.version import __version__
+
+from .console import note, print_numbers, settings
+from .heat.campaign_command import campaign
+from .heat.solve_command import solve
+from .light.cosimulate_command import cosimulate
+from .light.explore_command import explore
+from .light.map_command import map_
+from .light.modes_command import modes
+from .light.ring_command import ring
+from .light.simulate_command import simulate
+from .light.stability_command import stability
+from .models.calibrate_command import calibrate
+from .models.design_command import design
+from .models.family_command import family
+from .models.fit_command import fit
+from .models.reduce_command import reduce
+from .models.uncertainty_command import uncertainty
+from .models.validate_command import validate
+from .results.cite_command import cite
+from .results.doctor_command import doctor
+from .results.export_command import export
+from .results.reproduce_command import reproduce
+from .results.show_command import show
+
+UNFORESEEN = 70  # exit code, sysexits.h: an error of the software
+INTERRUPTED = 130  # exit code of shells after Ctrl-C
+COMMANDS: dict[str, Callable[..., Any]] = {
+    "solve": solve,
+    "campaign": campaign,
+    "fit": fit,
+    "reduce": reduce,
+    "validate": validate,
+    "family": family,
+    "design": design,
+    "uncertainty": uncertainty,
+    "calibrate": calibrate,
+    "simulate": simulate,
+    "map": map_,
+    "stability": stability,
+    "cosimulate": cosimulate,
+    "explore": explore,
+    "modes": modes,
+    "ring": ring,
+    "show": show,
+    "export": export,
+    "cite": cite,
+    "reproduce": reproduce,
+    "doctor": doctor,
+}
+
+
+def finish(numbers: Mapping[str, Any] | None, **_: Any) -> None:
+    """Print the numbers of a command under --json; exit with code 1 where a check did not pass."""
+    if settings.json and numbers is not None:
+        print_numbers(numbers)
+    if numbers and numbers.get("passed") is False:
+        raise typer.Exit(1)
+
+
+app = typer.Typer(
+    help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
+    epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png. "
+    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error, 130 interrupted.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    invoke_without_command=True,
+    pretty_exceptions_enable=False,
+    result_callback=finish,
+    rich_markup_mode=None,
+)
+for name, command in COMMANDS.items():
+    app.command(name, short_help=(command.__doc__ or "").partition("\n\n")[0])(command)
+
+
+@app.callback()
+def begin(
+    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+) -> None:
+    """Options of the whole program."""
+    settings.command = context.invoked_subcommand or ""
+    if version:
+        print(__version__)
+        raise typer.Exit
+    if not settings.command:
+        print(context.get_help())
+        raise typer.Exit(2)
+
+
+def main() -> None:
+    """Run the command line; an error of the user is one line on standard error.
+
+    Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error, 130 interrupted.
+    """
+    os.environ.setdefault("MPLBACKEND", "agg")  # figures are files
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("default", OutsideTrainingWarning)
+        code, error = _run()
+    for warning in caught:
+        note(f"warning: {warning.message}")
+    if error:
+        print(f"thermofem: {one_line(error)}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _run() -> tuple[int, str]:
+    """Exit code and message of the error, if any."""
+    try:
+        code = app(prog_name="thermofem", standalone_mode=False)
+    except InputError as error:
+        return 2, f"error: {error.for_text()}"
+    except MissingLibraryError as error:
+        return 2, f"error: {error}"
+    except OSError as error:
+        return 2, f"error: {error.strerror or error}" + (f": {error.filename}" if error.filename else "")
+    except MemoryError as error:
+        return 2, f"error: it needs more memory than there is ({error or 'MemoryError'})"
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except Exception as error:
+        if hasattr(error, "format_message"):  # wrong usage; typer does not export this class of click
+            context: Any = getattr(error, "ctx", None)
+            at = context.command_path if context else "thermofem"
+            return 2, f"error: {error.format_message().rstrip('.')}; `{at} --help` lists what there is"
+        if settings.verbose:
+            raise
+        what = f"unforeseen {type(error).__name__}: {error}"
+        return UNFORESEEN, f"error: {what}; --verbose shows where; please report it"
+    return (code, "interrupted" if code == INTERRUPTED else "") if isinstance(code, int) else (0, "")

@@ -1,0 +1,194 @@
+"""Files of a command: what an input file holds, whether outputs can be written, rings and models from files."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermofem import checks
+from thermofem.data import files
+from thermofem.errors import InputError
+
+from .console import note
+from .options import REFERENCE_RING
+
+if TYPE_CHECKING:
+    from coupled import RingResonator
+    from thermofem import CrossSection, ThermalModel
+
+# kind -> what it is, and what takes it
+KINDS = {
+    "geometry": ("a geometry", "thermofem solve, reduce, validate, cosimulate and explore take it"),
+    "ring": ("the optics of a ring", "thermofem simulate, cosimulate, map, stability and explore take it with --ring"),
+    "campaign": ("a campaign", "thermofem campaign takes it"),
+    "model": ("a thermal model", "thermofem simulate, map, stability, validate, explore, export and cite take it"),
+    "family": ("a family of rings", "thermofem design, uncertainty, calibrate and explore take it"),
+    "data": ("data (netCDF)", "thermofem fit and cite take it"),
+    "result": ("a result (netCDF) that trains no model", "th.load and coupled.plot take it, in Python"),
+    "table": ("a table of numbers", "thermofem fit takes it"),
+}
+# what is needed, what was given -> the command that makes the one of the other
+MAKES = {
+    ("model", "geometry"): "thermofem reduce {} -o model.json",
+    ("model", "data"): "thermofem fit {} -o model.json",
+    ("model", "table"): "thermofem fit {} --power '1 mW' -o model.json",
+    ("data", "geometry"): "thermofem solve {} -o heat.nc",
+}
+RING_KEYS = {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_rate", "carriers", "dispersion"}
+
+
+def expect(path: Path | None, *wanted: str) -> None:
+    """InputError for a file of another kind; a file of unknown kind passes, and its reader decides."""
+    found = kind_of(path) if path else None
+    if path is None or found is None or found in wanted:
+        return
+    what, takes = KINDS[found]
+    made = [MAKES[kind, found].format(path) for kind in wanted if (kind, found) in MAKES]
+    hint = f"`{made[0]}` makes it from this" if made else takes
+    needed = " or ".join(KINDS[kind][0] for kind in wanted if kind != "result")
+    raise InputError(f"{path} holds {what}, not {needed}; {hint}")
+
+
+def kind_of(path: Path) -> str | None:
+    """Kind of a file, one of `KINDS`; None where it is unreadable, damaged or of another kind."""
+    try:
+        with files.regular(path).open("rb") as file:
+            first = file.read(6)
+        if first == b"\x89HDF\r\n":
+            return _of_netcdf(path)
+        if first[:4] == b"PK\x03\x04" and path.suffix.lower() == ".json":
+            return "family"
+        if path.suffix.lower() == ".toml":
+            return _of_toml(set(files.from_toml(files.read_text(path, "TOML"))))
+        if path.suffix.lower() == ".json":
+            loaded = files.read_json(path, "JSON")
+            return "model" if isinstance(loaded, dict) and "format" in loaded else None
+    except (OSError, InputError):
+        return None
+    return None if path.suffix.lower() in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py") else "table"
+
+
+def _of_netcdf(path: Path) -> str | None:
+    """Kind of a netCDF file: data where there is heat over time; runs with light, maps and indices are results."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        names = set(file)
+    return "data" if "time" in names and "carriers" not in names else "result"
+
+
+def _of_toml(keys: set[str]) -> str | None:
+    if keys & {"vary", "drive", "geometry"}:
+        return "campaign"
+    if keys & {"layer", "part", "outer_radius"}:
+        return "geometry"
+    return "ring" if keys & RING_KEYS else None
+
+
+def check_outputs(
+    outputs: Iterable[Path | None],
+    *,
+    images: Iterable[Path | None] = (),
+    inputs: Iterable[Path | str | None] = (),
+) -> None:
+    """InputError unless every output can be written, is no input and no other output, and images have an ending."""
+    read = {os.path.realpath(path) for path in inputs if path}
+    taken: set[str] = set()
+    for path in filter(None, outputs):
+        files.check_target(path)
+        where = os.path.realpath(path)
+        if where in read:
+            raise InputError(f"{path} would be read and written at once; give it another name")
+        if where in taken:
+            raise InputError(f"{path} would be written twice; give it another name")
+        taken.add(where)
+    for path in filter(None, images):
+        files.check_image(path)
+
+
+@contextlib.contextmanager
+def about(paths: Sequence[Path]) -> Iterator[None]:
+    """Name the file in an InputError that does not; of several files those that it calls ``data[0]``, ``data[1]``."""
+    try:
+        yield
+    except InputError as error:
+        if any(str(path) in str(error) for path in paths) or error.rule.startswith("--"):
+            raise
+        if len(paths) > 1:
+            raise InputError(re.sub(r"\bdata\[(\d+)\]", lambda k: str(paths[int(k[1])]), error.for_text())) from None
+        raise InputError(f"{paths[0]}: {error.for_text()}") from None
+
+
+def section_of(path: Path | None) -> CrossSection:
+    """Geometry of a file, or the reference strip."""
+    import thermofem as th
+
+    expect(path, "geometry")
+    return th.CrossSection.from_toml(path) if path else th.strip_ring()
+
+
+def ring_of(given: str) -> RingResonator:
+    """Ring of a file, or one that comes with the package."""
+    import coupled
+
+    named = {
+        "borghi2021": coupled.borghi2021,
+        "borghi2021-lumped": lambda: coupled.borghi2021().with_lumped_fcd(),
+        "vanvaerenbergh2012": coupled.vanvaerenbergh2012,
+    }
+    if given in named:
+        return named[given]()
+    if not Path(given).is_file():
+        raise InputError(f"--ring = {given!r} is neither a file nor one of {', '.join(named)}")
+    expect(Path(given), "ring")
+    return coupled.RingResonator.from_toml(given)
+
+
+def note_ring(ring: RingResonator, given: str) -> None:
+    """Name the ring whose optics and carriers were taken: a thermal model has none."""
+    hint = "; --ring RING.toml takes those of yours" if given == REFERENCE_RING else ""
+    note(f"light and carriers are those of the ring {ring.name!r}{hint}")
+
+
+def in_volts(assumed: Any) -> bool:
+    """Whether a model was trained on a voltage without the sensitivity of the thermometer; ``assumed`` of its file."""
+    return isinstance(assumed, list) and any("1 V counts as 1 K" in str(line) for line in assumed)
+
+
+def channel_of(picked: str | None, heated: str | None, read: str | None) -> tuple[str | None, str | None]:
+    """Part that the light heats and part that is read, of --channel, or of --heated and --read."""
+    if picked and (heated or read):
+        raise InputError(f"--channel {picked} names both parts; give it without --heated and --read")
+    return (picked, picked) if picked else (heated, read)
+
+
+def model_of(
+    path: Path, heated: str | None = None, read: str | None = None, heaters: Iterable[str] = ()
+) -> tuple[ThermalModel, dict[str, Any]]:
+    """Thermal model of a file, and its channel as keywords ``heated`` and ``read``.
+
+    Raises InputError: no model; several inputs or outputs and no choice, or a name that is none of them.
+    """
+    import surrogate
+
+    expect(path, "model")
+    model: ThermalModel = surrogate.load_model(path)
+    if in_volts((getattr(model, "origin", None) or {}).get("assumed")):
+        note(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
+    for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
+        if given is not None:
+            checks.choice(option, given, names)
+    several = len(model.inputs) > 1 or len(model.outputs) > 1
+    if several and heated is None and not list(heaters):
+        first, other = shlex.quote(model.inputs[0]), shlex.quote(f"{model.inputs[-1]}=5 mW")
+        raise InputError(
+            f"{path} has several parts (inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}): pick "
+            f"the one that the light heats with --channel {first} (or --heated and --read), and give others "
+            f"power with --heater {other}"
+        )
+    return model, {"heated": heated, "read": read}

@@ -1,0 +1,176 @@
+"""Output of the commands: results and messages as text, numbers as JSON, progress bars.
+
+Results are printed on standard output; messages, warnings and bars on standard error, where ``--quiet`` drops them.
+Under ``--json`` standard output holds one JSON object alone, and results in words follow the messages.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
+
+from thermofem.data import files, quantity
+from thermofem.errors import one_line
+
+PASSES = 7  # of `solve_periodic` over the period, six to eight as a rule: scale of its bar
+LINE = 20_000  # characters of a line of output, such as the equations of a network
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass
+class Settings:
+    """Options --json, --quiet, --verbose and --threads of the running command, and its name."""
+
+    command: str = ""
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    threads: int | None = None
+
+
+settings = Settings()
+
+
+def say(text: str) -> None:
+    """Print one line of results."""
+    if not (settings.json and settings.quiet):
+        print(one_line(text, most=LINE), file=sys.stderr if settings.json else sys.stdout)
+
+
+def note(text: str) -> None:
+    """Print one message for people on standard error."""
+    if not settings.quiet:
+        print(one_line(text, most=LINE), file=sys.stderr)
+
+
+def wrote(*paths: Path | None) -> None:
+    """Print the names of the files that were written."""
+    if not settings.quiet:
+        say("wrote " + " and ".join(str(path) for path in paths if path))
+
+
+def terminal(*, err: bool = True) -> Console:
+    """Console of rich that prints text as it stands, brackets included."""
+    return Console(stderr=err, markup=False, highlight=False, soft_wrap=False)
+
+
+def show(table: RenderableType) -> None:
+    """Print a table of results."""
+    if not (settings.json and settings.quiet):
+        terminal(err=settings.json).print(table)
+
+
+def print_numbers(numbers: Mapping[str, Any]) -> None:
+    """Print what a command returns, in SI, as one JSON object."""
+    print(json.dumps(files.plain({"command": settings.command, **numbers}), allow_nan=False, default=str))
+
+
+def watched() -> bool:
+    """Whether bars are drawn: standard error is a terminal, and the command is not --quiet."""
+    return sys.stderr.isatty() and not settings.quiet
+
+
+def working(what: str) -> contextlib.AbstractContextManager[Any]:
+    """Status line while a block of unknown length runs."""
+    return terminal().status(Text(what)) if watched() else contextlib.nullcontext()
+
+
+@contextlib.contextmanager
+def bar(what: str) -> Iterator[Callable[..., None]]:
+    """Yield ``progress(done, total, words)``, which moves a bar with ``words`` beside it."""
+    columns = TextColumn("{task.description}", markup=False), BarColumn(20), TextColumn("{task.fields[words]}")
+    clocks = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
+    with Progress(*columns, *clocks, console=terminal(), transient=True, disable=not watched()) as drawn:
+        task = drawn.add_task(what, total=None, words="")
+
+        def progress(done: float, total: float, words: str = "") -> None:
+            drawn.update(task, completed=done, total=total, words=words)
+
+        yield progress
+
+
+@contextlib.contextmanager
+def time_bar(what: str, duration: float, *, periodic: bool = False) -> Iterator[Callable[[float], None]]:
+    """Yield ``progress(time)`` of a run of ``duration`` in s; of one period that is passed several times."""
+    unit, size = ("ms", 1e-3) if duration >= 1e-3 else ("us", 1e-6)
+    with bar(what) as progress:
+
+        def at(time: float) -> None:
+            if periodic:
+                words = f"pass {1 + int(time / duration * (1 - 1e-9))} of {PASSES} or so"
+            else:
+                words = f"{time / size:.3g} of {duration / size:.3g} {unit}"
+            progress(time, duration * (PASSES if periodic else 1), words)
+
+        yield at
+
+
+class Messages(logging.Handler):
+    """Records of the log as lines of `note`."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one record."""
+        note(record.getMessage())
+
+
+logging.getLogger("thermofem").addHandler(Messages())
+
+
+def set_json(value: bool) -> bool:
+    """Callback of --json."""
+    settings.json = value
+    return value
+
+
+def set_quiet(value: bool) -> bool:
+    """Callback of --quiet: of the log, errors alone."""
+    settings.quiet = value
+    logging.getLogger("thermofem").setLevel(logging.ERROR if value else logging.WARNING)
+    return value
+
+
+def set_verbose(value: bool) -> bool:
+    """Callback of --verbose, which is read after --quiet: everything of the log."""
+    settings.verbose = value
+    if value:
+        logging.getLogger("thermofem").setLevel(logging.DEBUG)
+    return value
+
+
+def set_threads(count: int | None) -> int | None:
+    """Callback of --threads: bound the threads of BLAS and of compiled code, here and in worker processes."""
+    settings.threads = count
+    if count is not None:
+        from threadpoolctl import threadpool_limits
+
+        os.environ.update(dict.fromkeys(THREADS, str(count)))
+        threadpool_limits(count)
+    return count
+
+
+def written(value: float, unit: str, error: float | None = None) -> str:
+    """Number with its unit: four digits, or with a standard error as many as its second digit asks for, up to ten."""
+    text = quantity.rounded(value, unit, 4) if unit in quantity.SI else f"{value:.4g} {unit}"
+    if error is None:
+        return text
+    number, _, prefixed = text.partition(" ")
+    factor = quantity.parse(f"1 {prefixed}", unit) if unit in quantity.SI else 1.0
+    size, off = value / factor, float(f"{error / factor:.2g}")
+    said = f"{off:g}"
+    if size and 0 < off < math.inf:
+        places = 1 - math.floor(math.log10(off))
+        if 4 <= places + math.floor(math.log10(abs(size))) + 1 <= 10:
+            number, said = (f"{round(x, places):.{max(places, 0)}f}" for x in (size, off))
+    return f"{number} ± {said} {prefixed}".rstrip()

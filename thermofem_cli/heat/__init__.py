@@ -1,0 +1,1 @@
+"""Commands on heat: geometry to training data."""

@@ -1,0 +1,1 @@
+"""Commands on a ring with light: traces, maps, stability, co-simulation."""

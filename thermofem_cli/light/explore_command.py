@@ -1,0 +1,144 @@
+"""``thermofem explore``: one HTML file that computes a ring in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import thermofem as th
+from thermofem import checks
+from thermofem.data import quantity
+from thermofem.errors import InputError
+
+from .. import options
+from ..command_files import channel_of, check_outputs, expect, kind_of, note_ring, ring_of, section_of
+from ..console import note, working, wrote
+from ..drive_texts import detuning_of, steady_heaters
+
+if TYPE_CHECKING:
+    from coupled.explore.page import Page
+
+POLES = 5  # of the trained Foster network
+DETUNING = "Laser minus cold resonance, as a frequency ('-10 GHz') or a wavelength ('80 pm', to the red)."
+
+
+def explore(
+    context: typer.Context,
+    inputs: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[MODEL.json... | GEOMETRY.toml | FAMILY.json]", help="What heats; default: the reference strip."
+        ),
+    ] = None,
+    ring: options.Ring = options.REFERENCE_RING,
+    power: Annotated[str, typer.Option(help="Power in the bus waveguide when the page opens.")] = "8 dBm",
+    detuning: Annotated[str, typer.Option(help=DETUNING)] = "0 GHz",
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    heater: options.Heater = None,
+    accuracy: options.GeometryAccuracy = 1e-3,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
+    seed: options.Seed = 0,
+    threads: options.Threads = None,
+) -> dict[str, Any]:
+    """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.
+
+    A geometry is reduced, and Newton's law, the second-order equation and a Foster network are trained on it. Parts
+    of a model that the light does not heat are heaters, each with a slider.
+    """
+    import coupled
+    import surrogate
+
+    given = list(inputs or [])
+    check_outputs([output], inputs=[*given, ring])
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--output = {output} must end in .html, so that a browser opens it")
+    light, seen = channel_of(channel, heated, read)
+    resonator = ring_of(ring)
+    settings: dict[str, Any] = {
+        "power": quantity.parse(power, "W", name="--power"),
+        "detuning": detuning_of(detuning, resonator),
+        "heaters": steady_heaters(heater),
+        "heated": light,
+        "read": seen,
+    }
+    kinds = {kind_of(path) for path in given}
+    if len(given) > 1 and kinds & {"geometry", "family"}:
+        raise InputError("explore takes one geometry or family alone, or models alone")
+    if kinds & {"model", "family"}:
+        options.unused(context, "is that of a geometry's mesh; models have none", "accuracy")
+    if kinds == {"family"}:
+        settings["family"] = surrogate.load_family(given[0])
+        models = _beside(settings["family"])
+    elif not given or kinds == {"geometry"}:
+        models, settings["heat"] = models_of_geometry(given[0] if given else None, accuracy, light)
+    else:
+        models = _loaded(given, light, seen)
+    with working("writing the page"):
+        page: Page = coupled.explore(resonator, models, output, **settings)
+    note_ring(resonator, ring)
+    wrote(output)
+    return {"page": output, "characters": len(page.html), "models": list(models), "detuning": settings["detuning"]}
+
+
+def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str, th.ThermalModel]:
+    """Models of files, named after them."""
+    import surrogate
+
+    for path in paths:
+        expect(path, "model", "geometry")
+    names = [path.stem for path in paths]
+    checks.unique("MODELS", names, hint="models are named after the files")
+    models = {name: surrogate.load_model(path) for name, path in zip(names, paths, strict=True)}
+    for model in models.values():
+        for option, part, parts in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
+            if part is not None:
+                checks.choice(option, part, parts)
+    return models
+
+
+def _beside(family: Any) -> dict[str, Any]:
+    """The paper's two laws for a family, trained on the member in the middle of its box."""
+    middle = dict(zip(family.names, (family.box.low + family.box.high) / 2, strict=True))
+    found = trained(family.model(**middle))
+    return {f"{name}, of the middle": found[name] for name in ("second order", "Newton's law")}
+
+
+def trained(exact: Any) -> dict[str, Any]:
+    """The usual models, trained on the answers of a precise one."""
+    import surrogate
+    from surrogate.judging.ladder import training_data
+
+    periodic, rise = training_data(exact, 2e-3, 1 / 3)
+    return {
+        f"Foster, {POLES} poles": surrogate.fit_foster(rise, POLES).model,
+        "second order": surrogate.fit_second_order(periodic).model,
+        "Newton's law": surrogate.fit_newton(periodic).model,
+    }
+
+
+def models_of_geometry(
+    path: Path | None, accuracy: float = 1e-3, heated: str | None = None
+) -> tuple[dict[str, Any], th.HeatProblem]:
+    """The certified reduction of a geometry, and the usual models trained on it; all from one reduction."""
+    import surrogate
+    from coupled.explore.contents import HEATERS
+
+    section = section_of(path)
+    with working("meshing, assembling, reducing and training"):
+        heat = th.assemble(section, accuracy)
+        ring = checks.choice("--heated", heated or heat.heated[0], heat.heated)
+        others = [name for name in heat.heated if name != ring]
+        if len(others) > HEATERS:
+            note(f"of the heated parts, {', '.join(others[HEATERS:])} get no slider: the page has room for {HEATERS}")
+        rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), ring), tolerance=1e-4)
+        whole: Any = rom.model
+        exact: Any = whole.channel(ring, ring).dynamics if others else whole
+        models = {f"certified reduction, {rom.order} poles": rom, **trained(exact)}
+    return models, heat

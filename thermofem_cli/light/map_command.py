@@ -1,0 +1,122 @@
+"""``thermofem map``: where a ring self-pulses, by integration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import thermofem as th
+from thermofem.data import quantity
+
+from .. import options
+from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
+from ..console import say, watched, working, wrote
+from ..drive_texts import grid, steady_heaters
+from ..executors import executor_of
+from .tuning_numbers import say_thresholds, say_tuning
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from coupled import RingResonator
+
+
+def map_(
+    model: options.Model,
+    ring: options.Ring = options.REFERENCE_RING,
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    heater: options.Heater = None,
+    power: options.Powers = "3 dBm, 10 dBm",
+    detuning: options.Detunings = "-30 GHz, 30 GHz",
+    points: options.Points = "20, 20",
+    duration: Annotated[
+        str | None, typer.Option(help="Length of a run from a cold ring; without it, settled cycles.")
+    ] = None,
+    follow: Annotated[
+        str | None, typer.Option(help="up or down: step the laser through the detunings, without resetting the ring.")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="File that fills up; started again, the map goes on from it.")
+    ] = None,
+    scheduler: options.Scheduler = None,
+    figure: options.Figure = None,
+    output: options.NetCDF = Path("map.nc"),
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
+    seed: options.Seed = 0,
+    threads: options.Threads = None,
+) -> dict[str, Any]:
+    """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
+    import coupled
+    from coupled.ring_from import check_geometry
+
+    check_outputs([output, figure, resume], images=[figure], inputs=[model, ring])
+    resonator = ring_of(ring)
+    over = grid(resonator, power, detuning, points)
+    powers = steady_heaters(heater)
+    thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
+    check_geometry(resonator, thermal)
+    length = None if duration is None else quantity.parse(duration, "s", name="--duration")
+    settings: dict[str, Any] = {"duration": length, "follow": follow, "file": resume, "show_bar": watched(), **parts}
+    with executor_of(scheduler) as executor:
+        found = coupled.pulsing_map(resonator, thermal, over[0], over[1], heaters=powers, **settings, executor=executor)
+    th.save(found, output)
+    note_ring(resonator, ring)
+    counts = say_regimes(found)
+    if "suggested_duration" in found.attrs:
+        longer = quantity.write(found.attrs["suggested_duration"], "s")
+        say(
+            f'{counts["slow transient"]} points still move when their run ends; try --duration "{longer}": '
+            "ten times what a step of this heat takes to 95 %"
+        )
+    if figure:
+        draw_map(found, figure, ("regime", "frequency", "duty"), resonator, thermal, powers, parts)
+    numbers = {"thresholds": say_thresholds(found), **say_tuning(resonator, thermal, **parts)}
+    wrote(output, figure)
+    return {"points": counts, **numbers, "map": output, "figure": figure}
+
+
+def say_regimes(found: xr.Dataset) -> dict[str, int]:
+    """Print and return the number of points of each regime."""
+    import numpy as np
+
+    names, counts = np.unique(found["regime"].values, return_counts=True)
+    say(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
+    return {str(name): int(count) for name, count in zip(names, counts, strict=True)}
+
+
+def draw_map(
+    found: xr.Dataset,
+    path: Path,
+    show: tuple[str, ...],
+    ring: RingResonator,
+    model: th.ThermalModel,
+    heaters: dict[str, float],
+    parts: dict[str, Any],
+) -> None:
+    """Draw a map with the Hopf curves, the folds of fixed points and those of cycles of a linear model."""
+    import coupled
+    from coupled.heaters import constant
+    from coupled.plot import plot_maps
+    from thermofem.plot import save_figure
+
+    warmed = constant(model, heaters, **parts)
+    thermal, turned = warmed.model, warmed.turned(ring)  # Hz, by which the heaters move the resonance
+    axes = found["power"].values, found["detuning"].values + turned
+    hopf, folds = [], []
+    if not hasattr(thermal, "H"):
+        with working("following the Hopf curves, the folds of fixed points and those of cycles"):
+            hopf = coupled.hopf_curves(ring, thermal, *axes)
+            folds = [*coupled.fold_curves(ring, thermal, *axes), *coupled.cycle_fold_curves(ring, thermal, *axes)]
+    for curve in (*hopf, *folds):
+        curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
+    states = getattr(thermal, "order", None)
+    size = f" with {states} states" if isinstance(states, int) else ""
+    words = [ring.name, f"{type(thermal).__name__}{size}, R_th = {thermal.thermal_resistance / 1e3:.4g} K/mW"]
+    title = ", ".join([*words, *(f"{name} at {quantity.write(power, 'W')}" for name, power in heaters.items())])
+    save_figure(plot_maps({title: found}, show=show, hopf={title: hopf}, folds={title: folds})[0, 0], path)

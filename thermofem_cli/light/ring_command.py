@@ -1,0 +1,68 @@
+"""``thermofem ring``: geometry in, ring file out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from thermofem import checks
+from thermofem.data import files, quantity
+
+from .. import options
+from ..command_files import check_outputs, ring_of, section_of
+from ..console import say, working, wrote
+
+
+def ring(
+    geometry: options.Geometry = None,
+    wavelength: Annotated[str, typer.Option(help="The resonance next to it is taken.")] = "1550 nm",
+    loss: Annotated[str, typer.Option(help="Power loss of the guide, which heats.")] = "2 dB/cm",
+    gap: Annotated[str | None, typer.Option(help="Gap to each bus, e.g. '250 nm'.")] = None,
+    coupling: Annotated[
+        float | None, typer.Option(help="Power that a bus takes in one pass, instead of --gap.")
+    ] = None,
+    straight: Annotated[str, typer.Option(help="Length of each of two straight sections.")] = "0 um",
+    buses: Annotated[int, typer.Option(min=1, max=2, help="Number of buses.")] = 2,
+    base: Annotated[str | None, typer.Option(help="Ring that gives carriers and sigmas; default: by material.")] = None,
+    mode: Annotated[str, typer.Option(help="Guided mode, such as TM0.")] = "TE0",
+    output: options.Output = Path("ring.toml"),
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
+    seed: options.Seed = 0,
+    threads: options.Threads = None,
+) -> dict[str, Any]:
+    """Compute the ring of one geometry, and write its file with the origin beside every number.
+
+    ``thermofem simulate --ring`` takes it.
+    """
+    import coupled
+
+    section = section_of(geometry)
+    check_outputs([output], inputs=[geometry])
+    checks.positive("--wavelength", length := quantity.parse(wavelength, "m", name="--wavelength"))
+    with working("solving"):
+        made = coupled.ring_from(
+            section,
+            wavelength=length,
+            loss=quantity.parse(loss, "1/m", name="--loss"),
+            gap=None if gap is None else quantity.parse(gap, "m", name="--gap"),
+            coupling=coupling,
+            straight=quantity.parse(straight, "m", name="--straight"),
+            buses=buses,
+            base=None if base is None else ring_of(base),
+            mode=mode,
+        )
+    files.write_whole(output, lambda path: path.write_text(made.to_toml(), encoding="utf-8"))
+    found = made.ring
+    say(
+        f"{found.name}: Q {found.loaded_q:.4g}, intrinsic Q {found.intrinsic_q:.4g}, n_g {found.group_index:.5g}, "
+        f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {made.mode.thermo_optic * length / 1e-12:.3g} pm/K"
+    )
+    say(f"bus: {made.origins['bus_rate']}")
+    say("from the base, not from this geometry: " + ", ".join(n for n, o in made.origins.items() if "base" in o.origin))
+    wrote(output)
+    origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in made.origins.items()}
+    return {"loaded_q": found.loaded_q, "intrinsic_q": found.intrinsic_q, "origins": origins, "wrote": [output]}

@@ -1,0 +1,117 @@
+"""``thermofem simulate``: a ring driven with a thermal model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import thermofem as th
+from thermofem.data import quantity
+from thermofem.errors import InputError
+
+from .. import drive_texts, options
+from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
+from ..console import say, time_bar, working, wrote
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from coupled import Pulsing
+
+SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
+MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
+LASER = (
+    "A further laser, POWER DETUNING [on OFFSET]: '1 mW 4 GHz' beats with the first; '1 uW -5 GHz on 1.5 THz' is near "
+    "the resonance 1.5 THz above. Repeatable."
+)
+
+
+def simulate(
+    context: typer.Context,
+    model: options.Model,
+    power: options.Power = "8 dBm",
+    detuning: options.Detuning = "0 GHz",
+    duration: options.Duration = "20 us",
+    rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
+    ring: options.Ring = options.REFERENCE_RING,
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    heater: options.VaryingHeater = None,
+    sweep: Annotated[str | None, typer.Option(help=SWEEP)] = None,
+    modulate: Annotated[list[str] | None, typer.Option(help=MODULATE)] = None,
+    laser: Annotated[list[str] | None, typer.Option(help=LASER)] = None,
+    figure: options.Figure = None,
+    output: options.Output = Path("traces.nc"),
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
+    seed: options.Seed = 0,
+    threads: options.Threads = None,
+) -> dict[str, Any]:
+    """Drive a ring with a thermal model: traces, and whether and how it pulses."""
+    import coupled
+    from coupled.ring_from import check_geometry
+
+    check_outputs([output, figure], images=[figure], inputs=[model, ring])
+    if sweep is not None:
+        swept = drive_texts.begins_with("--sweep", sweep.split(",")[0].strip())
+        options.unused(context, f"has no effect with a --sweep of the {swept}", swept)
+    length = quantity.positive(duration, "s", name="--duration")
+    powers = drive_texts.heater_powers(heater, length)
+    thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
+    resonator = ring_of(ring)
+    check_geometry(resonator, thermal)
+    light = drive_texts.light(resonator, power, detuning, sweep, modulate, length)
+    others = drive_texts.lasers(laser, resonator, length)
+    settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **light}
+    with time_bar("integrating", length) as progress:
+        run = coupled.simulate(resonator, thermal, rtol=rtol, progress=progress, **settings)
+    with working("judging and writing the run"):
+        found = verdict(run, duration)
+        th.save(run, output)
+    if figure:
+        from coupled.plot.runs import plot_sweep, plot_traces
+        from thermofem.plot import save_figure
+
+        save_figure(plot_sweep(run) if sweep else plot_traces(run), figure)
+    note_ring(resonator, ring)
+    numbers = say_pulsing(found)
+    if others:
+        numbers |= {"lasers": 1 + len(others), "probes": _probes(run)}
+    wrote(output, figure)
+    return {**numbers, "traces": output, "figure": figure}
+
+
+def _probes(run: xr.Dataset) -> list[dict[str, float]]:
+    """Frequency (Hz) of the other resonances, and their drop power (W) in the second half of a run."""
+    if "resonance" not in run.variables:
+        return []
+    late = run["time"].values >= run["time"].values[-1] / 2
+    found = []
+    for at, drop in zip(run["resonance"].values, run["probe_drop"].values, strict=True):
+        low, high = float(drop[late].min()), float(drop[late].max())
+        say(f"resonance at {at / 1e12:.4f} THz: drop power from {low * 1e3:.4g} to {high * 1e3:.4g} mW")
+        found.append({"resonance": float(at), "drop_low": low, "drop_high": high})
+    return found
+
+
+def verdict(run: xr.Dataset, duration: str) -> Pulsing:
+    """Classify a run; InputError where it has too few steps."""
+    import coupled
+
+    steps = run["time"].size - 1
+    if steps < 4:
+        raise InputError(f"--duration = {duration} is over after {steps} steps, too few for a cycle; make it longer")
+    return coupled.pulsing(run)
+
+
+def say_pulsing(found: Pulsing) -> dict[str, Any]:
+    """Print regime and cycle of a trace; returns them."""
+    say(f"{found.regime}: {found.reason}")
+    if found.regime == "self-pulsing":
+        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    numbers = {name: getattr(found, name) for name in ("period", "duty", "swing")}
+    return {"regime": str(found.regime), "reason": found.reason, **numbers}

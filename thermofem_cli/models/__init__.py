@@ -1,0 +1,1 @@
+"""Commands on compact models: training, reduction, judging, families."""

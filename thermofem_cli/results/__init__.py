@@ -1,0 +1,1 @@
+"""Commands on results: what a file holds, exports, references, this machine."""
