@@ -743,7 +743,7 @@ def to_json(wave: Waveform) -> str:
     if type(wave).__name__ not in KINDS:
         raise InputError(
             f"a {type(wave).__name__} cannot be written to a file",
-            "write its piecewise cubic over the run instead, th.PiecewiseCubic.of(wave, 0, duration)",
+            "write its piecewise cubic over the run instead, th.waveforms.PiecewiseCubic.of(wave, 0, duration)",
         )
     fields = {k: np.asarray(v).tolist() for k, v in asdict(wave).items()}  # type: ignore[call-overload]
     return json.dumps({"kind": type(wave).__name__, **fields})

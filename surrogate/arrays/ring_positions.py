@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import HeatProblem, InputError, Part, Probe, assemble, checks
+from thermofem import InputError, Part, Probe, assemble, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.fem.probe_means import off_axis_integral
 from thermofem.geometry.off_axis_copies import check_distance, check_uniform, footprint, reach
 

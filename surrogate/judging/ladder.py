@@ -8,25 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import (
-    Constant,
-    Foster,
-    HeatProblem,
-    Probe,
-    Pulse,
-    SquareWave,
-    Telegraph,
-    ThermalModel,
-    assemble,
-    checks,
-    solve,
-    waveforms,
-)
+from thermofem import Constant, Foster, Probe, Pulse, SquareWave, Telegraph, assemble, checks, solve, waveforms
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
 from thermofem.data.dataset import describe
 from thermofem.data.variables import contents
-from thermofem.models import NonlinearSystem, foster
+from thermofem.fem import HeatProblem
+from thermofem.models import NonlinearSystem, ThermalModel, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
 from ..fitting.sindy import fit_sindy

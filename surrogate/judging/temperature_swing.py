@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from thermofem import Foster, OutputMap, Quadratic, SquareWave, StateSpace, ThermalModel, checks
+from thermofem import Foster, OutputMap, Quadratic, SquareWave, StateSpace, checks
 from thermofem.arrays import Array
-from thermofem.models import Cauer, Network, NonlinearSystem, bare
+from thermofem.models import Cauer, Network, NonlinearSystem, ThermalModel, bare
 from thermofem.transient.integration import integrate_periodic
 
 from ..reduction.quadratic_reduction import QuadraticReduction, reduce_quadratic

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.constants import c
 
-from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
+from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import in_si, takes
+from thermofem.models import ThermalModel
 from thermofem.piecewise import bounds
+from thermofem.waveforms import Waveform
 
 from .temperature_swing import period_of, swing_over_period, swings
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofem import Foster, HeatProblem, checks
+from thermofem import Foster, checks
+from thermofem.fem import HeatProblem
 from thermofem.fem.derivatives import project, tangents_of
 from thermofem.fem.modal_derivatives import ModalDerivative
 

@@ -46,7 +46,7 @@ def strip() -> th.CrossSection:
 
 
 @cache
-def heat() -> th.HeatProblem:
+def heat() -> th.fem.HeatProblem:
     return th.assemble(strip(), 0.05)
 
 
@@ -81,11 +81,11 @@ def long_calls() -> dict[str, Call]:
         "pulsing_map": (coupled.pulsing_map, {**plane, "duration": 1e-8}),
         "fold_curves": (coupled.fold_curves, plane),
         "hopf_curves": (coupled.hopf_curves, plane),
-        "cycle_derivatives": (coupled.cycle_derivatives, {**light, "power": 6e-3}),
+        "cycle_derivatives": (coupled.cycles.derivatives.cycle_derivatives, {**light, "power": 6e-3}),
         "continue_cycle": (
             coupled.continue_cycle, {**light, "parameter": "power", "values": (6e-3, 6.1e-3), "points": 5}
         ),
-        "circuit_limit_cycle": (coupled.circuit_limit_cycle, wave),
+        "circuit_limit_cycle": (coupled.circuit.circuit_limit_cycle, wave),
         "explore": (coupled.explore, {"ring": RING, "models": MODEL, "path": "page.html"}),
         "identify": (coupled.identify, {"ring": RING, "traces": [trace], "free": ["kappa"], "runs": 1}),
         "train_family": (surrogate.train_family, {"campaign": plan, "tolerance": 5e-2}),
@@ -110,10 +110,10 @@ def _heat() -> dict[str, Call]:
         "Part": (th.Part, part),
         "Probe": (th.Probe, {"name": "far", "part": "core", "distance": 2e-5}),
         "Material": (th.Material, {"name": "x", "conductivity": 1.4, "density": 2200.0, "specific_heat": 700.0}),
-        "PowerLaw": (th.PowerLaw, {"exponent": -1.3, "reference": 300.0}),
-        "Polynomial": (th.Polynomial, {"coefficients": (1e-3,), "reference": 300.0}),
-        "Table": (th.Table, {"temperatures": (200.0, 400.0), "values": (1.0, 2.0), "reference": 300.0}),
-        "silicon_film": (th.silicon_film, {"thickness": 2e-7}),
+        "PowerLaw": (th.materials.PowerLaw, {"exponent": -1.3, "reference": 300.0}),
+        "Polynomial": (th.materials.Polynomial, {"coefficients": (1e-3,), "reference": 300.0}),
+        "Table": (th.materials.Table, {"temperatures": (200.0, 400.0), "values": (1.0, 2.0), "reference": 300.0}),
+        "silicon_film": (th.materials.silicon_film, {"thickness": 2e-7}),
         "CrossSection": (th.CrossSection, {"name": "x", "outer_radius": 30e-6, "ambient": 293.0, **lists}),
         "CrossSection.from_toml_text": (th.CrossSection.from_toml_text, {"text": strip().to_toml()}),
         "CrossSection.material_of": (strip().material_of, {"region": "core"}),
@@ -122,7 +122,7 @@ def _heat() -> dict[str, Call]:
         "heated_ring": (th.heated_ring, {}),
         "disc": (th.disc, {}),
         "assemble": (th.assemble, {"geometry": strip(), "accuracy": 0.05}),
-        "discretize": (th.discretize, {"mesh": mesh, "conductivity": cells, "heat_capacity": cells, "held": held}),
+        "discretize": (th.fem.discretize, {"mesh": mesh, "conductivity": cells, "heat_capacity": cells, "held": held}),
         "HeatProblem.thermal_resistance": (heat().thermal_resistance, {"heated": "core", "read": "core"}),
         "HeatProblem.steady_rise": (heat().steady_rise, {"power": 1e-3}),
         "HeatProblem.channels": (heat().channels, {"heated": "core", "read": ("core",)}),
@@ -144,7 +144,10 @@ def _waves() -> dict[str, Call]:
         "Telegraph": (th.Telegraph, {"power": 1e-3, "dwell": 1e-6, "duration": 1e-5, "seed": 1}),
         "Symbols": (th.Symbols, {"values": [0, 1, 1], "rate": 1e6, "power": 1e-3, "bias": 1e-4}),
         "Sampled": (th.Sampled, {"times": [0, 1e-6, 2e-6], "power": [0, 1e-3, 0], "repeat": True}),
-        "PiecewiseCubic": (th.PiecewiseCubic, {"edges": [0, 1e-6], "coefficients": [[1e-3, 0, 0, 0]], "repeat": True}),
+        "PiecewiseCubic": (
+            th.waveforms.PiecewiseCubic,
+            {"edges": [0, 1e-6], "coefficients": [[1e-3, 0, 0, 0]], "repeat": True},
+        ),
         "Function": (th.Function, {"f": lambda t: 1e-3 + 0 * t, "breakpoints": (1e-7,), "period": 1e-6}),
         "Sweep": (coupled.Sweep, {"times": [0, 1e-6], "values": [0, 1e9]}),
     }
@@ -158,14 +161,14 @@ def _waves() -> dict[str, Call]:
             f"{name}.mean": (wave.mean, {"start": 0.0, "stop": 1e-6}),
         }
     return found | {
-        "PiecewiseCubic.of": (th.PiecewiseCubic.of, {"wave": th.Constant(1e-3), "start": 0.0, "stop": 1e-6}),
+        "PiecewiseCubic.of": (th.waveforms.PiecewiseCubic.of, {"wave": th.Constant(1e-3), "start": 0.0, "stop": 1e-6}),
         "waveforms.from_json": (th.waveforms.from_json, {"text": th.waveforms.to_json(WAVE)}),
         "waveforms.to_json": (th.waveforms.to_json, {"wave": WAVE}),
-        "frequency_noise": (coupled.frequency_noise, {"linewidth": 1e5, "bandwidth": 1e9, "duration": 1e-7}),
-        "intensity_noise": (coupled.intensity_noise,
+        "frequency_noise": (coupled.noise.frequency_noise, {"linewidth": 1e5, "bandwidth": 1e9, "duration": 1e-7}),
+        "intensity_noise": (coupled.noise.intensity_noise,
                             {"power": 1e-3, "rin": -130.0, "bandwidth": 1e9, "duration": 1e-7}),
         "square_waves": (surrogate.square_waves, {"power": 1e-3, "periods": 2, "duties": (0.1,)}),
-        "held_out_drives": (surrogate.held_out_drives, {"power": 1e-3}),
+        "held_out_drives": (surrogate.judging.validate.held_out_drives, {"power": 1e-3}),
     }  # fmt: skip
 
 
@@ -175,7 +178,7 @@ def _models() -> dict[str, Call]:
     made = {
         "Foster": (MODEL, {"R": [1e3, 2e3], "tau": [1e-8, 1e-6], "inputs": ("a",)}),
         "StateSpace": (th.StateSpace(E, A, one, one.T), {"E": E, "A": A, "B": one, "C": one.T}),
-        "Cauer": (surrogate.Cauer([1e3, 2e3], [1e-12, 1e-11]), {"R": [1e3, 2e3], "C": [1e-12, 1e-11]}),
+        "Cauer": (th.models.cauer.Cauer([1e3, 2e3], [1e-12, 1e-11]), {"R": [1e3, 2e3], "C": [1e-12, 1e-11]}),
         "OutputMap": (th.OutputMap(MODEL, -4e-4), {"linear": MODEL, "coefficient": -4e-4}),
         "Quadratic": (q, {name: getattr(q, name) for name in "AHGBC"}),
         "Network": (network, {name: getattr(network, name) for name in ("A", "b", "names", "poles", "largest_rise")}),
@@ -194,15 +197,16 @@ def _models() -> dict[str, Call]:
         "newton": (surrogate.newton, {"tau_th": 2.75e-7}),
         "second_order": (surrogate.second_order, {"kappa": 8.87e5, "tau_f": 5.58e-8, "tau_s": 1.2e-6, "eta": 0.31}),
         "cauer": (surrogate.cauer, {"model": MODEL}),
-        "foster_of": (surrogate.foster_of, {"ladder": surrogate.cauer(MODEL)}),
-        "structure_function": (surrogate.structure_function, {"model": MODEL}),
-        "gate": (surrogate.gate, {"A": network.A, "b": network.b, "static": network.thermal_resistance}),
+        "foster_of": (th.models.cauer.foster_of, {"ladder": surrogate.cauer(MODEL)}),
+        "structure_function": (th.models.cauer.structure_function, {"model": MODEL}),
+        "gate": (th.models.network.gate, {"A": network.A, "b": network.b, "static": network.thermal_resistance}),
         "reduce": (surrogate.reduce, {"system": small, "tolerance": 1e-2}),
         "balanced_truncation": (surrogate.balanced_truncation, {"system": small, "order": 3}),
         "reduce_array": (surrogate.reduce_array, {"heat": heat(), "positions": [[0, 0], [2e-5, 0]], "tolerance": 1e-2}),
         "reduce_quadratic": (surrogate.reduce_quadratic, {"system": warm, "power": 1e-2, "tolerance": 2e-2}),
         "output_map": (surrogate.output_map, {"system": warm, "power": 1e-2}),
-        "pole_derivatives": (surrogate.pole_derivatives, {"heat": heat(), "parameters": OXIDE,
+        "pole_derivatives": (surrogate.reduction.pole_derivatives.pole_derivatives, {
+            "heat": heat(), "parameters": OXIDE,
                                                           "reduction": surrogate.reduce(heat().system, 1e-2)}),
         "compare": (surrogate.compare, {"models": {"a": MODEL}, "reference": MODEL, "periods": [1e-6]}),
         "judge": (surrogate.judge, {"models": {"a": MODEL}, "reference": MODEL, "periods": [1e-6]}),
@@ -224,12 +228,12 @@ def _training() -> dict[str, Call]:
         "fit_foster": (surrogate.fit_foster, {"data": data(), "order": 2, "method": "variable projection"}),
         "fit_spectrum": (surrogate.fit_spectrum, {"data": data(), "per_decade": 3}),
         "fit_decay": (surrogate.fit_decay, {"times": times, "rise": np.exp(-times / 1e-6), "order": 1}),
-        "fit_output_map": (surrogate.fit_output_map, {"linear": MODEL, "data": data()}),
+        "fit_output_map": (surrogate.reduction.output_map.fit_output_map, {"linear": MODEL, "data": data()}),
         "fit_sindy": (surrogate.fit_sindy, {"data": chain, "static": known()["static"]}),
-        "fit_sindy_quadratic": (surrogate.fit_sindy_quadratic, {"data": chain, **known()}),
-        "valid_range": (surrogate.valid_range, {"curve": curve, "within": 0.1}),
-        "validity": (surrogate.validity, {"curve": curve, "within": 0.1}),
-        "verdict": (surrogate.verdict, {"judged": judged, "within": 0.1}),
+        "fit_sindy_quadratic": (surrogate.fitting.sindy_quadratic.fit_sindy_quadratic, {"data": chain, **known()}),
+        "valid_range": (surrogate.judging.validate.valid_range, {"curve": curve, "within": 0.1}),
+        "validity": (surrogate.judging.validate.validity, {"curve": curve, "within": 0.1}),
+        "verdict": (surrogate.judging.ladder.verdict, {"judged": judged, "within": 0.1}),
     }
 
 
@@ -237,7 +241,7 @@ def _light() -> dict[str, Call]:
     light: dict[str, Any] = {"ring": RING, "model": MODEL, "power": 1e-3, "detuning": 0.0}
     plane: dict[str, Any] = {"ring": RING, "model": MODEL, "powers": [1e-3, 2e-3], "detunings": [0.0, 1e9]}
     lifetimes = RING.carriers
-    decay = coupled.carrier_decay(lifetimes, 2e23, np.linspace(0, 4e-7, 81))
+    decay = coupled.carriers.pump_probe.carrier_decay(lifetimes, 2e23, np.linspace(0, 4e-7, 81))
     run = coupled.simulate(RING, MODEL, power=1e-3, duration=2e-7)
     regimes = coupled.stability_map(**plane)
     fem = coupled.FEM(heat())
@@ -250,30 +254,33 @@ def _light() -> dict[str, Call]:
         "ConstantLifetime": (coupled.ConstantLifetime, {"tau": 1e-9}),
         "ShockleyReadHall": (coupled.ShockleyReadHall,
                              {n: getattr(lifetimes, n) for n in lifetimes.__dataclass_fields__}),
-        "carrier_decay": (coupled.carrier_decay, {"carriers": lifetimes, "initial": 2e23, "times": [0.0, 1e-7]}),
-        "fit_carrier_decay": (coupled.fit_carrier_decay, {"data": decay, "material": lifetimes}),
+        "carrier_decay": (coupled.carriers.pump_probe.carrier_decay, {
+            "carriers": lifetimes, "initial": 2e23, "times": [0.0, 1e-7]}),
+        "fit_carrier_decay": (coupled.carriers.pump_probe.fit_carrier_decay, {"data": decay, "material": lifetimes}),
         "Laser": (coupled.Laser, {"power": 1e-3, "detuning": 1e9, "phase": 0.1}),
         "State": (coupled.State, {"field": 0j, "carriers": 0.0, "thermal": [0.0, 0.0]}),
         "State.from_array": (coupled.State.from_array, {"values": np.zeros(5)}),
         "State.end_of": (coupled.State.end_of, {"run": run}),
         "Event": (coupled.Event, {"quantity": "delta_T", "level": 1.0}),
-        "Method": (coupled.Method, {"value": "rodas4"}),
-        "Regime": (coupled.Regime, {"value": "stable"}),
+        "Method": (coupled.kernel.tableaus.Method, {"value": "rodas4"}),
+        "Regime": (coupled.runs.pulsing.Regime, {"value": "stable"}),
         "simulate": (coupled.simulate, {**light, "duration": 2e-9}),
         "pulsing": (coupled.pulsing, {"run": run}),
-        "overlap": (coupled.overlap, {"first": regimes, "second": regimes}),
+        "overlap": (coupled.maps.pulsing_map.overlap, {"first": regimes, "second": regimes}),
         "steady_states": (coupled.steady_states, light),
         "limit_cycle": (coupled.limit_cycle, {**light, "power": 6e-3}),
         "stability_map": (coupled.stability_map, plane),
         "transmission": (coupled.transmission, {**light, "detuning": [0.0, 1e9]}),
-        "sweep": (coupled.sweep, {**light, "detuning": [0.0, 1e9]}),
-        "power_for_drop": (coupled.power_for_drop, {"ring": RING, "model": MODEL, "drop": 1e-4, "detuning": 0.0}),
-        "van_vaerenbergh_q": (coupled.van_vaerenbergh_q, {"ring": RING, "model": MODEL}),
+        "sweep": (coupled.equilibria.transmission.sweep, {**light, "detuning": [0.0, 1e9]}),
+        "power_for_drop": (coupled.equilibria.transmission.power_for_drop, {
+            "ring": RING, "model": MODEL, "drop": 1e-4, "detuning": 0.0}),
+        "van_vaerenbergh_q": (coupled.equilibria.van_vaerenbergh.van_vaerenbergh_q, {"ring": RING, "model": MODEL}),
         "FEM": (coupled.FEM, {"heat": heat()}),
         "FEM.advance": (fem.advance, {"times": np.array([0, 1e-9]), "power": th.Constant(1e-3)}),
         "cosimulate": (coupled.cosimulate, {"ring": RING, "heat": heat(), "power": 1e-3, "duration": 1e-9}),
         "identify": (coupled.identify, {"ring": RING, "traces": None, "free": ["kappa"]}),  # no valid call is short
-        "fit_newton_per_trace": (coupled.fit_newton_per_trace, {"ring": RING, "traces": None}),
+        "fit_newton_per_trace": (coupled.identification.newton_traces.fit_newton_per_trace, {
+            "ring": RING, "traces": None}),
     }  # fmt: skip
 
 
@@ -291,7 +298,7 @@ def _circuits() -> dict[str, Call]:
         "bus": (coupled.bus, {"rings": [RING]}),
         "crow": (coupled.crow, {"rings": [RING, RING]}),
         "scissor": (coupled.scissor, {"rings": [RING, RING]}),
-        "delay_loop": (coupled.delay_loop, {"ring": RING, "delay": 1e-10}),
+        "delay_loop": (coupled.circuit.delay_loop, {"ring": RING, "delay": 1e-10}),
         "spectrum": (coupled.spectrum, {"circuit": circuit, "detunings": [0.0, 1e9]}),
         "simulate_circuit": (partial(coupled.simulate_circuit, duration=2e-9), given),
         "circuit_steady_states": (coupled.circuit_steady_states, {**given, "starts": 2}),
@@ -306,11 +313,11 @@ def _files() -> dict[str, Call]:
         "save": (th.save, {"data": data(), "path": "data.nc"}),
         "load": (th.load, {"path": "kept.nc"}),
         "read_csv": (th.read_csv, columns),
-        "open_campaign": (th.open_campaign, {"directory": "."}),
-        "write_fields": (th.write_fields, {"data": frames, "path": "fields.vtu"}),
+        "open_campaign": (th.campaign.open_campaign, {"directory": "."}),
+        "write_fields": (th.data.fields.write_fields, {"data": frames, "path": "fields.vtu"}),
         "save_model": (surrogate.save_model, {"model": MODEL, "path": "model.json", "provenance": {}}),
         "load_model": (surrogate.load_model, {"path": "kept.json"}),
-        "load_provenance": (surrogate.load_provenance, {"path": "kept.json"}),
+        "load_provenance": (th.models.files.load_provenance, {"path": "kept.json"}),
         "load_family": (surrogate.load_family, {"path": "kept.json"}),
         "export_model": (surrogate.export_model, {"model": MODEL, "path": "model.cir", "to": "spice"}),
     }
@@ -325,7 +332,7 @@ def prepare() -> None:
 
 
 @cache
-def small_family() -> surrogate.Family:
+def small_family() -> surrogate.family.Family:
     """A family of one parameter over a small range, trained in seconds."""
     box = Variation("box", ("layer.box.thickness",), "m", low=1.9e-6, high=2e-6)
     return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), (box,), samples=1), 5e-2)
@@ -345,7 +352,7 @@ def _studies() -> dict[str, Call]:
     return {
         "design": (surrogate.design, aim),
         "pareto_front": (
-            surrogate.pareto_front,
+            surrogate.studies.pareto.pareto_front,
             {**aim, "target": {"thermal_resistance": R, "rise_time": 1e-6}, "generations": 1},
         ),
         "calibrate": (surrogate.calibrate, {"geometry": family, "data": trace, "noise": 1e-2}),

@@ -154,10 +154,13 @@ def _value(value: Any, kind: str, key: str, where: str) -> Any:
     if kind == ANY:
         return value
     if kind in _TYPES:
-        checks.instance(name, value, _TYPES[kind], hint=f"it must be {kind}")
+        if not isinstance(value, _TYPES[kind]):
+            raise InputError(f"{name} = {shown(value)} must be {kind}")
         return value
     if kind == TABLES:
-        return list(checks.instances(name, value, dict))
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise InputError(f"{name} must be tables, each opened by a line [[{key}]]")
+        return value
     return checks.finite(name, value) if kind == NUMBER else quantity.parse(value, kind, name=name)
 
 
@@ -206,7 +209,7 @@ def check_target(path: str | Path) -> Path:
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
     if (path.exists() and not path.is_file()) or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise InputError(f"{path} is a folder, a device or write-protected; give the name of a file")
+        raise InputError(f"{path} is a folder or a device, or write-protected; give the name of a file")
     return path
 
 

@@ -198,7 +198,7 @@ def _factor(given: str, unit: str) -> float:
         found, wanted = (registry().Quantity(1.0, registry().parse_units(one)) for one in (text, unit))
         # in root units angles are kept: rad/s is not Hz
         same = found.to_root_units().units == wanted.to_root_units().units
-        factor = float((found / wanted).to_base_units().magnitude)
+        factor = float((found / wanted).to_base_units().magnitude) if same else 0.0
     except pint.errors.UndefinedUnitError as error:
         unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
         near = _nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])

@@ -6,10 +6,12 @@ said of them, and an InputError names the length that cannot be.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
+from .. import checks
 from .cross_section import CrossSection
-from .parts import Layer, Part, length, ring
+from .parts import Layer, Part, length, ring, slip
 
 
 def strip_ring(
@@ -46,6 +48,7 @@ def strip_ring(
     )
     height = length("height", height, typical=220e-9)
     radius = length("radius", radius, typical=8e-6)
+    checks.between("radius", radius, 0, outer_radius, unit="m", hint=slip(radius, 8e-6, outer_radius))
     inner, outer = ring(radius, width)
     layers = (
         Layer("substrate", "Si", substrate),
@@ -89,6 +92,8 @@ def rib_ring(
     base = strip_ring(radius, width, height, box, cladding)
     slab, height = length("slab", slab, typical=90e-9), base.parts[0].height
     slab_width = length("slab_width", slab_width, typical=2e-6)
+    checks.between("slab", slab, 0, height, unit="m", hint="it is thinner than height")
+    checks.between("slab_width", slab_width, width, math.inf, unit="m", hint="it is wider than width")
     inner, outer = ring(radius, slab_width, of="slab: ")
     under = Part("slab", "Si", inner, outer, bottom=0.0, height=slab)
     core = replace(base.parts[0], bottom=slab, height=height - slab)
@@ -122,6 +127,7 @@ def disc(
     ('core',)
     """
     rim, radius = length("rim", rim, typical=1e-6), length("radius", radius, typical=5e-6)
+    checks.between("rim", rim, 0, radius, unit="m", hint="it is narrower than radius")
     base = strip_ring(radius - rim / 2, rim, height, box, cladding)
     inside = Part("disc", "Si", 0.0, radius - rim, bottom=0.0, height=height)
     return replace(base, name="disc", parts=(inside, *base.parts))

@@ -21,7 +21,7 @@ def carriers(job: Job) -> Result:
     laws = {name: ring.carriers for name, ring in rings.items() if isinstance(ring.carriers, coupled.ShockleyReadHall)}
     data, numbers = {}, {}
     for name, law in laws.items():
-        data[name] = coupled.carrier_decay(law, START, TIMES)
+        data[name] = coupled.carriers.pump_probe.carrier_decay(law, START, TIMES)
         N = data[name]["carriers"].values
         slopes = {which: _lifetime(TIMES, N, window) for which, window in WINDOWS.items()}
         numbers[name] = {

@@ -26,7 +26,7 @@ def newton_fits(job: Job) -> Result:
     """Fig. 4(d): Newton's law fitted to every trace that pulses; and to one of them with silicon's own c_p."""
     ring, runs = coupled.borghi2021(), job.inputs["loop"].data
     pulsing = {name: run for name, run in runs.items() if run.attrs["regime"] == "self-pulsing"}
-    single = coupled.fit_newton_per_trace(ring, list(pulsing.values()))
+    single = coupled.identification.newton_traces.fit_newton_per_trace(ring, list(pulsing.values()))
     job.done(0.75)
     lumped = coupled.identify(
         ring.with_lumped_fcd(), _marked(job)[:1], free=["tau_th"], model=newton_of(paper.NEWTON_MAPS),

@@ -21,7 +21,7 @@ from .store import Result
 if TYPE_CHECKING:
     import xarray as xr
 
-    from coupled import Pulsing
+    from coupled.runs.pulsing import Pulsing
 
 # dBm and GHz, spread over where the FEM-coupled ring pulses; taken in this order
 SPREAD = (

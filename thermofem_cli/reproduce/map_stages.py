@@ -68,7 +68,7 @@ def _describe_map(data: xr.Dataset, reference: xr.Dataset) -> dict[str, Any]:
     blue, red = data["detuning"] > 0, data["detuning"] < 0
     rate = 1 / data["period"]
     return {
-        "overlap": coupled.overlap(data, reference),
+        "overlap": coupled.maps.pulsing_map.overlap(data, reference),
         "points": int(pulses.size),
         "pulsing": int(pulses.sum()),
         "frequency_error": [float(frequency.mean()), float(frequency.std())],

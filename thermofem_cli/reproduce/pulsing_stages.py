@@ -24,7 +24,8 @@ from .training_stages import PARAMETERS, printed
 if TYPE_CHECKING:
     import xarray as xr
 
-    from coupled import Pulsing, RingResonator
+    from coupled import RingResonator
+    from coupled.runs.pulsing import Pulsing
 
 
 def models_of(inputs: Mapping[str, Result]) -> dict[str, tuple[RingResonator, ThermalModel]]:
