@@ -127,7 +127,9 @@ def drive_of(
     edges, scale = joint(first, *offsets), eq.NS ** np.arange(4)
     turning = np.repeat(first.on(edges).coefficients[:, None] * (2 * np.pi * eq.NS), len(offsets), axis=1)
     for i, (ring, offset) in enumerate(zip(circuit.resonators, offsets, strict=True)):
-        turning[:, i, 0] += eq.internal_detuning(float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset)
+        turning[:, i, 0] += eq.internal_detuning(
+            float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset
+        )
         if np.any(offset.coefficients):
             turning[:, i] += offset.on(edges).coefficients * (ring.thermal_shift * eq.NS)
     power, detuning = table([one.times(1 / eq.UW) for one in powers]), Polynomials(edges / eq.NS, turning * scale)
