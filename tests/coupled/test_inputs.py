@@ -214,7 +214,7 @@ def test_pieces_of_everything_that_drives():
         ({"power": BPoly.from_derivatives([0, 1e-6], [[0, 0], [1e-3, 0]])}, "power is a BPoly; a PPoly is needed"),
         (
             {"detuning": CubicSpline([0, 1e-6], [0, 1e9 + 1e9j])},
-            "coefficients holds values of the type complex",
+            "detuning: coefficients holds values of the type complex",
         ),
         ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
         ({"detuning": Sweep([0, 1e-6], [0, -10])}, "did you mean -10e9"),
