@@ -22,6 +22,7 @@ from thermofem.data.dataset import Response, responses_of
 from thermofem.waveforms import period_times
 
 from .correlated import noise_along
+from .fit_result import Fit
 
 if TYPE_CHECKING:
     import xarray as xr
