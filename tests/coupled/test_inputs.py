@@ -146,7 +146,7 @@ def test_an_offset_of_temperature_is_a_detuning():
 def test_the_spline_of_absorbed_power_is_as_good_as_the_steps():
     from scipy.interpolate import CubicHermiteSpline
 
-    run = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-6)
+    run = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-6, slopes=True)
     t = np.linspace(1e-9, 1e-6, 4001)
     fine = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-10, times=t)
     spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
@@ -212,7 +212,10 @@ def test_pieces_of_everything_that_drives():
         ({"power": []}, "empty list"),
         ({"power": "8 dBm"}, "not a number"),
         ({"power": BPoly.from_derivatives([0, 1e-6], [[0, 0], [1e-3, 0]])}, "power is a BPoly; a PPoly is needed"),
-        ({"detuning": CubicSpline([0, 1e-6], [0, 1e9 + 1e9j])}, "detuning: coefficients holds values of the type complex"),
+        (
+            {"detuning": CubicSpline([0, 1e-6], [0, 1e9 + 1e9j])},
+            "detuning: coefficients holds values of the type complex",
+        ),
         ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
         ({"detuning": Sweep([0, 1e-6], [0, -10])}, "did you mean -10e9"),
         ({"method": "Rodas5"}, "did you mean 'rodas5p'"),
