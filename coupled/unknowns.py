@@ -200,7 +200,7 @@ def check_counts(what: str, name: str, ring: RingResonator) -> None:
 
 def idle(ring: RingResonator, name: str) -> bool:
     """Whether a number of the ring changes nothing, as its light follows rates that were set, or other dispersion."""
-    from .kernels.equations import internal_rates
+    from .kernel.units import internal_rates
 
     def light(r: RingResonator) -> tuple[float, ...]:
         rates, dispersion = internal_rates(r)

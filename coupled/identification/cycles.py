@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-
 HARMONICS = 32
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
 LAST = 3  # cycles of a simulated trace, which has no noise to average
@@ -227,7 +226,7 @@ def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array,
     """
     pulses = np.isfinite([model.period, measured.period])
     drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * max(map(_counts, (model, measured)))
-    aligned = model.shifted(_lag(model.harmonics, measured.harmonics)) if pulses.all() else model
+    aligned = model.shifted(lag(model.harmonics, measured.harmonics)) if pulses.all() else model
     both = np.array([aligned.harmonics, measured.harmonics])
     if not absolute:
         factor = np.vdot(both[0], both[1]).real / np.vdot(both[0], both[0]).real
@@ -285,7 +284,7 @@ def _pieces(t: Array, drop: Array, edges: Array, step: float, least: int = 0) ->
     return np.asarray(waves * np.exp(-1j * np.pi * np.arange(HARMONICS + 1) / n))
 
 
-def _lag(model: Complex, measured: Complex) -> float:
+def lag(model: Complex, measured: Complex) -> float:
     """The shift of the model's phase, in periods, that brings it closest: the peak of the correlation."""
     k = np.arange(1, model.size)
     products = model[1:] * measured[1:].conj()
