@@ -78,6 +78,10 @@ WORDS: dict[str, dict[str, str]] = {
         "density": "required for a new material",
         "specific_heat": "text with a unit or a table, see below; required for a new material",
         "source": "where the numbers come from; travels with every result",
+        "index": "refractive index for light: a number, the name of a law in the library, Sellmeier terms or a table",
+        "thermo_optic": "dn/dT",
+        "two_photon": "two-photon absorption",
+        "kerr": "Kerr index",
     },
 }
 SCHEMA: dict[str, dict[str, str]] = {

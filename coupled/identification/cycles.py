@@ -196,8 +196,10 @@ def cycle_of(run: xr.Dataset, *, at: Array | None = None) -> Cycle:
     found = pulsing(run)
     t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
     late = t >= t[-1] - SETTLED_SHARE * (t[-1] - t[0])
-    edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)[-LAST - 1 :]
-    if found.regime != Regime.SELF_PULSING or edges.size < 2:
+    edges = np.empty(0)
+    if found.regime == Regime.SELF_PULSING:
+        edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)[-LAST - 1 :]
+    if edges.size < 2:
         still = np.zeros(HARMONICS + 1, dtype=complex)
         late = np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512) if at is None else at
         level = np.interp(late, t, drop)

@@ -15,8 +15,7 @@ from thermofem.arrays import Array, NDArray
 from thermofem.data.variables import in_si
 
 from ..arguments import check_detuning, check_power
-from ..kernel.integrator import PoleHeat
-from ..kernel.units import NS, internal_heat
+from ..kernel.units import slowest_rate
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..thermal import Compact
@@ -74,9 +73,7 @@ class Target:
         Of a settled trace, and of one that is longer than the model needs to settle, the end of a run that is just so
         long is compared.
         """
-        heat = internal_heat(model)[0]
-        rates = heat.rate[heat.gain != 0] if isinstance(heat, PoleHeat) else -np.linalg.eigvals(heat.A).real
-        enough = max(LONGEST, SETTLED * NS / float(rates.min()))
+        enough = max(LONGEST, SETTLED / slowest_rate(model))
         whole = not self.settled and self.times[-1] <= enough
         return (float(self.times[0]), float(self.times[-1])) if whole else (0.0, enough)
 
@@ -140,7 +137,7 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     end = float(at[-1])
     run = simulate(
         ring, model, power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
-        times=np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)])),
+        times=np.unique(np.minimum(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]).round(15), end)),
     )  # fmt: skip
     return cycle_of(run, at=at)
 

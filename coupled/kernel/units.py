@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -118,6 +118,14 @@ def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
     static = np.linalg.solve(A, B)
     weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
     return QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight), 0.0
+
+
+def slowest_rate(model: Compact) -> float:
+    """Rate of the slowest decay of heat in 1/s, at rest."""
+    linear: Any = getattr(model, "linear", model)
+    if isinstance(linear, Foster):
+        return float(1 / np.max(np.asarray(linear.tau)[np.asarray(linear.R) != 0]))
+    return float(-np.linalg.eigvals(np.asarray(linear.A)).real.max())
 
 
 def single_ring(

@@ -344,8 +344,8 @@ def test_derivatives_by_width_and_height(geometry, width, height):
 
 def test_derivatives_are_those_of_the_moved_mesh():
     """Against modes solved anew on meshes whose vertices moved: the difference errs by the square of its step."""
-    from thermofem.fem.problem import on_mesh
-    from thermofem.mesh.motion import moved
+    from thermofem.fem.heat_problem import on_mesh
+    from thermofem.mesh.mesh_motion import moved
 
     geometry = th.strip_ring(radius=5e-6)
     heat = th.assemble(geometry)

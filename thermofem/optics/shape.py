@@ -1,6 +1,6 @@
 """Derivatives of a mode with respect to the lengths of its cross-section, exact for the discrete problem.
 
-The vertices move with the outlines as for the heat (`fem.velocity`), and the unknowns of e and p with them. With
+The vertices move with the outlines as for the heat (`fem.shape_derivatives`), and the unknowns of e and p with them. With
 
     d(beta^2) = -x.(dA + beta^2 dB) x / x.B x,       (A + beta^2 B) dx = -(dA + beta^2 dB + d(beta^2) B) x
 
@@ -20,7 +20,7 @@ from .. import checks
 from ..algebra.factor import factorize
 from ..arrays import Array
 from ..checks import InputError
-from ..geometry.change import Change, change
+from ..geometry.parameters import Change, change
 from .reading import containing
 from .space import Space
 from .window import UM
@@ -59,7 +59,7 @@ def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]]) -> x
     """
     import xarray as xr
 
-    from ..fem.velocity import vertex_velocities
+    from ..fem.shape_derivatives import vertex_velocities
 
     light: Light = mode.light  # type: ignore[assignment]
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)

@@ -12,7 +12,7 @@ from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import check_outputs, kind_of, model_of, note_ring, ring_of
+from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, say, watched, wrote
 from ..drive_texts import detuning_of
 
@@ -56,7 +56,7 @@ def identify(
     heat = output.with_suffix(".json")
     check_outputs([output, heat, figure], images=[figure], inputs=[*traces, ring, model])
     resonator = ring_of(ring)
-    tables = [path for path in traces if kind_of(path) is None]
+    tables = [path for path in traces if path.suffix != ".nc"]
     for option, given in (("--power", power or []), ("--detuning", detuning or [])):
         if len(given) != len(tables):
             raise InputError(f"{option} is given {len(given)} times for {len(tables)} tables; give one for each")

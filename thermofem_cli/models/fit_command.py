@@ -10,7 +10,7 @@ import typer
 
 import thermofem as th
 from thermofem import checks
-from thermofem.data import files
+from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options

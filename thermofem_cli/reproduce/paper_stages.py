@@ -84,9 +84,6 @@ def runs(job: Job) -> Result:
     less = _settled(own, printed(replace(p, eta=0.98 * p.eta)), CENTRE)["period_s"]
     numbers["period_to_eta"] = np.log(more / less) / np.log(1.02 / 0.98)
     numbers["half_drive"] = _settled(own, models["Newton, fit"][1], CENTRE, factor=0.5)
-    quick = _settled(own, model, CENTRE, adiabatic=True)["period_s"]
-    exact = numbers[f"second order, experiment, {label(CENTRE)}"]["period_s"]
-    numbers["adiabatic"] = quick / exact - 1
     for name, point in (("centre", CENTRE), ("bistable", BISTABLE)):
         found = coupled.steady_states(own, model, power=watts(point[0]), detuning=point[1] * 1e9)
         kept = ("energy", "carriers", "delta_T", "growth_rate", "frequency")
