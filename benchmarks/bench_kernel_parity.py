@@ -25,9 +25,10 @@ Call = Callable[[float], Any]
 
 
 def circuit_run(coupled: Any) -> Callable[..., Any]:
-    """`simulate` of a circuit in either version."""
-    if hasattr(coupled, "simulate"):
-        return lambda circuit, model, power, **more: coupled.simulate(circuit, model, power=power, **more)
+    """`simulate` of a circuit in either version: 0.2 had a function for circuits, with ``inputs``."""
+    of_circuits = getattr(coupled, "_".join(("simulate", "circuit")), None)
+    if of_circuits:
+        return lambda circuit, model, power, **more: of_circuits(circuit, model, inputs=power, **more)
     return lambda circuit, model, power, **more: coupled.simulate(circuit, model, power=power, **more)
 
 
@@ -38,7 +39,9 @@ def cases(count: int) -> Iterator[tuple[str, Call]]:
 
     rng, base, run = np.random.default_rng(7), coupled.borghi2021(), circuit_run(coupled)
     for _ in range(count):
-        ring = replace(base, gamma_e=base.gamma_e * rng.uniform(0.5, 2), gamma_i=base.gamma_i * rng.uniform(0.5, 2))
+        ring = replace(
+            base, bus_rate=base.bus_rate * rng.uniform(0.5, 2), loss_rate=base.loss_rate * rng.uniform(0.5, 2)
+        )
         n = int(rng.integers(1, 15))
         model = th.Foster(R=rng.uniform(0.2, 1, n) * 8e3 / n, tau=np.sort(10 ** rng.uniform(-7.7, -5, n)))
         P, nu, end = 10 ** rng.uniform(-3.3, -2), rng.uniform(-30e9, 20e9), 1e-6

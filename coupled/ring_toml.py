@@ -222,7 +222,7 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
         text += f"\n[[dispersion]]\n{line('coefficient', repr(coefficient), 'fcd')}exponent = {exponent!r}\n"
     text += "\n[carriers]\n"
     if isinstance(ring.carriers, ConstantLifetime):
-        text += line("lifetime", json.dumps(quantity.write(ring.carriers.lifetime, "s")), "carriers")
+        text += line("lifetime", json.dumps(quantity.write(ring.carriers.tau, "s")), "carriers")
     else:
         srh = {**vars(ring.carriers), "temperature": ring.carriers.thermal_energy * e / k}
         for key, unit in _SRH.items():

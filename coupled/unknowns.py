@@ -14,6 +14,7 @@ from thermofem.models import Foster, ThermalModel
 from thermofem.models.lumped import second_order_parameters, second_order_poles
 
 from .carriers.shockley_read_hall import ShockleyReadHall
+from .kernel.units import internal_rates
 from .parameters import borghi2021 as published
 from .resonator import RingResonator
 from .thermal import Compact, compact, linear
@@ -200,7 +201,6 @@ def check_counts(what: str, name: str, ring: RingResonator) -> None:
 
 def idle(ring: RingResonator, name: str) -> bool:
     """Whether a number of the ring changes nothing, as its light follows rates that were set, or other dispersion."""
-    from .kernels.equations import internal_rates
 
     def light(r: RingResonator) -> tuple[float, ...]:
         rates, dispersion = internal_rates(r)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem.data import quantity
-from thermofem.geometry import toml_schema
+from thermofem.geometry import geometry_file as geometry_file
 from thermofem.materials import library as materials
 from thermofem.materials import property_toml
 
@@ -78,17 +78,21 @@ WORDS: dict[str, dict[str, str]] = {
         "density": "required for a new material",
         "specific_heat": "text with a unit or a table, see below; required for a new material",
         "source": "where the numbers come from; travels with every result",
+        "index": "refractive index for light: a number, the name of a law in the library, Sellmeier terms or a table",
+        "thermo_optic": "dn/dT",
+        "two_photon": "two-photon absorption",
+        "kerr": "Kerr index",
     },
 }
 SCHEMA: dict[str, dict[str, str]] = {
-    "the file": toml_schema._TOP,
-    "[[layer]]": toml_schema._LAYER,
-    "[[part]]": toml_schema._PART,
-    "[[interface]]": toml_schema._INTERFACE,
-    "[[probe]]": toml_schema._PROBE,
-    "[boundary]": toml_schema._BOUNDARY,
-    "{ convection }": toml_schema._COEFFICIENT,
-    "[material.NAME]": toml_schema._MATERIAL,
+    "the file": geometry_file._TOP,
+    "[[layer]]": geometry_file._LAYER,
+    "[[part]]": geometry_file._PART,
+    "[[interface]]": geometry_file._INTERFACE,
+    "[[probe]]": geometry_file._PROBE,
+    "[boundary]": geometry_file._BOUNDARY,
+    "{ convection }": geometry_file._COEFFICIENT,
+    "[material.NAME]": geometry_file._MATERIAL,
 }
 
 REFERENCE = """# Geometry file reference
@@ -134,11 +138,11 @@ files; `tests/surrogate/test_published_devices.py` holds them.
 
 Static figures come within 30 % of the laboratory. Of nine times and bandwidths heat alone brings one within a factor
 of 1.3; −3 dB is then that of the temperature, as an electrical signal counts it. Papers measure light (Coenen et al.,
-Photonics 11, 603 (2024)). With the read-out (`th.MZI`) seven of nine come within 1.3. No paper states its decibels: half
-of the optical power is taken for all bandwidths, and a thickness is fitted for two. For times the bias of the
+Photonics 11, 603 (2024)). With the read-out (`th.MZI`) seven of nine come within 1.3. No paper states its decibels:
+half of the optical power is taken for all bandwidths, and a thickness is fitted for two. For times the bias of the
 interferometer is fitted, a swing of a full fringe is taken, and half periods of 10 to 250 µs are the plausible range.
-That is what the numbers allow, no proof of how they were measured. What remains: the titanium heater with thin oxides is
-ten to twenty times faster here than published, and no bias or period explains that; the paper counts its electronics.
+That is what the numbers allow, no proof of how they were measured. What remains: the titanium heater with thin oxides
+is ten to twenty times faster here than published: no bias or period explains that, the electronics count there.
 The doped ridge is 62 µm long, so that a tenth of its heat leaves through its ends, which the section lacks.
 Measured curves are compared elsewhere: thermal steps of an LED and a transistor, and bistable loops of a ring, under
 [families](families.md#calibration).

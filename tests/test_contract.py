@@ -7,7 +7,7 @@ import pytest
 from models import MODELS
 
 import thermofem as th
-from thermofem.models import NonlinearSystem
+from thermofem.models import NonlinearSystem, foster
 from thermofem.waveforms import period_times
 
 # Closed forms agree to round-off; the FEM integrates to its default rtol of 1e-5 of the largest rise.
@@ -142,4 +142,4 @@ def test_what_is_not_finite_is_refused(model, ask):
 def test_what_is_no_foster_network_is_not_diagonalised(change, reason):
     system = th.StateSpace(**{"E": np.eye(2), "A": -np.eye(2), "B": np.ones((2, 1)), "C": np.ones((1, 2)), **change})
     with pytest.raises(th.InputError, match=reason):
-        th.model.foster(system)
+        foster(system)

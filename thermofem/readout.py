@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from . import checks
 from .arrays import Array, ArrayLike
-from .fem.problem import HeatProblem
+from .fem.heat_problem import HeatProblem
 from .models import ThermalModel
 from .waveforms import Constant, SquareWave, Waveform, period_times
 

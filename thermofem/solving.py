@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from . import checks
 from .data import dataset
-from .fem.problem import HeatProblem
+from .fem.heat_problem import HeatProblem
 from .models import StateSpace
 from .transient.integration import integrate, integrate_periodic
 from .transient.trajectory import Trajectory

@@ -1,11 +1,9 @@
 """Several rings on one chip: light along waveguides and heat between neighbours."""
 
 from .circuit import Circuit
-from .cycle import circuit_limit_cycle
 from .parts import Detector, LaserPort, Splitter, Waveguide
 from .ready import bus, crow, delay_loop, scissor
 
 __all__ = [
-    "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "circuit_limit_cycle",
-    "crow", "delay_loop", "scissor",
+    "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "crow", "delay_loop", "scissor",
 ]  # fmt: skip

@@ -71,7 +71,7 @@ def circuit_limit_cycle(
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     >>> circuit = coupled.bus(coupled.borghi2021())
-    >>> cycle = coupled.circuit_limit_cycle(circuit, model, power={"in": 6.31e-3})
+    >>> cycle = coupled.limit_cycle(circuit, model, power={"in": 6.31e-3})
     >>> print(f"{cycle.attrs['period'] * 1e9:.1f} ns")
     686.0 ns
     """

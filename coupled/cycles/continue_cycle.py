@@ -18,13 +18,14 @@ from ..resonator import RingResonator
 from ..states import State
 from ..thermal import trusted
 from . import branch
+from .closing import nontrivial
 from .guess import from_guess
 from .hopf_start import born, is_hopf_point, laser_of
+from .limit_cycle import stability
 from .measures import measure
 from .orbit import problem
 from .parameters import unit_of, value_of
 from .path import FreeParameters, first_place
-from .result import stability
 from .start import settled
 
 if TYPE_CHECKING:
@@ -177,7 +178,7 @@ def _dataset(family: FreeParameters, found: list[branch.Found], why: str) -> xr.
         "extinction": (np.array([s.extinction for s in seen]), "dB", "extinction"),
         "drop_low": (np.array([s.lowest for s in seen]) * dropped, "W", "lowest drop power"),
         "drop_high": (np.array([s.highest for s in seen]) * dropped, "W", "highest drop power"),
-        "stability": (np.array([stability(f.place.orbit)[0] for f in found]), "1", "kind of the cycle"),
+        "stability": (np.array([stability(nontrivial(f.place.orbit))[0] for f in found]), "1", "kind of the cycle"),
         "special": (np.array([f.kind for f in found]), "1", "where the stability changes"),
     }
     variables: dict[str, Any] = {

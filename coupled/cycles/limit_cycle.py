@@ -1,83 +1,95 @@
-"""The settled cycle of a self-pulsing ring, solved for."""
+"""The settled cycle of a self-pulsing ring or circuit, solved for."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from thermofem import checks
+from thermofem.arrays import Array, NDArray
+from thermofem.checks import InputError
+from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring, one_laser
+from ..arguments import check_detuning, check_power, check_ring
+from ..circuit.circuit import Circuit
+from ..circuit.cycle import circuit_limit_cycle
+from ..equilibria.observables import provenance
 from ..heaters import constant
+from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power
 from ..resonator import RingResonator
-from ..states import State
+from ..states import State, starting_point
 from ..thermal import trusted
-from .guess import from_guess
+from .cycle_problem import CycleProblem
+from .hopf_start import is_hopf_point, near_hopf
 from .orbit import problem
-from .result import dataset_of
-from .start import settled
+from .orbit_measures import measure, weights
+from .return_map import Orbit, close
 
-if TYPE_CHECKING:
-    import xarray as xr
+UNSTABLE = 1 + 1e-7  # of a multiplier; they are exact to some 1e-8
+MOST_PULSES = 1000  # in a period of a guess
+REACH = 30.0  # of a guess's period, within which the next pulse comes
 
 
-@one_laser
 def limit_cycle(
-    ring: RingResonator,
+    ring: RingResonator | Circuit,
     model: ThermalModel,
     *,
-    power: float,
+    power: Any,
     detuning: float = 0.0,
     guess: xr.Dataset | State | None = None,
     heaters: Mapping[str, float] | None = None,
     heated: str | None = None,
     read: str | None = None,
+    settle: float = 20e-6,
 ) -> xr.Dataset:
-    """Return the periodic orbit that a ring settles on under a constant laser.
+    """Return the periodic orbit that a ring or a circuit settles on under constant light.
 
-        y(T) = y(0),     dy/dt = f(y) as in `simulate`,     f(y_0) . dy_0 = 0 fixes the phase
+        y(T) = y(0),     dy/dt = f(y) as in `simulate`
 
-    by Newton's method on the return map y(0) -> y(T). Its derivative M comes from the same equations; the eigenvalues
-    of M are the Floquet multipliers: by what a small deviation from the cycle has grown or shrunk a period later.
+    by Newton's method on the return map to the rising carriers (`return_map`). The derivative V of the flow comes from
+    the same steps; its eigenvalues are the Floquet multipliers: by what a small deviation has grown a period later.
 
     Parameters
     ----------
-    ring : RingResonator
+    ring : RingResonator or Circuit
+        a circuit without delays, whose lit lasers have one frequency.
     model : ThermalModel
         as for `simulate`.
     power : float, W
-        in the bus waveguide, larger than 0.
+        in the bus waveguide, larger than 0; for a circuit a mapping from laser name.
     detuning : float, Hz
-        laser minus cold resonance.
+        laser minus cold resonance, or minus the reference of a circuit.
     guess : Dataset or State, optional
         where to start: another cycle of this function, near which any cycle is returned, stable or not; a run of
         `simulate` or a State, from which the ring settles; a point of `hopf_curves` (``curve.isel(point=k)``), from
         which a branch of cycles leads to this power and detuning. By default a cold ring.
     heaters : mapping of name to float, W, optional
         constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
+    settle : float, s
+        run of a circuit that leads near its cycle; long against the slowest time scale of the heat.
 
     Returns
     -------
     xarray.Dataset
         over time (s), one period with both ends: energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed
-        (W), weight (s, of a sum that is the integral over the period), states over (time, state); over multiplier:
-        multipliers (complex, by modulus; the one next to 1 belongs to the phase). Attributes: period (s), duty, swing
-        (K), extinction (dB), settling_time (s, in which a deviation falls to 1/e; inf for an unstable cycle), stability
-        ("stable", "doubled" with a multiplier below -1, or "unstable"), pulses (in a period), reason (in words; also
-        where no mesh resolves a very steep pulse, so that the period is known to 1e-5 only).
+        (W), weight (s, of a sum that is the integral over the period); over multiplier: multipliers (complex, by
+        modulus; the one next to 1 belongs to the phase). Attributes: period (s), duty, swing (K), extinction (dB),
+        settling_time (s, in which a deviation falls to 1/e; inf for an unstable cycle), stability ("stable", "doubled"
+        with a multiplier below -1, or "unstable"), pulses (in a period), reason (in words), and final_state, with which
+        a run or another cycle goes on from it. Of a circuit as of `simulate`, with period and multipliers.
 
     Raises
     ------
     InputError
-        power or detuning out of range, a model that is not small, a ring without two-photon absorption, whose carriers
-        are followed, or no cycle: the ring comes to rest, its pulses never repeat, or Newton's method finds none near
-        the guess. The message says which.
+        power or detuning out of range, a model that is not small, or no cycle: the ring comes to rest, its pulses never
+        repeat, or Newton's method finds none near the guess. The message says which.
 
-    Measured: periods to 1e-10 on the reference ring (two, five and fourteen poles) against runs of 400 us at
-    rtol = 1e-9. On 1304 random rings (two published ones with other losses, one to three poles of 30 ns to 30 us)
-    against finer meshes of traces at rtol = 1e-8: 98 % within 1e-9, the worst 4e-8 off.
+    Measured: periods to 1e-9 on the reference ring (two, five and fourteen poles) against runs of 400 us at
+    rtol = 1e-9; docs/cycles.md has the random rings.
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
 
@@ -87,13 +99,107 @@ def limit_cycle(
     >>> print(f"{cycle.attrs['period'] * 1e9:.4f} ns, {cycle.attrs['stability']}")
     654.4713 ns, stable
     """
+    if isinstance(ring, Circuit):
+        return circuit_limit_cycle(ring, model, power=power, heaters=heaters, detuning=detuning, settle=settle)
     check_ring(ring)
-    power = check_power(power)
-    detuning = check_detuning(detuning)
+    power, detuning = check_power(power), check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
-    p = problem(ring, warm.model, float(power), float(detuning), warm.rise)
-    found = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)
-    cycle = dataset_of(p, found)
+    p = CycleProblem(ring, warm.model, float(power), float(detuning), warm.rise)
+    orbit = p.settled(p.flow.rough.zero()) if guess is None else cycle_near(p, guess)
+    cycle = dataset_of(p, orbit)
     trusted(model, cycle["delta_T"].values - warm.rise)
     cycle.attrs |= warm.attributes
     return cycle
+
+
+def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
+    """Return the cycle near a guess, or on which the ring settles from it; InputError where there is none."""
+    order = p.flow.rough.order
+    if isinstance(guess, State):
+        return p.settled(starting_point(guess, order).as_array() / p.units, "the guess")
+    if is_hopf_point(guess):
+        begin = near_hopf(problem(p.ring, p.model, p.power, p.detuning, p.rise), guess)
+        orbit = close(p.flow, begin.start, 1, REACH * begin.T)
+        if orbit is None:
+            raise InputError("the cycle beside the Hopf point given as guess is not resolved by Newton's method")
+        return orbit
+    attrs = getattr(guess, "attrs", {})
+    if "final_state" not in attrs:
+        raise InputError(
+            f"guess is a {type(guess).__name__}; it must be a cycle of coupled.limit_cycle, a run of coupled.simulate, "
+            "a coupled.State or a point of coupled.hopf_curves"
+        )
+    if "pulses" not in attrs:
+        return p.settled(starting_point(guess, order).as_array() / p.units, "the run given as guess")
+    pulses = checks.integer("guess.attrs['pulses']", attrs["pulses"], 1, MOST_PULSES)
+    period = checks.positive("guess.attrs['period']", attrs.get("period"), unit="s")
+    y = State.end_of(guess).as_array()
+    if y.size != p.units.size:  # heat of another model
+        return p.settled(np.concatenate([y[:3], _shared(p, float(guess["delta_T"].values[0]))]) / p.units, "the guess")
+    found = close(p.flow, y / p.units, pulses, REACH * period / NS)
+    if found is None:
+        raise InputError(
+            f"no cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz near the one given as guess, of "
+            f"{period:g} s: Newton's method leads to none; take a smaller step, or no guess"
+        )
+    return found
+
+
+def _shared(p: CycleProblem, rise: float) -> Array:
+    """States of heat at rest with about a rise in K."""
+    heat = p.flow.rough.heat
+    share = heat.gain[0] / heat.rate[0] if hasattr(heat, "rate") else -np.linalg.solve(heat.A, heat.B)
+    total = float(share.sum() if hasattr(heat, "rate") else heat.C @ share)
+    return np.asarray(share * (rise - p.rise) / total)
+
+
+def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
+    """Return what `limit_cycle` returns for a ring."""
+    t, re, im, N, dT = orbit.trace.rows.T
+    ring, U, into = p.ring, re**2 + im**2, np.sqrt(p.power / UW)
+    values = {
+        "energy": U * FJ,
+        "carriers": N * DENSITY,
+        "delta_T": dT + p.rise,
+        "drop": 2 * ring.drop_bus_rate * U * FJ,
+        "through": np.abs(into + 1j * np.sqrt(2 * ring.bus_rate * NS) * (re + 1j * im)) ** 2 * UW,
+        "absorbed": absorbed_power(U, N, p.internal.rates) * UW,
+    }
+    if ring.scattering_rate > 0:
+        values["scattered"] = 2 * ring.scattering_rate * U * FJ
+    variables: dict[str, Any] = {name: ("time", v, dataset.describe(name)) for name, v in values.items()}
+    about = {"units": "s", "long_name": "weight of an integral over the period"}
+    variables["weight"] = ("time", weights(orbit) * NS, about)
+    variables["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
+    attrs = provenance("limit cycle", ring, p.model) | {"input_power": p.power, "detuning": p.detuning}
+    attrs |= _numbers(orbit) | {"final_state": orbit.start * p.units}
+    return xr.Dataset(variables, coords={"time": ("time", t * NS, dataset.describe("time"))}, attrs=attrs)
+
+
+def _numbers(orbit: Orbit) -> dict[str, Any]:
+    """Attributes of a cycle: period, measures, settling time, and stability in words."""
+    seen, period = measure(orbit), orbit.T * NS
+    kind, worst = stability(orbit.others)
+    size = abs(worst)
+    settling = period / -np.log(size) if 0 < size < 1 else 0.0 if size == 0 else np.inf
+    words = {
+        "stable": f"a deviation shrinks to {size:.3g} of itself in a period",
+        "doubled": f"the pulses alternate: a multiplier of {worst.real:.4g} lies below -1",
+        "unstable": f"a deviation grows by {size:.4g} in a period",
+    }[kind]
+    if orbit.pulses > 1:
+        words += f"; {orbit.pulses} pulses in a period"
+    return {
+        "period": period, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction),
+        "settling_time": float(settling), "stability": kind, "pulses": orbit.pulses, "reason": words,
+    }  # fmt: skip
+
+
+def stability(others: NDArray[np.complex128]) -> tuple[str, complex]:
+    """The kind of a cycle, and the largest of its multipliers but the trivial one."""
+    if others.size == 0:
+        return "stable", 0j
+    worst = complex(others[np.argmax(np.abs(others))])
+    if abs(worst) < UNSTABLE:
+        return "stable", worst
+    return ("doubled" if worst.real < -1 and worst.imag == 0 else "unstable"), worst

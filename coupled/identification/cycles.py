@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-
 HARMONICS = 32
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
 LAST = 3  # cycles of a simulated trace, which has no noise to average

@@ -13,6 +13,7 @@ from thermofem.arrays import Array, NDArray
 from thermofem.data.variables import in_si
 
 from ..arguments import check_detuning, check_power
+from ..kernel.units import slowest_rate
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..thermal import Compact
@@ -64,10 +65,7 @@ class Target(NamedTuple):
         Of a settled trace, and of one that is longer than the model needs to settle, the last cycles of a trace that
         is just so long are compared.
         """
-        from ..kernels import equations as eq
-
-        slowest = eq.internal_thermal(model).without_idle_poles().slowest / eq.NS
-        enough = max(LONGEST, SETTLED / slowest)
+        enough = max(LONGEST, SETTLED / slowest_rate(model))
         if not self.settled and self.times[-1] <= enough and self.times.size <= MOST:
             return self.times
         step = float(np.median(np.diff(self.times)))

@@ -120,6 +120,14 @@ def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
     return QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight), 0.0
 
 
+def slowest_rate(model: Compact) -> float:
+    """Rate of the slowest decay of heat in 1/s, at rest."""
+    linear = getattr(model, "linear", model)
+    if isinstance(linear, Foster):
+        return float(1 / np.max(np.asarray(linear.tau)[np.asarray(linear.R) != 0]))
+    return float(-np.linalg.eigvals(np.asarray(linear.A)).real.max())
+
+
 def single_ring(
     ring: RingResonator, model: Compact, power: float, detuning: float, duration: float, method: Method
 ) -> Problem:

@@ -22,7 +22,6 @@ from thermofem.data.variables import contents, in_si
 from thermofem.solving import mesh_hash
 from thermofem.waveforms import Cubic
 
-from ..cycles.guess import check_whole
 from ..states import State
 from ..thermal import Compact
 from .corrector import FEM
@@ -73,10 +72,10 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
             raise checks.InputError("initial was made on another mesh, of as many temperatures; go on with the same")
         corrector.begin(field)
         states = None
-    elif "mesh" in attrs and "states" in variables:
-        dims = {"states": "time state", "absorbed": "time", "time": "time"}
+    elif "pulses" in attrs and "final_state" in attrs:
+        dims = {"absorbed": "time", "time": "time"}
         initial = contents("initial", initial, dims, what=KINDS, attrs=("period",))
-        first = check_whole("initial", initial)[0]
+        first = State.end_of(initial).as_array()
         light, states = first[:3], first[3:]
         corrector.begin(_lifted(initial, corrector))
     else:

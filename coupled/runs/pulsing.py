@@ -31,11 +31,6 @@ GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller
 FEWEST = 8  # samples of a trace
 FINE = 12  # samples that a cycle needs at least
 CLEAR = 320  # samples of a cycle that show the duty to 0.01: it errs by up to 3.2 over their number (measured)
-LAGS, TOLD = (
-    60,
-    1e-3,
-)  # lifetimes of the light by which an adiabatic run pulses too fast (53 measured); share that is told
-BETWEEN = 4  # rows of such a run for every step
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
@@ -148,11 +143,7 @@ def pulsing(run: xr.Dataset) -> Pulsing:
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
     rtol = checks.between("run.attrs['rtol']", run.attrs.get("rtol", 0), 0, 1)
-    lag = checks.between("run.attrs['light_lifetime']", run.attrs.get("light_lifetime", 0.0), 0, 1)
-    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 in (steps, BETWEEN * steps if lag else steps))
-    if LAGS * lag > TOLD * found.period:
-        note = f"light that follows at once: its period is up to {LAGS * lag / found.period:.1%} too short"
-        found = replace(found, reason=f"{found.reason}, {note}")
+    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 == steps)
     middle = float(t[0] + t[-1]) / 2
     moving = varies_in(run, middle, float(t[-1]))
     if moving is None or not (moving or of_circuit):  # rows of a circuit hold lasers that do not reach the ring, too
@@ -315,13 +306,22 @@ def _varying(run: xr.Dataset, late: NDArray[np.bool_]) -> str:
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:
-    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each.
+    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each, by bisection.
 
     t, x [shape (n,), n >= 4]: times, increasing, and values.
     """
-    from ..kernels.levels import rises
-
-    return np.asarray(rises(np.ascontiguousarray(t), np.ascontiguousarray(x), float(level), 1.0))
+    at = np.flatnonzero((x[:-1] < level) & (x[1:] >= level))
+    i = np.clip(at - 1, 0, t.size - 4)[:, None] + np.arange(4)
+    s, v = t[i].T, x[i].T - level
+    a, b, c = np.diff(v, axis=0) / np.diff(s, axis=0)  # divided differences
+    ab, bc = (b - a) / (s[2] - s[0]), (c - b) / (s[3] - s[1])
+    abc = (bc - ab) / (s[3] - s[0])
+    left, right = t[at], t[at + 1]
+    for _ in range(32):  # to 2e-10 of a sample
+        middle = 0.5 * (left + right)
+        below = v[0] + (middle - s[0]) * (a + (middle - s[1]) * (ab + (middle - s[2]) * abc)) < 0
+        left, right = np.where(below, middle, left), np.where(below, right, middle)
+    return np.asarray(0.5 * (left + right))
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:

@@ -20,12 +20,12 @@ from ..carriers.shockley_read_hall import ShockleyReadHall
 from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
 from ..equilibria.observables import observables
 from ..heaters import turned_by
-from ..kernel.units import internal_detuning, internal_pump
+from ..kernel.tableaus import Method
+from ..kernel.units import FJ, NS, internal_detuning, internal_pump, single_ring, units
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
 from .driven import varies_in
-from .window import units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -84,15 +84,11 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
 
     For quadratic models, which are too large for the attributes of a run.
     """
-    from ..kernels import equations as eq
-
-    unit = units(np.size(state.thermal))
-    rates, fcd = eq.internal_rates(ring)
-    pump, turned, heat = eq.internal_pump(ring, power), eq.internal_detuning(detuning), eq.internal_thermal(model)
-    y = state.as_array() / unit
+    problem = single_ring(ring, model, power, detuning, 1e-9, Method.RODAS4)
+    y = state.as_array() / units(problem.order)
     begun, step = y[0] ** 2 + y[1] ** 2, y
     for _ in range(NEWTON_STEPS):
-        J, rate = eq.jacobian(y, turned, rates, fcd, heat), eq.right_hand_side(y, pump, turned, rates, fcd, heat)
+        rate, J = problem.slopes(y)
         try:
             step = np.linalg.solve(J, rate)
         except np.linalg.LinAlgError:  # its numbers are too far apart
@@ -103,8 +99,8 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
     U = y[0] ** 2 + y[1] ** 2
     if not (np.abs(step).max() <= CLOSE * np.abs(y).max() and begun / FAR < U < begun * FAR):
         return None
-    growth = np.linalg.eigvals(eq.jacobian(y, turned, rates, fcd, heat)).real.max() / eq.NS
-    return Rest(*(np.array([value]) for value in (U * eq.FJ, model.C @ y[3:], growth)))
+    growth = np.linalg.eigvals(problem.slopes(y)[1]).real.max() / NS
+    return Rest(*(np.array([value]) for value in (U * FJ, model.C @ y[3:], growth)))
 
 
 def rest_of_run(run: xr.Dataset) -> Rest | None:

@@ -34,7 +34,7 @@ from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 
 from .channel_pairs import Pairs, reduce_pairs
-from .ring_positions import SAME, RingKinds, check_places, places_of, rings_of, with_copies
+from .ring_positions import SAME, RingKinds, check_positions, ring_positions, rings_of, with_copies
 
 ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
 _SHARES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
@@ -120,8 +120,8 @@ class ArrayReduction(HasModel):
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
-        bound, places = self.error_bound, self.positions.tolist()
-        made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": places}
+        bound, centres = self.error_bound, self.positions.tolist()
+        made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": centres}
         return {**(self.model.origin or {}), **made, "ports": list(self.model.inputs)}
 
 
@@ -133,7 +133,7 @@ def reduce_array(
     heated: str | None = None,
     heaters: Sequence[str] = (),
 ) -> ArrayReduction:
-    """Reduce N rings at given places to one thermal model with N inputs and N outputs.
+    """Reduce N rings at given centres to one thermal model with N inputs and N outputs.
 
     Parameters
     ----------
@@ -165,9 +165,9 @@ def reduce_array(
     [[7.89, 0.24], [0.24, 7.89]]
     """
     tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
-    places = places_of(positions)
-    rings = rings_of(heat, len(places), heated, heaters)
-    apart = check_places(rings, places)
+    centres = ring_positions(positions)
+    rings = rings_of(heat, len(centres), heated, heaters)
+    apart = check_positions(rings, centres)
     names = tuple(heaters) if not isinstance(heaters, str) else (heaters,)
     sources = [
         _sources(rings, g, apart, (part, *names), tolerance) for g, part in enumerate(ring.part for ring in rings.kinds)
@@ -175,7 +175,7 @@ def reduce_array(
     model, bounds, poles = _assembled(sources, rings, names)
     array = ArrayReduction(
         model=replace(model, origin=_origin(rings)),
-        positions=places,
+        positions=centres,
         error_bound=float(bounds.max()),
         channel_bounds=bounds,
         passive=_is_passive(model),

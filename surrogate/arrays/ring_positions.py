@@ -1,4 +1,4 @@
-"""Rings on one chip: their kinds and places, checked, and the fields of each kind read at the places of the others."""
+"""Rings on one chip: their kinds and positions, checked, and the fields of each kind read where the others are."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from thermofem import HeatProblem, InputError, Part, Probe, assemble, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.fem.off_axis import off_axis_integral
+from thermofem.fem.probe_means import off_axis_integral
 from thermofem.geometry.cross_section import MOST as MOST_DISTANCES
-from thermofem.geometry.neighbours import check_distance, check_uniform, footprint, reach
+from thermofem.geometry.off_axis_copies import check_distance, check_uniform, footprint, reach
 
 MOST = 1000  # rings
 SAME = 1e-12  # m, distances that differ by less are one
@@ -27,7 +27,7 @@ class Kind:
 
     @property
     def core(self) -> Part:
-        """That part itself."""
+        """The part that is heated and read."""
         return next(part for part in self.heat.geometry.parts if part.name == self.part)
 
 
@@ -91,26 +91,26 @@ def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:
             )
 
 
-def places_of(positions: ArrayLike) -> Array:
-    """Check the centres of rings in m."""
-    places = checks.numbers("positions", positions, hint="one row (x, y) in m for each ring")
-    if places.ndim != 2 or places.shape[1] != 2 or not 1 <= len(places) <= MOST:
-        raise InputError(f"positions has shape {places.shape}; (N, 2) is needed, x and y in m of 1 to {MOST} rings")
-    return places
+def ring_positions(positions: ArrayLike) -> Array:
+    """Check the centres of rings, rows (x, y) in m."""
+    centres = checks.numbers("positions", positions, hint="one row (x, y) in m for each ring")
+    if centres.ndim != 2 or centres.shape[1] != 2 or not 1 <= len(centres) <= MOST:
+        raise InputError(f"positions has shape {centres.shape}; (N, 2) is needed, x and y in m of 1 to {MOST} rings")
+    return centres
 
 
-def check_places(rings: RingKinds, places: Array) -> Array:
+def check_positions(rings: RingKinds, centres: Array) -> Array:
     """Distances of all pairs in m, shape (N, N).
 
     Raises InputError: rings that overlap, voids, or a domain that ends before the most distant pair.
     """
-    between = np.linalg.norm(places[:, None] - places, axis=-1)
-    if len(places) == 1:
+    between = np.linalg.norm(centres[:, None] - centres, axis=-1)
+    if len(centres) == 1:
         return between
     for kind in rings.kinds:
         check_uniform(kind.heat.geometry, "positions")
     radius = np.array([footprint(rings.kinds[g].heat.geometry) for g in rings.of])
-    gap = between - radius[:, None] - radius + np.where(np.eye(len(places)), np.inf, 0)
+    gap = between - radius[:, None] - radius + np.where(np.eye(len(centres)), np.inf, 0)
     i, j = np.unravel_index(np.argmin(gap), gap.shape)
     if gap[i, j] < 0:
         raise InputError(
@@ -119,7 +119,7 @@ def check_places(rings: RingKinds, places: Array) -> Array:
         )
     for g, kind in enumerate(rings.kinds):
         for other, reader in enumerate(rings.kinds):
-            pairs = np.where(np.outer(rings.of == g, rings.of == other) & ~np.eye(len(places), dtype=bool), between, 0)
+            pairs = np.where(np.outer(rings.of == g, rings.of == other) & ~np.eye(len(centres), dtype=bool), between, 0)
             i, j = np.unravel_index(np.argmax(pairs), pairs.shape)
             if pairs[i, j] > 0:
                 who = f"positions[{i}] and positions[{j}]"
@@ -144,8 +144,8 @@ def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) 
         )
     names = tuple(f"copy {k + 1}" for k in range(len(readers)))
     clear = (footprint(own.heat.geometry) + reach(own.core)) * (1 + 1e-9)
-    places = [d if kind == g else max(d, clear) for kind, d in readers]
-    copies = [Probe(name, own.part, distance=float(d)) for name, d in zip(names, places, strict=True)]
+    distances = [d if kind == g else max(d, clear) for kind, d in readers]
+    copies = [Probe(name, own.part, distance=float(d)) for name, d in zip(names, distances, strict=True)]
     solved = assemble(replace(own.heat.geometry, probes=tuple(copies)), own.heat.accuracy)
     d, foreign = solved.discretization, {}
     for name, (kind, distance) in zip(names, readers, strict=True):

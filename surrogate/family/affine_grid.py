@@ -18,8 +18,8 @@ import numpy as np
 
 from thermofem import Boundary, CrossSection
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.interface import PERFECT
-from thermofem.geometry.change import Change
+from thermofem.fem.contacts import PERFECT
+from thermofem.geometry.parameters import Change
 from thermofem.geometry.regions import outlines
 from thermofem.materials.laws import PowerLaw
 from thermofem.materials.library import VOID, Material

@@ -19,12 +19,12 @@ import numpy as np
 
 from thermofem import HeatProblem, Mesh
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.interface import split
-from thermofem.fem.matrices import maps, reference
-from thermofem.fem.problem import on_mesh, resistances
+from thermofem.fem.contacts import split
+from thermofem.fem.heat_problem import on_mesh, resistances
+from thermofem.fem.weak_forms import maps, reference
 from thermofem.geometry.regions import Face
-from thermofem.mesh.generate import make_faces
-from thermofem.mesh.sizes import size_function, sizes
+from thermofem.mesh.element_sizes import size_function, sizes
+from thermofem.mesh.gmsh_mesher import make_faces
 
 from .affine_grid import CellGrid, Properties, member_properties
 from .parameter_box import Box

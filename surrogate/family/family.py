@@ -15,7 +15,7 @@ from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.netcdf import DAMAGE
 from thermofem.fem.derivatives import MOST, dataset_of, step_times
-from thermofem.fem.projected import ModalDerivative
+from thermofem.fem.modal_derivatives import ModalDerivative
 from thermofem.models.contract import OutsideTrainingWarning
 
 from ..reduction.reduce import reduce

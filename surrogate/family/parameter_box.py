@@ -12,8 +12,8 @@ import numpy as np
 
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.fem.interface import PERFECT
-from thermofem.geometry.change import Change, change
+from thermofem.fem.contacts import PERFECT
+from thermofem.geometry.parameters import Change, change
 from thermofem.materials.library import Material
 
 LOOSE = 1e-9  # of the range, by which a value may leave the box: round-off of units

@@ -14,8 +14,8 @@ import numpy as np
 
 from thermofem import HeatProblem, Mesh, assemble, checks
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.problem import on_mesh
-from thermofem.mesh.motion import Motion
+from thermofem.fem.heat_problem import on_mesh
+from thermofem.mesh.mesh_motion import Motion
 
 from .affine_matrices import Coefficients
 from .parameter_box import Box

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from thermofem import CrossSection, HeatProblem, StateSpace, assemble, checks
 from thermofem.arrays import Array
-from thermofem.data.files import LARGEST, digest, digest_tree, make_folder, read_bytes, write_whole
+from thermofem.campaign.store import Store
+from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
 from thermofem.data.netcdf import DAMAGE
 
 from ..reduction.reduce import Projected, project
@@ -227,18 +228,14 @@ def snapshot_of(engine: AffineEngine | MovedMeshEngine, row: Array, ports: tuple
 class Solver:
     """Where members are solved and kept.
 
-    key: of everything that the members share; others in the folder are left alone.
+    key: of everything that the members share; others in the store are left alone.
     executor: None solves in this process.
+    store: keeps what is solved, open while the solver is called; None keeps nothing.
     """
 
     key: str
     executor: Executor | None = None
-    folder: Path | None = None
-
-    def __post_init__(self) -> None:
-        """Make the folder; InputError where that fails."""
-        if self.folder is not None:
-            make_folder(self.folder)
+    store: Store | None = None
 
     def __call__(
         self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""
@@ -249,8 +246,9 @@ class Solver:
 
         Raises InputError: of a task, or all of them failed; the executor broke.
         """
-        paths = [self._path(function.__name__, shared, mark) for mark in marks]
-        kept = [_read(path) if path and path.is_file() else None for path in paths]
+        keys = [self._key(f"{function.__name__} {shared}", mark) for mark in marks]
+        there = self.store.intact(keys) if self.store else set()
+        kept = [_member(self.store.path(key)) if self.store and key in there else None for key in keys]
         left = [k for k, one in enumerate(kept) if one is None]
         futures: dict[int, Future[Any]] = {}
         reason = ""
@@ -266,12 +264,12 @@ class Solver:
                     reason = f"{type(error).__name__}: {error}"
                     log.warning("a member failed and is left out: %s", reason)
                     continue
-                if (path := paths[k]) is not None:
-                    _write(path, found)
+                if self.store:
+                    self.store.write(keys[k], _packed(found))
         except BrokenExecutor as error:
             raise checks.InputError(
                 f"the executor broke ({type(error).__name__}: {error})",
-                "run again with a new one" + (f"; what {self.folder} holds is kept" if self.folder else ""),
+                "run again with a new one" + (f"; what {self.store.folder} holds is kept" if self.store else ""),
             ) from None
         finally:
             for future in futures.values():
@@ -290,29 +288,22 @@ class Solver:
             done.set_exception(error)
         return done
 
-    def _path(self, name: str, shared: str, mark: Array) -> Path | None:
-        if self.folder is None:
-            return None
-        content = f"{self.key} {name} {shared}".encode() + np.ascontiguousarray(mark).tobytes()
-        return self.folder / f"{hashlib.sha256(content).hexdigest()[:24]}.npz"
+    def _key(self, what: str, mark: Array) -> str:
+        content = f"{self.key} {what}".encode() + np.ascontiguousarray(mark).tobytes()
+        return hashlib.sha256(content).hexdigest()[:24]
 
 
-def _write(path: Path, found: Member | MemberModes) -> None:
+def _packed(found: Member | MemberModes) -> bytes:
+    """The member as an archive."""
     modes = found if isinstance(found, MemberModes) else found.modes
-    arrays: dict[str, Any] = {"key": np.array(path.stem), "tau": modes.tau, "ports": modes.ports}
+    arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
     if isinstance(found, Member):
         arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
-    whole = pack(arrays, deflated=False)
-    write_whole(path, lambda p: p.write_bytes(whole))
+    return pack(arrays, deflated=False)
 
 
-def _read(path: Path) -> Member | MemberModes | None:
-    """The stored member; None where the file is damaged, or that of another member under this name."""
-    try:
-        arrays = unpack(read_bytes(path, "member"))
-        if str(arrays["key"]) != path.stem:
-            return None
-        modes = MemberModes(arrays["tau"], arrays["ports"])
-        return Member(arrays["row"], modes, arrays["static"], arrays["fields"]) if "row" in arrays else modes
-    except (KeyError, ValueError):
-        return None
+def _member(path: Path) -> Member | MemberModes:
+    """The member of an archive."""
+    arrays = unpack(read_bytes(path, "member"))
+    modes = MemberModes(arrays["tau"], arrays["ports"])
+    return Member(arrays["row"], modes, arrays["static"], arrays["fields"]) if "row" in arrays else modes

@@ -7,6 +7,7 @@ all functions and with those of earlier batches alone; where the two differ most
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -23,6 +24,7 @@ from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
+from thermofem.campaign.store import Store
 from thermofem.data.files import read_toml
 
 from .affine_grid import NotAffineError
@@ -251,11 +253,13 @@ def train_family(
     inputs, outputs = _channels(box)
     ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
     key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"
-    solver = Solver(key, executor, None if folder is None else checks.path("folder", folder))
-    rows, fine_members = _held_out(box, held_out, seed, ports, tolerance, solver)
-    report(f"{len(fine_members)} held-out members solved")
-    engine, references = _engine(box, ports, heated, tolerance, rows, fine_members)
-    found = Trainer(engine, ports, tolerance, seed, heated, report, solver).run()
+    store = None if folder is None else Store(checks.path("folder", folder), ".npz")
+    solver = Solver(key, executor, store)
+    with store.opened() if store else contextlib.nullcontext():
+        rows, fine_members = _held_out(box, held_out, seed, ports, tolerance, solver)
+        report(f"{len(fine_members)} held-out members solved")
+        engine, references = _engine(box, ports, heated, tolerance, rows, fine_members)
+        found = Trainer(engine, ports, tolerance, seed, heated, report, solver).run()
     members: AffineMembers | MovedMeshMembers
     if found.terms is not None:
         members = found.terms
@@ -279,7 +283,7 @@ def train_family(
     output_maps: OutputMaps | None = None
     if power is not None:
         report("members with conductivities that depend on temperature")
-        output_maps = interpolate_output_maps(engine, (a, b), power, foster, seed, replace(solver, folder=None))
+        output_maps = interpolate_output_maps(engine, (a, b), power, foster, seed, replace(solver, store=None))
     elif engine.reference.nonlinear:
         log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
     for name in _without_effect(box, members, heated):

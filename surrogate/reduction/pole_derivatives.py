@@ -9,7 +9,7 @@ import numpy as np
 
 from thermofem import Foster, HeatProblem, checks
 from thermofem.fem.derivatives import project, tangents_of
-from thermofem.fem.projected import ModalDerivative
+from thermofem.fem.modal_derivatives import ModalDerivative
 
 from .reduce import Reduction
 

@@ -11,7 +11,7 @@ import numpy as np
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign import Variation
-from thermofem.geometry.change import change
+from thermofem.geometry.parameters import change
 
 from ..family import Family, train_family
 from .targets import Optics, Property, Quantity, word

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 import thermofem as th
 from thermofem.algebra.krylov import Rounds, rates
-from thermofem.fem.interface import split
-from thermofem.fem.matrices import build, properties
-from thermofem.fem.probes import probe_mean
-from thermofem.fem.problem import HeatProblem, resistances
+from thermofem.fem.contacts import split
+from thermofem.fem.heat_problem import HeatProblem, resistances
+from thermofem.fem.mesh_refinement import refined
+from thermofem.fem.probe_means import probe_mean
 from thermofem.fem.surfaces import surfaces_of
-from thermofem.mesh.refine import refined
+from thermofem.fem.weak_forms import build, properties
 from thermofem.mesh.triangles import Mesh
 
 TIMES = np.geomspace(1e-9, 1e-2, 57)  # s, eight a decade

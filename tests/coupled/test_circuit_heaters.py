@@ -85,6 +85,6 @@ def test_the_cycle_beside_a_heater_is_that_of_limit_cycle():
     own, other = np.sqrt(np.append(SECOND_ORDER.R, 100.0) * rate), np.array([0.2, 0.3, 0.5]) * np.sqrt(1000 * rate)
     model = heated(rate, own, other)
     for heaters in ({"heater": 1e-3}, None):
-        cycle = coupled.circuit_limit_cycle(coupled.bus(RING), model, power={"in": 6.31e-3}, heaters=heaters)
+        cycle = coupled.limit_cycle(coupled.bus(RING), model, power={"in": 6.31e-3}, heaters=heaters)
         one = coupled.limit_cycle(RING, model, power=6.31e-3, heaters=heaters, heated="ring 1", read="ring 1")
         assert cycle.attrs["period"] == pytest.approx(one.attrs["period"], rel=1e-5)  # limit_cycle's own error

@@ -1,6 +1,5 @@
 """Fixed points and limit cycles of circuits: against a ring alone, by differences, and against long runs."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,21 +38,6 @@ def test_two_separate_bistable_rings_have_all_pairs_of_states():
     assert int(np.sum(found.growing.values == 0)) == stable**2
 
 
-def test_the_jacobian_is_the_derivative_of_the_right_hand_side():
-    """Rings that heat each other and exchange light, by central differences: 1e-6 of the step squared and round-off."""
-    from coupled.circuit.fixed_points import _flow, _jacobian, autonomous
-
-    circuit = coupled.scissor([RING, replace(RING, frequency=RING.frequency + 4e9)], phase=0.7, loss=0.4)
-    system = autonomous(circuit, pair(), {"in": 5e-3}, None, 1e9)
-    rng = np.random.default_rng(3)
-    y = np.abs(rng.normal(1.0, 0.3, 6 + system.heat.gain.size))
-    J, h = _jacobian(system, y), 1e-5
-    for j in range(y.size):
-        step = h * np.eye(y.size)[j]
-        difference = (_flow(system, y + step) - _flow(system, y - step)) / (2 * h)
-        assert J[:, j] == pytest.approx(difference, rel=1e-6, abs=1e-6 * np.abs(J).max())
-
-
 def test_a_run_settles_on_the_stable_fixed_point_of_two_rings_that_heat_each_other():
     inputs = {"one": 0.4e-3, "two": 0.8e-3}
     found = coupled.steady_states(TWO, pair(), power=inputs, detuning=-3e9)
@@ -66,7 +50,7 @@ def test_a_run_settles_on_the_stable_fixed_point_of_two_rings_that_heat_each_oth
 
 def test_one_ring_has_the_cycle_of_limit_cycle():
     """Shooting with differences against collocation."""
-    ours = coupled.circuit_limit_cycle(coupled.bus(RING), SECOND_ORDER, power={"in": 6.31e-3})
+    ours = coupled.limit_cycle(coupled.bus(RING), SECOND_ORDER, power={"in": 6.31e-3})
     alone = coupled.limit_cycle(RING, SECOND_ORDER, power=6.31e-3)
     assert ours.attrs["period"] == pytest.approx(alone.attrs["period"], rel=1e-6, abs=0)
     size = np.sort(np.abs(alone.multipliers.values))[::-1]
@@ -82,7 +66,7 @@ def test_a_circuit_that_comes_to_rest_slowly_has_no_cycle(power, detuning):
     model = th.Foster(*(two if power < 3e-3 else five))
     circuit, inputs = coupled.bus(RING), {"in": power}
     with pytest.raises(th.InputError, match="unless the pulses die away"):
-        coupled.circuit_limit_cycle(circuit, model, power=inputs, detuning=detuning)
+        coupled.limit_cycle(circuit, model, power=inputs, detuning=detuning)
     at_rest = coupled.steady_states(circuit, model, power=inputs, detuning=detuning)
     assert at_rest.growing.values.tolist() == [0]
 
@@ -90,7 +74,7 @@ def test_a_circuit_that_comes_to_rest_slowly_has_no_cycle(power, detuning):
 @pytest.mark.slow
 def test_a_faint_ring_beside_a_pulsing_one_follows_it():
     """The cycle of both is that of the ring that pulses, and the other one is heated by it."""
-    cycle = coupled.circuit_limit_cycle(TWO, pair(), power={"one": 6.31e-3, "two": 1e-9}, settle=100e-6)
+    cycle = coupled.limit_cycle(TWO, pair(), power={"one": 6.31e-3, "two": 1e-9}, settle=100e-6)
     assert abs(cycle.multipliers.values[0]) == pytest.approx(1, rel=0, abs=1e-4)  # the trivial one; all else decays
     mean = cycle.absorbed.isel(ring=0).integrate("time") / cycle.attrs["period"]
     # the neighbour's mean rise is 250 K/W of the mean power, whatever its ripple
@@ -106,7 +90,7 @@ def test_a_faint_ring_beside_a_pulsing_one_follows_it():
         (lambda: states(BEATING, {"a": 1e-3, "b": 1e-3}), "different frequency beat"),
         (lambda: states(RING, {"in": 1e-3}), "power = "),
         (
-            lambda: coupled.circuit_limit_cycle(coupled.bus(RING), SECOND_ORDER, power={"in": 1e-5}, settle=5e-6),
+            lambda: coupled.limit_cycle(coupled.bus(RING), SECOND_ORDER, power={"in": 1e-5}, settle=5e-6),
             "comes to rest",
         ),
     ],
@@ -132,8 +116,7 @@ def test_a_dark_laser_of_another_frequency_changes_no_cycle():
         coupled.Circuit([RING], lasers=lasers) for lasers in ([lit], [coupled.LaserPort("a", "ring 1.add"), lit])
     )
     periods = [
-        coupled.circuit_limit_cycle(circuit, SECOND_ORDER, power={"in": 6.31e-3}).attrs["period"]
-        for circuit in (alone, dark)
+        coupled.limit_cycle(circuit, SECOND_ORDER, power={"in": 6.31e-3}).attrs["period"] for circuit in (alone, dark)
     ]
     assert periods[0] == periods[1]
 

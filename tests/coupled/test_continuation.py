@@ -45,7 +45,7 @@ def test_a_fold_is_where_long_runs_stop_pulsing(loop, validated):
         source, ours = "independent program, AUTO-07p", at(loop, kind).item() * 1e-9
         validated("Coupled dynamics", what, ours, theirs, within=1e-7, unit="GHz", source=source)
     cycle = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=fold - 2e6)
-    begin = coupled.State.from_array(cycle["states"].values[0])
+    begin = coupled.State.end_of(cycle)
     regimes = []
     for nu in (fold - 1e4, fold + 1e4):  # 2e-6 of the detuning, 3e-7 of the range
         run = coupled.simulate(LUMPED, NEWTON, power=POWER, detuning=nu, duration=4e-4, rtol=1e-8, initial=begin)
@@ -144,7 +144,7 @@ def test_pulses_are_modulated_beyond_a_torus():
     pair = others[np.abs(others.imag) > 0.1]
     np.testing.assert_allclose(np.abs(pair), 1, atol=1e-6)
     cycle = coupled.limit_cycle(RING, model, power=P, detuning=torus - 100e6)
-    begin = coupled.State.from_array(cycle["states"].values[0])
+    begin = coupled.State.end_of(cycle)
     spread = []
     for nu in (torus - 50e6, torus + 50e6):
         run = coupled.simulate(RING, model, power=P, detuning=nu, duration=150e-6, rtol=1e-7, initial=begin)

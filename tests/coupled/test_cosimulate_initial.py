@@ -12,7 +12,7 @@ from models import coarse_fem, coarse_warm_fem
 import coupled
 import surrogate
 import thermofem as th
-from coupled.kernels.levels import rises
+from coupled.runs.pulsing import crossings
 
 
 @cache
@@ -23,7 +23,7 @@ def strip():
 
 def periods(run):
     t, N = run["time"].values, run["carriers"].values
-    return np.diff(rises(t, N, (N.min() + N.max()) / 2, 1.0))
+    return np.diff(crossings(t, N, (N.min() + N.max()) / 2))
 
 
 def test_the_fem_is_settled_from_the_first_period():

@@ -15,10 +15,10 @@ import coupled
 import thermofem as th
 from coupled import Method, State, Sweep
 from coupled.inputs import Pieces, bounds, pieces
+from coupled.kernel import units as eq
+from coupled.kernel.integrator import Problem
 from coupled.kernel.tableaus import tableau
-from coupled.kernels import equations as eq
-from coupled.kernels.rosenbrock import light, step
-from coupled.runs.window import advance, laser_of
+from coupled.runs.window import advance, drive_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9
 UNIT = np.array([np.sqrt(eq.FJ), np.sqrt(eq.FJ), eq.DENSITY, 1, 1])
@@ -41,25 +41,19 @@ def exact(y, times, power, detuning, method="DOP853", rtol=1e-12):
 @pytest.mark.parametrize("method", Method)
 def test_observed_order_under_moving_light(method):
     """Without df/dt in the stages it would be one."""
-    table, duration, start = tableau(method), 0.05, state(2)
+    duration, start, errors = 0.05, state(2), []
     power = Pieces(np.array([0, 1.0]) * NS, np.array([[6e-3, 1e-3 / NS * 20, -4e-3 / NS**2 * 100, 8 / NS**3]]))
     detuning = Pieces(np.array([0, 1.0]) * NS, np.array([[-3e9, 400e9 / NS, 2e12 / NS**2, -5e12 / NS**3]]))
     want = exact(start, [0, duration], power, detuning)[-1]
-    laser, (rates, fcd) = laser_of(RING, 0.0, 1e-9, power, detuning), eq.internal_rates(RING)
-    errors = []
+    heat, _ = eq.internal_heat(SECOND_ORDER)
+    rings, drive = eq.internal_rings([RING], 1.0, 1.0), drive_of(RING, 0.0, duration * NS, power, detuning)
     for n in (64, 128):
-        y, h = start, duration / n
-        for m in range(n):
-            stages = table.a.shape[0]
-            drive, turn, slopes = np.empty(stages), np.empty(stages), np.empty(2)
-            light(laser, 0, m * h, h, table.at, laser.power[0, 0], drive, turn, slopes)
-            out, k, total = np.empty(5), np.empty((stages, 5)), np.empty(stages)
-            args = (rates, fcd, eq.internal_thermal(SECOND_ORDER), table, out, k, total, np.empty(2))
-            step(y, h, drive, turn, slopes, *args)
-            y = out
-        errors.append(np.abs(y - want).max())
+        h = duration / n  # of every step: any error is allowed
+        run = Problem(rings, heat, drive, method).integrate(start, rtol=1e6, first_step=h, longest=h)
+        assert run.accepted == n
+        errors.append(np.abs(run.y - want).max())
     # As under constant light: the next order contributes h/tau = 0.13 of the leading one, log2(1.13) = 0.18.
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(table.order, abs=0.25)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(tableau(method).order, abs=0.25)
     assert errors[1] > 1e-12
 
 
@@ -218,7 +212,10 @@ def test_pieces_of_everything_that_drives():
         ({"power": []}, "empty list"),
         ({"power": "8 dBm"}, "not a number"),
         ({"power": BPoly.from_derivatives([0, 1e-6], [[0, 0], [1e-3, 0]])}, "power is a BPoly; a PPoly is needed"),
-        ({"detuning": CubicSpline([0, 1e-6], [0, 1e9 + 1e9j])}, "detuning: coefficients holds values that are complex"),
+        (
+            {"detuning": CubicSpline([0, 1e-6], [0, 1e9 + 1e9j])},
+            "detuning: coefficients holds values of the type complex",
+        ),
         ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
         ({"detuning": Sweep([0, 1e-6], [0, -10])}, "did you mean -10e9"),
         ({"method": "Rodas5"}, "did you mean 'rodas5p'"),

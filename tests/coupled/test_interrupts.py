@@ -1,4 +1,4 @@
-"""Ctrl-C while compiled code runs: a KeyboardInterrupt, late but whole, and nothing queued goes on."""
+"""Ctrl-C while the kernel runs: a KeyboardInterrupt within a second, and nothing queued goes on."""
 
 from __future__ import annotations
 
@@ -16,9 +16,6 @@ import pytest
 
 import coupled
 import thermofem as th
-from coupled.kernels import adiabatic as adiabatic_light
-from coupled.kernels import rosenbrock
-from coupled.kernels.interrupts import uninterrupted
 from coupled.maps.quick import pulse
 
 pytestmark = pytest.mark.slow
@@ -33,34 +30,6 @@ def ctrl_c_is_heard():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
-
-
-class Kernel:
-    """Stands for compiled code: hears ``signals`` Ctrl-C, then goes on to its end."""
-
-    signatures = ("compiled",)
-
-    def __init__(self, signals: int) -> None:
-        self.signals, self.done = signals, False
-
-    def __call__(self, value: int) -> int:
-        for _ in range(self.signals):
-            signal.raise_signal(signal.SIGINT)
-        self.done = True
-        return value
-
-
-@pytest.mark.parametrize(("signals", "done"), [(1, True), (2, False)])
-def test_an_interrupt_waits_for_the_kernel_and_a_second_one_does_not(signals, done):
-    kernel, before = Kernel(signals), signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
-        uninterrupted(kernel, 3)
-    assert kernel.done is done
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_without_an_interrupt_the_answer_comes_back():
-    assert uninterrupted(Kernel(0), 3) == 3
 
 
 @pytest.mark.parametrize("duration", [9e-5, 5e-3], ids=["short", "long"])
@@ -84,36 +53,7 @@ except KeyboardInterrupt:
     assert (done.returncode, done.stdout) == (0, "interrupted\n"), done.stderr
 
 
-def press(*_):
-    """Ctrl-C while the kernel runs, in the function that shows how far it is."""
-    signal.raise_signal(signal.SIGINT)
-
-
-@pytest.mark.parametrize("adiabatic", [False, True])
-def test_a_long_run_ends_within_a_step_of_the_interrupt(adiabatic, monkeypatch):
-    """100 ms take 10 to 30 s; the kernel says itself that it was stopped, and where."""
-    module = adiabatic_light if adiabatic else rosenbrock
-    kernel, ended = module.integrate, []
-
-    class Recorded:
-        compile, typeof_pyval = kernel.compile, kernel.typeof_pyval
-
-        def __call__(self, *arguments):
-            found = kernel(*arguments)
-            ended.append((found[2], found[-1][2]))
-            return found
-
-    monkeypatch.setattr(module, "integrate", Recorded())
-    with pytest.raises(KeyboardInterrupt):
-        coupled.simulate(RING, MODEL, power=6.31e-3, duration=0.1, adiabatic=adiabatic, progress=press)
-    (reached, how), *others = ended
-    assert not others
-    assert how == rosenbrock.STOPPED
-    assert 0 < reached < 0.1e9  # ns
-
-
 def test_a_long_run_says_how_far_it_is_and_begins_as_a_short_one_does():
-    """In a thread of its own, which a short one does without."""
     seen: list[float] = []
     run = coupled.simulate(RING, MODEL, power=6.31e-3, duration=3e-3, progress=seen.append)
     assert seen[-1] == pytest.approx(3e-3, rel=1e-15)

@@ -1,4 +1,4 @@
-"""Every kind of thermal model in the compiled integration: right-hand side, Jacobian, one step, and a run."""
+"""Every kind of thermal model in runs: another integrator, the contract's models, and what is refused."""
 
 from __future__ import annotations
 
@@ -7,76 +7,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from models import MODELS
-from rings import BENT, LINEAR, RING, SECOND_ORDER, state
+from rings import BENT, LINEAR, RING, SECOND_ORDER
 from scipy.integrate import solve_ivp
 
 import coupled
 import thermofem as th
 from coupled import Method
-from coupled.kernel.tableaus import tableau
-from coupled.kernels import equations as eq
-from coupled.kernels import quadratic, rosenbrock
-from coupled.runs import lasers, window
+from coupled.kernel import integrator
+from coupled.kernel import units as eq
 from coupled.thermal import compact
 
 MAPPED = th.OutputMap(SECOND_ORDER, -4e-3)
-KINDS = {"network": SECOND_ORDER, "output map": MAPPED, "quadratic": BENT, "quadratic, linear": LINEAR}
+KINDS = {"output map": MAPPED, "quadratic": BENT}
 REAL = replace(RING, drop_rate=20e9, scattering_rate=3e9, kerr_coefficient=4.5e-18)
-RATES, FCD = eq.internal_rates(REAL)
-DRIVE, TURN = eq.internal_pump(REAL, 6.31e-3), eq.internal_detuning(-3e9)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_jacobian_by_complex_steps(kind):
-    thermal, y = eq.internal_thermal(KINDS[kind]), state(2)
-    J = eq.jacobian(y, TURN, RATES, FCD, thermal)
-    for j in range(5):
-        at = y.astype(complex)
-        at[j] += 1e-30j
-        column = eq.right_hand_side(at, DRIVE, TURN, RATES, FCD, thermal).imag / 1e-30
-        assert J[:, j] == pytest.approx(column, rel=1e-13, abs=1e-14 * np.abs(J).max())  # no difference, so round-off
-
-
-@pytest.mark.parametrize("kind", ["quadratic", "quadratic, linear"])
-def test_heat_flows_as_the_model_says(kind):
-    model, y = KINDS[kind], state(2)
-    got = eq.right_hand_side(y, DRIVE, TURN, RATES, FCD, eq.internal_thermal(model))[3:] / eq.NS
-    P = float(eq.absorbed_power(y[0] ** 2 + y[1] ** 2, y[2], RATES)) * eq.UW
-    assert got == pytest.approx(model.rate(y[3:], P), rel=1e-12)
-
-
-@pytest.mark.parametrize("method", Method)
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_step_solves_the_same_systems_as_a_dense_factorization(kind, method):
-    table, y, h, thermal = tableau(method), state(2), 0.7, eq.internal_thermal(KINDS[kind])
-    J, slopes = eq.jacobian(y, TURN, RATES, FCD, thermal), np.array([3.0, -0.4])
-    light = DRIVE + slopes[0] * table.at * h, TURN + slopes[1] * table.at * h
-    by_time = np.array([slopes[1] * y[1], slopes[0] - slopes[1] * y[0], 0, 0, 0])
-    matrix, k = np.eye(5) / (table.gamma * h) - J, []
-    for i, (a, c) in enumerate(zip(table.a, table.c, strict=True)):
-        at = y + sum((a[j] * k[j] for j in range(i)), np.zeros(5))
-        f = eq.right_hand_side(at, light[0][i], light[1][i], RATES, FCD, thermal) + table.slope[i] * h * by_time
-        k.append(np.linalg.solve(matrix, f + sum((c[j] / h * k[j] for j in range(i)), np.zeros(5))))
-    stages = len(k)
-    out, got, total = np.empty(5), np.empty((stages, 5)), np.empty(stages)
-    full = hasattr(KINDS[kind], "H")
-    space = (np.empty((2, 2)), np.empty(2, np.int64), np.empty((3, 5))) if full else np.empty(2)
-    take = quadratic.step if full else rosenbrock.step
-    take(y, h, *light, slopes, RATES, FCD, thermal, table, out, got, total, space)
-    size = np.abs(k).max()
-    assert np.abs(got - k).max() < 1e-12 * size  # as for networks under constant light
-    assert out == pytest.approx(at + k[-1], abs=1e-12 * size)
 
 
 @pytest.mark.parametrize("kind", ["output map", "quadratic"])
 def test_a_run_agrees_with_another_integrator(kind):
     model, times = KINDS[kind], np.linspace(20, 400, 20)
-    thermal = eq.internal_thermal(model)
-
-    def f(_, y):
-        return eq.right_hand_side(y, DRIVE, TURN, RATES, FCD, thermal)
-
-    other = solve_ivp(f, (0, 400), np.zeros(5), method="LSODA", t_eval=times, rtol=1e-11, atol=1e-13)
+    problem = eq.single_ring(REAL, model, 6.31e-3, -3e9, 400e-9, Method.RODAS5P)
+    other = solve_ivp(
+        lambda _, y: problem.slopes(y)[0], (0, 400), np.zeros(5), method="LSODA", t_eval=times, rtol=1e-11, atol=1e-13
+    )
     run = coupled.simulate(REAL, model, power=6.31e-3, detuning=-3e9, duration=400e-9, times=times * eq.NS, rtol=1e-9)
     z = other.y[3:].sum(axis=0)
     want = z - 4e-3 * z**2 if kind == "output map" else model.C @ other.y[3:]
@@ -159,7 +111,7 @@ def test_light_and_heat_that_run_away_end_in_one_line():
 @pytest.mark.parametrize("G", [1e26, 1e30])
 def test_heat_that_grows_within_a_step_is_not_damped(G, monkeypatch):
     """An L-stable step ended on the unstable fixed point -B/G, a rise of -2e-21 K under light, without a word."""
-    monkeypatch.setattr(window, "MAX_STEPS", 100_000)
+    monkeypatch.setattr(integrator, "MAX_STEPS", 100_000)
     away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
     with pytest.raises(th.InputError, match=r"no step small enough|takes more than"):
         coupled.simulate(RING, away, power=1e-4, duration=1e-10)
@@ -167,7 +119,7 @@ def test_heat_that_grows_within_a_step_is_not_damped(G, monkeypatch):
 
 @pytest.mark.parametrize("G", [1e26, 1e30])
 def test_heat_that_grows_within_a_step_is_not_damped_beside_several_lasers(G, monkeypatch):
-    monkeypatch.setattr(lasers, "MAX_STEPS", 100_000)
+    monkeypatch.setattr(integrator, "MAX_STEPS", 100_000)
     away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
     with pytest.raises(th.InputError, match=r"no step small enough|takes more than"):
         coupled.simulate(RING, away, power=1e-4, duration=1e-10, lasers=coupled.Laser(1e-6, -2e9))

@@ -167,7 +167,6 @@ def test_what_is_refused():
     for arguments, words in (
         ({"lasers": 1e-3}, "coupled.Laser"),
         ({"lasers": coupled.Laser(-1e-3)}, "power"),
-        ({"lasers": coupled.Laser(1e-3), "adiabatic": True}, "adiabatic"),
         ({"lasers": coupled.Laser(1e-3), "event": coupled.Event("energy", 1e-15)}, "event"),
         ({"detuning": [0.0, 20e9]}, r"lasers=\[coupled.Laser"),
     ):

@@ -113,7 +113,7 @@ def test_a_circuit_of_such_a_ring_has_its_cycle():
     want = energies(times)
     waits = np.diff(coupled.runs.pulsing.crossings(times, want, (want.min() + want.max()) / 2))
     drive = {"inputs": {"in": POWER}, "detuning": DETUNING}
-    found = coupled.circuit_limit_cycle(coupled.bus([RING]), HEAT, **drive, settle=4e-6)
+    found = coupled.limit_cycle(coupled.bus([RING]), HEAT, **drive, settle=4e-6)
     assert found.attrs["period"] == pytest.approx(waits[-1], rel=1e-5)  # 50 ps between samples, on a cubic
 
 

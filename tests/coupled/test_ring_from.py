@@ -8,6 +8,7 @@ from scipy.constants import c
 
 import coupled
 import thermofem as th
+from coupled.ring_from import check_geometry
 
 
 def nitride():
@@ -82,6 +83,8 @@ def test_nitride_has_no_carriers():
     assert made.ring.kerr_shift > 0
     assert made.ring.drop_bus_rate == 0.0
     assert made.ring.bus_rate == pytest.approx(-c / made.mode.n_g / (4 * math.pi * 20e-6) * math.log(0.99))
+    again = coupled.RingResonator.from_text(made.to_toml())
+    assert again.carriers == made.ring.carriers
     quality = made.ring.omega / (2 * made.ring.scattering_rate)
     assert quality == pytest.approx(4.8e5, rel=0.03)  # an independent code, two digits
 
@@ -131,3 +134,11 @@ def test_a_file_takes_the_rest_from_its_base_in_one_line(caplog):
     (line,) = caplog.messages
     assert "tpa_volume" in line
     assert "frequency" not in line
+
+
+def test_a_ring_that_contradicts_its_geometry(caplog):
+    wide = th.Foster(R=[1e4], tau=[1e-6], origin={"geometry": th.strip_ring(radius=40e-6, width=2e-6).to_toml()})
+    check_geometry(coupled.borghi2021(), wide)
+    assert "tpa_volume" in caplog.text
+    with pytest.raises(th.InputError, match="silicon"):
+        check_geometry(coupled.borghi2021(), replace(wide, origin={"geometry": nitride().to_toml()}))

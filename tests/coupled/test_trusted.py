@@ -15,7 +15,6 @@ import thermofem as th
 BUS = coupled.bus(RING)
 ASKED = {
     "simulate": lambda m: coupled.simulate(RING, m, power=6.31e-3, duration=2e-6),
-    "simulate, adiabatic": lambda m: coupled.simulate(RING, m, power=6.31e-3, duration=2e-6, adiabatic=True),
     "simulate, two lasers": lambda m: coupled.simulate(
         RING, m, power=6.31e-3, duration=2e-6, lasers=coupled.Laser(1e-6, -2e9)
     ),

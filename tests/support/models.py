@@ -11,7 +11,7 @@ from grids import facets_where, graded, tensor_mesh
 
 import surrogate
 import thermofem as th
-from thermofem.fem.matrices import capacity, conduction
+from thermofem.fem.weak_forms import capacity, conduction
 from thermofem.models import NonlinearSystem, foster
 from thermofem.transient.nonlinear import nodal_operator
 

@@ -6,7 +6,6 @@ problem with the right length and time scales.
 
 from functools import cache
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import skfem
@@ -51,10 +50,10 @@ def discretized(
         x, y, inside, strip = x[keep], y[keep], inside[keep], strip[keep]
     region = np.select([inside, strip, y < -box, y < 0], [3, 4, 0, 1], 2)
     names = ("substrate", "box", "cladding", "core", "heater")[: 5 if heater else 4]
-    mesh = SimpleNamespace(points=grid.p.T, triangles=grid.t.T, region=region, region_names=names, skfem=grid)
+    mesh = th.Mesh(grid.p.T, grid.t.T, region, names)
     k = np.array([130.0, k_oxide, k_oxide, 130.0, 25.0])[region]
     rho_c = np.array([2330 * 700.0, 2203 * 703.0, 2203 * 703.0, 2330 * 700.0, 5400 * 600.0])[region]
-    held = grid.facets_satisfying(lambda p: np.isclose(p[1], -(box + 30) * UM))
+    held = mesh.skfem.facets_satisfying(lambda p: np.isclose(p[1], -(box + 30) * UM))
     return th.discretize(mesh, k, rho_c, held=held)
 
 

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 import surrogate
 import thermofem as th
 from surrogate.arrays.channel_pairs import FLOOR
-from thermofem.fem import domain
+from thermofem.fem import domain_truncation
 
 PITCH = 20e-6
 SQUARE = [(0.0, 0.0), (PITCH, 0.0), (PITCH, PITCH), (0.0, PITCH), (3 * PITCH, 0.0)]
@@ -111,7 +111,7 @@ def test_rings_on_different_layers_are_refused(ring):
 
 def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
     """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
-    monkeypatch.setattr(domain, "_told", {})
+    monkeypatch.setattr(domain_truncation, "_told", {})
     strip = th.strip_ring(outer_radius=120e-6)
     strip = replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))
     exact = replace(Stack(), substrate=1e-2).impedance(48e-6)
@@ -232,7 +232,7 @@ SCATTERED = GRID + np.random.default_rng(1).uniform(-1e-6, 1e-6, GRID.shape)
         ([(0, 0), (20, 0)], "outer_radius must be at least 20"),
         ([(0, 0), (0, 0)], "are 0 m apart"),
         ([0, 1, 2], r"positions has shape \(3,\); \(N, 2\) is needed"),
-        ([(0, 0), (np.nan, 0)], "positions holds nan"),
+        ([(0, 0), (np.nan, 0)], "positions = nan"),
         # it named 325 probes, which nobody had given
         (SCATTERED, "positions has rings at 325 different distances"),
     ],

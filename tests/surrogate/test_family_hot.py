@@ -38,9 +38,7 @@ def family() -> surrogate.Family:
 @pytest.mark.slow
 def test_members_follow_their_own_hot_meshes_within_the_stated_error(family, tmp_path):
     assert family.engine == "affine and interpolation"
-    assert (
-        0 < family.output_maps.error < 0.012
-    )  # 0.8 to 1.2 % of the peak (`output_map`)
+    assert 0 < family.output_maps.error < 0.012  # 0.8 to 1.2 % of the peak (`output_map`)
     again = surrogate.load_family(family.save(tmp_path / "hot.npz"))
     wave, times = th.Pulse(POWER, 1e-6), np.array([0.0, 3e-8, 3e-7, 1e-6, 1.3e-6, 4e-6])
     for box in (1.17e-6, 2.61e-6):

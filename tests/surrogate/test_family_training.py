@@ -16,13 +16,13 @@ from test_family import BOX, STEP, campaign
 
 import surrogate
 import thermofem as th
-from surrogate.family import snapshots
 from surrogate.family.affine_matrices import AffineEngine
 from surrogate.family.parameter_box import Box
 from surrogate.family.projection import MemberMatrices, MemberModes, MovedMeshEngine
 from surrogate.family.snapshots import Solver
 from surrogate.family.train_family import _without_effect
 from thermofem.campaign import Variation
+from thermofem.campaign.store import Store
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -40,22 +40,25 @@ def refuse(number: float) -> MemberModes:
 @pytest.mark.parametrize("threads", [0, 2])
 def test_a_failed_member_is_named_and_the_rest_goes_on(tmp_path, caplog, threads):
     pool = ThreadPoolExecutor(threads) if threads else None
-    found = Solver("key", pool, tmp_path / "parts")(modes, [(float(k),) for k in range(4)], MARKS)
+    store = Store(tmp_path / "parts", ".npz")
+    with store.opened():
+        found = Solver("key", pool, store)(modes, [(float(k),) for k in range(4)], MARKS)
     assert [one is None for one in found] == [False, False, True, False]
     assert "ArithmeticError: singular" in caplog.text
-    assert len(list((tmp_path / "parts").iterdir())) == 3
+    assert len(store.hashes()) == 3
 
 
 def test_training_goes_on_from_what_is_kept(tmp_path):
-    tasks, marks = [(0.0,), (1.0,)], MARKS[:2]
-    first = Solver("key", None, tmp_path)(modes, tasks, marks)
+    tasks, marks, store = [(0.0,), (1.0,)], MARKS[:2], Store(tmp_path, ".npz")
     refuse.__name__ = "modes"
-    again = Solver("key", None, tmp_path)(refuse, tasks, marks)
-    np.testing.assert_array_equal(again[1].tau, first[1].tau)
-    next(tmp_path.iterdir()).write_bytes(b"torn")
-    with pytest.raises(th.InputError, match="every member of a batch failed, the last one with AssertionError: member"):
-        Solver("another key", None, tmp_path)(refuse, tasks, marks)
-    assert Solver("key", None, tmp_path)(modes, tasks, marks)[0].tau.size == 2
+    with store.opened():
+        first = Solver("key", None, store)(modes, tasks, marks)
+        again = Solver("key", None, store)(refuse, tasks, marks)
+        np.testing.assert_array_equal(again[1].tau, first[1].tau)
+        next((tmp_path / "results").iterdir()).write_bytes(b"torn")
+        with pytest.raises(th.InputError, match="every member of a batch failed, the last one with AssertionError"):
+            Solver("another key", None, store)(refuse, tasks, marks)
+        assert Solver("key", None, store)(modes, tasks, marks)[0].tau.size == 2
 
 
 def die(number: float) -> MemberModes:
@@ -69,10 +72,11 @@ def test_an_executor_that_breaks_is_one_line(tmp_path):
     """All members that were not there yet counted as failed, or a BrokenProcessPool came out."""
     tasks = [(float(k),) for k in (0, 1, 2, 3)]
     words = r"the executor broke .*; run again with a new one; what .* is kept"
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+    store, spawn = Store(tmp_path, ".npz"), multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawn) as pool, store.opened():
         for _ in range(2):  # the second time it is broken from the start
             with pytest.raises(th.InputError, match=words):
-                Solver("key", pool, tmp_path)(die, tasks, MARKS)
+                Solver("key", pool, store)(die, tasks, MARKS)
 
 
 def test_a_mistake_of_the_user_is_not_a_failed_member():
@@ -125,19 +129,18 @@ def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
     plan = th.Campaign(th.strip_ring().to_toml(), (BOX,), (STEP,), samples=1)
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         first = surrogate.train_family(plan, 1e-2, held_out=2, executor=pool, folder=tmp_path)
-    count = len(list(tmp_path.iterdir()))
-    assert count >= 2 + 5  # held out and first batch
+    store = Store(tmp_path, ".npz")
+    kept = store.hashes()
+    assert len(kept) >= 2 + 5  # held out and first batch
     again = surrogate.train_family(plan, 1e-2, held_out=2, folder=tmp_path)
-    assert len(list(tmp_path.iterdir())) == count
+    assert store.hashes() == kept
     np.testing.assert_allclose(again.model(box=2e-6).R, first.model(box=2e-6).R, rtol=1e-12)
     # a file copied over another one's name was believed; a held-out ring in place of one to train on was a traceback
-    files = sorted(tmp_path.iterdir(), key=lambda path: path.stat().st_size)
-    before = {path: path.read_bytes() for path in files}
-    for source, target in ((files[0], files[-1]), (files[-1], files[-2]), (files[0], files[1])):
-        shutil.copy(source, target)
-        again = surrogate.train_family(plan, 1e-2, held_out=2, folder=tmp_path)
-        np.testing.assert_allclose(again.model(box=2e-6).R, first.model(box=2e-6).R, rtol=1e-12)
-        assert snapshots.unpack(target.read_bytes())["key"] == snapshots.unpack(before[target])["key"]
+    files = sorted(map(store.path, kept), key=lambda path: path.stat().st_size)
+    shutil.copy(files[0], files[-1])
+    again = surrogate.train_family(plan, 1e-2, held_out=2, folder=tmp_path)
+    np.testing.assert_allclose(again.model(box=2e-6).R, first.model(box=2e-6).R, rtol=1e-12)
+    assert store.intact(list(kept)) == set(kept)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ import thermofem as th
 from surrogate.fitting.fit import Training
 from surrogate.fitting.projection import FitProblem, polish
 from thermofem.data.dataset import responses_of
+from thermofem.models import foster
 from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, second_order_parameters
 
 
@@ -267,7 +268,7 @@ def test_foster_to_state_space_to_foster(poles, random):
     Q = np.linalg.qr(np.random.default_rng(random.randrange(2**32)).standard_normal((n, n)))[0]
     scale = np.diag(np.sqrt(model.tau))  # states in which every rate is one, so that a rotation loses no digits
     rotated = th.StateSpace(Q.T @ scale @ scale @ Q, -np.eye(n), (Q.T @ scale @ b)[:, None], (b @ scale @ Q)[None])
-    back = th.model.foster(rotated)
+    back = foster(rotated)
     frequency = np.geomspace(1e-2 / np.max(model.tau), 1e2 / np.min(model.tau), 25)
     spread = np.max(model.tau) / np.min(model.tau)
     # E has the spread of the time constants as its condition: its smallest carry 1e-16 of the largest

@@ -9,6 +9,7 @@ from models import coarse_warm_fem
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.models import foster
 from thermofem.transient import integrate
 
 POWER = 38e-3
@@ -110,7 +111,7 @@ def test_the_steady_states_at_half_and_at_full_power_are_those_of_the_full_order
 def test_the_linear_part_is_the_certified_reduction_or_better(conducting, conducting_quadratic):
     """More vectors of a Galerkin basis never make a symmetric transfer function worse at real frequencies."""
     (system, _), q = conducting, conducting_quadratic
-    exact = th.model.foster(system.linear).step_response(LOG)
+    exact = foster(system.linear).step_response(LOG)
     # |error of the step| is not bounded by that of Z(f), but is of its size
     assert np.abs(q.model.step_response(LOG) - exact).max() < q.linear.tolerance * exact.max()
     assert q.model.thermal_resistance == pytest.approx(system.thermal_resistance, rel=1e-9)

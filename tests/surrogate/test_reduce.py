@@ -15,6 +15,7 @@ from surrogate.reduction.certified_space import CertifiedSpace
 from surrogate.reduction.error_bound import PER_DECADE, ROUND_OFF, certify
 from surrogate.reduction.reduce import _parts
 from thermofem.algebra.krylov import orthonormal
+from thermofem.models import foster
 
 GEOMETRIES = list(geometries(8))
 FREQUENCY = np.geomspace(1e3, 1e12, 28)  # three a decade
@@ -163,7 +164,7 @@ def test_heater_and_core_have_a_certificate_per_channel():
     exact = np.array([system.C @ splu((2j * np.pi * f * system.E - system.A).tocsc()).solve(B) for f in frequency])
     for j, read in enumerate(system.outputs):
         for i, heated in enumerate(system.inputs):
-            error = abs(exact[:, j, i] - th.model.foster(rom.model.channel(heated, read)).impedance(frequency))
+            error = abs(exact[:, j, i] - foster(rom.model.channel(heated, read)).impedance(frequency))
             assert error.max() <= rom.channel_bounds[j, i] * system.gain[j, i]
     # reciprocity survives the projection
     assert rom.model.gain[0, 1] == pytest.approx(rom.model.gain[1, 0], rel=1e-9)

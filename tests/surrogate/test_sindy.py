@@ -10,6 +10,7 @@ from surrogate_systems import UM, graded
 
 import surrogate
 import thermofem as th
+from thermofem.models import foster
 
 WAVE = th.Telegraph(2e-3, 5e-7, 4e-5, seed=1)
 TIMES = np.arange(20_000) * 2e-9
@@ -31,7 +32,7 @@ def around_the_core(*distances):
     held = grid.facets_satisfying(lambda p: np.isclose(p[1], -32 * UM))
     system = th.discretize(mesh, k, rho_c, held=held).state_space(("core",), names[:-1])
     rom = surrogate.reduce(system, 1e-3)
-    return [th.model.foster(rom.model.channel("core", name)) for name in names[:-1]], names[:-1]
+    return [foster(rom.model.channel("core", name)) for name in names[:-1]], names[:-1]
 
 
 @pytest.fixture(scope="module")

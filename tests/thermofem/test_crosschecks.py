@@ -18,8 +18,8 @@ from scipy.special import j1
 import thermofem as th
 from thermofem.algebra.factor import factorize
 from thermofem.fem import HeatProblem
-from thermofem.fem.matrices import build
 from thermofem.fem.surfaces import Surfaces, surface_terms
+from thermofem.fem.weak_forms import build
 from thermofem.transient import integrate
 
 SERIES = "infinite series (Carslaw and Jaeger)"

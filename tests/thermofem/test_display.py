@@ -57,7 +57,6 @@ def test_a_heat_problem_shows_what_can_be_heated_and_read():
     assert repr(heat) == "HeatProblem('strip ring', 2508 unknowns, accuracy 0.001, heated core)"
 
 
-
 def test_materials_list_themselves():
     text = str(th.materials)
     assert list(th.materials)[:2] == ["Si", "SiO2"]

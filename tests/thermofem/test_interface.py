@@ -11,10 +11,10 @@ from grids import facets_where, tensor_mesh
 import surrogate
 import thermofem as th
 from thermofem.algebra.factor import factorize
-from thermofem.fem.interface import contacts, split
-from thermofem.fem.matrices import build
-from thermofem.fem.shell import shell_integral
+from thermofem.fem.contacts import contacts, split
+from thermofem.fem.probe_means import shell_integral
 from thermofem.fem.surfaces import Surfaces
+from thermofem.fem.weak_forms import build
 
 ROD, SHELL, LENGTH = 1e-3, 5e-3, 2e-3  # m
 

@@ -10,8 +10,8 @@ from scipy.sparse import csr_array, eye_array, triu
 import thermofem as th
 from thermofem.algebra import factor
 from thermofem.algebra.factor import Pencil, factorize
-from thermofem.fem.accuracy import PEAK, SATURATION
-from thermofem.fem.matrices import capacity, conduction, mean, properties
+from thermofem.fem.error_estimate import PEAK, SATURATION
+from thermofem.fem.weak_forms import capacity, conduction, mean, properties
 
 ROUND_OFF = 1e-12
 

@@ -20,7 +20,7 @@ from thermofem.checks import InputError, MissingLibraryError
 from thermofem.geometry import CrossSection, Part, strip_ring
 from thermofem.materials import Material
 from thermofem.mesh import Mesh, gmsh_file
-from thermofem.mesh.sizes import fitted, size_function, sizes
+from thermofem.mesh.element_sizes import fitted, size_function, sizes
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
 REFERENCES = [(1e-3, 648), (1e-4, 1586)]  # accuracy and points, as meshes/README.md has them
@@ -147,7 +147,7 @@ def test_the_hash_covers_what_determines_the_mesh_and_nothing_else():
 def test_a_mesh_in_the_installed_package_is_found_first(tmp_path, monkeypatch):
     package = tmp_path / "thermofem"
     (package / "meshes").mkdir(parents=True)
-    monkeypatch.setattr(mesh.committed, "__file__", str(package / "mesh" / "committed.py"))
+    monkeypatch.setattr(mesh.committed_meshes, "__file__", str(package / "mesh" / "committed_meshes.py"))
     assert mesh.find_committed(strip_ring(), 1e-3) is None
     wanted = package / "meshes" / f"strip-{mesh.content_hash(strip_ring(), 1e-3)}.msh"
     wanted.write_bytes(b"")
@@ -442,13 +442,13 @@ def test_every_missing_library_is_named_at_once(monkeypatch):
     def absent(name):
         raise OSError("libGL.so.1: cannot open shared object file: No such file or directory")
 
-    monkeypatch.setattr(mesh.library.importlib, "import_module", absent)
-    monkeypatch.setattr(mesh.library, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
+    monkeypatch.setattr(mesh.gmsh_mesher.importlib, "import_module", absent)
+    monkeypatch.setattr(mesh.gmsh_mesher, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
     assert "apt-get install libgl1 libgomp1)" in mesh.gmsh_problem()
 
 
 def test_a_missing_mesher_is_an_import_error(monkeypatch):
-    monkeypatch.setattr(mesh.generate, "gmsh_problem", lambda: "gone")
+    monkeypatch.setattr(mesh.gmsh_mesher, "gmsh_problem", lambda: "gone")
     with pytest.raises(MissingLibraryError, match="gone"):
         mesh.make(strip_ring(), 1e-3)
 

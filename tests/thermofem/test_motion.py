@@ -11,10 +11,10 @@ from sections import HEATER, says
 
 import thermofem as th
 from thermofem.checks import InputError
-from thermofem.fem.interface import split
+from thermofem.fem.contacts import split
 from thermofem.geometry import CrossSection
 from thermofem.mesh import make, mesh_for
-from thermofem.mesh.motion import Motion, moved, quality
+from thermofem.mesh.mesh_motion import Motion, moved, quality
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
 

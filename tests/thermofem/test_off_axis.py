@@ -8,7 +8,7 @@ from off_axis_exact import Stack
 
 import surrogate
 import thermofem as th
-from thermofem.fem.off_axis import Triangles, off_axis_points
+from thermofem.fem.probe_means import Triangles, off_axis_points
 
 RADIUS, WIDTH, HEIGHT = 7.955e-6, 450e-9, 220e-9
 

@@ -314,3 +314,63 @@ def test_library_indices(name, n, n_g):
 def test_what_cannot_be_lit(geometry, wavelength, word):
     with pytest.raises(th.InputError, match=word):
         th.light(geometry, wavelength=wavelength).mode("TE0")
+
+
+def test_scaling_all_lengths_scales_the_wavelength():
+    """sum n_i G_i = n_eff + width d_w + height d_h: lengths scaled are a wavelength scaled, without dispersion."""
+    mode = th.light(th.straight_guide(), wavelength=1.55e-6, order=3).mode("TE0")
+    d = mode.derivatives(["part.core.width", "part.core.height"])
+    laws = {name: th.materials[name].index for name in ("Si", "SiO2")}
+    total = sum(mode.confinement[name] * law.index(1.55e-6) for name, law in laws.items())
+    assert mode.n_eff + float(d.n_eff.dot(d.value)) == pytest.approx(total, rel=2e-5)  # the mesh for 1e-3
+
+
+@pytest.mark.parametrize(
+    ("geometry", "width", "height"),
+    # central differences of converged modes by an independent code, per um; n_g within what the mesh for 1e-3 allows
+    [
+        (th.straight_guide(), (2.14153, -2.03952), (3.77553, 1.22157)),
+        (th.strip_ring(radius=5e-6), (2.14445, -1.96714), (3.77183, 1.28427)),
+    ],
+    ids=["straight", "R 5 um"],
+)
+def test_derivatives_by_width_and_height(geometry, width, height):
+    d = th.light(geometry, wavelength=1.55e-6).mode("TE0").derivatives(["part.core.width", "part.core.height"])
+    assert d.n_eff.values * UM == pytest.approx([width[0], height[0]], rel=5e-4)
+    assert d.n_g.values * UM == pytest.approx([width[1], height[1]], rel=3e-3)
+    resonance = d.resonance_wavelength.values
+    assert resonance == pytest.approx(1.55e-6 * d.n_eff.values / float(d.attrs["n_g"]), rel=1e-9)
+
+
+def test_derivatives_are_those_of_the_moved_mesh():
+    """Against modes solved anew on meshes whose vertices moved: the difference errs by the square of its step."""
+    from thermofem.fem.heat_problem import on_mesh
+    from thermofem.mesh.mesh_motion import moved
+
+    geometry = th.strip_ring(radius=5e-6)
+    heat = th.assemble(geometry)
+    mode = th.light(heat, wavelength=1.55e-6).mode("TE0")
+    step = 5e-11  # 0.1 nm leaves 3e-6, and the error falls with the square of the step (measured)
+    ends = []
+    for sign in (1, -1):
+        other = geometry.with_({"part.core.width": 450e-9 + sign * step})
+        mesh = replace(heat.mesh, points=moved(heat.mesh, geometry, other))
+        ends.append(th.light(on_mesh(other, mesh, 1e-3), wavelength=1.55e-6).mode("TE0"))
+    d = mode.derivatives(["part.core.width"])
+    for name, one in {
+        "n_eff": lambda m: m.n_eff,
+        "n_g": lambda m: m.n_g,
+        "volume_2": lambda m: m.volume(2),
+        "volume_3": lambda m: m.volume(3),
+        "index_confinement": lambda m: m.confinement["Si"],
+        "thermo_optic": lambda m: m.thermo_optic,
+    }.items():
+        slope = (one(ends[0]) - one(ends[1])) / (2 * step)
+        assert float(d[name][0]) == pytest.approx(slope, rel=2e-6)
+
+
+def test_what_only_the_heat_feels_moves_no_light():
+    mode = th.light(th.strip_ring(), wavelength=1.55e-6).mode("TE0")
+    assert float(mode.derivatives(["material.SiO2.conductivity"]).n_eff[0]) == 0.0
+    with pytest.raises(th.InputError, match=r"part\.cor"):
+        mode.derivatives(["part.cor.width"])

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.fem.interface import split
-from thermofem.fem.problem import on_mesh
-from thermofem.mesh.motion import moved
-from thermofem.mesh.pinched import parted
+from thermofem.fem.contacts import parted, split
+from thermofem.fem.heat_problem import on_mesh
+from thermofem.mesh.mesh_motion import moved
 from thermofem.mesh.triangles import Mesh
 
 SQUARES = np.array([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2]], dtype=float)

@@ -1,5 +1,9 @@
 """Read-outs of heat with one time constant against closed forms, and of any Dataset and model."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -119,3 +123,21 @@ def test_small_signals_do_not_tell_visibility_from_resistance():
     data, _, shift = trace(3, phase=0.03, noise=1e-5)
     fit = surrogate.fit_foster(data, 1, readout=th.MZI(shift=shift))
     assert any("R_1" in note and "bias" in note for note in fit.notes), fit.notes
+
+
+def test_one_command_fits_a_trace_behind_an_interferometer(tmp_path):
+    """Trace of a photodiode in V: network, bias and visibility come back within five standard errors."""
+    wave, model = th.Pulse(10e-3, 20e-6), th.Foster(R=[1000.0], tau=[4e-6])
+    times = np.linspace(-5e-6, 45e-6, 300)
+    rise = np.where(times < 0, 0.0, model.response(wave, np.maximum(times, 0.0)))
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(times.size)
+    light = 1.7 * th.MZI(bias=0.7, visibility=0.9, shift=0.4)(rise) + noise
+    table = np.column_stack([times * 1e6, light])
+    np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header="time (us),light (V)", comments="")
+    words = ["--readout", "mzi", "--order", "1", "--power", "10 mW", "--pulse", "20 us", "--start", "0 us"]
+    words += ["--phase", "0.4 rad/K", "--json", "-o"]
+    command = [sys.executable, "-m", "thermofem_cli", "fit", str(tmp_path / "trace.csv"), *words]
+    done = subprocess.run([*command, str(tmp_path / "m.json")], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    for name, true in (("R_1", 1000.0), ("tau_1", 4e-6), ("visibility", 0.9), ("bias", 0.7), ("half_power", 0.85)):
+        assert abs(found["parameters"][name] - true) < 5 * found["standard_errors"][name], name

@@ -7,7 +7,7 @@ import pytest
 import skfem
 
 import thermofem as th
-from thermofem.fem.interface import contacts, split
+from thermofem.fem.contacts import contacts, split
 from thermofem.fem.surfaces import Surfaces, surface_terms
 from thermofem.mesh import mesh_for
 
@@ -46,7 +46,7 @@ def test_an_open_side_is_the_boundary_form_of_scikit_fem(grid, degree):
     facets = grid.facets_satisfying(lambda x: (x[1] < -31.9e-6) | (x[0] > 59.9e-6), boundaries_only=True)
     k, source = np.array([2.0, 5.0]), 0.11e-6
     conductivity = np.outer(k, np.ones(grid.t.shape[1]))
-    ours = surface_terms(basis, conductivity, Surfaces(open=facets, source=source))
+    ours = surface_terms(basis, conductivity, Surfaces(open=facets, source=(0.0, source)))
 
     def form(u, v, w):
         r, z = w.x[0], w.x[1] - source

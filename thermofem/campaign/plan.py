@@ -21,8 +21,8 @@ from .. import checks, waveforms
 from ..data import files
 from ..data.variables import known
 from ..errors import InputError
-from ..geometry.paths import check_once, place
-from ..mesh.sizes import sizes
+from ..geometry.parameters import check_once, place
+from ..mesh.element_sizes import sizes
 from ..version import __version__
 from . import campaign_file
 from .variations import Drive, Value, Variation

@@ -1,10 +1,10 @@
 """The heat problem of a geometry: on the moved mesh of a similar one where that keeps the accuracy, else on its own.
 
 A `Leader` holds the mesh of one geometry. For another geometry with the same faces its vertices move with the outlines
-(`mesh.motion`). The moved mesh is taken where its estimated error keeps the promise, or after triangles were divided
+(`mesh_motion`). The moved mesh is taken where its estimated error keeps the promise, or after triangles were divided
 where it nearly does. The committed meshes of the reference strip lead all strips at about their accuracy; the base
 geometry of a campaign leads its members, with a smaller error than promised (`MARGIN`). What a geometry gets does not
-depend on those before it. Moved meshes share the places of their matrices, so that orderings and symbolic
+depend on those before it. Moved meshes share the sparsity pattern of their matrices, so that orderings and symbolic
 factorizations are made once, too (`Pencil.inherit`).
 """
 
@@ -19,19 +19,19 @@ from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..geometry.rings import strip_ring
 from ..mesh import find_committed, make, mesh_for
-from ..mesh.motion import Motion, quality
-from ..mesh.sizes import sizes
+from ..mesh.element_sizes import sizes
+from ..mesh.mesh_motion import Motion, quality
 from ..mesh.triangles import trusted
-from .adaptive import divided
-from .interface import split
-from .problem import HeatProblem, adapted, on_mesh, resistances
+from .contacts import split
+from .heat_problem import HeatProblem, adapted, on_mesh, resistances
+from .mesh_refinement import divided
 
 if TYPE_CHECKING:
     from ..mesh import Mesh
-    from .matrices import Discretization
+    from .weak_forms import Discretization
 
 MARGIN = 0.9  # of the accuracy, for the mesh that is moved
-FLATTEST = 0.05  # of `motion.quality`; flatter triangles are not worth an estimate
+FLATTEST = 0.05  # of `mesh_motion.quality`; flatter triangles are not worth an estimate
 DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which a moved mesh is worth dividing
 
 COMMITTED, COARSER = (1e-3, 1e-4), 2.0  # accuracies of committed meshes, and up to which factor above they serve

@@ -19,16 +19,15 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.dataset import describe
-from ..geometry.change import Change, change
-from .projected import ModalDerivative
-from .tangent import Tangent, tangent
-from .velocity import vertex_velocities
+from ..geometry.parameters import Change, change
+from .modal_derivatives import ModalDerivative
+from .shape_derivatives import Tangent, tangent, vertex_velocities
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from ..algebra.krylov import Rounds
-    from .problem import HeatProblem
+    from .heat_problem import HeatProblem
 
 Parameter = str | Sequence[str]
 

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..data import files
 from ..materials.library import VOID, Material, find
-from . import paths, toml_schema
-from .neighbours import check_copies
+from . import geometry_file, parameters
+from .off_axis_copies import check_copies
 from .parts import INSULATED, ISOTHERMAL, OPEN, SAME, Boundary, Interface, Layer, Part, Probe, images, length
 from .regions import Subdivision, check_held, check_places, subdivide
 
@@ -257,8 +257,8 @@ class CrossSection:
         """
         values = {} if values is None else values
         checks.has("values", values, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
-        table = toml_schema.table_of(self)
-        paths.change_values(table, {**values, **more})
+        table = geometry_file.table_of(self)
+        parameters.change_values(table, {**values, **more})
         return self.from_toml_text(files.to_toml(table))
 
     @classmethod
@@ -275,7 +275,7 @@ class CrossSection:
     @classmethod
     def from_toml_text(cls, text: str) -> CrossSection:
         """Read the text of a geometry file."""
-        return cls(**toml_schema.fields(text))
+        return cls(**geometry_file.fields(text))
 
     def to_toml(self) -> str:
         """The geometry as the text of a geometry file; reading it back gives an equal CrossSection."""
@@ -283,4 +283,4 @@ class CrossSection:
 
     @cached_property
     def _text(self) -> str:
-        return files.to_toml(toml_schema.table_of(self))
+        return files.to_toml(geometry_file.table_of(self))

@@ -28,7 +28,7 @@ def light_integral(mode: Mode, basis: Any) -> Array:
     places = mode.space.points[:, hot].reshape(2, -1) / UM + np.array([[light.centre], [0.0]])
     if light.geometry.mirrored:
         places[0] = np.abs(places[0])
-    cells = _containing(basis.mesh, places)
+    cells, _ = containing(basis.mesh, places)
     local = basis.mesh.mapping().invF(places[:, :, None], tind=cells)[:, :, 0]
     values = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
     shares = values * weight[hot].ravel()
@@ -36,13 +36,13 @@ def light_integral(mode: Mode, basis: Any) -> Array:
     return found.astype(float)
 
 
-def _containing(mesh: Any, places: Array) -> NDArray[np.intp]:
-    """Number of the triangle around each point; points of shape (2, n)."""
+def containing(mesh: Any, places: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Number of a triangle around each point, and whether there is one; points of shape (2, n)."""
     import shapely
 
     corners = (mesh.p[:, mesh.t] * UM).transpose(2, 1, 0)
     tree = shapely.STRtree(shapely.polygons(corners))
     which, cells = tree.query(shapely.points(places.T * UM), predicate="intersects")
-    found = np.zeros(places.shape[1], dtype=np.intp)
-    found[which] = cells
-    return found
+    found, there = np.zeros(places.shape[1], dtype=np.intp), np.zeros(places.shape[1], dtype=bool)
+    found[which], there[which] = cells, True
+    return found, there

@@ -12,7 +12,7 @@ from ..arrays import Array, NDArray
 from ..checks import InputError
 from ..geometry.regions import Face, outlines
 from ..materials.library import VOID, Material, find
-from ..mesh.sizes import size_function, sizes
+from ..mesh.element_sizes import size_function, sizes
 
 if TYPE_CHECKING:
     from ..geometry import CrossSection, Part
@@ -92,7 +92,7 @@ def drawn(
 
     beyond [m]: z to which the bottom and the top of the box are then moved, with what lies there.
     """
-    from ..mesh.generate import make_faces
+    from ..mesh.gmsh_mesher import make_faces
 
     size = size_function(geometry, sizes(accuracy))
     faces = _clipped(geometry, box)

@@ -10,7 +10,7 @@ import typer
 
 import thermofem as th
 from thermofem import checks
-from thermofem.data import files
+from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options
@@ -55,6 +55,12 @@ def fit(
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
     heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
     read: Annotated[str | None, typer.Option(help="Part that was read; picks one of several.")] = None,
+    readout: Annotated[
+        str | None, typer.Option(help="mzi: the trace is light behind an interferometer; gives bias and visibility.")
+    ] = None,
+    phase: Annotated[
+        str | None, typer.Option(help="Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; default 1 rad/K.")
+    ] = None,
     figure: Annotated[Path | None, typer.Option(help="Data, model and residual; .png, .pdf or .svg.")] = None,
     output: options.Output = Path("model.json"),
     json: options.Json = False,
@@ -71,6 +77,12 @@ def fit(
     import surrogate
 
     checks.choice("--kind", kind, KINDS)
+    mzi = _interferometer(readout, phase)
+    if mzi is not None:
+        kind, order = "foster", order or "2"
+        baseline, sensitivity = baseline or "0 K", sensitivity or "1 V/K"  # light has no rest to subtract
+        if figure is not None:
+            raise InputError("--figure shows temperatures; with --readout there are none in the data")
     if order is not None and kind != "foster":
         raise InputError(f"--order = {order} goes with --kind foster; {kind} has its own number of poles")
     check_outputs([output, figure], images=[figure], inputs=data)
@@ -86,7 +98,7 @@ def fit(
             found = _sindy(training)
         else:
             with working("training"):
-                found = _trained(kind, training, order, transfer or None)
+                found = _trained(kind, training, order, transfer or None, mzi)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=files.plain(provenance))
     _print(found, kind, "V" if in_volts(assumed) else "K")
@@ -131,7 +143,19 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
-def _trained(kind: str, training: list[Any], order: str | None, transfer: bool | None) -> Any:
+def _interferometer(readout: str | None, phase: str | None) -> th.MZI | None:
+    """The read-out that --readout and --phase describe."""
+    if readout is None:
+        if phase is not None:
+            raise InputError(f"--phase = {phase!r} goes with --readout mzi")
+        return None
+    checks.choice("--readout", readout, ("mzi",))
+    return th.MZI(shift=1.0 if phase is None else quantity.parse(phase, "rad/K", name="--phase"))
+
+
+def _trained(
+    kind: str, training: list[Any], order: str | None, transfer: bool | None, readout: th.MZI | None = None
+) -> Any:
     import surrogate
 
     if kind == "newton":
@@ -141,7 +165,7 @@ def _trained(kind: str, training: list[Any], order: str | None, transfer: bool |
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
     poles = int(order) if order is not None and order.isdigit() else order or "auto"
-    return surrogate.fit_foster(training, order=poles, transfer=transfer)
+    return surrogate.fit_foster(training, order=poles, transfer=transfer, readout=readout)
 
 
 def _sindy(training: list[xr.Dataset]) -> Any:

@@ -1,4 +1,4 @@
-"""Matrices of the axisymmetric heat equation on a mesh: capacity, conduction, boundaries, contacts and means."""
+"""Weak forms of the heat equation on a mesh: capacity, conduction, boundaries, contacts and volume means."""
 
 from __future__ import annotations
 

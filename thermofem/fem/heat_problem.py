@@ -25,14 +25,13 @@ from ..optics.reading import LIGHT, light_integral
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from ..transient.trajectory import Ledger
-from .accuracy import Estimate, MeshError
-from .adaptive import divided
-from .beyond import Wider, wider
-from .domain import domain_error, warn_of_domain
-from .interface import resistances, split
-from .matrices import Discretization, build, capacity, conduction, discretize, properties
-from .probes import probe_mean
+from .contacts import resistances, split
+from .domain_truncation import Wider, domain_error, warn_of_domain, wider
+from .error_estimate import Estimate, MeshError
+from .mesh_refinement import divided
+from .probe_means import probe_mean
 from .surfaces import Surfaces, surfaces_of
+from .weak_forms import Discretization, build, capacity, conduction, discretize, properties
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -201,7 +200,7 @@ class HeatProblem:
 
     @cached_property
     def wider(self) -> Wider | None:
-        """The same heat problem on a stack that goes on beyond its bottom and outer side, see `heat.beyond`."""
+        """The same heat problem on a stack that goes on beyond its bottom and outer side, see `domain_truncation`."""
         return wider(self)
 
     @cached_property
@@ -296,14 +295,14 @@ class HeatProblem:
         return found
 
     def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
-        """Relative mesh error of R_th and of the step response from 1 ns on, see `thermofem.fem.accuracy`."""
+        """Relative mesh error of R_th and of the step response from 1 ns on, see `thermofem.fem.error_estimate`."""
         key = "mesh", *self._channel(heated, read)
         if key not in self._estimated:
             self.estimate(key[1:])
         return self._estimated[key]
 
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
-        """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.fem.domain`.
+        """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.fem.domain_truncation`.
 
         Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for geometries of one
         name and size that err alike.
@@ -336,7 +335,7 @@ class HeatProblem:
 def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
 
-    The log says so where `ROUNDS`, `LARGEST` or `adaptive.FINEST` end that before.
+    The log says so where `ROUNDS`, `LARGEST` or `mesh_refinement.FINEST` end that before.
     """
     resistance, finer = resistances(geometry), mesh
     for _ in range(ROUNDS):
@@ -375,7 +374,7 @@ def _corner(heat: HeatProblem, estimate: Estimate) -> str:
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
-    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`interface.split`)."""
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`contacts.split`)."""
     mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))

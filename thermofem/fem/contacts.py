@@ -3,6 +3,9 @@
 The temperature jumps by resistance times flux. Every node of such a surface is there once for each side; the flux
 between the two sides is (T^+ - T^-)/resistance. Where two surfaces lie on each other their resistances add. On a side
 of the domain that the ambient holds or cools, the resistance is in series with it (`surfaces`).
+
+Where regions touch in one point only, two silicon corners between voids for instance, no heat flows through it: the
+mesh is parted there, with one vertex for each group of triangles that edges hold together.
 """
 
 from __future__ import annotations
@@ -14,8 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mesh import Mesh
-from ..mesh.pinched import parted
+from ..mesh.triangles import Mesh
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -76,3 +78,36 @@ def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
 def _place(mesh: Mesh) -> NDArray[np.intp]:
     """A number for each point, the same for points that lie on each other."""
     return np.unique(mesh.points, axis=0, return_inverse=True)[1].ravel()
+
+
+def parted(mesh: Mesh) -> Mesh:
+    """The mesh with one vertex for each group of triangles that hold together by edges there; else the mesh itself.
+
+    Vertices keep their order, the copies follow.
+    """
+    grid, count = mesh.skfem, len(mesh.points)
+    ends = grid.facets[:, grid.boundary_facets()]
+    pinched = np.flatnonzero(np.bincount(ends.ravel(), minlength=count) > 2)  # two edges of the boundary otherwise
+    if not pinched.size:
+        return mesh
+    triangles = mesh.triangles.copy()
+    copied: list[int] = []
+    for vertex in pinched:
+        around = np.flatnonzero((mesh.triangles == vertex).any(axis=1))
+        group = groups(mesh.triangles[around], int(vertex))
+        for number in range(1, group.max() + 1):
+            own = around[group == number]
+            triangles[own] = np.where(triangles[own] == vertex, count + len(copied), triangles[own])
+            copied.append(int(vertex))
+    return replace(mesh, points=np.concatenate([mesh.points, mesh.points[copied]]), triangles=triangles)
+
+
+def groups(triangles: NDArray[np.int64], vertex: int) -> NDArray[np.intp]:
+    """For each of the triangles around a vertex the number of its group, which edges at the vertex hold together."""
+    number = np.arange(len(triangles))
+    first: dict[int, int] = {}
+    for k, corners in enumerate(triangles.tolist()):
+        for end in corners:
+            if end != vertex:  # its other triangle, if there is one
+                number[number == number[k]] = number[first.setdefault(end, k)]
+    return np.unique(number, return_inverse=True)[1].ravel()

@@ -20,8 +20,8 @@ from ..materials.library import VOID
 from .regions import GRID, distance, outlines
 
 if TYPE_CHECKING:
-    from .change import Change
     from .cross_section import CrossSection
+    from .parameters import Change
 
 Point = tuple[float, float]
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed

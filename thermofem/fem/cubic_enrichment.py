@@ -20,13 +20,13 @@ from skfem.refdom import RefTri
 
 from ..arrays import Array, NDArray
 from ..optics.reading import LIGHT, light_integral
-from .matrices import element_capacity, element_conduction, volume
-from .probes import probe_integral
+from .probe_means import probe_integral
 from .surfaces import surface_terms
+from .weak_forms import element_capacity, element_conduction, volume
 
 if TYPE_CHECKING:
-    from .matrices import Discretization
-    from .problem import HeatProblem
+    from .heat_problem import HeatProblem
+    from .weak_forms import Discretization
 
 _EDGES = ((0, 1), (1, 2), (0, 2))
 _SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of the barycentric coordinates

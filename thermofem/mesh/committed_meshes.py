@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry.regions import GRID
-from .generate import make
-from .sizes import sizes
+from .element_sizes import sizes
+from .gmsh_mesher import make
 from .triangles import Mesh, trusted
 
 if TYPE_CHECKING:

@@ -1,0 +1,214 @@
+"""The return map of a ring or a circuit to a section, and closed orbits as its fixed points: shooting.
+
+    y_0 -> y(T):  the first (or n-th) time that N, or U, of one ring rises through its value at y_0
+    M = V - f(y_T) (w . V)/(w . f(y_T)),     V = d(flow)/dy,   w = d(N or U)/dy,   f = dy/dt
+    (1 - M) dy = y(T) - y_0,   w . dy = 0
+
+The kernel follows V along the very steps of a trace. Rough traces (Rodas4) lead near the orbit, chord steps on precise
+ones (Rodas5P) close it. The eigenvalues of V are the Floquet multipliers; one of them, that of a shift in time, is 1.
+
+Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from thermofem.arrays import Array, NDArray
+
+from ..kernel.integrator import CARRIERS, Crossing, Problem, Run
+
+ROUGH, MIDDLE, FINE = 1e-5, 1e-6, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P
+CLOSED = 3e-10  # relative size of the last step of Newton's method
+NEAR, NEAR_ENOUGH = 1e-2, 3e-4  # step from which traces are at MIDDLE, and at FINE
+LARGEST = 0.3  # relative step of Newton's method
+CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
+TURNS = 30  # of Newton's method
+PER_STEP = 4  # rows for each step of a precise trace
+FLAT = 1e-5  # relative range of the section's quantity below which an orbit is a fixed point
+
+
+class Trace(NamedTuple):
+    """A trace from a state until it returns."""
+
+    start: Array
+    end: Array
+    T: float  # ns
+    rows: Array  # t, then fields, N and dT of every ring
+    parts: list[tuple[Array, Array]]  # start and steps of the turn from each crossing to the next
+
+    @property
+    def crossings(self) -> list[Array]:
+        """The states at which each turn begins."""
+        return [start for start, _ in self.parts]
+
+
+class Orbit(NamedTuple):
+    """A closed orbit."""
+
+    trace: Trace
+    V: Array  # derivative of the flow over the period
+    move: float  # relative size of the last step of Newton's method
+    pulses: int = 1  # crossings of the section in a period
+
+    @property
+    def start(self) -> Array:
+        """The state in the section."""
+        return self.trace.start
+
+    @property
+    def T(self) -> float:
+        """Period in ns."""
+        return self.trace.T
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers, the largest modulus first."""
+        found = np.linalg.eigvals(self.V).astype(complex)
+        return np.asarray(found[np.argsort(-np.abs(found))])
+
+    @property
+    def others(self) -> NDArray[np.complex128]:
+        """The multipliers but that of a shift in time."""
+        every = self.multipliers
+        return np.delete(every, int(np.argmin(np.abs(every - 1))))
+
+    @property
+    def size(self) -> float:
+        """Largest modulus of the others: by what a deviation grows or shrinks in a period."""
+        return float(np.abs(self.others).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """A ring or circuit under constant light, by both methods, and the section that its orbits cross.
+
+    rough, fine: the same system by Rodas4 and Rodas5P.
+    quantity, ring: CARRIERS or ENERGY of which ring the section watches.
+    """
+
+    rough: Problem
+    fine: Problem
+    quantity: int = CARRIERS
+    ring: int = 0
+
+    def value(self, y: Array) -> float:
+        """The section's quantity in a state."""
+        a = self.ring * self.rough.block
+        return float(y[a + 2] if self.quantity == CARRIERS else y[a] ** 2 + y[a + 1] ** 2)
+
+    def normal(self, y: Array) -> Array:
+        """Its derivative by the state."""
+        w, a = np.zeros(y.size), self.ring * self.rough.block
+        if self.quantity == CARRIERS:
+            w[a + 2] = 1.0
+        else:
+            w[a], w[a + 1] = 2 * y[a], 2 * y[a + 1]
+        return w
+
+    def seen(self, rows: Array) -> Array:
+        """The quantity along rows of a trace."""
+        a = 1 + self.ring * (self.rough.block + 1)
+        return np.asarray(rows[:, a + 2] if self.quantity == CARRIERS else rows[:, a] ** 2 + rows[:, a + 1] ** 2)
+
+    def run(
+        self, y: Array, duration: float, rtol: float = ROUGH, *, level: float | None = None, above: bool = False,
+        first_step: float = 0.0, keep_steps: bool = False,
+    ) -> Run:  # fmt: skip
+        """Integrate for ``duration`` ns, or until the quantity rises through ``level``."""
+        problem = self.rough if rtol >= MIDDLE else self.fine
+        problem.edges[-1] = duration  # the drive is constant
+        event = None if level is None else Crossing(self.quantity, level, True, self.ring, above)
+        return problem.integrate(
+            y, rtol=rtol, event=event, keep_steps=keep_steps or level is not None, first_step=first_step,
+            per_step=1 if rtol >= MIDDLE else PER_STEP,
+        )  # fmt: skip
+
+    def trace(self, y: Array, rtol: float, pulses: int, longest: float) -> Trace | None:
+        """Follow a state through ``pulses`` returns to the section; None where one takes more than ``longest`` ns."""
+        level, at, T = self.value(y), y, 0.0
+        parts: list[tuple[Array, Array]] = []
+        rows: list[Array] = []
+        for _ in range(pulses):
+            run = self.run(at, longest, rtol, level=level, above=True)
+            if run.crossings.size == 0:
+                return None
+            run.rows[:, 0] += T
+            rows.append(run.rows if not rows else run.rows[1:])
+            parts.append((at, run.steps))
+            at, T = run.y, T + run.t
+        return Trace(y, at, T, np.concatenate(rows), parts)
+
+    def derivative(self, trace: Trace, rtol: float) -> tuple[Array, Array]:
+        """V of a trace, and M of its return map."""
+        problem, V = self.rough if rtol >= MIDDLE else self.fine, np.eye(trace.end.size)
+        for start, steps in trace.parts:
+            _, V = problem.follow(start, steps, V)
+        return V, self.projected(V, trace.end)
+
+    def projected(self, columns: Array, end: Array) -> Array:
+        """Changes of the end of a trace for which time is free, so that the end stays in the section."""
+        rate, w = self.rough.slopes(end)[0], self.normal(end)
+        return np.asarray(columns - np.outer(rate, w @ columns) / (w @ rate))
+
+    def scale(self, rows: Array) -> Array:
+        """Sizes of the states along an orbit: largest |a| and N of every ring, largest dT for its states of heat."""
+        problem, sizes, heat = self.rough, [], []
+        for i in range(problem.rings):
+            own = rows[:, 1 + i * (problem.block + 1) :][:, : problem.block + 1]
+            field = float(np.hypot(own[:, 0], own[:, 1]).max())
+            sizes += [field, field, max(float(np.abs(own[:, 2]).max()), 1e-12)]
+            heat += [max(float(np.abs(own[:, 3]).max()), 1e-12)] * problem.order
+        return np.array(sizes + heat)
+
+
+def close(flow: Flow, y: Array, pulses: int, longest: float, *, rtol: float = FINE) -> Orbit | None:
+    """Return the orbit of ``pulses`` pulses near the state ``y``, which is in the section; None where there is none.
+
+    longest [ns]: within which each pulse comes.
+    rtol: of the traces at the end; at MIDDLE the orbit is rough: its period is known to 1e-6.
+    """
+    tolerance, before, A = ROUGH, np.inf, np.empty((0, 0))
+    V = A
+    for _ in range(TURNS):
+        trace = flow.trace(y, tolerance, pulses, longest)
+        if trace is None or np.ptp(flow.seen(trace.rows)) <= FLAT * np.abs(flow.seen(trace.rows)).max():
+            return None
+        fresh = tolerance > FINE or not before < np.inf
+        if fresh:
+            V, M = flow.derivative(trace, tolerance)
+            A, row = _bordered(M, flow.normal(y))
+        missed = trace.end - y
+        missed[row] = 0.0
+        dy = np.linalg.solve(A, missed)
+        size = float(np.abs(dy / flow.scale(trace.rows)).max())
+        if not np.isfinite(size):
+            return None
+        if tolerance <= rtol and size < (CLOSED if rtol < MIDDLE else NEAR_ENOUGH):
+            return Orbit(trace, V if fresh else flow.derivative(trace, tolerance)[0], size, pulses)
+        if tolerance <= MIDDLE and rtol < MIDDLE and size < NEAR_ENOUGH and tolerance > rtol:
+            tolerance, before = rtol, 1.0
+        elif tolerance == ROUGH and size < NEAR:
+            tolerance = MIDDLE
+        elif tolerance == rtol and rtol < MIDDLE:
+            if fresh and size > 0.5 * before and size < 1e-7:  # round-off of the traces
+                return Orbit(trace, V, size, pulses)
+            before = np.inf if size > CONTRACTION * before and not fresh else size
+        y = y + dy * min(1.0, LARGEST / size)
+    return None
+
+
+def _bordered(M: Array, w: Array) -> tuple[Array, int]:
+    """1 - M with w in the row of its largest entry, and that row."""
+    A, row = np.eye(len(M)) - M, int(np.abs(w).argmax())
+    A[row] = w
+    return A, row
+
+
+def returns(flow: Flow, y: Array, duration: float, level: float) -> Array | None:
+    """The state where a trace next rises through ``level``, None if not within ``duration`` ns."""
+    run = flow.run(y, duration, level=level)
+    return run.y if run.crossings.size else None
