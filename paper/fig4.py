@@ -41,15 +41,15 @@ def newton_fits(loop):
 
 
 @study("Fig. 4: would any Newton's law do?", 9)
-def scan(size, reference):
+def scan(reference):
     """Could any Newton's law draw the FEM's map? Dispersion and time constant scanned, c_p as tabulated.
 
     Every second power and detuning of the maps, by integration, so that frequencies count as well.
     """
     ring, fem = RING.with_lumped_fcd(), reference.data["map"].isel(power=slice(0, None, 2), detuning=slice(0, None, 2))
     tried = []
-    for sigma in ring.fcd[0][0] * np.geomspace(0.3, 2, size.scan):
-        for tau in np.geomspace(50e-9, 800e-9, size.scan):
+    for sigma in ring.fcd[0][0] * np.geomspace(0.3, 2, 6):
+        for tau in np.geomspace(50e-9, 800e-9, 6):
             model = surrogate.newton(tau_th=float(tau), heat_capacity=HEAT_CAPACITY)
             own = replace(ring, fcd=((float(sigma), 1.0),))
             seen = compared(coupled.pulsing_map(own, model, fem["power"], fem["detuning"], duration=10e-6), fem)

@@ -10,10 +10,11 @@ import surrogate
 import thermofem as th
 from thermofem.plot import BLUE, GREEN, INK, VERMILION, plot_field
 
-from .printed import (CENTRE, FEM_SET, HEAT_CAPACITY, HEATING, NEWTON_FIT, RING, at, heat, legend_above, panel, tiled)
+from .printed import CENTRE, FEM_SET, HEATING, HEAT_CAPACITY, NEWTON_FIT, RING, at, heat, legend_above, panel, tiled
 from .report.study import OTHER, PAPER, Result, figure, study
 
 PULSE = 20e-6  # s, Fig. 5(a)
+CYCLE = 151  # samples of the absorbed power
 
 
 @study("finite elements and their reduction", 0.3, quick=True)
@@ -56,20 +57,20 @@ def squares():
     return Result({f"swing_{name}_K": np.ptp(one["delta_T"].values) for name, one in data.items()}, data)
 
 
-def heat_of_the_pair(count):
+def heat_of_the_pair():
     """The absorbed power of a settled cycle of Newton's law with the pair of Fig. 5(b)."""
     run = coupled.simulate(RING, NEWTON_FIT, **at(CENTRE), duration=20e-6)
     period = coupled.pulsing(run).period
-    times = np.linspace(0, period, count)
+    times = np.linspace(0, period, CYCLE)
     power = np.interp(20e-6 - 1.5 * period + times, run["time"].values, run["absorbed"].values)
     power[-1] = power[0]
     return th.Sampled(times, power, repeat=True)
 
 
 @study("Fig. 5(b): the heat of self-pulsing", 0.2)
-def heating(size):
+def heating():
     """The heat of a settled self-pulsing cycle given to the FEM, and one and two poles fitted to its answer."""
-    wave, n = heat_of_the_pair(size.cycle), 2 * size.cycle
+    wave, n = heat_of_the_pair(), 2 * CYCLE
     data = th.solve_periodic(heat(), wave, n)
     seen = data["delta_T"].values
     second, free = surrogate.fit_second_order(data), surrogate.fit_newton(data)

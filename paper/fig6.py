@@ -7,23 +7,23 @@ import coupled
 from thermofem.plot import BLUE, GREEN, INK, ORANGE, PURPLE, VERMILION
 
 from .maps import NEWTON, models_of
-from .printed import CENTRE, EXPERIMENT_SET, FEM_SET, MARKED, NEWTON_FIT, RING, at, describe, label, late, slug
+from .printed import CENTRE, EXPERIMENT_SET, FEM_SET, MARKED, NEWTON_FIT, RING, RUN, at, describe, label, late, slug
 from .report.study import OTHER, PAPER, Result, figure, study
 
 WINDOW = 2.6e-6  # s, of the traces
 
 
 @study("second order fitted to traces", 18)
-def second_order_fit(size, loop):
+def second_order_fit(loop):
     """The training of Fig. 6: the second-order equation fitted to three traces at once."""
     traces = [loop.data[label(point)] for point in MARKED]
-    found = coupled.identify(RING, traces, free=("kappa", "tau_f", "tau_s", "eta"), runs=size.runs)
+    found = coupled.identify(RING, traces, free=("kappa", "tau_f", "tau_s", "eta"), runs=4)
     numbers = {"parameters": found.parameters, "deviations": found.standard_deviations}
     return Result(numbers, models={"second_order": found.model})
 
 
 @study("Figs. 4(c) and 6(c): traces", 0.2)
-def marked(size, elements, training, second_order_fit, newton_fits):
+def marked(elements, training, second_order_fit, newton_fits):
     """Traces at the marked points with every model, and with Newton's law fitted to each."""
     data, numbers = {}, {}
     for point in MARKED:
@@ -31,7 +31,7 @@ def marked(size, elements, training, second_order_fit, newton_fits):
         models["Newton, fitted to this trace"] = RING, newton_fits.models[label(point)]
         numbers[label(point)] = {}
         for name, (own, model) in models.items():
-            run = coupled.simulate(own, model, **at(point), duration=size.run)
+            run = coupled.simulate(own, model, **at(point), duration=RUN)
             numbers[label(point)][name] = describe(run)
             data[f"{label(point)}.{slug(name)}"] = late(run)
     return Result(numbers, data)

@@ -9,7 +9,7 @@ import coupled
 import surrogate
 from thermofem.plot import BLUE, INK, SKY, VERMILION
 
-from .printed import COLOURS, FEM_SET, HEATING, RING, legend, panel, slug
+from .printed import COLOURS, DETUNINGS, FEM_SET, HEATING, MAP_RUN, POWERS, RING, legend, panel, slug
 from .report.study import OTHER, PAPER, Result, figure, study
 
 PERIODS = np.geomspace(0.1e-6, 10e-6, 41)  # s
@@ -43,14 +43,14 @@ def periods(elements, training):
 
 
 @study("Fig. 7: two rings", 3)
-def rings(size, elements, second_order_fit):
+def rings(elements, second_order_fit):
     """Period of the FEM-coupled ring minus that of the second-order model, for two Q."""
     bus_rate = (RING.omega / (2 * HIGH_Q) - RING.loss_rate) / 2
     high, numbers, data = replace(RING, name=f"{RING.name}, Q = {HIGH_Q}", bus_rate=bus_rate), {}, {}
     for name, own, less, narrower in (("low", RING, 1.0, 1.0), ("high", high, LESS_POWER, LESS_DETUNING)):
-        powers, detunings = size.powers[::2] * less, size.detunings[::2] * narrower
+        powers, detunings = POWERS[::2] * less, DETUNINGS[::2] * narrower
         fem, model = (
-            coupled.pulsing_map(own, one, powers, detunings, duration=size.duration)
+            coupled.pulsing_map(own, one, powers, detunings, duration=MAP_RUN)
             for one in (elements.models["elements"], second_order_fit.models["second_order"])
         )
         shown = (fem["duty"] >= DUTIES[0]) & (fem["duty"] <= DUTIES[1]) & np.isfinite(model["period"])

@@ -10,38 +10,38 @@ import xarray as xr
 import coupled
 
 from .maps import models_of
-from .printed import CENTRE, COLOURS, MARKED, NEWTON_FIT, RING, at, describe, heat, label, legend_above, panel
+from .printed import (
+    CENTRE, COLOURS, DETUNINGS, MARKED, NEWTON_FIT, POWERS, RING, RUN, at, describe, heat, label, legend_above, panel
+)
 from .report.study import OTHER, PAPER, Result, figure, study
 
-# dBm and GHz, spread over where the FEM-coupled ring pulses; taken in this order
-SPREAD = (
-    (5.0, 0.0), (8.0, 25.0), (10.0, 20.0), (6.0, 10.0), (10.0, -10.0), (9.0, 10.0), (6.0, 20.0), (7.0, 0.0),
-    (9.0, -20.0), (7.0, 15.0), (10.0, 0.0), (9.0, 25.0), (8.0, 10.0), (6.0, -5.0), (9.0, -5.0),
+POINTS = (  # dBm and GHz: the marked ones, and others spread over where the FEM-coupled ring pulses
+    *MARKED, (5.0, 0.0), (8.0, 25.0), (10.0, 20.0), (6.0, 10.0), (10.0, -10.0), (9.0, 10.0), (6.0, 20.0), (7.0, 0.0),
+    (9.0, -20.0),
 )
 KEPT = ["energy", "carriers", "delta_T", "drop", "through", "absorbed", "passes", "discrepancy"]
 SHORT = 2e-6  # s, of the run with a poor predictor
 
 
 @study("FEM in the loop", 7)
-def loop(size, elements):
+def loop(elements):
     """Co-simulations with the FEM from a cold start, and the error of the certified reduction at the same points."""
-    points = [*MARKED, *SPREAD[: size.fitted - len(MARKED)]]
     data, numbers = {}, {}
     coupled.cosimulate(RING, heat(), **at(CENTRE), duration=1e-8)  # compiles what is timed below
-    for point in points:
-        run = coupled.cosimulate(RING, heat(), **at(point), duration=size.run)
-        reduced = coupled.simulate(RING, elements.models["reduction"], **at(point), duration=size.run)
+    for point in POINTS:
+        run = coupled.cosimulate(RING, heat(), **at(point), duration=RUN)
+        reduced = coupled.simulate(RING, elements.models["reduction"], **at(point), duration=RUN)
         found = describe(run)
         numbers[label(point)] = found | {
             "reduction_period_error": coupled.pulsing(reduced).period / found["period_s"] - 1,
             "passes_per_window": run.attrs["passes"] / run.attrs["windows"],
             "largest_discrepancy_K": run.attrs["largest_discrepancy"],
-            "seconds_per_us": (run.attrs["cpu_optics"] + run.attrs["cpu_corrector"]) / (size.run * 1e6),
+            "seconds_per_us": (run.attrs["cpu_optics"] + run.attrs["cpu_corrector"]) / (RUN * 1e6),
         }
         data[label(point)] = run[KEPT].assign_attrs(regime=found["regime"])
     every = list(numbers.values())
     densest = max(float(run["carriers"].max()) for run in data.values())
-    numbers |= {"count": len(points), "unknowns": heat().unknowns, "fastest_fca": RING.eta_fca * densest}
+    numbers |= {"count": len(POINTS), "unknowns": heat().unknowns, "fastest_fca": RING.eta_fca * densest}
     for name in ("passes_per_window", "seconds_per_us"):
         numbers[name] = np.mean([one[name] for one in every])
     for name in ("reduction_period_error", "largest_discrepancy_K"):
@@ -60,14 +60,14 @@ def loop(size, elements):
 
 
 @study("FEM in the loop: a map", 14)
-def loop_map(size, elements):
+def loop_map(elements):
     """A coarse map with the FEM itself in the loop, against that of its reduction."""
-    powers, detunings = size.powers[:: size.loop_every], size.detunings[:: size.loop_every]
-    reduced = coupled.pulsing_map(RING, elements.models["elements"], powers, detunings, duration=size.run)
+    powers, detunings = POWERS[::5], DETUNINGS[::5]
+    reduced = coupled.pulsing_map(RING, elements.models["elements"], powers, detunings, duration=RUN)
     reduced = reduced.drop_vars("reason")
 
     def one(point):
-        return coupled.pulsing(coupled.cosimulate(RING, heat(), power=point[0], detuning=point[1], duration=size.run))
+        return coupled.pulsing(coupled.cosimulate(RING, heat(), power=point[0], detuning=point[1], duration=RUN))
 
     points = [(float(p), float(d)) for p in powers for d in detunings]
     found = [one(points[0])]  # fills what all share
@@ -92,7 +92,7 @@ def loop_map(size, elements):
 
 
 @study("what each model costs", 0.5)
-def cost(size, elements, training, second_order_fit, loop):
+def cost(elements, training, second_order_fit, loop):
     """CPU seconds per simulated microsecond of every model at (8 dBm, 0 GHz), and the error of its period.
 
     Medians of runs taken in turn, so that a slow moment of the machine hits all of them.
@@ -100,11 +100,11 @@ def cost(size, elements, training, second_order_fit, loop):
     truth, numbers = loop.numbers[label(CENTRE)]["period_s"], {}
     cases = models_of(elements, training, second_order_fit)
     spent = {name: [] for name in cases}
-    for _ in range(size.repeats + 1):
+    for _ in range(16):
         for name, (ring, model) in cases.items():
             begin = time.process_time()
-            run = coupled.simulate(ring, model, **at(CENTRE), duration=size.run)
-            spent[name].append((time.process_time() - begin) / (size.run * 1e6))
+            run = coupled.simulate(ring, model, **at(CENTRE), duration=RUN)
+            spent[name].append((time.process_time() - begin) / (RUN * 1e6))
             numbers[name] = {"period_error": coupled.pulsing(run).period / truth - 1}
     for name, seconds in spent.items():
         numbers[name]["seconds_per_us"] = np.median(seconds[1:])

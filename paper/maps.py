@@ -7,7 +7,7 @@ import coupled
 from coupled.plot import plot_map
 from thermofem.plot import BLUE, INK, VERMILION
 
-from .printed import COLOURS, EXPERIMENT_SET, MARKED, NEWTON_MAPS, RING, panel, slug
+from .printed import COLOURS, DETUNINGS, EXPERIMENT_SET, MAP_RUN, MARKED, NEWTON_MAPS, POWERS, RING, panel, slug
 from .report.study import OTHER, PAPER, Result, figure, study
 
 FAR = 0.4  # error of the frequency that a border or doubled cycles make, and nothing else does
@@ -24,9 +24,9 @@ def models_of(elements, training, second_order_fit):
 
 
 @study("maps: the FEM", 4)
-def reference(size, elements, periods):
+def reference(elements, periods):
     """The map of the FEM-coupled ring, which the maps of the models are held against."""
-    found = drawn(size, RING, elements.models["elements"])
+    found = drawn(RING, elements.models["elements"])
     low, high = periods.numbers["second order"]["within_10_percent_s"]
     period = found["period"].values[found["regime"].values == "self-pulsing"]
     numbers = compared(found, found) | {"in_range": np.mean((period >= low) & (period <= high))}
@@ -34,20 +34,20 @@ def reference(size, elements, periods):
 
 
 @study("Figs. 4 and 6: maps", 20)
-def maps(size, elements, training, second_order_fit, reference):
+def maps(elements, training, second_order_fit, reference):
     """Figs. 4(a, b) and 6(a, b), and maps that the paper does not have: of SINDy and the reduction."""
     cases = models_of(elements, training, second_order_fit)
-    found = {name: drawn(size, *case) for name, case in cases.items()}
+    found = {name: drawn(*case) for name, case in cases.items()}
     numbers = {name: compared(data, reference.data["map"]) for name, data in found.items()}
     for name in (NEWTON, "second order, the paper's"):
-        linear = coupled.stability_map(*cases[name], size.powers, size.detunings)["regime"] == "self-pulsing"
+        linear = coupled.stability_map(*cases[name], POWERS, DETUNINGS)["regime"] == "self-pulsing"
         numbers[name]["linear_agrees"] = float((linear == (found[name]["regime"] == "self-pulsing")).mean())
     return Result(numbers, {slug(name): data.assign_attrs(model=name) for name, data in found.items()})
 
 
-def drawn(size, ring, model):
+def drawn(ring, model):
     """Where and how a ring with a model pulses, over the plane of the paper."""
-    return coupled.pulsing_map(ring, model, size.powers, size.detunings, duration=size.duration).drop_vars("reason")
+    return coupled.pulsing_map(ring, model, POWERS, DETUNINGS, duration=MAP_RUN).drop_vars("reason")
 
 
 def compared(data, fem):

@@ -17,6 +17,8 @@ MARKED = ((7.0, -10.0), CENTRE, (8.0, 20.0))  # dBm and GHz: (1), (2), (3), whos
 HEAT_CAPACITY = surrogate.BORGHI2021_HEAT_CAPACITY  # J/K, 1.09e-14 kg of silicon at 700 J/(kg K), Table 2
 SECOND_ORDER_FEM = {"kappa": 8.87e5, "tau_f": 55.8e-9, "tau_s": 1200e-9, "eta": 0.31}  # caption of Fig. 5
 SECOND_ORDER_EXPERIMENT = {"kappa": 7.45e5, "tau_f": 71e-9, "tau_s": 1030e-9, "eta": 0.29}  # Section 5
+POWERS, DETUNINGS = 1e-3 * 10 ** np.linspace(0.3, 1.0, 29), np.linspace(-30e9, 30e9, 36)  # W and Hz, of the maps
+RUN, MAP_RUN = 20e-6, 60e-6  # s, of a run alone and of one of a map
 RING = coupled.borghi2021()
 NEWTON_MAPS = surrogate.newton(tau_th=275e-9, heat_capacity=HEAT_CAPACITY)  # Fig. 4(a, b); with the lumped dispersion
 NEWTON_FIT = surrogate.newton(tau_th=417e-9, heat_capacity=6.9 * HEAT_CAPACITY)  # Model 2, caption of Fig. 5

@@ -8,7 +8,7 @@ import coupled
 import surrogate
 import thermofem as th
 
-from .printed import CENTRE, HEAT_CAPACITY, HEATING, NEWTON_MAPS, RING, at, describe
+from .printed import CENTRE, HEATING, HEAT_CAPACITY, NEWTON_MAPS, RING, at, describe
 from .report.study import PAPER, Result, study
 
 BITS = 2047

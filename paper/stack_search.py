@@ -14,7 +14,7 @@ import thermofem as th
 from thermofem.campaign import Variation
 from thermofem.plot import BLUE, GREEN, INK, ORANGE, VERMILION
 
-from .fig5 import heat_of_the_pair
+from .fig5 import CYCLE, heat_of_the_pair
 from .printed import CENTRE, HEAT_CAPACITY, RING, at, legend_above, panel
 from .report.study import Result, figure, study
 
@@ -38,7 +38,7 @@ WIDER = 1.2  # times the worst statement of the best stack, up to which others c
 
 
 @study("stacks that explain the experiment", 6)
-def stacks_explained(size):
+def stacks_explained():
     """Members of a family over both oxides and their conductivity, and how far each is from the statements.
 
     Every quantity is interpolated between `FIRST` members drawn at random and `REFINED` members where the interpolation
@@ -46,7 +46,7 @@ def stacks_explained(size):
     """
     campaign = th.Campaign(th.strip_ring().to_toml(), VARIED, samples=1)
     family = surrogate.train_family(campaign, tolerance=5e-3, held_out=4)
-    wave, samples = heat_of_the_pair(size.cycle), 2 * size.cycle
+    wave, samples = heat_of_the_pair(), 2 * CYCLE
     axes = [np.linspace(v.low, v.high, GRID) for v in VARIED]
     low, span = (np.array(ends) for ends in zip(*((v.low, v.high - v.low) for v in VARIED), strict=True))
     unit = np.stack(np.meshgrid(*[np.linspace(0, 1, GRID)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)

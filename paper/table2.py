@@ -10,8 +10,8 @@ import surrogate
 import thermofem as th
 
 from .printed import (
-    CENTRE, EXPERIMENT_SET, FEM_SET, HEAT_CAPACITY, NEWTON_FIT, NEWTON_MAPS, RING, SECOND_ORDER_EXPERIMENT, at,
-    describe, label,
+    CENTRE, DETUNINGS, EXPERIMENT_SET, FEM_SET, HEAT_CAPACITY, NEWTON_FIT, NEWTON_MAPS, POWERS, RING,
+    SECOND_ORDER_EXPERIMENT, at, describe, label
 )
 from .report.study import OTHER, PAPER, Result, study
 
@@ -82,7 +82,7 @@ def settled(own, model, point=CENTRE, factor=1.0):
 
 
 @study("the print at its word", 0.5)
-def readings(size):
+def readings():
     """Pulsing points under other readings of the printed equations."""
     kept = 2 * RING.bus_rate * (1 - WEAK)  # of the amplitude, by both couplers, that becomes heat
     hot = replace(RING, bus_rate=2 * WEAK * RING.bus_rate, drop_rate=0.0, loss_rate=RING.loss_rate + kept)
@@ -91,9 +91,9 @@ def readings(size):
         "all_heat_newton": (hot.with_lumped_fcd(), NEWTON_MAPS, 1 / (2 * WEAK)),
         "second_order_lumped": (LUMPED, EXPERIMENT_SET, 1.0), "newton_two_terms": (RING, NEWTON_MAPS, 1.0),
     }
-    numbers = {"points": size.powers[::3].size * size.detunings[::3].size, "coupling_share": 1 - WEAK}
+    numbers = {"points": POWERS[::3].size * DETUNINGS[::3].size, "coupling_share": 1 - WEAK}
     for name, (own, model, factor) in cases.items():
-        found = coupled.pulsing_map(own, model, size.powers[::3] * factor, size.detunings[::3], duration=10e-6)
+        found = coupled.pulsing_map(own, model, POWERS[::3] * factor, DETUNINGS[::3], duration=10e-6)
         numbers[name] = int((found["regime"] == "self-pulsing").sum())
     return Result(numbers)
 

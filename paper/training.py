@@ -7,7 +7,7 @@ import thermofem as th
 from thermofem.plot import BLUE, GREEN, INK, VERMILION
 
 from .fig5 import PULSE
-from .printed import HEAT_CAPACITY, HEATING, SECOND_ORDER_FEM, heat, legend_above, panel, tiled
+from .printed import HEATING, HEAT_CAPACITY, SECOND_ORDER_FEM, heat, legend_above, panel, tiled
 from .report.study import OTHER, PAPER, Result, figure, study
 
 ORDERS = (2, 3, 4, 5, 6, 8)  # of Foster networks

@@ -4,14 +4,12 @@ import ast
 import functools
 import hashlib
 import importlib
-import inspect
 import io
 import json
 import logging
 import platform
 import time
 from concurrent.futures import FIRST_COMPLETED, wait
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
@@ -28,27 +26,27 @@ from thermofem.campaign.workers import processes
 from thermofem.data import files
 
 from .page import page
-from .study import FIGURES, STUDIES, Result, Size, needs
+from .study import FIGURES, STUDIES, Result, needs
 
 HERE = Path(__file__).parents[1]
 for script in sorted(HERE.glob("[!_]*.py")):
     importlib.import_module(f"paper.{script.stem}")
 
 
-def run(out, *, quick=False, workers=None, size=None, console=None):
+def run(out, *, quick=False, workers=None, console=None):
     """Reproduce the paper into ``out``: report.html, ring.html, figures/ and data/; return what was made.
 
-    A result that an earlier run stored under the same sizes and code is taken, not computed again.
+    A result that an earlier run stored under the same code is taken, not computed again.
     """
-    out, size, console = Path(out), size or Size(), console or Console()
+    out, console = Path(out), console or Console()
     names = [name for name, study in STUDIES.items() if study.quick or not quick]
-    store, keys, begin = Store(out / "data", ""), keys_of(size), time.monotonic()
+    store, keys, begin = Store(out / "data", ""), keys_of(), time.monotonic()
     logging.getLogger("thermofem").setLevel(logging.ERROR)  # the reference stack ends where that of the paper does
     with files.own_folder(out, ("figures",)), store.opened():
         results = {name: found for name in names if (found := load(store, keys[name]))}
         kept = len(results)
         figures = [name for name, draw in FIGURES.items() if set(needs(draw)) <= set(names)]
-        compute_all(out, size, [name for name in names if name not in results], workers, console)
+        compute_all(out, [name for name in names if name not in results], workers, console)
         results = {name: load(store, keys[name]) for name in names}
         with console.status("figures and the page that computes"):
             pictures = {name: draw(out, name, results) for name in figures}
@@ -69,7 +67,7 @@ def run(out, *, quick=False, workers=None, size=None, console=None):
     return {"report": out / "report.html", **counts, "agree": sum(compared)}
 
 
-def compute_all(out, size, left, workers, console):
+def compute_all(out, left, workers, console):
     """Compute studies in processes, each as soon as what it needs is there, those with the longest way behind first."""
     if not left:
         return
@@ -83,7 +81,7 @@ def compute_all(out, size, left, workers, console):
         while waiting or running:
             unfinished = {*waiting, *running.values()}
             for name in [name for name in waiting if not unfinished & set(needs(STUDIES[name]))]:
-                running[pool.submit(compute, out, size, name)] = name
+                running[pool.submit(compute, out, name)] = name
                 waiting.remove(name)
             bars.update(bar, description=", ".join(STUDIES[name].words for name in running.values())[:60])
             for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -91,13 +89,11 @@ def compute_all(out, size, left, workers, console):
                 bars.advance(bar, STUDIES[running.pop(future)].weight)
 
 
-def compute(out, size, name):
+def compute(out, name):
     """Compute and store one result; in a worker process."""
-    store, keys, study = Store(out / "data", ""), keys_of(size), STUDIES[name]
+    store, keys, study = Store(out / "data", ""), keys_of(), STUDIES[name]
     given = {need: load(store, keys[need]) for need in needs(study)}
     begin = time.process_time()
-    if "size" in inspect.signature(study).parameters:
-        given["size"] = size
     found = study(**given)
     seconds = time.process_time() - begin
     content = {"study": name, "cpu_seconds": seconds, "files": [], "numbers": files.plain(found.numbers)}
@@ -132,13 +128,13 @@ def listed(store, key):
 
 
 @functools.cache
-def keys_of(size):
-    """Key of every study: its name and a hash of the sizes, the code, the libraries and the keys of what it needs."""
+def keys_of():
+    """Key of every study: its name and a hash of the code, the libraries and the keys of what it needs."""
     packages = [Path(package.__file__).parent for package in (th, surrogate, coupled)]
     sources = [path for root in packages for path in sorted(root.rglob("*.?p?")) + sorted(root.rglob("*.py"))]
     code = hashlib.sha256(b"".join(path.read_bytes() for path in sources if "plot" not in str(path)))
     libraries = [platform.python_version(), *map(version, ("numpy", "scipy", "scikit-fem", "numba", "pysindy"))]
-    shared = [code.hexdigest(), libraries, asdict(size)]
+    shared = [code.hexdigest(), libraries]
 
     @functools.cache
     def key(name):

@@ -1,48 +1,11 @@
-"""Results, figures and expected numbers of the scripts, and the size of a reproduction.
-
-A study or figure takes the results that its parameters name; ``size`` stands for the sizes.
-"""
+"""Results, figures and expected numbers of the scripts; a function takes the results that its parameters name."""
 
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 STUDIES, FIGURES = {}, {}  # by name
 PAPER, OTHER = {}, {}  # "study/path/to/number": lowest and highest that agree with the paper, or with another code
-
-
-@dataclass(frozen=True)
-class Size:
-    """How much is computed: fields of a small run differ.
-
-    grid: powers (3 to 10 dBm) and detunings (-30 to 30 GHz) of a map; duration [s]: of each of its runs.
-    scan: free-carrier dispersions and time constants tried for Newton's law, each.
-    fitted: FEM-in-the-loop traces that Newton's law is fitted to; run [s]: of such a trace.
-    loop_every: every how many powers and detunings of a map the FEM itself is put in the loop.
-    runs: trainings on traces, for standard deviations; cycle: samples of the heat of Fig. 5(b); repeats: timed runs.
-    """
-
-    grid: tuple[int, int] = (29, 36)
-    duration: float = 60e-6
-    scan: int = 6
-    fitted: int = 12
-    run: float = 20e-6
-    loop_every: int = 5
-    runs: int = 4
-    cycle: int = 151
-    repeats: int = 15
-
-    @property
-    def powers(self):
-        """W."""
-        return 1e-3 * 10 ** np.linspace(0.3, 1.0, self.grid[0])
-
-    @property
-    def detunings(self):
-        """Hz."""
-        return np.linspace(-30e9, 30e9, self.grid[1])
 
 
 @dataclass(frozen=True)
@@ -57,7 +20,7 @@ class Result:
 
 def needs(function):
     """Names of the results that a study or figure takes."""
-    return [name for name in inspect.signature(function).parameters if name != "size"]
+    return list(inspect.signature(function).parameters)
 
 
 def study(words, weight, quick=False):
