@@ -22,8 +22,8 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 VERDICTS = {True: ("agrees", "agrees"), False: ("differs", "differs"), None: ("open", "–")}
 
 
-def page(results, pictures, explorer, quick, listed):
-    """The report, and the rows of its table for programs; ``listed`` has the files of each result."""
+def page(results, pictures, explorer, quick):
+    """The report, and the rows of its table for programs."""
     paper, other = (Path(__file__).parent / "report.html").read_text(encoding="utf-8").split("<h3>The same equations")
     rows = []
     paper = ROW.sub(lambda match: row(match, results, PAPER, "the paper", rows), paper)
@@ -36,12 +36,12 @@ def page(results, pictures, explorer, quick, listed):
 
     text = SECTION.sub(section, f"{paper}<h3>The same equations{other}")
     text = re.sub(r'<p class="lead">.*?</p>', lambda m: m[0] if known(m[0], results) else "", text, flags=re.S)
-    text = PLACE.sub(lambda m: marked(m, results, listed), text)
+    text = PLACE.sub(lambda m: marked(m, results), text)
     links = re.findall(r'<section id="([^"]+)"[^>]*><h2>(.*?)</h2>', text)[1:]
     parts = {
         "contents": "".join(f'<a href="#{name}">{title}</a> ' for name, title in [*links, ("data", "Data")]),
         "explorer": "data:text/html;charset=utf-8;base64," + base64.b64encode(explorer.encode()).decode(),
-        "data": "".join(files(name, results[name], listed[name]) for name in results),
+        "data": "".join(files(STUDIES[name].words, result) for name, result in results.items()),
         "seconds": f"{sum(result.seconds for result in results.values()):.0f}",
         "version": th.__version__,
     }
@@ -99,10 +99,10 @@ def shown(value, factor, style):
     return digits.replace("-", "−") + (f"·10{str(int(exponent)).translate(RAISED)}" if exponent else "")
 
 
-def marked(match, results, listed):
+def marked(match, results):
     """A number as a <data> element that names its file."""
     name, _, pointer = " ".join(match[1].split()).partition("/")
-    value, source = number(results, match[1]), html.escape(f"{listed[name][0]}#/numbers/{pointer}")
+    value, source = number(results, match[1]), html.escape(f"{results[name].files[0]}#/numbers/{pointer}")
     attributes = f'value="{html.escape(repr(value))}" data-from="{source}" data-factor="{match[2] or 1}"'
     return f'<data {attributes} title="{source}">{html.escape(shown(value, match[2], match[3]))}</data>'
 
@@ -113,8 +113,8 @@ def plain(text, results):
     return html.unescape(re.sub("<.*?>", "", re.sub(r"<sub>(.*?)</sub>", r"_\1", text)))
 
 
-def files(name, result, paths):
+def files(words, result):
     """Links to the files of a result, with the CPU time that it took when it was computed."""
-    links = ", ".join(f'<a href="{html.escape(path)}">{html.escape(Path(path).name)}</a>' for path in paths)
+    links = ", ".join(f'<a href="{html.escape(path)}">{html.escape(Path(path).name)}</a>' for path in result.files)
     seconds = f'<td class="tight" data-label="CPU time">{result.seconds:.1f} s</td>'
-    return f"<tr><td>{html.escape(STUDIES[name].words)}</td><td>{links}</td>{seconds}</tr>"
+    return f"<tr><td>{html.escape(words)}</td><td>{links}</td>{seconds}</tr>"

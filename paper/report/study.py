@@ -10,12 +10,13 @@ PAPER, OTHER = {}, {}  # "study/path/to/number": lowest and highest that agree w
 
 @dataclass(frozen=True)
 class Result:
-    """Numbers (any JSON value), datasets and thermal models by name, and the CPU seconds that they took."""
+    """Numbers (any JSON value), datasets and thermal models by name; once stored, CPU seconds and its files."""
 
     numbers: Mapping
     data: Mapping = field(default_factory=dict)
     models: Mapping = field(default_factory=dict)
     seconds: float = 0.0
+    files: list[str] = field(default_factory=list)
 
 
 def needs(function):
