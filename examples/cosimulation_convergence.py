@@ -26,7 +26,7 @@ def relax(model, length, passes=12):
     state = coupled.State.cold(own.order)
     cold = advance(RING, own, state, 0.0, 1e-6, power=POWER, rtol=1e-8)
     start = cold.time[np.argmax(cold.absorbed)] - 20e-9
-    before = advance(RING, own, state, 0.0, start, power=POWER, rtol=1e-8)
+    before = advance(RING, own, state, 0.0, start, power=POWER, rtol=1e-8, slopes=True)
     rise = fem.advance(before.time, Cubic(before.time, before.absorbed, before.absorbed_slope))
     fem.accept()
     same = model is own or model is None
@@ -34,7 +34,7 @@ def relax(model, length, passes=12):
     begin = before.final if same else coupled.State(before.final.field, before.final.carriers, np.zeros(model.order))
     offset, sizes = (0.0 if same else rise[-1]), []
     for _ in range(passes):
-        run = advance(RING, model, begin, start, start + length, power=POWER, offset=offset, rtol=1e-9)
+        run = advance(RING, model, begin, start, start + length, power=POWER, offset=offset, rtol=1e-9, slopes=True)
         change = fem.advance(run.time, Cubic(run.time, run.absorbed, run.absorbed_slope)) - run.delta_T
         sizes.append(np.abs(change).max())
         new = (offset(run.time) if callable(offset) else offset) + change

@@ -63,5 +63,5 @@ def kept(elements):
 
 PAPER.update({
     "keying/1Gbps/off": (0, 0.1), "keying/10Gbps/off": (0, 0.05), "keying/25Gbps/off": (0, 0.05),
-    "kept/sigma/least": (1.01, 8), "kept/sigma/swing_K": (5.3, 6.5), "kept/lifetime/count": (1, 29),
+    "kept/sigma/least": (1.01, 8), "kept/lifetime/count": (1, 29),
 })

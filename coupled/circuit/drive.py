@@ -14,7 +14,7 @@ from thermofem.arrays import Array
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Pieces, add, bounds, joint, pieces
 from ..kernel import units as eq
-from ..kernel.integrator import Drive
+from ..kernel.integrator import Drive, Polynomials
 from ..runs.window import integral, largest, table
 from .circuit import Circuit
 from .network import Light
@@ -124,12 +124,15 @@ def drive_of(
     Fields turn with the first laser; the phase of another is the integral of the difference.
     """
     first, duration = detunings[0], powers[0].edges[-1]
-    turning = []
-    for ring, offset in zip(circuit.resonators, offsets, strict=True):
-        away = float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset
-        turned = add([first, pieces("offset", away, 0.0, duration)]).times(2 * np.pi * eq.NS)
-        turning.append(add([turned, offset.times(ring.thermal_shift * eq.NS)]))
-    power, detuning = table([one.times(1 / eq.UW) for one in powers]), table(turning)
+    edges, scale = joint(first, *offsets), eq.NS ** np.arange(4)
+    turning = np.repeat(first.on(edges).coefficients[:, None] * (2 * np.pi * eq.NS), len(offsets), axis=1)
+    for i, (ring, offset) in enumerate(zip(circuit.resonators, offsets, strict=True)):
+        turning[:, i, 0] += eq.internal_detuning(
+            float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset
+        )
+        if np.any(offset.coefficients):
+            turning[:, i] += offset.on(edges).coefficients * (ring.thermal_shift * eq.NS)
+    power, detuning = table([one.times(1 / eq.UW) for one in powers]), Polynomials(edges / eq.NS, turning * scale)
     apart = table([one.times(2 * np.pi * eq.NS) for one in turns(circuit, detunings)])
     edges = echoes(joint(*powers), light, duration)
     every = _apart(np.concatenate([edges, detuning.edges * eq.NS, apart.edges * eq.NS]), duration)

@@ -88,7 +88,9 @@ def run_circuit(
     if system.heat.heaters:
         attributes["heater_states"] = system.heater_states
     rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
-    rises += np.array([offset(run.rows[:, 0] * eq.NS) for offset in system.offsets]).T
+    for i, offset in enumerate(system.offsets):
+        if np.any(offset.coefficients):
+            rises[:, i] += offset(run.rows[:, 0] * eq.NS)
     trusted(thermal, rises)
     rows = run.rows[kept[: len(run.rows)]] if wanted.size else run.rows
     return _dataset(system, rows, attributes, corner=corner, average=average)

@@ -323,8 +323,8 @@ class Problem:
                 looks = self._look(y, loop, looks)
             elif status == TOO_SMALL:
                 raise InputError(
-                    f"model or power: found no step small enough at t = {loop.t * 1e-9:g} s: light and heat run away, or "
-                    "the rise is at the top of an output map; look at the model's largest numbers"
+                    f"model or power: found no step small enough at t = {loop.t * 1e-9:g} s: light and heat run away, "
+                    "or the rise is at the top of an output map; look at the model's largest numbers"
                 )
             else:
                 break

@@ -270,7 +270,7 @@ template <class T> struct Network {
       for (int i = 0; i < R; i++) {
         T *o = now + i * Z, *r = right + i * Z;
         combine<Z>(q, a, c, k + i * Z, R * Z, block[i].start, o, r);
-        const T rise = extrapolated(i, t + p.method.at[q] * h);
+        const T rise = p.cross ? extrapolated(i, t + p.method.at[q] * h) : zero<T>();
         const T P = block[i].stage(q, ring[i], o, rise, light[q].detuning + i, f);
         r[B] = heat[i].stage(q, a, c, P);
         T push = r[B];  // of the heat; a change of the neighbours' in time is one of dT, not of z

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -122,7 +122,7 @@ def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
 
 def slowest_rate(model: Compact) -> float:
     """Rate of the slowest decay of heat in 1/s, at rest."""
-    linear = getattr(model, "linear", model)
+    linear: Any = getattr(model, "linear", model)
     if isinstance(linear, Foster):
         return float(1 / np.max(np.asarray(linear.tau)[np.asarray(linear.R) != 0]))
     return float(-np.linalg.eigvals(np.asarray(linear.A)).real.max())

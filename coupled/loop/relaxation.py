@@ -185,7 +185,7 @@ class Relaxation:
         clock = process_time()
         run = advance(
             self.ring, self.model, self.state, start, stop, power=self.power, detuning=self.detuning,
-            offset=offset, rtol=self.rtol, first_step=self.first_step,
+            offset=offset, rtol=self.rtol, first_step=self.first_step, slopes=True,
         )  # fmt: skip
         self.seconds["optics"] += process_time() - clock
         return run

@@ -28,11 +28,12 @@ from ..heaters import constant
 from ..kernels.interrupts import new_watch
 from ..resonator import RingResonator
 from ..runs.pulsing import Regime
+from ..runs.resting import Rest
 from ..states import State
 from ..thermal import Compact, long_enough
 from .grid import Grid, Point, grid_of
 from .journal import Journal
-from .quick import pulse
+from .trace_of_point import pulse, rests
 from .trust import trusted_map
 
 FAILED = "failed"
@@ -260,22 +261,30 @@ def _row(
     """All points of one row, each on its own or from where its neighbour ended."""
     cells: list[_Cell] = []
     state = cold = State.cold(model.order)
-    for point in reversed(points) if follow == Follow.DOWN else points:
-        cell, end = _cell(model, point, duration, rtol, state, watch)
+    pairs = list(zip(points, rests(model, points), strict=True))
+    for point, rest in reversed(pairs) if follow == Follow.DOWN else pairs:
+        cell, end = _cell(model, point, duration, rtol, state, rest, watch)
         cells.append(cell)
         state = cold if follow is None or end is None else end
     return cells[::-1] if follow == Follow.DOWN else cells
 
 
 def _cell(
-    model: Compact, point: Point, duration: float, rtol: float, state: State, watch: NDArray[np.float64]
+    model: Compact,
+    point: Point,
+    duration: float,
+    rtol: float,
+    state: State,
+    rest: Rest | None,
+    watch: NDArray[np.float64],
 ) -> tuple[_Cell, State | None]:
     """One point, and where its run ended; whatever stops it becomes its reason."""
     ring, power, detuning = point
     try:
         found, end = pulse(
-            ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, watch=watch
-        )
+            ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, rest=rest,
+            watch=watch,
+        )  # fmt: skip
     except (checks.InputError, RuntimeError) as error:
         return _Cell(FAILED, float("nan"), float("nan"), float("nan"), str(error)), None
     return _Cell(str(found.regime), found.period, found.duty, found.swing, found.reason), end

@@ -93,7 +93,7 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
             step = np.linalg.solve(J, rate)
         except np.linalg.LinAlgError:  # its numbers are too far apart
             return None
-        y = y - step
+        y = np.asarray(y - step)
         if not np.abs(step).max() > CLOSE * np.abs(y).max():
             break
     U = y[0] ** 2 + y[1] ** 2

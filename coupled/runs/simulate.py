@@ -29,7 +29,7 @@ from .record import heater_powers, provenance, traces
 from .resting import rest_near
 from .window import NO_TIMES, Event, Window, advance
 
-ROWS = ("time", "field", "fields", "carriers", "delta_T", "absorbed", "absorbed_slope", "incoming")  # over time
+ROWS = ("time", "field", "fields", "carriers", "delta_T", "absorbed", "incoming")  # over time
 
 
 def simulate(

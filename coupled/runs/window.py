@@ -74,6 +74,7 @@ def advance(
     per_step: int = 1,
     first_step: float = 0.0,
     event: Event | None = None,
+    slopes: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Window:
     """Integrate ring and thermal model from ``state`` at ``start`` to ``stop``.
@@ -87,6 +88,7 @@ def advance(
     rtol, method: as in `simulate`.
     times [s]: wanted times; empty for the accepted steps.
     per_step: rows for every accepted step.
+    slopes: whether absorbed_slope is computed; it is empty otherwise.
     first_step [s]: 0 for a cautious one.
     progress: as in `simulate`.
     Raises InputError: a power below 0, inputs that do not cover the window, or too many steps.
@@ -110,7 +112,7 @@ def advance(
         carriers=N * eq.DENSITY,
         delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(t * eq.NS)),
         absorbed=eq.absorbed_power(ar**2 + ai**2, N, rates) * eq.UW,
-        absorbed_slope=_absorbed_slope(run.rows, drive, rates),
+        absorbed_slope=_absorbed_slope(run.rows, drive, rates) if slopes else NO_TIMES,
         final=State.from_array(run.y * unit),
         reached=run.t * eq.NS,
         step=run.step * eq.NS,

@@ -15,7 +15,7 @@ from .study import OTHER, PAPER, STUDIES
 
 PLACE = re.compile(r"\{([^{}|]+)\|([^{}|]*)\|([^{}|]*)(\|=)?\}")
 CELL = r"<td>(.*?)</td>\s*"
-ROW = re.compile(rf'<tr( class="key")?><td>(.*?)(<span class="where">.*?</span>)?</td>\s*{CELL}{CELL}{CELL}</tr>', re.S)
+ROW = re.compile(rf'<tr( class="key")?><td>(.*?)(<span\s+class="where">.*?</span>)?</td>\s*{CELL}{CELL}{CELL}</tr>', re.S)
 SECTION = re.compile(r"<section.*?</section>", re.S)
 FIGURE = re.compile(r'<figure id="(\w+)"><h3>(.*?)</h3>(.*?)</figure>', re.S)
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -146,7 +146,7 @@ def test_an_offset_of_temperature_is_a_detuning():
 def test_the_spline_of_absorbed_power_is_as_good_as_the_steps():
     from scipy.interpolate import CubicHermiteSpline
 
-    run = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-6)
+    run = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-6, slopes=True)
     t = np.linspace(1e-9, 1e-6, 4001)
     fine = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-10, times=t)
     spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
