@@ -51,7 +51,8 @@ def traces(elements, training):
     swapped = coupled.simulate(RING.with_swapped_srh(), models["reduction"], **at(CENTRE), duration=20e-6)
     change = coupled.pulsing(swapped).period / numbers["reduction"]["period_s"] - 1
     numbers["exchanged"] = {"period_change": change}
-    return Result(numbers, {slug(name.replace("µ", "u")): late(run).assign_attrs(model=name) for name, run in runs.items()})
+    data = {slug(name.replace("µ", "u")): late(run).assign_attrs(model=name) for name, run in runs.items()}
+    return Result(numbers, data)
 
 
 def line(ax, run, style, colour, words=None, width=1.2):

@@ -15,7 +15,8 @@ from .study import OTHER, PAPER, STUDIES
 
 PLACE = re.compile(r"\{([^{}|]+)\|([^{}|]*)\|([^{}|]*)(\|=)?\}")
 CELL = r"<td>(.*?)</td>\s*"
-ROW = re.compile(rf'<tr( class="key")?><td>(.*?)(<span\s+class="where">.*?</span>)?</td>\s*{CELL}{CELL}{CELL}</tr>', re.S)
+WHERE = r'(<span\s+class="where">.*?</span>)?'
+ROW = re.compile(rf'<tr( class="key")?><td>(.*?){WHERE}</td>\s*{CELL}{CELL}{CELL}</tr>', re.S)
 SECTION = re.compile(r"<section.*?</section>", re.S)
 FIGURE = re.compile(r'<figure id="(\w+)"><h3>(.*?)</h3>(.*?)</figure>', re.S)
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -67,24 +67,33 @@ def run(out, *, quick=False, workers=None, console=None):
 
 
 def compute_all(out, left, workers, console):
-    """Compute studies in processes, each as soon as what it needs is there, those with the longest way behind first."""
+    """Compute studies in processes, each as soon as what it needs is there, those with the longest way behind first.
+
+    Where one raises, those that do not need it are finished before its error is raised.
+    """
 
     def behind(name):
         return STUDIES[name].weight + max((behind(n) for n in left if name in needs(STUDIES[n])), default=0)
 
-    waiting, running = sorted(left, key=behind, reverse=True), {}
+    waiting, running, failed = sorted(left, key=behind, reverse=True), {}, {}
     columns = SpinnerColumn(), TextColumn("{task.description:<60}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console) as bars, processes(workers) as pool:
         bar = bars.add_task("", total=sum(STUDIES[name].weight for name in left))
-        while waiting or running:
-            unfinished = {*waiting, *running.values()}
+        while True:
+            unfinished = {*waiting, *running.values(), *failed}
             for name in [name for name in waiting if not unfinished & set(needs(STUDIES[name]))]:
                 running[pool.submit(compute, out, name)] = name
                 waiting.remove(name)
+            if not running:
+                break
             bars.update(bar, description=", ".join(STUDIES[name].words for name in running.values())[:60])
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                future.result()
-                bars.advance(bar, STUDIES[running.pop(future)].weight)
+                name = running.pop(future)
+                bars.advance(bar, STUDIES[name].weight)
+                if future.exception():
+                    failed[name] = future.exception()
+    for error in failed.values():
+        raise error
 
 
 def compute(out, name):
