@@ -19,6 +19,7 @@ from .heat.campaign_command import campaign
 from .heat.solve_command import solve
 from .light.cosimulate_command import cosimulate
 from .light.explore_command import explore
+from .light.identify_command import identify
 from .light.map_command import map_
 from .light.modes_command import modes
 from .light.ring_command import ring
@@ -52,6 +53,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "simulate": simulate,
     "map": map_,
     "stability": stability,
+    "identify": identify,
     "cosimulate": cosimulate,
     "explore": explore,
     "modes": modes,

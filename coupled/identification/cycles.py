@@ -196,8 +196,10 @@ def cycle_of(run: xr.Dataset, *, at: Array | None = None) -> Cycle:
     found = pulsing(run)
     t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
     late = t >= t[-1] - SETTLED_SHARE * (t[-1] - t[0])
-    edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)[-LAST - 1 :]
-    if found.regime != Regime.SELF_PULSING or edges.size < 2:
+    edges = np.empty(0)
+    if found.regime == Regime.SELF_PULSING:
+        edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)[-LAST - 1 :]
+    if edges.size < 2:
         still = np.zeros(HARMONICS + 1, dtype=complex)
         late = np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512) if at is None else at
         level = np.interp(late, t, drop)
@@ -226,7 +228,7 @@ def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array,
     """
     pulses = np.isfinite([model.period, measured.period])
     drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * max(map(_counts, (model, measured)))
-    aligned = model.shifted(_lag(model.harmonics, measured.harmonics)) if pulses.all() else model
+    aligned = model.shifted(lag(model.harmonics, measured.harmonics)) if pulses.all() else model
     both = np.array([aligned.harmonics, measured.harmonics])
     if not absolute:
         factor = np.vdot(both[0], both[1]).real / np.vdot(both[0], both[0]).real
@@ -284,7 +286,7 @@ def _pieces(t: Array, drop: Array, edges: Array, step: float, least: int = 0) ->
     return np.asarray(waves * np.exp(-1j * np.pi * np.arange(HARMONICS + 1) / n))
 
 
-def _lag(model: Complex, measured: Complex) -> float:
+def lag(model: Complex, measured: Complex) -> float:
     """The shift of the model's phase, in periods, that brings it closest: the peak of the correlation."""
     k = np.arange(1, model.size)
     products = model[1:] * measured[1:].conj()

@@ -1,17 +1,17 @@
-"""Train the ring, its carriers and its heat on drop traces: evolution for the basin, least squares for the rest."""
+"""Parameters of a ring, its carriers and its heat from drop traces: forced filters, settled cycles, a test."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.data import quantity
+from thermofem.data import dataset, quantity
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import check_ring
@@ -19,17 +19,38 @@ from ..bar import bar
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import ThermalFamily, Unknowns, unknowns
-from .cycles import Cycle, misfit
-from .matching import Target, at_bound, coarse, deviations, polished, residuals, simulated, targets_of
-
-if TYPE_CHECKING:
-    import xarray as xr
+from .forced_filters import Start, forced_starts
+from .levenberg import End, Prior, Residuals, central_slopes, least_squares
+from .matching import Target, at_bound, targets_of
+from .settled_cycles import SOFT, STAGES, Seen, Stage, compared, cycle_residuals, free_run, repeats, seen
 
 log = logging.getLogger("thermofem")
 
 NEAR = 0.1  # of a whole number, relative: a ratio of periods that is one
-POPULATION, GENERATIONS = 20, 8
-SEARCHED = 6  # harmonics that count in the evolution
+ALONG = (
+    0,
+    -0.01,
+    0.01,
+    -0.02,
+    0.02,
+    -0.04,
+    0.04,
+    -0.07,
+    0.07,
+    -0.1,
+    0.1,
+    -0.15,
+    0.15,
+    -0.2,
+    0.2,
+)  # fmt: skip; of a logarithm
+DRAWN, TRIES = 10, 5  # further points about a forced fit, and how many of all are followed
+ASTRAY = 8.0  # residuals over their deviations after a stage, above which a later one does not help
+NOISE = 1.5  # the same at the end: a fit above it failed
+TWICE = 0.03  # of a logarithm: two ends that are one
+WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
+NOTED, APART = 1.5, 3.0  # widening, and distance from the forced fit in its deviations, that are said
+HARDLY, UNKNOWN = 0.3, 1.0  # deviations of a logarithm: said, and given as inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +70,15 @@ class Identification(HasModel):
         over trace and phase: drop, the measured mean cycle, and drop_model, both in the unit of the trace; each the
         mean over 1/33 of the cycle.
     samples : xarray.Dataset
-        over run: each free parameter, and misfit, the root of the mean over the traces of the sum of squares.
+        over run: each free parameter, and misfit, the root mean square of the residuals over the noise, of every end of
+        the search, the best first.
+    failed : bool
+        whether the misfit of the best end is above 1.5: the parameters are then only those whose cycles are closest.
     notes : tuple of str
-        what makes numbers of the result doubtful: uneven samples; parameters that the traces do not determine, or that
-        ended on a bound of the search; traces whose period and that of the model are a multiple of each other;
-        traces that pulse while their model rests, or the other way round. They are logged, too.
-    front : array, shape (n, traces)
-        sums of squares, with six harmonics, of the Pareto front at which the evolution of the first run ended.
+        what makes numbers of the result doubtful: a failed fit; uneven samples; parameters that the traces do not
+        determine, or that ended on a bound; deviations that were widened; another end of equal misfit; periods of
+        trace and model that are a multiple of each other, or a model whose pulses do not repeat; traces that pulse
+        while their model rests, or the other way round. They are logged, too.
     """
 
     parameters: dict[str, float]
@@ -65,7 +88,7 @@ class Identification(HasModel):
     residuals: xr.Dataset
     cycles: xr.Dataset
     samples: xr.Dataset
-    front: Array
+    failed: bool
     notes: tuple[str, ...] = ()
 
 
@@ -76,20 +99,21 @@ def identify(
     free: Sequence[str],
     model: ThermalModel | ThermalFamily | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    runs: int = 10,
+    runs: int = 3,
     seed: int = 1,
     show_bar: bool = False,
 ) -> Identification:
     """Find the parameters with which the simulated drop traces are closest to all the given ones at once.
 
-        minimise, one objective a trace,  (ln(T_model/T)/0.01)^2 + mean(((drop_model - drop)/(0.03 swing))^2)
+    1. The measured light drives carriers and heat as filters, whose misfit is smooth (`forced_filters`): 1024 points of
+       the box, least squares from the best 8.
+    2. Free runs from the cold ring meet period and 32 harmonics of the second half of each trace,
 
-    by a multi-objective evolution (NSGA-II) in the logarithms of the parameters, with six harmonics of the cycle, then
-    least squares on the sum from the best point of its front, with 2, 6 and all 32 of them.
+           minimise  sum (ln(T_model/T)/s_T)^2 + sum_k |c_k,model - c_k|^2/s_k^2 + (x - x_0)^T L (x - x_0)
 
-    Period and shape of the mean cycle are compared instead of the traces themselves: two that differ by a hundredth in
-    period are out of phase after some tens of cycles. The cycle is cut at its 32nd harmonic, and shifted in phase to
-    where it is closest.
+       in the logarithms x of the parameters; s are the deviations by the noise, at least 1e-4 of the period and 3e-4 of
+       the swing. The forced fit x_0, with 15 times its own covariance and 3 %, is the prior: it knows the transient.
+    3. A fit whose residuals are above 1.5 of their deviations has failed.
 
     Parameters
     ----------
@@ -112,8 +136,7 @@ def identify(
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start.
     runs : int
-        independent searches, each with its own evolution. The one with the smallest misfit gives the parameters;
-        ``samples`` shows how far the others, which may have ended in another minimum, are from it.
+        minima of the first step that are followed by free runs, at most: the first whose residuals are noise ends it.
     seed : int
     show_bar : bool
         whether to draw a bar on the terminal.
@@ -127,161 +150,254 @@ def identify(
     InputError
         a name, bound or trace that cannot be used.
 
-    The standard deviations are those of the noise: every cycle of a trace is left out once, and the change of the
-    residuals moves the parameters by their linearisation (jackknife). They do not hold what the law itself cannot do,
-    which ``residuals`` shows. They are nan where a trace has fewer than four cycles in its second half, or uneven
-    samples with gaps above a hundredth of the period, and for a parameter that ended on a bound. They are inf for one
-    that the traces do not determine, such as two of which only the ratio counts. All are nan where a trace and its
-    model were read otherwise, at another period or at rest. ``notes`` names these. Measured on 50 synthetic cases of
-    four parameters, two traces and 2 % noise (tests/audit/pulls.py): the deviations of (found - true)/deviation are
-    0.89 to 0.95. Of seven nearly exchangeable parameters (those four, bus_rate, loss_rate and fca_cross_section) on
-    four traces, whose deviations reach 3 %, they are 0.86 to 1.11 over 29 of 30 cases; in the other one a trace was
-    read at twice the period of its model. Of tau_n and the poles of the network (tau_n, R, tau) they are 0.8 to 1.5.
-    The simulated traces are sampled as the given ones are: straight lines between other samples would move such
-    parameters by more than a deviation.
+    The standard deviations are those of the noise, by the slopes of the residuals, and widened where the misfit two
+    deviations away rises by less than half as much as they say. They are nan where the fit failed, a trace and its
+    model were read otherwise, samples have uneven gaps above a hundredth of the period, and for a parameter that ended
+    on a bound. They are inf for one that the traces do not determine, such as two of which only the ratio counts.
+    ``notes`` names these.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), end of Section 5, which trains (kappa, tau_f, tau_s, eta) on
-    three traces by a multi-objective swarm, and takes the standard deviation over ten runs. Deb et al., IEEE Trans.
-    Evol. Comput. 6, 182 (2002), for NSGA-II.
+    three traces by a multi-objective swarm, and takes the standard deviation over ten runs.
     """
     check_ring(ring)
     what = unknowns(ring, free, model, bounds)
     targets = targets_of(traces)
     seed = checks.seed(seed)
-    runs = checks.integer("runs", runs, 1, 1000, hint="several show whether the search ends in one minimum")
-    found, front = [], np.empty((0, len(targets)))
-    wanted = [target.observed.mean() for target in targets]
+    runs = checks.integer("runs", runs, 1, 100, hint="minima of the first step that are followed")
+    aims = [seen(target) for target in targets]
+    residuals = cycle_residuals(what, targets, aims)
     with bar("identify", runs, show_bar) as advance:
-        for run in range(runs):
-            rng = np.random.default_rng([seed, run])
-            found.append(_one_run(what, targets, wanted, int(rng.integers(2**31))))
-            front = front if run else found[0][2]
-            advance()
-    return _result(what, targets, found, front)
+        found = _searched(what, targets, residuals, runs, seed, advance)
+    if not found:
+        raise checks.InputError("no model in the bounds could be integrated under the drive of the traces")
+    return _result(what, targets, aims, found, residuals)
 
 
-def _one_run(what: Unknowns, targets: list[Target], wanted: list[Cycle], seed: int) -> tuple[Array, float, Array]:
-    """Logarithms of the parameters, the misfit, and the front of the evolution."""
-    from pymoo.algorithms.moo.nsga2 import NSGA2
-    from pymoo.core.problem import ElementwiseProblem
-    from pymoo.optimize import minimize
+def _followed(
+    residuals: Callable[[Stage], Residuals], what: Unknowns, start: Start, traces: int, seed: int
+) -> Iterator[End]:
+    """Ends of free runs from points about a forced fit, the most promising first.
 
-    class Search(ElementwiseProblem):
-        def __init__(self) -> None:
-            super().__init__(n_var=what.start.size, n_obj=len(targets), xl=what.low, xu=what.high)
+    A forced fit is off along its weakest direction most, so points lie on both sides of it; others are drawn.
+    """
+    centre, (weights, directions) = start.x, np.linalg.eigh(start.precision)
+    weak = directions[:, 0] / np.abs(directions[:, 0]).max()
+    drawn = np.random.default_rng(seed).standard_normal((DRAWN, centre.size)) / np.sqrt(weights)
+    points = centre + np.vstack([np.outer(ALONG, weak), drawn @ directions.T])
+    points = np.clip(points, what.low, what.high)
+    costs = [np.inf if (r := residuals(STAGES[0])(x)) is None else float(r @ r) for x in points]
+    for k in np.argsort(costs)[:TRIES]:
+        if not np.isfinite(costs[k]):
+            return
+        x = points[k]
+        for stage in STAGES:
+            end = least_squares(
+                residuals(stage), x, what.low, what.high, steps=stage.steps, traces=traces,
+                prior=Prior(centre, start.precision),
+            )  # fmt: skip
+            x = end.x
+            if _rms(end.r, x.size) > ASTRAY:
+                break
+        if (last := residuals(STAGES[-1])(x)) is not None:
+            yield End(x, last, end.J, end.cost)
 
-        def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
-            out["F"] = np.sum(coarse(residuals(what, targets, wanted, x), SEARCHED) ** 2, axis=1)
 
-    rng = np.random.default_rng(seed)
-    first = rng.uniform(what.low, what.high, size=(POPULATION, what.start.size))
-    first[0] = what.start
-    ended = minimize(Search(), NSGA2(pop_size=POPULATION, sampling=first), ("n_gen", GENERATIONS), seed=seed)
-    points, front = np.atleast_2d(ended.X), np.atleast_2d(ended.F)
-    x, cost = polished(what, targets, wanted, points[np.argmin(front.sum(axis=1))])
-    return x, float(np.sqrt(cost / len(targets))), front
+def _rms(r: Array, unknowns: int) -> float:
+    """Root mean square of residuals over their deviations."""
+    return float(np.sqrt(r @ r / max(r.size - unknowns, 1)))
+
+
+def _searched(
+    what: Unknowns, targets: list[Target], residuals: Callable[[Stage], Residuals], runs: int, seed: int,
+    advance: Callable[[], None],
+) -> list[tuple[float, End, Start]]:  # fmt: skip
+    """Misfit, end and start of all that was followed, the best first; stops at the noise, or at an end found twice."""
+    found: list[tuple[float, End, Start]] = []
+    starts = forced_starts(what, [target.forced for target in targets], seed)
+    for start in starts[:runs]:
+        advance()
+        for end in _followed(residuals, what, start, len(targets), seed):
+            twice = any(np.abs(end.x - other.x).max() < TWICE for _, other, _ in found)
+            found.append((_rms(end.r, end.x.size), end, start))
+            if twice or found[-1][0] < NOISE:
+                return sorted(found, key=lambda one: one[0])
+    return sorted(found, key=lambda one: one[0])
+
+
+def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, high: Array) -> tuple[Array, float]:
+    """Covariance of the logarithms ``x`` after a profile of the misfit along its directions, and the largest factor.
+
+    Two deviations away the misfit should be 4 more. Where it is less, as where slopes were taken across the edge of
+    self-pulsing, that deviation is widened until it is.
+    """
+    variances, directions = np.linalg.eigh(C)
+    factors, least = np.ones(x.size), cost(x)
+    for k, (s, along) in enumerate(zip(np.sqrt(variances), directions.T, strict=True)):
+        for _ in range(WIDENED):
+            ends = [x + sign * 2 * s * factors[k] * along for sign in (1, -1)]
+            rises = [cost(y) - least for y in ends if np.all((y > low) & (y < high))]
+            rise = min(rises, default=4.0)
+            if rise > FLAT:
+                break
+            factors[k] *= min(2 / np.sqrt(max(rise, 0.04)), 4.0)
+    return (directions * variances * factors**2) @ directions.T, float(factors.max())
+
+
+def _deviations(
+    what: Unknowns, traces: int, residuals: Callable[[Stage], Residuals], x: Array, start: Start
+) -> tuple[Array, float]:  # fmt: skip
+    """Standard deviations of the logarithms, nan of those on a bound, and by what factor the profile widened them."""
+    found, free = np.full(x.size, np.nan), np.flatnonzero(~at_bound(what, x))
+    if not free.size:
+        return found, 1.0
+    last = residuals(STAGES[-1])
+    r = last(x)
+    assert r is not None
+    J, L = central_slopes(last, x, r, traces)[:, free], start.precision[np.ix_(free, free)]
+
+    def cost(part: Array) -> float:
+        y = x.copy()
+        y[free] = part
+        left, off = last(y), part - start.x[free]
+        return np.inf if left is None else float(left @ left + off @ L @ off)
+
+    C, factor = _widened(cost, x[free], np.linalg.inv(J.T @ J + L), what.low[free], what.high[free])
+    found[free] = np.sqrt(np.diag(C)) * max(_rms(r, x.size), 1.0)
+    found[found > UNKNOWN] = np.inf
+    return found, factor
 
 
 def _result(
-    what: Unknowns, targets: list[Target], found: list[tuple[Array, float, Array]], front: Array
+    what: Unknowns, targets: list[Target], aims: list[Seen], found: list[tuple[float, End, Start]],
+    residuals: Callable[[Stage], Residuals],
 ) -> Identification:  # fmt: skip
-    """Put the result together."""
-    import xarray as xr
-
-    from thermofem.data import dataset
-
-    values, best = np.exp([x for x, _, _ in found]), int(np.argmin([m for _, m, _ in found]))
-    ring, model = what.build(found[best][0])
-    spread = values[best] * deviations(what, targets, found[best][0])
-    phase = np.linspace(0, 1, 256, endpoint=False)
-    rows, curves = [], []
-    for target in targets:
-        aim = target.observed.mean()
-        _, aligned = misfit(simulated(ring, model, target), aim, target.observed.absolute)
-        curves.append([cycle.curve(phase, smooth=True) for cycle in (aim, aligned)])
-        shape = float(np.sqrt(np.mean((aligned.curve(phase) - aim.curve(phase)) ** 2)) / aim.scale)
-        rows.append([target.power, target.detuning, aim.period, aligned.period, shape])
-    columns = np.array(rows).T
-    errors = xr.Dataset(
-        {
-            "power": ("trace", columns[0], dataset.describe("input_power")),
-            "detuning": ("trace", columns[1], dataset.describe("detuning")),
-            "period": ("trace", columns[2], dataset.describe("period")),
-            "period_model": ("trace", columns[3], dataset.describe("period")),
-            "shape_error": (
-                "trace",
-                columns[4],
-                {"units": "1", "long_name": "rms difference of the cycles over the swing"},
-            ),
-        }
-    )
-    notes = _doubts(what, targets, spread, values[best])
-    if apart := read_apart(columns[2], columns[3]):
-        notes, spread = notes + apart, np.full(spread.size, np.nan)
-    drawn = np.array(curves)
-    units = {target.observed.unit for target in targets}
-    about = {"units": units.pop() if len(units) == 1 else "unit of the trace", "long_name": "drop signal"}
-    about = dataset.describe("drop") if about["units"] == "W" else about
-    cycles = xr.Dataset(
-        {
-            "drop": (("trace", "phase"), drawn[:, 0], about),
-            "drop_model": (("trace", "phase"), drawn[:, 1], about),
-        },
-        coords={"phase": ("phase", phase, {"units": "1", "long_name": "fraction of the cycle"})},
-    )
-    samples = xr.Dataset(
-        {name: ("run", values[:, k]) for k, name in enumerate(what.names)}
-        | {"misfit": ("run", [m for _, m, _ in found])}
-    )
+    """Test the best end against the noise, and put the result together."""
+    (misfit, end, start), others = found[0], found[1:]
+    x, failed, notes, n = end.x, misfit > NOISE, [], end.x.size
+    if failed:
+        notes.append(
+            f"the fit failed: the best model found misses the traces by {misfit:.3g} times their noise; the law cannot "
+            "follow them, or the parameters are not those of the ring; widen bounds, free more, or take another law"
+        )
+        x = least_squares(residuals(SOFT), x, what.low, what.high, steps=SOFT.steps, traces=len(targets)).x
+        spread = np.full(n, np.nan)
+    else:
+        spread, factor = _deviations(what, len(targets), residuals, x, start)
+        off = float(np.sqrt((x - start.x) @ start.precision @ (x - start.x) / n))
+        notes += _doubts(what, targets, spread, np.exp(x), factor, off)
+        size = np.maximum(np.nan_to_num(spread, posinf=1.0), 1e-3)
+        if any(m < 1.05 * misfit and np.abs((e.x - x) / size).max() > 10 for m, e, _ in others):
+            notes.append("another set of parameters fits as well: free fewer, or give traces of other powers")
+    errors, cycles, more = _comparison(*what.build(x), targets, aims)
+    if more:
+        notes, spread = [*notes, *more], np.full(n, np.nan)
+    if any(target.uneven for target in targets):
+        spread = np.full(n, np.nan)
+    for note in notes:
+        log.warning("%s", note)
+    values = np.exp(x)
+    tried = np.exp([e.x for _, e, _ in found])
+    samples = {name: ("run", tried[:, k]) for k, name in enumerate(what.names)}
     return Identification(
-        dict(zip(what.names, values[best].tolist(), strict=True)),
-        dict(zip(what.names, spread.tolist(), strict=True)),
-        ring, model, errors, cycles, samples, front, notes,
+        dict(zip(what.names, values.tolist(), strict=True)),
+        dict(zip(what.names, (values * spread).tolist(), strict=True)),
+        *what.build(x), errors, cycles,
+        xr.Dataset(samples | {"misfit": ("run", [m for m, _, _ in found])}), failed, tuple(notes),
     )  # fmt: skip
 
 
-def _doubts(what: Unknowns, targets: list[Target], spread: Array, values: Array) -> tuple[str, ...]:
-    """Sentences on uneven samples, and on parameters whose deviations are inf or that stand on a bound; logged, too."""
+def _comparison(
+    ring: RingResonator, model: Compact, targets: list[Target], aims: list[Seen]
+) -> tuple[xr.Dataset, xr.Dataset, tuple[str, ...]]:
+    """Errors over trace, cycles over trace and phase, and sentences on periods that cannot be compared."""
+    phase = np.linspace(0, 1, 256, endpoint=False)
+    rows, curves, notes = [], [], []
+    for k, (target, aim) in enumerate(zip(targets, aims, strict=True)):
+        run, own = free_run(ring, model, target)
+        _, aligned = compared(own, aim, STAGES[-1], target.observed.absolute)
+        curves.append([cycle.curve(phase, smooth=True) for cycle in (aim.cycle, aligned)])
+        off = aligned.curve(phase) - aim.cycle.curve(phase)
+        period = aligned.period
+        if not repeats(run):
+            period = np.nan
+            notes.append(f"the pulses of the model of traces[{k}] do not repeat: it has no period there")
+        rows.append(
+            [target.power, target.detuning, aim.cycle.period, period, np.sqrt(np.mean(off**2)) / aim.cycle.scale]
+        )
+    power, detuning, period, own_period, shape = np.array(rows).T
+    about = {"units": "1", "long_name": "rms difference of the cycles over the swing"}
+    errors = xr.Dataset(
+        {
+            "power": ("trace", power, dataset.describe("input_power")),
+            "detuning": ("trace", detuning, dataset.describe("detuning")),
+            "period": ("trace", period, dataset.describe("period")),
+            "period_model": ("trace", own_period, dataset.describe("period")),
+            "shape_error": ("trace", shape, about),
+        }
+    )
+    units = {target.observed.unit for target in targets}
+    unit = units.pop() if len(units) == 1 else "unit of the trace"
+    about = dataset.describe("drop") if unit == "W" else {"units": unit, "long_name": "drop signal"}
+    drawn = np.array(curves)
+    cycles = xr.Dataset(
+        {name: (("trace", "phase"), drawn[:, k], about) for k, name in enumerate(("drop", "drop_model"))},
+        coords={"phase": ("phase", phase, {"units": "1", "long_name": "fraction of the cycle"})},
+    )
+    return errors, cycles, tuple(notes) or read_apart(period, own_period)
+
+
+def _doubts(
+    what: Unknowns, targets: list[Target], spread: Array, values: Array, factor: float, off: float
+) -> list[str]:
+    """Sentences on what makes parameters doubtful that meet the traces."""
     notes = [
-        f"traces[{k}] is sampled unevenly, and lines between its samples bend the cycle by chance: the parameters may "
-        "be a few percent off, and have no deviations; sample it evenly or more finely"
+        f"traces[{k}] is sampled unevenly, and lines between its samples bend the cycle by chance: the parameters have "
+        "no deviations; sample it evenly or more finely"
         for k, target in enumerate(targets)
         if target.uneven
     ]
-    if loose := [name for name, one in zip(what.names, spread, strict=True) if np.isinf(one)]:
+    named = list(zip(what.names, spread, strict=True))
+    if loose := [name for name, one in named if np.isinf(one)]:
         notes.append(
             f"the traces do not determine {', '.join(loose)}: other values fit as well; give traces of other powers "
             "and detunings, or free fewer"
         )
+    notes += [f"{name} is hardly determined: within {s:.0%}" for name, s in named if HARDLY < s < np.inf]
     for k in np.flatnonzero(at_bound(what, np.log(values))):
         notes.append(
             f"{what.names[k]} = {values[k]:.4g} ended on a bound of its search, {np.exp(what.low[k]):.4g} to "
             f"{np.exp(what.high[k]):.4g}: the other parameters hold for this value only; widen bounds"
         )
-    for note in notes:
-        log.warning("%s", note)
-    return tuple(notes)
+    if factor > NOTED:
+        notes.append(
+            f"the misfit is flatter than its slopes say, as near the edge of self-pulsing: deviations were widened by "
+            f"up to {factor:.2g}; give traces farther from the edge"
+        )
+    if off > APART:
+        notes.append(
+            f"the settled cycles ask for parameters {off:.2g} deviations away from those of the whole traces: check "
+            "the powers and detunings, and whether the light was switched on at time 0"
+        )
+    return notes
 
 
 def read_apart(periods: Array, models: Array) -> tuple[str, ...]:
-    """Sentences on traces that were read otherwise than their models are; logged as warnings.
+    """Sentences on traces that were read otherwise than their models are.
 
     One of the two rests (a period of nan), or has a multiple of the other's period.
     """
     notes = []
-    for k, (seen, own) in enumerate(zip(periods, models, strict=True)):
-        ratio = max(seen / own, own / seen)
-        if np.isnan(seen) != np.isnan(own):
-            which = "rests, and its model pulses" if np.isnan(seen) else "pulses, and its model rests"
+    for k, (read, own) in enumerate(zip(periods, models, strict=True)):
+        ratio = max(read / own, own / read)
+        if np.isnan(read) != np.isnan(own):
+            which = "rests, and its model pulses" if np.isnan(read) else "pulses, and its model rests"
             notes.append(
                 f"traces[{k}] {which}: the parameters may be wrong; give a trace farther from the edge of self-pulsing"
             )
         elif ratio > 1.5 and abs(ratio / round(ratio) - 1) < NEAR:
             notes.append(
-                f"traces[{k}] was read at a period of {quantity.rounded(seen, 's', 4)} and its model at "
+                f"traces[{k}] was read at a period of {quantity.rounded(read, 's', 4)} and its model at "
                 f"{quantity.rounded(own, 's', 4)}, {round(ratio)} times as much or as little: one of them is misread, "
                 "and the parameters may be wrong; sample the trace more finely, or leave it out"
             )
-    for note in notes:
-        log.warning("%s", note)
     return tuple(notes)

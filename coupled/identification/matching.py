@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,13 +21,12 @@ from ..runs.simulate import simulate
 from ..thermal import Compact
 from ..unknowns import Unknowns
 from .cycles import HARMONICS, Cycle, Observed, cycle_of, misfit, observe
+from .forced_filters import Forced
 
 if TYPE_CHECKING:
     import xarray as xr
 
 STEP = 1e-3  # of a logarithm, for the slopes of a search: far above what the step control of the integration leaves
-BENT = 0.7  # second over first difference, beyond which a side of a step holds a jump: 1 there, else 0.3 (measured)
-WIDE = 1e-2  # the same for deviations: edges move by several samples, whose lines between them make the misfit rough
 RTOL = 1e-5
 LONGEST = 40e-6  # s simulated for a trace that is longer, or
 SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
@@ -34,23 +35,25 @@ STEPS = 5e-9  # s at most between two samples of the carriers, so that their spi
 IMPOSSIBLE = 1e3  # residual where the parameters make no model
 STAGES = (2, 6, HARMONICS)  # harmonics that count, one after the other
 EVALUATIONS = 15  # steps of least squares in each
-FEWEST = 4  # cycles of a trace from which a scatter is estimated
-WEAKEST = 0.1  # change of all residuals by a factor of e that determines something: a thousandth of the period
-MIXED = 0.01  # share of a parameter in a direction that is open, from which on it is open itself
 UNEVEN, COARSE = 3.0, 0.01  # largest gap between samples over the median one, and over the period
 AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound has not ended before it
 
 
-class Target(NamedTuple):
-    """One trace to meet."""
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One trace to meet.
+
+    power [W]; detuning [Hz].
+    times, drop [shape (n,)]: samples, in s from when the light was switched on, and in the unit of the trace.
+    settled: whether nothing is known of its beginning, and it is compared with the settled cycle.
+    """
 
     observed: Observed
     power: float
     detuning: float
     times: Array
-    """At which the trace was sampled; s from when the light was switched on."""
+    drop: Array
     settled: bool = False
-    """Whether nothing is known of its beginning, and it is compared with the settled cycle."""
 
     @property
     def uneven(self) -> bool:
@@ -59,19 +62,36 @@ class Target(NamedTuple):
         gaps = np.diff(late)
         return bool(gaps.max() > UNEVEN * np.median(gaps) and gaps.max() > COARSE * self.observed.clock)
 
-    def sampling(self, model: Compact) -> Array:
-        """When the trace of a model is sampled, s.
+    @property
+    def cold(self) -> bool:
+        """Whether the trace begins where the light was switched on."""
+        return not self.settled and self.times[0] <= 2 * float(np.median(np.diff(self.times)))
 
-        Of a settled trace, and of one that is longer than the model needs to settle, the last cycles of a trace that
-        is just so long are compared.
+    def window(self, model: Compact) -> tuple[float, float]:
+        """Begin and end in s of the run of a model that is compared, in its second half.
+
+        Of a settled trace, and of one that is longer than the model needs to settle, the end of a run that is just so
+        long is compared.
         """
         enough = max(LONGEST, SETTLED / slowest_rate(model))
-        if not self.settled and self.times[-1] <= enough and self.times.size <= MOST:
+        whole = not self.settled and self.times[-1] <= enough
+        return (float(self.times[0]), float(self.times[-1])) if whole else (0.0, enough)
+
+    def sampling(self, model: Compact) -> Array:
+        """When the trace of a model is sampled, s."""
+        begin, end = self.window(model)
+        if end == self.times[-1] and self.times.size <= MOST:
             return self.times
         step = float(np.median(np.diff(self.times)))
-        whole = not self.settled and self.times[-1] <= enough
-        begin, end = (self.times[0], self.times[-1]) if whole else (0.0, enough)
         return np.linspace(begin, end, min(MOST, 1 + math.ceil((end - begin) / step)))
+
+    @cached_property
+    def forced(self) -> Forced:
+        """The trace evenly sampled."""
+        n = min(MOST, 1 + round((self.times[-1] - self.times[0]) / float(np.median(np.diff(self.times)))))
+        grid, step = np.linspace(self.times[0], self.times[-1], n, retstep=True)
+        drop = np.interp(grid, self.times, self.drop)
+        return Forced(float(step), drop, self.power, self.detuning, self.cold, self.observed.absolute)
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
@@ -91,7 +111,8 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
         detuning = check_detuning(trace.attrs["detuning"], f"the detuning of {name}")
         times = np.asarray(in_si(name, trace[["time"]])["time"].values, dtype=float)
         settled = "initial" in trace.attrs or bool(checks.integer(f"{name}.attrs['settled']", _mark(trace), 0, 1))
-        targets.append(Target(observed, power, detuning, times - min(times[0], 0.0), settled))
+        drop = np.asarray(trace["drop"].values, dtype=float)
+        targets.append(Target(observed, power, detuning, times - min(times[0], 0.0), drop, settled))
     return targets
 
 
@@ -116,7 +137,7 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     end = float(at[-1])
     run = simulate(
         ring, model, power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
-        times=np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)])),
+        times=np.unique(np.minimum(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]).round(15), end)),
     )  # fmt: skip
     return cycle_of(run, at=at)
 
@@ -179,63 +200,3 @@ def polished(
 def at_bound(what: Unknowns, x: Array) -> NDArray[np.bool_]:
     """Which of the logarithms ``x`` ended on a bound of the search."""
     return (x < what.low + AT_BOUND) | (x > what.high - AT_BOUND)
-
-
-def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
-    """Standard deviations of the fitted logarithms ``x``, from the scatter between the cycles of each trace.
-
-    inf where the traces do not determine a parameter, nan where it ended on a bound; the others then hold for that
-    value. nan, too, where a trace has fewer than `FEWEST` cycles or uneven samples.
-
-    Jackknife: leave out one cycle i of the n cycles of a trace. With the residuals r, without that cycle r_(i), and
-    their derivative J,
-
-        x_(i) = x - (J^T J)^-1 J^T (r_(i) - r),      variance = sum over the traces of (n - 1)/n sum_i (x_(i) - mean)^2
-    """
-    wanted = [target.observed.mean() for target in targets]
-    found = np.full(x.size, np.nan)
-    if any(target.uneven for target in targets):
-        return found
-    free = np.flatnonzero(~at_bound(what, x))
-    if free.size == 0:
-        return found
-
-    def left(x: Array) -> Array:
-        return residuals(what, targets, wanted, x).ravel()
-
-    middle = left(x)
-    slopes = [_slope(left, x, middle, int(k)) for k in free]
-    U, size, Vt = np.linalg.svd(np.array(slopes).T, full_matrices=False)
-    strong = size > WEAKEST
-    loose = np.any(np.abs(Vt[~strong]) > MIXED, axis=0)
-    if min(len(target.observed.pieces) for target in targets) >= FEWEST:
-        solve = ((Vt[strong].T / size[strong]) @ U[:, strong].T).reshape(free.size, len(targets), -1)
-        found[free] = np.sqrt(_variance(what, targets, solve, x))
-    found[free[loose]] = np.inf
-    return found
-
-
-def _slope(of: Callable[[Array], Array], x: Array, middle: Array, k: int) -> Array:
-    """d ``of``/d x_k by differences about its value ``middle``.
-
-    The step is shorter where on one side a trace ends to pulse, or is read at twice its period.
-    """
-    slope = np.empty(0)
-    for step in (WIDE, STEP):
-        above, below = (of(x + sign * step * np.eye(x.size)[k]) for sign in (1, -1))
-        slope = (above - below) / (2 * step)
-        if np.linalg.norm(above + below - 2 * middle) < BENT * np.linalg.norm(above - below):
-            break
-    return slope
-
-
-def _variance(what: Unknowns, targets: list[Target], solve: Array, x: Array) -> Array:
-    """The sum of `deviations`, from (J^T J)^-1 J^T of shape (parameters, traces, residuals)."""
-    ring, model = what.build(x)
-    variance = np.zeros(len(solve))
-    for k, target in enumerate(targets):
-        cycle, n = simulated(ring, model, target), len(target.observed.pieces)
-        rest = [target.observed.mean(np.delete(np.arange(n), i)) for i in range(n)]
-        moved = np.array([solve[:, k] @ misfit(cycle, aim, target.observed.absolute)[0] for aim in rest])
-        variance += (n - 1) * moved.var(axis=0)
-    return variance

@@ -1,0 +1,200 @@
+"""Forced filters: the measured light drives carriers and heat, and the light that a model then predicts follows.
+
+    U = drop/(2 gamma_d),     dN/dt = -N/tau(N) + g U^2,     dx_i/dt = gain_i P_abs(N, U) - rate_i x_i,   dT = sum_i x_i
+    U_model = 2 gamma_e P/(gamma(N, U)^2 + D(N, dT, U)^2)
+
+The light of a ring lives some 10 ps, so it follows carriers and heat at once. Nothing oscillates or rests by itself:
+the misfit of U_model is smooth over factors of two in every parameter, where that of a free run is rugged 1 % from the
+truth. Its minimum is some percent off, as straight lines between samples and noise in U bias it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.signal import lfilter
+
+from thermofem.arrays import Array
+from thermofem.errors import InputError
+
+from ..kernel import units
+from ..kernel.integrator import PoleHeat
+from ..kernel.units import FJ, NS, Rates
+from .levenberg import least_squares
+
+if TYPE_CHECKING:
+    from ..resonator import RingResonator
+    from ..thermal import Compact
+    from ..unknowns import Unknowns
+
+SCREENED, REFINED = 1024, 8  # points of the box, least squares from the best of them
+COARSE, FINE = 10, 2  # of so many samples one is compared, in the box and at its end
+PASSES = 3  # of Newton's method for carriers whose lifetime depends on their density: 1e-4 is left
+DISTINCT = 0.05  # of a logarithm: ends that are nearer are one
+SCALE = (0.15, 1.1)  # the largest drop over that of the cold ring on resonance: pulses reach .15 to 1.1 (measured)
+BIAS, INFLATED = 0.03, 15.0  # of logarithms, and of its own deviations: how far off a forced fit may be (measured)
+OPEN = 1e-4  # 1/variance of a logarithm that nothing determines
+
+
+def noise_of(drop: Array) -> float:
+    """Standard deviation of white noise: the median of second differences, in which edges do not count."""
+    return max(float(np.median(np.abs(np.diff(drop, 2)))) / 0.6745 / np.sqrt(6), 1e-6 * float(np.ptp(drop)), 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class Forced:
+    """An evenly sampled drop trace.
+
+    step [s]; drop [shape (n,), unit of the trace]; power [W]; detuning [Hz].
+    cold: whether the light was switched on at the first sample; else carriers and heat begin at their means.
+    absolute: whether drop is in W.
+    """
+
+    step: float
+    drop: Array
+    power: float
+    detuning: float
+    cold: bool
+    absolute: bool
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of a sample."""
+        return noise_of(self.drop)
+
+    @cached_property
+    def deviations(self) -> Array:
+        """Those of the samples: straight lines between them put an edge out of place by up to two samples."""
+        span = maximum_filter1d(self.drop, 5) - minimum_filter1d(self.drop, 5) - 5 * self.noise
+        return np.hypot(self.noise, np.maximum(span, 0))
+
+    def predicted(self, ring: RingResonator, model: Compact, scale: float = 1.0, every: int = 1) -> Array:
+        """Drop of the model at every ``every``-th sample, in the unit of the trace; ``scale`` is W per unit."""
+        rates, fcd = units.internal_rates(ring)
+        unit, step = scale / (2 * ring.drop_bus_rate * FJ), self.step / NS  # fJ per unit of the trace; ns
+        U = self.drop * unit
+        square = U**2 - (self.noise * unit) ** 2  # the noise adds its variance to U^2
+        N = _carriers(rates.g * square, step, rates, self.cold)
+        heat = units.absorbed_power(U, N, rates) + 2.0 * rates.tpa * (square - U**2)
+        gain, rate, bend = _poles(model)
+        dT = np.zeros(U.size)
+        for g, r in zip(gain, rate, strict=True):
+            dT += _filtered(heat, step, g, r, 0.0 if self.cold else heat.mean() * g / r).real
+        U, N, dT = np.maximum(U[::every], 0), N[::every], dT[::every]
+        dT = dT + bend * dT**2
+        shift = sum((c * N**p for c, p in fcd), np.zeros(N.size))
+        D = -rates.thermal_shift * dT - shift - rates.kerr * U - units.internal_detuning(self.detuning)
+        gamma = rates.loss + rates.fca * N + rates.tpa * U
+        return units.internal_pump(ring, self.power) ** 2 / (gamma**2 + D**2) / unit
+
+
+def _poles(model: Compact) -> tuple[Array, Array, float]:
+    """gain (K/(uW ns)) and rate (1/ns) of the poles, and curvature (1/K); of a quadratic model at a small rise."""
+    heat, bend = units.internal_heat(model)
+    if isinstance(heat, PoleHeat):
+        return heat.gain[0], heat.rate[0], bend
+    values, vectors = np.linalg.eig(heat.A)
+    return (heat.C @ vectors) * np.linalg.solve(vectors, heat.B), -values, bend
+
+
+def _filtered(source: Array, step: float, gain: complex, rate: complex, start: complex) -> Array:
+    """x of dx/dt = gain s - rate x, exact for straight lines between the samples of s."""
+    z = rate * step
+    keep = np.exp(-z)
+    right = gain / rate * (1.0 + np.expm1(-z) / z)
+    left = -gain / rate * np.expm1(-z) - right
+    return np.asarray(lfilter([right, left], [1.0, -keep], source, zi=[start - right * source[0]])[0])
+
+
+def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
+    """N of dN/dt = s - N/tau(N), tau = tau0 (1 + a N)/(1 + b N), by Newton's method for the whole trace at once.
+
+    With f = N/tau(N), a pass solves dN/dt = s - f(N_old) - f'(N_old) (N - N_old).
+    """
+    tau0, a, b = rates.tau0, rates.a, rates.b
+    start = 0.0 if cold else max(float(source.mean()) * tau0, 0.0)
+    N = np.maximum(_filtered(source, step, 1.0, 1.0 / tau0, start), 0.0)
+    band = np.ones((2, N.size))
+    for _ in range(PASSES if a != b else 0):
+        slope = (1 + 2 * b * N + a * b * N**2) / (tau0 * (1 + a * N) ** 2)
+        s = source + slope * N - N * (1 + b * N) / (tau0 * (1 + a * N))
+        k = (slope[1:] + slope[:-1]) / 2
+        gone = -np.expm1(-k * step)
+        right = (1 - gone / (k * step)) / k
+        band[1, :-1] = gone - 1
+        first = 0.0 if cold else float(N.mean())
+        N = dtbtrs(band, np.append(first, (gone / k - right) * s[:-1] + right * s[1:]), uplo="L")[0]
+        N = np.maximum(N, 0.0)
+    return N
+
+
+class Start(NamedTuple):
+    """An end of the search in the box; ``precision`` is the inverse covariance of the logarithms ``x``."""
+
+    x: Array
+    precision: Array
+
+
+def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Start]:
+    """Minima of the forced misfit in the box, the best first.
+
+    1024 Sobol points, Levenberg-Marquardt from the best 8 on ln((U_model + 3 sigma)/(U + 3 sigma)), then on plain
+    differences over the samples' deviations. The scale of a trace in another unit than W is one more unknown.
+    """
+    from scipy.stats import qmc
+
+    n, loose = what.start.size, [k for k, trace in enumerate(traces) if not trace.absolute]
+    cold = 4 * what.ring.drop_bus_rate * what.ring.bus_rate / what.ring.linear_rate**2
+    top = np.array([np.log(cold * traces[k].power / np.quantile(traces[k].drop, 0.999)) for k in loose])
+    low, high = (np.append(end, top + np.log(s)) for end, s in ((what.low, SCALE[0]), (what.high, SCALE[1])))
+
+    def light(x: Array, every: int) -> list[Array] | None:
+        try:
+            ring, model = what.build(x[:n])
+        except (InputError, RuntimeError):
+            return None
+        scales = np.ones(len(traces))
+        scales[loose] = np.exp(x[n:])
+        return [trace.predicted(ring, model, s, every) for trace, s in zip(traces, scales, strict=True)]
+
+    def logarithms(x: Array) -> Array | None:
+        found = light(x, COARSE)
+        if found is None:
+            return None
+        rows = []
+        for own, trace in zip(found, traces, strict=True):
+            seen, offset = np.maximum(trace.drop[::COARSE], 0), 3 * trace.noise
+            rows.append(np.log((own + offset) / (seen + offset)) / np.sqrt(own.size))
+        return np.concatenate(rows)
+
+    def plain(x: Array) -> Array | None:
+        found = light(x, FINE)
+        if found is None:
+            return None
+        pairs = zip(found, traces, strict=True)
+        return np.concatenate([(own - t.drop[::FINE]) / t.deviations[::FINE] / np.sqrt(own.size) for own, t in pairs])
+
+    points = qmc.scale(qmc.Sobol(low.size, rng=seed).random(SCREENED * (2 if loose else 1)), low, high)
+    points = np.vstack([np.append(what.start, (low[n:] + high[n:]) / 2), points])
+    costs = [np.inf if (r := logarithms(x)) is None else float(r @ r) for x in points]
+    if not np.isfinite(costs).any():
+        raise InputError("no thermal model in the bounds is physical; check bounds")
+    picked = [k for k in np.argsort(costs)[:REFINED] if np.isfinite(costs[k])]
+    ends = sorted((least_squares(logarithms, points[k], low, high, steps=40) for k in picked), key=lambda e: e.cost)
+    kept: list[Array] = []
+    for end in ends:
+        near = any(np.abs(end.x[:n] - x[:n]).max() < DISTINCT for x in kept)
+        if end.cost < 4 * ends[0].cost + 0.01 and not near:
+            kept.append(end.x)
+    fine = sorted((least_squares(plain, x, low, high, steps=20) for x in kept), key=lambda e: e.cost)
+    starts = []
+    for end in fine:
+        found = end.J.T @ end.J * end.r.size / len(traces)  # 1/deviations^2: each residual was divided by sqrt(samples)
+        C = np.linalg.inv(found + OPEN * np.eye(low.size))[:n, :n]
+        starts.append(Start(end.x[:n], np.linalg.inv(INFLATED**2 * C + BIAS**2 * np.eye(n))))
+    return starts

@@ -1,0 +1,123 @@
+"""Least squares in a box by Levenberg-Marquardt, for residuals that jump here and there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from thermofem.arrays import Array
+
+STEP = 1e-3  # of a logarithm, for forward differences
+STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # for central ones, of which the largest is taken about which a trace is straight
+WIDE = (1e-2, 5e-3)  # where those lead nowhere
+STRAIGHT, JUMP = 0.25, 0.5  # second over first difference: a trace is straight below, and has a jump above
+SMALL = 0.5  # change of all residuals of a trace that is less than their noise
+FARTHEST = 0.5  # of a logarithm, in one step
+
+Residuals = Callable[[Array], "Array | None"]  # None where a point makes no model
+
+
+class End(NamedTuple):
+    """Where a search ended: the point, its residuals, their derivative, and the sum of squares with the prior's."""
+
+    x: Array
+    r: Array
+    J: Array
+    cost: float
+
+
+class Prior(NamedTuple):
+    """Adds (x - centre)^T precision (x - centre) to the sum of squares."""
+
+    centre: Array
+    precision: Array
+
+
+def least_squares(
+    f: Residuals, x: Array, low: Array, high: Array, *, steps: int, traces: int = 0, prior: Prior | None = None
+) -> End:
+    """Minimise |f|^2 (and the prior) from ``x``, where f must be defined.
+
+    traces: residuals are those of so many traces, and slopes are by `central_slopes`; 0 for forward differences.
+    """
+    about = prior or Prior(x, np.zeros((x.size, x.size)))
+
+    def cost_of(x: Array, r: Array) -> float:
+        return float(r @ r + (x - about.centre) @ about.precision @ (x - about.centre))
+
+    def slopes(x: Array, r: Array, wide: bool) -> Array:
+        return central_slopes(f, x, r, traces, WIDE if wide else STEPS) if traces else _forward(f, x, r)
+
+    r = f(x)
+    assert r is not None
+    cost, damping, wide = cost_of(x, r), 1e-3, False
+    J = np.zeros((r.size, x.size))
+    for _ in range(steps):
+        J = slopes(x, r, wide)
+        A = J.T @ J + about.precision
+        g = J.T @ r + about.precision @ (x - about.centre)
+        for _ in range(8):
+            free = ~(((x <= low + 1e-12) & (g > 0)) | ((x >= high - 1e-12) & (g < 0)))
+            move, at = np.zeros(x.size), np.ix_(free, free)
+            move[free] = -np.linalg.solve(A[at] + damping * np.diag(np.diag(A)[free] + 1e-12), g[free])
+            move *= min(1.0, FARTHEST / max(float(np.abs(move).max()), 1e-300))
+            y = np.clip(x + move, low, high)
+            s = f(y)
+            if s is not None and cost_of(y, s) < cost:
+                break
+            damping = max(damping, 1e-4) * 6
+        else:
+            if not traces or wide:
+                break
+            wide, damping = True, 1e-3
+            continue
+        wide, gain = False, cost - cost_of(y, s)
+        moved, x, r, damping = float(np.abs(y - x).max()), y, s, max(damping / 8, 1e-7)
+        cost -= gain
+        if moved < (1e-5 if traces else 1e-4) or gain < 1e-4 * cost:
+            break
+    return End(x, r, J, cost)
+
+
+def _forward(f: Residuals, x: Array, r: Array) -> Array:
+    """df/dx by forward differences, backward where that is no model."""
+    columns = []
+    for e in STEP * np.eye(x.size):
+        above, h = f(x + e), STEP
+        if above is None:
+            above, h = f(x - e), -STEP
+        columns.append(np.zeros(r.size) if above is None else (above - r) / h)
+    return np.array(columns).T
+
+
+def central_slopes(f: Residuals, x: Array, r: Array, traces: int, steps: tuple[float, ...] = STEPS) -> Array:
+    """df/dx by central differences, of each trace with the largest step about which its residuals are straight.
+
+    Across a jump, as where a trace ends to pulse, the smaller of the slopes of both sides, or 0 where they differ in
+    sign.
+    """
+    J, middle = np.zeros((traces, r.size // traces, x.size)), r.reshape(traces, -1)
+    for k, unit in enumerate(np.eye(x.size)):
+        left, best = list(range(traces)), np.full(traces, np.inf)
+        for h in steps:
+            above, below = f(x + h * unit), f(x - h * unit)
+            if above is None or below is None:
+                continue
+            for i, (a, b) in enumerate(zip(above.reshape(traces, -1), below.reshape(traces, -1), strict=True)):
+                if i not in left:
+                    continue
+                change = float(np.linalg.norm(a - b))
+                bent = float(np.linalg.norm(a + b - 2 * middle[i])) / max(change, 1e-12)
+                if bent < best[i]:
+                    best[i], J[i, :, k] = bent, (a - b) / (2 * h)
+                    if bent > JUMP:
+                        up, down = (a - middle[i]) / h, (middle[i] - b) / h
+                        smaller = np.sign(up) * np.minimum(np.abs(up), np.abs(down))
+                        J[i, :, k] = np.where(up * down > 0, smaller, 0.0)
+                if bent < STRAIGHT or change < SMALL:
+                    left.remove(i)
+            if not left:
+                break
+    return J.reshape(r.size, x.size)

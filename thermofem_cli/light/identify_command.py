@@ -1,0 +1,130 @@
+"""``thermofem identify``: parameters of a ring from measured drop traces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import thermofem as th
+from thermofem.data import quantity
+from thermofem.errors import InputError
+
+from .. import options
+from ..command_files import check_outputs, model_of, note_ring, ring_of
+from ..console import note, say, watched, wrote
+from ..drive_texts import detuning_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LONGEST = 1.0  # s: a column of times without a unit that spans more is not in s
+TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
+
+
+def identify(
+    traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help=TRACES)],
+    free: Annotated[str, typer.Option(help="Names of the free parameters.")] = "kappa, tau_f, tau_s, eta",
+    ring: options.Ring = options.REFERENCE_RING,
+    model: Annotated[
+        Path | None, typer.Option(help="Thermal model (JSON) to start from; default: the paper's.")
+    ] = None,
+    power: Annotated[list[str] | None, typer.Option(help="Power in the bus waveguide, of each table.")] = None,
+    detuning: Annotated[list[str] | None, typer.Option(help="Laser minus cold resonance, of each table.")] = None,
+    bounds: Annotated[list[str] | None, typer.Option(help="Bounds in SI, 'tau_s=1e-7,5e-6'; repeatable.")] = None,
+    columns: Annotated[str, typer.Option(help="Numbers of the columns of time and drop in tables.")] = "1,2",
+    units: Annotated[str | None, typer.Option(help="Units of both, 'us,mV'; any but W frees the scale.")] = None,
+    settled: Annotated[bool, typer.Option("--settled", help="The light was on long before the tables begin.")] = False,
+    figure: options.Figure = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path(
+        "identified.toml"
+    ),
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
+    seed: options.Seed = 1,
+    threads: options.Threads = None,
+) -> dict[str, Any]:
+    """Find parameters of a ring, its carriers and its heat from drop traces at known power and detuning.
+
+    The thermal model is written beside the ring file, with the ending .json.
+    """
+    import coupled
+    import surrogate
+
+    heat = output.with_suffix(".json")
+    check_outputs([output, heat, figure], images=[figure], inputs=[*traces, ring, model])
+    resonator = ring_of(ring)
+    tables = [path for path in traces if path.suffix != ".nc"]
+    for option, given in (("--power", power or []), ("--detuning", detuning or [])):
+        if len(given) != len(tables):
+            raise InputError(f"{option} is given {len(given)} times for {len(tables)} tables; give one for each")
+    seen = [] if len(tables) == len(traces) else [th.load(path) for path in traces if path not in tables]
+    for path, watts, shift in zip(tables, power or [], detuning or [], strict=True):
+        one = _table(path, columns, units)
+        one.attrs = {
+            "input_power": quantity.positive(watts, "W", name="--power"),
+            "detuning": detuning_of(shift, resonator),
+            "settled": settled,
+        }
+        seen.append(one)
+    found = coupled.identify(
+        resonator, seen, free=[name.strip() for name in free.split(",")], model=model and model_of(model)[0],
+        bounds=dict(_bound(text) for text in bounds or []), seed=seed, show_bar=watched(),
+    )  # fmt: skip
+    output.write_text(found.ring.to_toml(), encoding="utf-8")
+    surrogate.save_model(found.model, heat)
+    if figure:
+        from coupled.plot import plot_identification
+        from thermofem.plot import save_figure
+
+        save_figure(plot_identification(found)[0], figure)
+    note_ring(resonator, ring)
+    for name, value in found.parameters.items():
+        say(f"{name} = {value:.5g} ± {found.standard_deviations[name]:.2g}")
+    for line in found.notes:
+        note(line)
+    wrote(output, heat, figure)
+    return {
+        "parameters": found.parameters,
+        "standard_deviations": found.standard_deviations,
+        "failed": found.failed,
+        "notes": list(found.notes),
+        "wrote": [path for path in (output, heat, figure) if path],
+    }
+
+
+def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
+    """Drop over time (s) of a table; its unit W, or another that is an arbitrary one."""
+    import xarray as xr
+
+    from thermofem.data.number_table import number_table, text_of
+
+    table = number_table(text_of(path.read_bytes()))
+    try:
+        places = [table.columns.index(int(text)) for text in columns.split(",")]
+        first, second = places
+    except ValueError:
+        raise InputError(f"--columns = {columns!r} must be two of the columns {table.columns}, such as 1,2") from None
+    stated = units.split(",") if units else [table.units[k] for k in places]
+    t, drop = table.values[:, first], table.values[:, second]
+    if not stated[0] and t[-1] - t[0] > LONGEST:
+        raise InputError(f"the times of {path} state no unit and span {t[-1] - t[0]:g}", 'give --units "us,mV"')
+    t = t * quantity.parse(f"1 {stated[0] or 's'}", "s", name="--units")
+    unit = stated[-1].strip() or "arbitrary"
+    try:
+        drop, unit = drop * quantity.parse(f"1 {unit}", "W", name="--units"), "W"
+    except InputError:
+        note(f"the drop of {path} is in an arbitrary unit ({unit}): its scale is free")
+    return xr.Dataset({"drop": ("time", drop, {"units": unit})}, {"time": t})
+
+
+def _bound(text: str) -> tuple[str, tuple[float, float]]:
+    """Name and both ends of 'name=low,high'."""
+    try:
+        name, ends = text.split("=")
+        low, high = map(float, ends.split(","))
+    except ValueError:
+        raise InputError(f"--bounds = {text!r} must be a name and two numbers in SI, 'tau_s=1e-7,5e-6'") from None
+    return name.strip(), (low, high)
