@@ -46,6 +46,10 @@ one = np.ones((1, 1))
 system = th.StateSpace(E=one * 1e-12, A=one * -2e-4, B=one, C=one)
 system.thermal_resistance, system.step_response([1e-8])
 
+# %% th.RingEdge
+edge = th.RingEdge(bias=-5e9, linewidth=10e9, shift=9e9)
+edge.bandwidth(th.Foster(R=[7e3], tau=[1e-6]))
+
 # %% th.InputError
 try:
     th.strip_ring(width=0.45)
