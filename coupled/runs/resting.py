@@ -91,7 +91,7 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
     for _ in range(NEWTON_STEPS):
         rate, J = problem.slopes(y)
         try:
-            step = np.linalg.solve(J, rate)
+            step = np.asarray(np.linalg.solve(J, rate), dtype=float)
         except np.linalg.LinAlgError:  # its numbers are too far apart
             return None
         y = np.asarray(y - step)
