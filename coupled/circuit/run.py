@@ -124,13 +124,13 @@ def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner:
     waves = (further[:, : 2 * Q : 2] + 1j * further[:, 1 : 2 * Q : 2]).T * eq.UW**0.5 if further.size else None
     waves = system.waves(fields, time) if waves is None else waves
     power, energy = np.abs(waves) ** 2, np.abs(fields) ** 2
-    rates = [eq.internal_rates(ring)[0] for ring in circuit.resonators]
-    heating = [eq.absorbed_power(energy[i] / eq.FJ, states[:, i, 2], rates[i]) * eq.UW for i in range(n)]
+    loss, fca, tpa = system.rings.modes[:, 0, 1:4].T[:, :, None]
+    heating = 2 * (loss + fca * states[:, :, 2].T + tpa * energy / eq.FJ) * energy / eq.FJ * eq.UW
     of_rings = {
         "energy": energy,
         "carriers": states[:, :, 2].T * eq.DENSITY,
         "delta_T": states[:, :, 3].T,
-        "absorbed": np.array(heating),
+        "absorbed": heating,
         "scattered": 2 * np.array([ring.scattering_rate for ring in circuit.resonators])[:, None] * energy,
     }
     shown, seen = power[D : D + ports], slice(D, D + ports)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from functools import cache
 from importlib.resources import files
@@ -11,9 +12,9 @@ from ..kernel.tableaus import Method, tableau
 
 # in the order in which they use one another
 MODULES = (
-    "ring", "eigen", "equations", "poles", "rosenbrock", "integrate", "equilibria", "curves", "measure", "repetition",
-    "pulsing", "cycle", "heat", "heater", "engine", "channel", "plot", "state", "view", "script", "figures", "thermal",
-    "save", "fields", "summary", "section", "paint", "laser", "take", "main",
+    "ring", "eigen", "kernel", "equilibria", "curves", "measure", "repetition", "pulsing", "cycle", "heat", "heater",
+    "engine", "channel", "plot", "state", "view", "script", "figures", "thermal", "save", "fields", "summary",
+    "section", "paint", "laser", "take", "main",
 )  # fmt: skip
 LIBRARY = "vendor/d3-scale.min.js"
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
@@ -38,11 +39,12 @@ def script() -> str:
     return f'(() => {{\n"use strict";\n{whole}\n}})();'
 
 
-def tableaus() -> dict[str, Any]:
-    """Return the coefficients of the compiled integrators in the format of the page."""
+def kernel() -> dict[str, Any]:
+    """Return the compiled kernel in base64, and the coefficients of its methods."""
     found = {}
     for method in Method:
         table = tableau(method)
-        arrays = {name: getattr(table, name).tolist() for name in ("a", "c", "dense")}
+        arrays = {name: getattr(table, name).tolist() for name in ("a", "c", "dense", "at", "slope")}
         found[method.value] = {"order": table.order, "gamma": table.gamma} | arrays
-    return found
+    code = files(__package__).joinpath("page/kernel.wasm").read_bytes()
+    return {"bytes": base64.b64encode(code).decode(), "tableaus": found}

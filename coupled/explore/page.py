@@ -82,10 +82,10 @@ def explore(
 ) -> Page:
     """Write one HTML file that computes the dynamics of a ring in the browser, without a network or a server.
 
-    The page integrates the equations of `simulate` by the same method, with the same coefficients and step control; it
-    finds fixed points, their stability, Hopf and fold curves as `steady_states`, `stability_map`, `hopf_curves` and
-    `fold_curves` do, and settled cycles by Newton's method on the return map. The curves of `cycle_fold_curves` are
-    computed here for the first view, and shown while ring and model are those.
+    The page runs the kernel of `simulate`, compiled to WebAssembly; it finds fixed points, their stability, Hopf and
+    fold curves as `steady_states`, `stability_map`, `hopf_curves` and `fold_curves` do, and settled cycles by Newton's
+    method on the return map. The curves of `cycle_fold_curves` are computed here for the first view, and shown while
+    ring and model are those.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def explore(
         "heaters": sliders,
         "start": start,
         "presets": contents.presets(rings, everything, start),
-        "tableaus": bundle.tableaus(),
+        "kernel": bundle.kernel(),
         "reference": _step(heat) if heat is not None else None,
         "section": section_of(heat, found, parts) if heat is not None and found is not None else None,
         "borders": borders(rings, everything, ring, first),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -40,6 +41,7 @@ class Rates(NamedTuple):
     kerr: float  # rad/ns/fJ
 
 
+@lru_cache(maxsize=1000)
 def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
     """Return the ring in internal units and its free-carrier dispersion, rows (c_k in rad/ns, p_k)."""
     rates = Rates(
@@ -56,6 +58,7 @@ def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
     )
     fcd = np.array(ring.fcd, dtype=float).reshape(-1, 2)
     fcd[:, 0] *= ring.index_rate * NS * DENSITY ** fcd[:, 1]
+    fcd.setflags(write=False)
     return rates, fcd
 
 

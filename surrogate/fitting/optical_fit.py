@@ -22,11 +22,11 @@ from thermofem.data.dataset import Response, responses_of
 from thermofem.waveforms import period_times
 
 from .correlated import noise_along
+from .fit_result import Fit
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .fit import Fit
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
@@ -138,7 +138,6 @@ def _search(problem: Optical, order: int) -> tuple[Array, float]:
 
 def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
     """Parameters, their errors and what the trace cannot tell apart."""
-    from .fit import Fit
 
     names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)] + ["visibility", "bias", "half_power"]
     steps = 1e-5 * np.maximum(np.abs(end), 1.0)

@@ -307,7 +307,7 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
 
 
 def _offset(response: Response, log_rate: Array, gain: Array, shift: float, covariance: Array) -> tuple[float, float]:
-    """The baseline of a response that was eliminated, (sum y - sum phi g)/(n + rest rows), and its standard error, K."""
+    """The eliminated baseline of a response, (sum y - sum phi g)/(n + rest rows), and its standard error, K."""
     rows = response.times.size + response.rest_rows
     if not np.isfinite(rows):
         return 0.0, 0.0

@@ -23,5 +23,5 @@ def js(browser):
     page.evaluate("globalThis.d3 = {}; document.addEventListener = () => {};")  # the page itself is not started
     source = bundle.script().replace("else start();", "")
     page.evaluate(f"() => {{ {source} }}")
-    page.evaluate("tables => { globalThis.tables = tables }", bundle.tableaus())
+    page.evaluate("kernel => globalThis.ringPage.loadKernel(kernel)", bundle.kernel())
     return page.evaluate

@@ -1,6 +1,5 @@
 """Fixed points and limit cycles of circuits: against a ring alone, by differences, and against long runs."""
 
-
 import numpy as np
 import pytest
 from rings import RING, SECOND_ORDER

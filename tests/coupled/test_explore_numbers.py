@@ -8,7 +8,6 @@ from page_cases import argument, ring_and_model
 
 import coupled
 import thermofem as th
-from coupled.explore import bundle
 from coupled.explore.section import on_grid
 
 CASES = 60  # every ring with every lifetime and Kerr effect of `ring_and_model`
@@ -20,19 +19,7 @@ const p = globalThis.ringPage;
 const system = p.systemOf(r.ring, r.model);
 const drive = p.driveOf(system, r.power);
 const turn = p.turnOf(r.detuning);
-const rodas4 = p.methodOf(tables.rodas4), rodas5p = p.methodOf(tables.rodas5p);
 """
-
-
-def test_tables_are_those_of_the_compiled_integrators():
-    from coupled.kernel.tableaus import Method, tableau
-
-    for name, table in bundle.tableaus().items():
-        mine = tableau(Method(name))
-        assert table["gamma"] == mine.gamma
-        assert np.array_equal(table["a"], mine.a)
-        assert np.array_equal(table["c"], mine.c)
-        assert np.array_equal(table["dense"], mine.dense)
 
 
 def test_pixels_of_a_linear_field():
@@ -57,7 +44,7 @@ def test_traces(js):
         rows = js(
             f"""r => {{ {READY}
             const run = p.integrate(system, drive, turn, p.cold(system), r.times.at(-1),
-                {{ method: rodas4, rtol: 1e-7, times: r.times }});
+                {{ method: "rodas4", rtol: 1e-7, times: r.times }});
             return Array.from(run.rows.slice(0, 5 * run.count)); }}""",
             argument(ring, model, power, detuning, times=(times * 1e9).tolist()),
         )
@@ -148,16 +135,13 @@ def test_hopf_and_fold_curves_lie_on_the_borders(js):
 
 
 def settled(js, ring, model, power, detuning):
-    """The settled cycle that the page shows, with exact multipliers, or None."""
+    """The settled cycle that the page shows, or None."""
     return js(
         f"""r => {{ {READY}
-        const c = p.engineOf(tables).trace({{ ...r, duration: 20e-6, rtol: 1e-6, settled: true }}).cycle;
+        const c = p.engineOf().trace({{ ...r, duration: 20e-6, rtol: 1e-6, settled: true }}).cycle;
         if (!c) return null;
-        const rough = {{ method: rodas4, rtol: 1e-5 }}, fine = {{ method: rodas5p, rtol: 1e-9 }};
-        const {{ multipliers }} = p.limitCycle(system, drive, turn, c.y, c.level,
-            {{ rough, fine, period: c.period, pattern: c.pattern, exact: true }});
         return {{ period: c.period, duty: c.duty, swing: c.swing,
-            multipliers: Array.from(multipliers.re, (re, k) => [re, multipliers.im[k]]) }}; }}""",
+            multipliers: Array.from(c.multipliers.re, (re, k) => [re, c.multipliers.im[k]]) }}; }}""",
         argument(ring, model, power, detuning),
     )
 
@@ -199,8 +183,7 @@ def test_settled_cycles(js, count):
 
     Some of them do not settle within 20 us, or never: their pulses do not repeat. Then the page says so. Where pulses
     are shorter than some 1/400 of the period collocation may fail, and the last cycle of a long trace is compared.
-    Measured on a hundred: periods within 1e-7, swings 5e-6 and duties 5e-5, which the page reads off its steps,
-    multipliers 5e-4, which it finds by differences.
+    Measured on a hundred: periods within 1e-7, swings 5e-6 and duties 5e-5, which the page reads off its steps.
     """
     compared = without = traced = seed = 0
     while compared < count:
@@ -262,7 +245,7 @@ def under_a_heater(seed):
 ENGINE = """
 const request = { ring: r.ring, model: globalThis.ringPage.heatedBy(r.model, { heater: r.heater }), power: r.power,
     detuning: r.detuning, ...r.more };
-const engine = globalThis.ringPage.engineOf(tables);
+const engine = globalThis.ringPage.engineOf();
 """
 
 
@@ -314,11 +297,11 @@ def test_a_cycle_is_followed_from_setting_to_setting(js):
     model = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
     powers = 1e-3 * 10 ** (np.array([8, 8.05, 8.3, 8.25, -10]) / 10)
     found = js(
-        """r => { const p = globalThis.ringPage, moving = p.engineOf(tables);
+        """r => { const p = globalThis.ringPage, moving = p.engineOf();
         return r.powers.map(power => {
             const at = { ring: r.ring, model: r.model, power, detuning: 0, duration: 20e-6, settled: true };
             const quick = moving.trace({ ...at, rtol: 1e-5, quick: true, follow: true });
-            const full = p.engineOf(tables).trace({ ...at, rtol: 1e-6, quick: false });
+            const full = p.engineOf().trace({ ...at, rtol: 1e-6, quick: false });
             const of = ({ followed, pulsing, cycle }) => [!!followed, pulsing.regime, cycle ? cycle.period : 0];
             return [of(quick), of(full)]; }); }""",
         argument(ring, model, 0.0, 0.0, powers=powers.tolist()),

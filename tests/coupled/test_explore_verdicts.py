@@ -10,7 +10,7 @@ import coupled
 import thermofem as th
 
 TRACE = """r => {
-    const { pulsing, cycle } = globalThis.ringPage.engineOf(tables).trace({ ...r, rtol: 1e-6 });
+    const { pulsing, cycle } = globalThis.ringPage.engineOf().trace({ ...r, rtol: 1e-6 });
     return { ...pulsing, settled: cycle && { period: cycle.period, duty: cycle.duty, pattern: cycle.pattern } };
 }"""
 STILL_MOVES = "slow heat still moves the ring"

@@ -123,7 +123,8 @@ def test_all_stretches_are_given_the_one_around_the_training_period_first():
 
     error = [0.15, 0.05, 0.05, 0.3, 0.0, 0.2]
     curve = xr.Dataset({"relative_error": ("period", error)}, coords={"period": np.geomspace(1e-7, 1e-2, 6)})
-    # .15 -> .05 passes .1 after half of the decade, .05 -> .3 after a fifth; .3 -> 0 after two thirds, 0 -> .2 after half
+    # .15 -> .05 passes .1 after half of the decade, .05 -> .3 after a fifth;
+    # .3 -> 0 after two thirds, 0 -> .2 after half
     wide, other = (1e-7 * 10**0.5, 1e-5 * 10**0.2), (1e-4 * 10 ** (2 / 3), 1e-3 * 10**0.5)
     for options, first, second in (({}, wide, other), ({"training": 1e-3}, other, wide)):
         found = surrogate.valid_range(curve, **options)

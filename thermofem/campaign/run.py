@@ -9,7 +9,7 @@ from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -21,8 +21,10 @@ from ..fem.assembly import assemble_like
 from ..geometry import CrossSection
 from ..solving import solve, solve_periodic
 from .collection import NUMBERS, Folder, Row, write_collections
-from .plan import Campaign, Case
 from .workers import completed
+
+if TYPE_CHECKING:
+    from .plan import Campaign, Case
 
 
 @dataclass(frozen=True)

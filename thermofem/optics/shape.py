@@ -1,6 +1,6 @@
 """Derivatives of a mode with respect to the lengths of its cross-section, exact for the discrete problem.
 
-The vertices move with the outlines as for the heat (`fem.shape_derivatives`), and the unknowns of e and p with them. With
+The vertices move with the outlines as for the heat (`fem.shape_derivatives`), and the unknowns of e and p with them:
 
     d(beta^2) = -x.(dA + beta^2 dB) x / x.B x,       (A + beta^2 B) dx = -(dA + beta^2 dB + d(beta^2) B) x
 

@@ -1,6 +1,7 @@
 // Where answers are computed: a worker for each channel, newest request first; without workers, the page itself.
 
 import { engineOf } from "./engine.mjs";
+import { loadKernel } from "./kernel.mjs";
 
 const LISTEN = 30; // ms between two looks for a newer request
 
@@ -24,16 +25,18 @@ async function answer(engine, request, report, stale) {
 
 /** What runs in a worker. */
 export function serve(scope) {
-  let engine = null;
+  const engine = engineOf();
+  let ready = null;
   let newest = 0;
   scope.onmessage = async ({ data }) => {
-    if (data.tableaus) {
-      engine = engineOf(data.tableaus);
+    if (data.kernel) {
+      ready = loadKernel(data.kernel);
       return;
     }
     newest = data.id;
     const report = (part, last) => scope.postMessage({ id: data.id, part, last });
     try {
+      await ready;
       await answer(engine, data.request, report, () => newest !== data.id);
     } catch (error) {
       scope.postMessage({ id: data.id, error: String(error.message || error), last: true });
@@ -47,7 +50,7 @@ const DEPTH = 2; // requests with a worker: it begins the next while the page dr
  * A channel: ask(request) runs the newest request that was asked; what comes while the worker has enough to do waits, and only
  * the last of it. `preempt` says that a newer request ends those that run (their parts are given up between two of them).
  */
-export function channel(code, tableaus, receive, { preempt = false } = {}) {
+export function channel(code, kernel, receive, { preempt = false } = {}) {
   const running = new Map();
   let waiting = null;
   let id = 0;
@@ -66,13 +69,21 @@ export function channel(code, tableaus, receive, { preempt = false } = {}) {
     const worker = new Worker(url);
     worker.onmessage = ({ data }) => arrived(data);
     worker.onerror = () => [...running.keys()].forEach((of) => arrived({ id: of, error: "the worker stopped", last: true }));
-    worker.postMessage({ tableaus });
+    worker.postMessage({ kernel });
     post = (message) => worker.postMessage(message);
   } catch {
-    const engine = engineOf(tableaus);
+    const engine = engineOf();
+    const ready = loadKernel(kernel);
     channel.local = true;
     post = (message) =>
-      setTimeout(() => answer(engine, message.request, (part, last) => arrived({ id: message.id, part, last }), () => message.id !== id).catch((error) => arrived({ id: message.id, error: String(error.message), last: true })));
+      setTimeout(async () => {
+        try {
+          await ready;
+          await answer(engine, message.request, (part, last) => arrived({ id: message.id, part, last }), () => message.id !== id);
+        } catch (error) {
+          arrived({ id: message.id, error: String(error.message), last: true });
+        }
+      });
   }
   function ask(request) {
     if (preempt) running.clear();

@@ -3,8 +3,7 @@
 //   phi_T(y) - y = 0 on the section N = level; Newton with the derivative of the flow along the steps taken.
 
 import { eigenvalues, solve } from "./eigen.mjs";
-import { flow } from "./equations.mjs";
-import { EVENT, integrate, replay } from "./integrate.mjs";
+import { EVENT, flowAlong, integrate, slopes } from "./kernel.mjs";
 import { columns, dutyOf, tipsOf } from "./measure.mjs";
 
 /** From a state on the section N = level, through `pattern` returns to it: { y, t, steps }, or null. */
@@ -13,80 +12,40 @@ function around(system, drive, detuning, start, level, pattern, longest, options
   let t = 0;
   const steps = [];
   for (let k = 0; k < pattern; k++) {
-    const taken = [];
     const event = { level, stop: true, leaving: true };
-    const run = integrate(system, drive, detuning, y, longest, { ...options, event, steps: taken, first: 0.1 / system.loss });
+    const run = integrate(system, drive, detuning, y, longest, { ...options, event, steps: true, first: 0.1 / system.loss });
     if (run.ended !== EVENT) return null;
-    const whole = taken.reduce((sum, h) => sum + h, 0);
-    steps.push(...taken, run.t - whole);
+    steps.push(...run.steps);
     y = run.y;
     t += run.t;
   }
   return { y, t, steps };
 }
 
-/**
- * The derivative of the flow along the given steps, column by column, row-major, by differences: one-sided ones for
- * Newton's method, `central` ones for multipliers. Their error grows with the curvature of the flow, for short pulses most.
- */
-function monodromy(system, drive, detuning, start, steps, method, central = false) {
-  const m = start.length;
-  const base = replay(system, drive, detuning, start, steps, method);
-  const M = new Float64Array(m * m);
-  const field = Math.hypot(start[0], start[1]);
-  let heat = 0;
-  for (let i = 3; i < m; i++) heat += Math.abs(start[i]);
-  for (let j = 0; j < m; j++) {
-    const delta = (central ? 3e-7 : 1e-7) * (j < 2 ? field : j === 2 ? start[2] : heat);
-    const shifted = (by) => {
-      const moved = Float64Array.from(start);
-      moved[j] += by;
-      return replay(system, drive, detuning, moved, steps, method);
-    };
-    const after = shifted(delta);
-    const before = central ? shifted(-delta) : base;
-    const width = central ? 2 * delta : delta;
-    for (let i = 0; i < m; i++) M[i * m + j] = (after[i] - before[i]) / width;
-  }
-  return { M, end: base };
-}
-
 /** The step of Newton's method on the section: (I - DP)^-1 residual, DP = M - f (row N of M)/f_N without N. */
-function correction(system, drive, detuning, { M, end }, residual) {
+function correction(system, drive, detuning, M, end, residual) {
   const m = end.length;
-  const f = flow(system, drive, detuning, end, new Float64Array(m));
-  const keep = [];
-  for (let i = 0; i < m; i++) if (i !== 2) keep.push(i);
-  const n = m - 1;
-  const A = new Float64Array(n * n);
-  keep.forEach((i, r) => {
-    keep.forEach((j, c) => {
-      A[r * n + c] = (i === j ? 1 : 0) - (M[i * m + j] - (f[i] * M[2 * m + j]) / f[2]);
-    });
-  });
-  const step = solve(A, Float64Array.from(keep, (i) => residual[i]), n);
-  const out = new Float64Array(m);
-  keep.forEach((i, r) => {
-    out[i] = step[r];
-  });
-  return out;
+  const f = slopes(system, drive, detuning, end).rate;
+  const keep = Array.from(end, (_, i) => i).filter((i) => i !== 2);
+  const A = keep.flatMap((i) => keep.map((j) => (i === j ? 1 : 0) - (M[i * m + j] - (f[i] * M[2 * m + j]) / f[2])));
+  const step = solve(A, keep.map((i) => residual[i]), m - 1); // prettier-ignore
+  return Float64Array.of(step[0], step[1], 0, ...step.slice(2));
 }
 
 /**
  * The settled cycle from a state near it, for N through `level`: { period (ns), y, rows, count, multipliers, duty,
  * swing, residual }, or null where Newton's method does not find one.
  *
- * options: rough and fine { method, rtol }, guess of the period (ns), pattern, exact (multipliers along fine steps), close:
- * relative residuals at which it is found, and found if they no longer fall, renew: the share of the last residual above which
- * the derivative is computed anew.
+ * options: rough and fine { method, rtol }, guess of the period (ns), pattern, close: relative residuals at which it is
+ * found, and found if they no longer fall, renew: the share of the last residual above which the derivative is computed anew.
  */
 export function limitCycle(system, drive, detuning, near, level, options) {
-  const { rough, fine, period, pattern = 1, exact = false, close = [1e-10, 1e-7], renew = 0.1 } = options;
+  const { rough, fine, period, pattern = 1, close = [1e-10, 1e-7], renew = 0.1 } = options;
   const longest = 3 * period;
   const approach = integrate(system, drive, detuning, near, longest, { ...rough, event: { level, stop: true } });
   if (approach.ended !== EVENT) return null;
   let y = approach.y;
-  let jet = null;
+  let M = null;
   let before = Infinity;
   let at = null;
   let size = Infinity;
@@ -106,22 +65,19 @@ export function limitCycle(system, drive, detuning, near, level, options) {
     size = Math.max(Math.hypot(residual[0], residual[1]) / field, moved / heat);
     if (!(size < 10)) return null;
     if (accurate === fine && (size < close[0] || (size < close[1] && size > 0.3 * before))) break;
-    if (!jet || size > renew * before) {
+    if (!M || size > renew * before) {
       const along = accurate === rough ? at : around(system, drive, detuning, y, level, pattern, longest, rough);
       if (!along) return null;
-      jet = monodromy(system, drive, detuning, y, along.steps, rough.method);
+      M = flowAlong(system, drive, detuning, y, along.steps, rough.method);
     }
-    const step = correction(system, drive, detuning, jet, residual);
+    const step = correction(system, drive, detuning, M, at.y, residual);
     let grown = 0;
     for (let i = 3; i < y.length; i++) grown = Math.max(grown, Math.abs(step[i]));
     const damped = Math.min(1, (0.5 * heat) / Math.max(grown, 1e-300));
     y = y.map((v, i) => v + damped * step[i]);
   }
   if (!(size < 10 * close[1])) return null;
-  if (exact || !jet) {
-    const along = around(system, drive, detuning, y, level, pattern, longest, exact ? fine : rough);
-    jet = monodromy(system, drive, detuning, y, along.steps, (exact ? fine : rough).method, exact);
-  }
+  if (!M || fine !== rough) M = flowAlong(system, drive, detuning, y, at.steps, fine.method);
   const run = integrate(system, drive, detuning, y, at.t, { ...fine, first: 0.1 / system.loss });
   const c = columns(run.rows, 0, run.count);
   const [coldest, hottest] = tipsOf(c.t, c.dT);
@@ -129,9 +85,9 @@ export function limitCycle(system, drive, detuning, near, level, options) {
     period: at.t,
     y,
     level,
-    rows: run.rows.slice(0, 5 * run.count),
+    rows: run.rows,
     count: run.count,
-    multipliers: eigenvalues(jet.M, y.length),
+    multipliers: eigenvalues(M, y.length),
     duty: dutyOf(c.t, c.U, 0, at.t, tipsOf(c.t, c.U)),
     swing: hottest - coldest,
     residual: size,

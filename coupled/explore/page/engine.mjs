@@ -1,8 +1,7 @@
 // Answers what the page asks, in a worker or beside it: numbers in, numbers out.
 
 import { lifted, setting } from "./heater.mjs";
-import { DONE, integrate } from "./integrate.mjs";
-import { methodOf } from "./rosenbrock.mjs";
+import { DONE, integrate } from "./kernel.mjs";
 import { FJ, NS, UW, absorbedPower, driveOf, turnOf } from "./ring.mjs";
 import { limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";
@@ -12,12 +11,10 @@ import { classify, lasting } from "./pulsing.mjs";
 
 const EQUAL = 1e-4; // relative difference of periods that counts as none; a cycle of a slider is found within 1e-5
 
-export function engineOf(tableaus) {
-  const rodas4 = methodOf(tableaus.rodas4);
-  const rodas5p = methodOf(tableaus.rodas5p);
+export function engineOf() {
   const known = { cycle: null }; // the last settled one
   return {
-    trace: (request) => trace(request, known, rodas4, rodas5p),
+    trace: (request) => trace(request, known),
     light: (request) => ({ states: states(request), points: request.curve === false ? null : transmission(request) }),
     plane: (request) => plane(request),
   };
@@ -27,11 +24,11 @@ export function engineOf(tableaus) {
  * A trace from cold, what it does, and where it is wanted the settled cycle. With `follow` the cycle of the last request is
  * followed to the present setting, without a trace, as long as it stays stable.
  */
-function trace(request, known, rodas4, rodas5p) {
+function trace(request, known) {
   const { system, drive, turn, rise, start } = setting(request);
   const { duration, rtol, settled } = request;
   if (request.follow && settled && known.cycle) {
-    known.cycle = followed(system, drive, turn, known.cycle, rodas4);
+    known.cycle = followed(system, drive, turn, known.cycle);
     if (known.cycle) {
       const rows = lifted(known.cycle.rows.slice(), rise);
       const { period, duty, swing, level, pattern } = known.cycle;
@@ -39,14 +36,14 @@ function trace(request, known, rodas4, rodas5p) {
       return { ended: DONE, steps: 0, rows, pulsing, cycle: { ...known.cycle, rows }, followed: true };
     }
   }
-  const run = integrate(system, drive, turn, start, duration / NS, { method: rodas4, rtol });
-  const rows = lifted(run.rows.slice(0, 5 * run.count), rise);
+  const run = integrate(system, drive, turn, start, duration / NS, { method: "rodas4", rtol });
+  const rows = lifted(run.rows, rise);
   const all = columns(rows, 0, run.count);
   const found = verdict(all, rtol, () => steadyStates(drive, turn, system).map((p) => ({ ...p, dT: p.dT + rise })));
   const out = { ended: run.ended, steps: run.accepted, rows, pulsing: found, cycle: null };
   if (!settled) return out;
   const pulses = found.regime === "self-pulsing" && all.N.some((x) => x > 0); // settled cycles are told by carriers
-  known.cycle = pulses ? settle(system, drive, turn, run.y, found, accuracyOf(request.quick, rodas4, rodas5p)) : null;
+  known.cycle = pulses ? settle(system, drive, turn, run.y, found, accuracyOf(request.quick)) : null;
   if (known.cycle) out.cycle = { ...known.cycle, rows: lifted(known.cycle.rows.slice(), rise) };
   return out;
 }
@@ -58,17 +55,17 @@ function verdict(all, rtol, points) {
 }
 
 /** How accurately a settled cycle is computed. */
-function accuracyOf(quick, rodas4, rodas5p) {
-  const rough = { method: rodas4, rtol: 1e-5 };
-  return quick ? { rough, fine: rough, close: [1e-5, 1e-4], renew: 0.5 } : { rough, fine: { method: rodas5p, rtol: 1e-8 } };
+function accuracyOf(quick) {
+  const rough = { method: "rodas4", rtol: 1e-5 };
+  return quick ? { rough, fine: rough, close: [1e-5, 1e-4], renew: 0.5 } : { rough, fine: { method: "rodas5p", rtol: 1e-8 } };
 }
 
 /** The stable cycle that another one becomes when the setting moves a little, or null. */
-function followed(system, drive, turn, { y, rows, count, period, pattern }, rodas4) {
+function followed(system, drive, turn, { y, rows, count, period, pattern }) {
   if (y.length !== system.gain.length + 3) return null;
   let [low, high] = [Infinity, 0];
   for (let i = 0; i < count; i++) [low, high] = [Math.min(low, rows[5 * i + 3]), Math.max(high, rows[5 * i + 3])];
-  const cycle = limitCycle(system, drive, turn, y, (low + high) / 2, { ...accuracyOf(true, rodas4), period, pattern });
+  const cycle = limitCycle(system, drive, turn, y, (low + high) / 2, { ...accuracyOf(true), period, pattern });
   const slowest = cycle ? settling(cycle.multipliers) : Infinity;
   return slowest < 1 ? { ...cycle, slowest, pattern } : null;
 }

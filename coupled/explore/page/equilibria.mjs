@@ -6,7 +6,7 @@
 
 import { absorbedPower, dispersion } from "./ring.mjs";
 import { eigenvalues } from "./eigen.mjs";
-import { jacobian } from "./equations.mjs";
+import { slopes } from "./kernel.mjs";
 
 const SPACING = 0.02;
 const CLOSE = 4e-16;
@@ -35,10 +35,10 @@ export function balance(U, sys) {
   const lift = 1 + 2 * sys.curvature * z;
   const dT = z + sys.curvature * z * z;
   const dTSlope = sys.R * lift * 2 * (sys.absorbed + sys.fca * (N + NSlope * U) + 2 * sys.tpa * U);
-  dispersion(N, sys.fcd, pair);
-  const shift = -sys.shift * dT - pair[0] - sys.kerr * U;
-  const shiftSlope = -sys.shift * dTSlope - pair[1] * NSlope - sys.kerr;
-  return { N, NSlope, dT, z, lift, shift, shiftSlope, gamma, gammaSlope, S: pair[0], SSlope: pair[1] };
+  const [S, SSlope] = dispersion(N, sys.fcd);
+  const shift = -sys.shift * dT - S - sys.kerr * U;
+  const shiftSlope = -sys.shift * dTSlope - SSlope * NSlope - sys.kerr;
+  return { N, NSlope, dT, z, lift, shift, shiftSlope, gamma, gammaSlope, S, SSlope };
 }
 
 /** U with U gamma(U)^2 = drive^2/cosh^2 s: Newton in log U, kept within a bracket. */
@@ -192,7 +192,7 @@ export function stateAt(U, sys) {
 /** All eigenvalues at the fixed point (U, D), in 1/ns, by a dense factorization. */
 export function spectrumAt(U, D, sys) {
   const y = stateAt(U, sys);
-  return eigenvalues(jacobian(sys, balance(U, sys).shift - D, y), y.length);
+  return eigenvalues(slopes(sys, 0, balance(U, sys).shift - D, y).J, y.length);
 }
 
 /** Coefficients of the secular equation E(lambda) at the energy U (spectrum.py). */

@@ -4,8 +4,7 @@
 // sees the same equations at detuning + thermal_shift rise/2 pi, from x_i(0) = -sum_h R_ih P_h where heaters and laser
 // are switched on together; x_i then holds what is still missing of the heaters' rise.
 
-import { cold } from "./equations.mjs";
-import { driveOf, systemOf, turnOf } from "./ring.mjs";
+import { cold, driveOf, systemOf, turnOf } from "./ring.mjs";
 
 /** Powers in W of those heaters that a model has, by name. */
 export function powersOf(model, powers) {

@@ -4,19 +4,17 @@ import { channel, serve } from "./channel.mjs";
 import { limitCycle } from "./cycle.mjs";
 import { foldCurves, hopfCurves, hopfPoints } from "./curves.mjs";
 import { engineOf } from "./engine.mjs";
-import { cold } from "./equations.mjs";
 import { balance, steadyStates, survey } from "./equilibria.mjs";
 import { build, fill } from "./fields.mjs";
 import { heatedBy, setting } from "./heater.mjs";
 import { periodError, stepResponse } from "./heat.mjs";
-import { integrate } from "./integrate.mjs";
+import { integrate, loadKernel } from "./kernel.mjs";
 import { columns } from "./measure.mjs";
 import { classify } from "./pulsing.mjs";
 import { watchPlane } from "./laser.mjs";
 import { draw, recolour } from "./paint.mjs";
 import { theme } from "./plot.mjs";
-import { derivedRates, driveOf, systemOf, turnOf } from "./ring.mjs";
-import { methodOf } from "./rosenbrock.mjs";
+import { cold, derivedRates, driveOf, systemOf, turnOf } from "./ring.mjs";
 import { commandOf, pythonOf } from "./script.mjs";
 import { decoded, drawSection, play } from "./section.mjs";
 import { addFamilyFields, addHeaterFields, hashOf, modelOf, ringOf, stateOf, watts } from "./state.mjs";
@@ -30,7 +28,7 @@ let timer = 0;
 let lookedAt = -Infinity;
 
 function start() {
-  if (!Array.prototype.at || !globalThis.structuredClone || !globalThis.ResizeObserver) return; // older than 2022: the notice stays
+  if (!Array.prototype.at || !globalThis.structuredClone || !globalThis.ResizeObserver || !globalThis.WebAssembly) return; // older than 2023: the notice stays
   const data = JSON.parse($("data").textContent);
   data.section = data.section && decoded(data.section);
   if (data.family) addFamilyFields(data.family);
@@ -39,9 +37,9 @@ function start() {
   page.changed = changed;
   const code = $("code").textContent;
   ask = {
-    trace: channel(code, data.tableaus, gotTrace),
-    light: channel(code, data.tableaus, gotLight),
-    plane: channel(code, data.tableaus, gotPlane, { preempt: true }),
+    trace: channel(code, data.kernel, gotTrace),
+    light: channel(code, data.kernel, gotLight),
+    plane: channel(code, data.kernel, gotPlane, { preempt: true }),
   };
   $("notice").remove();
   $("page").hidden = false;
@@ -144,7 +142,7 @@ function gotPlane(part) {
 }
 
 // for tests, and for whoever wants to compute in the console
-globalThis.ringPage = { classify, columns, derivedRates, engineOf, foldCurves, hopfCurves, hopfPoints, integrate, limitCycle, methodOf, periodError, shiftAt: (U, system) => balance(U, system).shift, steadyStates, stepResponse, survey, systemOf, cold, setting, heatedBy, commandOf, driveOf, pythonOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
+globalThis.ringPage = { classify, columns, derivedRates, engineOf, foldCurves, hopfCurves, hopfPoints, integrate, limitCycle, loadKernel, periodError, shiftAt: (U, system) => balance(U, system).shift, steadyStates, stepResponse, survey, systemOf, cold, setting, heatedBy, commandOf, driveOf, pythonOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
 
 if (typeof document === "undefined") serve(globalThis);
 else if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);

@@ -1,4 +1,4 @@
-// The ring in internal units (ns, fJ, uW, K, 1e23/m^3), as coupled/kernels/equations.py has it.
+// The ring in internal units (ns, fJ, uW, K, 1e23/m^3), as coupled/kernel/equations.hpp has it.
 //
 //   da/dt = (i D - gamma) a + i drive,   D = -thermal_shift dT - S(N) - kerr U - detuning
 //   gamma = loss + fca N + tpa U,        dN/dt = -N (1 + b N)/(tau0 (1 + a N)) + g U^2
@@ -83,7 +83,6 @@ export function systemOf(ring, model) {
     bus: ring.bus_rate * NS,
     drop: dropRate(ring) * NS,
     fcd,
-    series: seriesOf(fcd),
     gain,
     rate,
     curvature: model.coefficient || 0,
@@ -101,81 +100,24 @@ export function turnOf(detuning) {
   return 2 * Math.PI * detuning * NS;
 }
 
-/** Free-carrier dispersion S(N) and its slope, written to out[0] and out[1]; what `dispersionNear` takes goes to `near`. */
-export function dispersion(N, fcd, out, near = null) {
-  let shift = 0;
-  let slope = 0;
-  if (near) {
-    near[0] = N * N;
-    near[1] = 1 / (N * N + EPSILON * EPSILON);
-  }
-  for (let k = 0; k < fcd.length; k += 2) {
-    const c = fcd[k];
-    const p = fcd[k + 1];
-    if (p === 1) {
-      shift += c * N;
-      slope += c;
-      if (near) near[2 + (k >> 1)] = c;
-    } else {
-      const square = N * N + EPSILON * EPSILON;
-      const factor = c * Math.exp(0.5 * (p - 1) * Math.log(square));
-      shift += factor * N;
-      if (near) near[2 + (k >> 1)] = factor;
-      slope += factor * (1 + ((p - 1) * N * N) / square);
-    }
-  }
-  out[0] = shift;
-  out[1] = slope;
-}
-
-/** S(N) alone. */
-export function dispersionShift(N, fcd) {
-  let shift = 0;
+/** Free-carrier dispersion S(N) and its slope. */
+export function dispersion(N, fcd) {
+  const square = N * N + EPSILON * EPSILON;
+  let [shift, slope] = [0, 0];
   for (let k = 0; k < fcd.length; k += 2) {
     const p = fcd[k + 1];
-    shift += fcd[k] * N * (p === 1 ? 1 : Math.exp(0.5 * (p - 1) * Math.log(N * N + EPSILON * EPSILON)));
+    const factor = p === 1 ? fcd[k] : fcd[k] * Math.exp(0.5 * (p - 1) * Math.log(square));
+    shift += factor * N;
+    slope += factor * (1 + ((p - 1) * N * N) / square);
   }
-  return shift;
-}
-
-const TERMS = 10;
-
-/** Coefficients of (1 + x)^((p - 1)/2) in powers of x, for every term of S(N). */
-function seriesOf(fcd) {
-  const series = new Float64Array((TERMS * fcd.length) / 2);
-  for (let k = 0, at = 0; k < fcd.length; k += 2, at += TERMS) {
-    series[at] = 1;
-    for (let i = 1; i < TERMS; i++) series[at + i] = (series[at + i - 1] * ((fcd[k + 1] - 1) / 2 - i + 1)) / i;
-  }
-  return series;
-}
-
-/**
- * S(N) near another density N', by the binomial series in x = (N^2 - N'^2)/(N'^2 + eps^2), with an error below 1e-12; by
- * logarithm and exponential farther away. `near` is that of `dispersion` at N'.
- */
-export function dispersionNear(N, { fcd, series: c }, near) {
-  const x = (N * N - near[0]) * near[1];
-  if (!(x > -0.1 && x < 0.1)) return dispersionShift(N, fcd);
-  const q = x * x;
-  let shift = 0;
-  for (let k = 0, at = 0; k < fcd.length; k += 2, at += TERMS) {
-    const factor = near[2 + (k >> 1)];
-    if (fcd[k + 1] === 1) shift += factor;
-    else {
-      const even = c[at] + q * (c[at + 2] + q * (c[at + 4] + q * (c[at + 6] + q * c[at + 8])));
-      const odd = c[at + 1] + q * (c[at + 3] + q * (c[at + 5] + q * (c[at + 7] + q * c[at + 9])));
-      shift += factor * (even + x * odd);
-    }
-  }
-  return shift * N;
+  return [shift, slope];
 }
 
 export function absorbedPower(U, N, system) {
   return 2 * (system.absorbed + system.fca * N + system.tpa * U) * U;
 }
 
-/** Sizes of field, carriers and temperature below which errors are absolute (coupled/window.py, floor_of). */
+/** Sizes of field, carriers and temperature below which errors are absolute (coupled/kernel/units.py). */
 export function floorOf(system, drive) {
   const U = (drive / system.loss) ** 2;
   const N = system.g > 0 ? system.tau0 * (system.b > 0 ? system.a / system.b : 1) * system.g * U ** 2 : 1;
@@ -186,4 +128,9 @@ export function floorOf(system, drive) {
     1e-3 * Math.min(Math.max(N, tiny), 1),
     1e-3 * Math.min(Math.max(dT, tiny), 10),
   ];
+}
+
+/** From nothing: no light, no carriers, no heat. */
+export function cold(system) {
+  return new Float64Array(3 + system.gain.length);
 }

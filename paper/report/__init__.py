@@ -1,0 +1,1 @@
+"""What the scripts share: results and claims, the runner, and the page."""
