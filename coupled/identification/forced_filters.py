@@ -196,5 +196,5 @@ def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Start
     for end in fine:
         found = end.J.T @ end.J * end.r.size / len(traces)  # 1/deviations^2: each residual was divided by sqrt(samples)
         C = np.linalg.inv(found + OPEN * np.eye(low.size))[:n, :n]
-        starts.append(Start(end.x[:n], np.linalg.inv(INFLATED**2 * C + BIAS**2 * np.eye(n))))
+        starts.append(Start(end.x[:n], np.asarray(np.linalg.inv(INFLATED**2 * C + BIAS**2 * np.eye(n)), dtype=float)))
     return starts

@@ -261,7 +261,9 @@ def _deviations(
         left, off = last(y), part - start.x[free]
         return np.inf if left is None else float(left @ left + off @ L @ off)
 
-    C, factor = _widened(cost, x[free], np.linalg.inv(J.T @ J + L), what.low[free], what.high[free])
+    C, factor = _widened(
+        cost, x[free], np.asarray(np.linalg.inv(J.T @ J + L), dtype=float), what.low[free], what.high[free]
+    )
     found[free] = np.sqrt(np.diag(C)) * max(_rms(r, x.size), 1.0)
     found[found > UNKNOWN] = np.inf
     return found, factor

@@ -88,10 +88,10 @@ class Target:
     @cached_property
     def forced(self) -> Forced:
         """The trace evenly sampled."""
-        n = min(MOST, 1 + round((self.times[-1] - self.times[0]) / float(np.median(np.diff(self.times)))))
-        grid, step = np.linspace(self.times[0], self.times[-1], n, retstep=True)
-        drop = np.interp(grid, self.times, self.drop)
-        return Forced(float(step), drop, self.power, self.detuning, self.cold, self.observed.absolute)
+        length = float(self.times[-1] - self.times[0])
+        n = min(MOST, 1 + round(length / float(np.median(np.diff(self.times)))))
+        drop = np.interp(np.linspace(self.times[0], self.times[-1], n), self.times, self.drop)
+        return Forced(length / (n - 1), drop, self.power, self.detuning, self.cold, self.observed.absolute)
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:

@@ -46,8 +46,9 @@ def run(out, *, quick=False, workers=None, console=None):
     figures = [name for name, draw in FIGURES.items() if set(needs(draw)) <= set(names)]
     with files.own_folder(out, ("figures",)), Store(out / "data", "").opened():
         left = [name for name in names if load(out, name) is None]
-        compute_all(out, left, workers, console)
-        results = {name: load(out, name) for name in names}
+        failed = compute_all(out, left, workers, console) if left else {}
+        results = {name: found for name in names if (found := load(out, name))}
+        figures = [name for name in figures if set(needs(FIGURES[name])) <= set(results)]
         with console.status("figures, and the page that computes"):
             pictures = {name: draw(out, name, results) for name in figures}
             text, rows = page(results, pictures, explore(out / "ring.html"), quick)
@@ -61,6 +62,8 @@ def run(out, *, quick=False, workers=None, console=None):
     console.print(shown)
     console.print(f"{len(names)} studies ({len(names) - len(left)} of an earlier run), {len(pictures)} figures")
     console.print(f"report: {out / 'report.html'} ({time.monotonic() - begin:.0f} s)")
+    for name, error in failed.items():  # the report is without what needs it
+        raise RuntimeError(f"{name} could not be computed; the report is without it") from error
     agree = [row["agrees"] for row in rows if row["agrees"] is not None]
     counts = {"studies": len(names), "kept": len(names) - len(left), "figures": len(pictures)}
     return {"report": out / "report.html", **counts, "compared": len(agree), "agree": sum(agree)}
@@ -69,7 +72,7 @@ def run(out, *, quick=False, workers=None, console=None):
 def compute_all(out, left, workers, console):
     """Compute studies in processes, each as soon as what it needs is there, those with the longest way behind first.
 
-    Where one raises, those that do not need it are finished before its error is raised.
+    Where one raises, those that do not need it are finished; the errors are returned by name.
     """
 
     def behind(name):
@@ -92,8 +95,7 @@ def compute_all(out, left, workers, console):
                 bars.advance(bar, STUDIES[name].weight)
                 if future.exception():
                     failed[name] = future.exception()
-    for error in failed.values():
-        raise error
+    return failed
 
 
 def compute(out, name):

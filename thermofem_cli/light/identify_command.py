@@ -52,6 +52,7 @@ def identify(
     """
     import coupled
     import surrogate
+    from coupled.ring_toml import write_text
 
     heat = output.with_suffix(".json")
     check_outputs([output, heat, figure], images=[figure], inputs=[*traces, ring, model])
@@ -70,10 +71,10 @@ def identify(
         }
         seen.append(one)
     found = coupled.identify(
-        resonator, seen, free=[name.strip() for name in free.split(",")], model=model and model_of(model)[0],
+        resonator, seen, free=[name.strip() for name in free.split(",")], model=model_of(model)[0] if model else None,
         bounds=dict(_bound(text) for text in bounds or []), seed=seed, show_bar=watched(),
     )  # fmt: skip
-    output.write_text(found.ring.to_toml(), encoding="utf-8")
+    output.write_text(write_text(found.ring, dict.fromkeys(found.parameters, "identified")), encoding="utf-8")
     surrogate.save_model(found.model, heat)
     if figure:
         from coupled.plot import plot_identification
