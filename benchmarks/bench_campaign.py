@@ -35,7 +35,7 @@ def campaign(count: int) -> th.Campaign:
 
 def error(plan: th.Campaign, folder: str) -> tuple[float, float]:
     """Relative errors of R_th and of the step of the first geometry against a finer mesh."""
-    with th.open_campaign(folder) as data:
+    with th.campaign.open_campaign(folder) as data:
         rise, resistance = data.delta_T_step[0, :, 0].values, float(data.thermal_resistance[0, 0])
     heat = th.assemble(th.CrossSection.from_toml_text(plan.geometry_of(plan.cases()[0].values)), accuracy=1e-4)
     fine = th.solve(heat, th.Constant(1e-3), plan.drives[0].kept, rtol=1e-6)

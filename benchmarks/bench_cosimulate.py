@@ -96,8 +96,8 @@ def main() -> None:
     warm = replace(
         th.strip_ring(),
         materials=(
-            replace(silicon, conductivity_law=th.PowerLaw(-1.3)),
-            replace(oxide, conductivity_law=th.PowerLaw(0.33), specific_heat_law=th.PowerLaw(0.5)),
+            replace(silicon, conductivity_law=th.materials.PowerLaw(-1.3)),
+            replace(oxide, conductivity_law=th.materials.PowerLaw(0.33), specific_heat_law=th.materials.PowerLaw(0.5)),
         ),
     )
     hot = th.assemble(warm, accuracy)

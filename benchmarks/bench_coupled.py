@@ -22,8 +22,7 @@ from scipy.integrate import solve_ivp
 import coupled
 import surrogate
 import thermofem as th
-from coupled import Method
-from coupled.kernel.tableaus import tableau
+from coupled.kernel.tableaus import Method, tableau
 from coupled.kernels import equations as eq
 from coupled.kernels.interrupts import new_watch
 from coupled.kernels.rosenbrock import LaserPieces, integrate

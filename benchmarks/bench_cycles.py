@@ -49,7 +49,7 @@ def main(repeats: int) -> None:
     cycles = {name: (lambda m=m: coupled.limit_cycle(RING, m, power=POWER)) for name, m in MODELS.items()}
     given = {name: run() for name, run in cycles.items()}
     derivatives = {
-        name: (lambda m=m, c=given[name]: coupled.cycle_derivatives(RING, m, power=POWER, cycle=c))
+        name: (lambda m=m, c=given[name]: coupled.cycles.derivatives.cycle_derivatives(RING, m, power=POWER, cycle=c))
         for name, m in MODELS.items()
     }
     maps = {name: (lambda m=m: coupled.pulsing_map(RING, m, POWERS, DETUNINGS)) for name, m in MODELS.items()}
@@ -60,7 +60,7 @@ def main(repeats: int) -> None:
             print(f"{words:22}{name:14}{text} ms CPU   {error(words, name)}")
     lumped, newton = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
     branch = lambda: coupled.continue_cycle(lumped, newton, "detuning", (8e9, -2e9), power=5e-3, detuning=-2e9)  # noqa: E731
-    folds = lambda: coupled.cycle_fold_curves(lumped, newton, POWERS, DETUNINGS)  # noqa: E731
+    folds = lambda: coupled.cycles.cycle_folds.cycle_fold_curves(lumped, newton, POWERS, DETUNINGS)  # noqa: E731
     for words, text in turns({"branch with its fold": branch, "curve of folds": folds}, 3).items():
         print(f"{words:36}{text} ms CPU")
     (curve,), one = folds(), branch()

@@ -40,7 +40,7 @@ def timed(call: Callable[[], Any], repeats: int = 1) -> tuple[Any, float]:
     return result, float(np.median(taken))
 
 
-def gaussian_process(family: surrogate.Family, members: int) -> Callable[[np.ndarray], np.ndarray]:
+def gaussian_process(family: surrogate.family.Family, members: int) -> Callable[[np.ndarray], np.ndarray]:
     """Step responses of new members from those of solved ones."""
     from sklearn.decomposition import PCA
     from sklearn.gaussian_process import GaussianProcessRegressor

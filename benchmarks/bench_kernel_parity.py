@@ -84,7 +84,7 @@ def cases(count: int) -> Iterator[tuple[str, Call]]:
             "bus": coupled.bus(rings, phase=1.0, loss=0.1),
             "loops": coupled.scissor(rings[:3], phase=1.0),
             "delay": coupled.bus(rings[:2], phase=1.0, delay=0.3e-9),
-            "delay loop": coupled.delay_loop(ring, 0.5e-9, loss=1.0, phase=0.4),
+            "delay loop": coupled.circuit.delay_loop(ring, 0.5e-9, loss=1.0, phase=0.4),
         }
         for name, circuit in circuits.items():
             yield name, lambda r, c=circuit, m=model, P=P, at=at: run(c, m, {c.lasers[0].name: P}, rtol=r, **at)

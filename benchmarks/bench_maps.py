@@ -63,7 +63,7 @@ def main() -> None:
         hopf = seconds(lambda r=ring, m=model: coupled.hopf_curves(r, m, *fine), repeats)
         fold = seconds(lambda r=ring, m=model: coupled.fold_curves(r, m, *fine), repeats)
         integrated = seconds(lambda r=ring, m=model: coupled.pulsing_map(r, m, *coarse, duration=20e-6), repeats)
-        same = coupled.overlap(
+        same = coupled.maps.pulsing_map.overlap(
             coupled.pulsing_map(ring, model, *coarse, duration=20e-6), coupled.stability_map(ring, model, *coarse)
         )
         ratio = (integrated / 400) / (stability / 40_000)

@@ -20,11 +20,11 @@ import thermofem as th
 TIMES = np.linspace(0, 40e-6, 401)
 
 
-def problems() -> dict[str, th.HeatProblem]:
+def problems() -> dict[str, th.fem.HeatProblem]:
     strip = th.strip_ring()
-    silicon = replace(th.materials.find("Si"), conductivity_law=th.PowerLaw(-1.3))
-    oxide = replace(th.materials.find("SiO2"), conductivity_law=th.PowerLaw(0.33))
-    warm = replace(oxide, specific_heat_law=th.PowerLaw(0.5))
+    silicon = replace(th.materials.find("Si"), conductivity_law=th.materials.PowerLaw(-1.3))
+    oxide = replace(th.materials.find("SiO2"), conductivity_law=th.materials.PowerLaw(0.33))
+    warm = replace(oxide, specific_heat_law=th.materials.PowerLaw(0.5))
     return {
         "constant k": th.assemble(strip),
         "constant k, closed form": th.assemble(strip),

@@ -59,7 +59,7 @@ def by_hand(system: th.StateSpace, reference: np.ndarray, steps: int) -> Run:
     return seconds, error(*run, reference), f"{2 * steps} steps"
 
 
-def ngsolve_setup(heat: th.HeatProblem) -> Callable[[np.ndarray, int], Run]:
+def ngsolve_setup(heat: th.fem.HeatProblem) -> Callable[[np.ndarray, int], Run]:
     """NGSolve's own quadratic elements on our mesh; what is timed is factorization and steps."""
     import ngsolve as ng
     from netgen.meshing import Element2D, FaceDescriptor, MeshPoint, Pnt
@@ -124,7 +124,7 @@ def ngsolve_setup(heat: th.HeatProblem) -> Callable[[np.ndarray, int], Run]:
     return run
 
 
-def femwell_setup(heat: th.HeatProblem) -> Callable[[int], Run]:
+def femwell_setup(heat: th.fem.HeatProblem) -> Callable[[int], Run]:
     """femwell's planar transient with linear elements on our mesh: the same triangles, materials and power."""
     import skfem
     from femwell.thermal_transient import solve_thermal_transient
@@ -178,7 +178,7 @@ def femwell_setup(heat: th.HeatProblem) -> Callable[[int], Run]:
     return run
 
 
-def petsc_setup(heat: th.HeatProblem, reference: np.ndarray, folder: Path) -> Callable[[float], Run] | None:
+def petsc_setup(heat: th.fem.HeatProblem, reference: np.ndarray, folder: Path) -> Callable[[float], Run] | None:
     """Writes the matrices for peer_petsc.py; None where no Python has petsc4py."""
     found = sorted(Path("/usr/lib/petscdir").glob("petsc*/*-real/lib/python3/dist-packages/petsc4py"))
     python = Path("/usr/bin/python3")

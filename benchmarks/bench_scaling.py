@@ -42,11 +42,11 @@ def refined(accuracy: float, times: int) -> th.StateSpace:
     region = np.empty(grid.t.shape[1], dtype=np.int64)
     for k, name in enumerate(mesh.region_names):
         region[grid.subdomains[name]] = k
-    fine = th.Mesh(grid.p.T, grid.t.T, region, mesh.region_names)
+    fine = th.mesh.Mesh(grid.p.T, grid.t.T, region, mesh.region_names)
     materials = [section.material_of(name) for name in mesh.region_names]
     held = grid.facets_satisfying(lambda x: np.isclose(x[1], section.bottom_z))
     k, c = (np.array([getattr(m, name) for m in materials])[region] for name in ("conductivity", "heat_capacity"))
-    return th.discretize(fine, k, c, held=held).state_space(("core",), ("core",))
+    return th.fem.discretize(fine, k, c, held=held).state_space(("core",), ("core",))
 
 
 def unknowns(most: float) -> dict[str, list[tuple[float, float]]]:

@@ -80,7 +80,7 @@ def main() -> None:
     duration, step = (float(given) for given in (sys.argv[1:] + ["6", "1e-4"][len(sys.argv) - 1 :]))
     times = np.arange(round(duration / 0.05) + 1) / 20
     run = coupled.simulate(
-        coupled.delay_loop(RING, DELAY * NS, loss=LOSS, phase=PHASE), HEAT, power={"in": POWER},
+        coupled.circuit.delay_loop(RING, DELAY * NS, loss=LOSS, phase=PHASE), HEAT, power={"in": POWER},
         duration=times[-1] * NS, rtol=1e-9, times=times * NS,
     )  # fmt: skip
     ours = run.energy.values[0], run.delta_T.values[0]

@@ -70,7 +70,7 @@ def check_detuning(detuning: float, name: str = "detuning") -> float:
 
 def check_axis(name: str, values: ArrayLike) -> Array:
     """Return the powers or detunings of a map, strictly increasing, or raise InputError naming the bad one."""
-    axis = checks.array(name, values, longest=MOST_POINTS)
+    axis = checks.array(name, values)
     for k in range(axis.size):
         (check_power if name == "powers" else check_detuning)(axis[k], f"{name}[{k}]")
         if k and axis[k] <= axis[k - 1]:

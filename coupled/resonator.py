@@ -112,7 +112,7 @@ class RingResonator:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        checks.utf8("name", self.name)
+        checks.text("name", self.name)
         checks.between("frequency", self.frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
         checks.between("bus_rate", self.bus_rate, 1e6, 1e13, unit="1/s", hint=_RATE_HINT)
         checks.between("refractive_index", self.refractive_index, 1, 10)

@@ -30,7 +30,7 @@ SPAN = 4.0  # how far a value may go from its start, as a factor, where no bound
 
 @runtime_checkable
 class ThermalFamily(Protocol):
-    """Thermal models that depend on parameters in ranges, such as `surrogate.Family`."""
+    """Thermal models that depend on parameters in ranges, such as `surrogate.family.Family`."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ VARIED = (
 )
 
 
-def family() -> surrogate.Family:
+def family() -> surrogate.family.Family:
     """This ring in all stacks."""
     drive = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
     plan = th.Campaign(th.strip_ring(**measured.GEOMETRY).to_toml(), VARIED, (drive,), samples=1)

@@ -75,13 +75,13 @@ def package() -> th.CrossSection:
     )
 
 
-def family() -> surrogate.Family:
+def family() -> surrogate.family.Family:
     """All packages in the ranges of VARIED, to 2 %."""
     drive = Drive("step", th.Constant(WATT), (0.0, 1e-6))
     return surrogate.train_family(th.Campaign(package().to_toml(), VARIED, (drive,), samples=1), 2e-2, held_out=4)
 
 
-def steps(folder: Path | None, packages: surrogate.Family):
+def steps(folder: Path | None, packages: surrogate.family.Family):
     """Names, and times and impedances of the package as it is."""
     if folder is not None and folder.is_dir():
         for name in SHOWN:

@@ -60,7 +60,7 @@ def main() -> None:
     """Run, draw, and print what correlates with what."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "campaign_200")
     summary = th.Campaign.from_toml(CAMPAIGN).run(folder)
-    with th.open_campaign(folder) as data:
+    with th.campaign.open_campaign(folder) as data:
         finished = data.isel(case=data.status.values == "finished").load()
     figure(finished, folder / "campaign_200.png")
     print(f"{summary.total} geometries, {summary.finished} of them in {summary.seconds:.0f} s, {summary.failed} failed")

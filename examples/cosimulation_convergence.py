@@ -43,7 +43,12 @@ def relax(model, length, passes=12):
 
 
 fig, axes = plt.subplots(2, 1, figsize=(5.7, 6.4), layout="constrained", sharex=True, sharey=True)
-cases = {"none": coupled.NO_PREDICTOR, "Newton": newton, "second order": second, "Krylov reduction (default)": None}
+cases = {
+    "none": coupled.loop.cosimulate.NO_PREDICTOR,
+    "Newton": newton,
+    "second order": second,
+    "Krylov reduction (default)": None,
+}
 marks = zip(cases.items(), "ovs^", ("#000000", "#D55E00", "#0072B2", "#009E73"), strict=True)
 for (name, model), mark, color in marks:
     axes[0].semilogy(np.arange(1, 13), relax(model, 40e-9), color=color, marker=mark, markersize=4, label=name)

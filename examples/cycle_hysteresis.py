@@ -34,7 +34,7 @@ above.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=
 above.set_title(f"{power * 1e3:g} mW", fontsize="small")
 
 powers, detunings = np.geomspace(2e-3, 10e-3, 60), np.linspace(-20e9, 20e9, 80)
-curves = coupled.cycle_fold_curves(ring, newton, powers, detunings)
+curves = coupled.cycles.cycle_folds.cycle_fold_curves(ring, newton, powers, detunings)
 folds = [*coupled.fold_curves(ring, newton, powers, detunings), *curves]
 hopf = coupled.hopf_curves(ring, newton, powers, detunings)
 plot_map(coupled.stability_map(ring, newton, powers, detunings), ax=below, hopf=hopf, folds=folds)

@@ -19,7 +19,7 @@ STEP = 0.1e-9  # s, longest communication step
 
 
 class Unit:
-    """Keeps the contract of `coupled.Corrector`. Few units can go back: the past is replayed."""
+    """Keeps the contract of `coupled.loop.corrector.Corrector`. Few units can go back: the past is replayed."""
 
     def __init__(self, path, *, power="power_core", rise="delta_T_core"):
         from fmpy import extract, read_model_description

@@ -21,8 +21,8 @@ figure, axes = plt.subplots(3, 1, figsize=(5.7, 8.6), layout="constrained")
 for ax, power in zip(axes, (0.5e-3, 2.5e-3, 6.3e-3), strict=True):
     curve = coupled.transmission(ring, model, power=power, detuning=(last, first))
     sweeps = {
-        "slow, towards the red": coupled.sweep(ring, model, power=power, detuning=steps),
-        "slow, towards the blue": coupled.sweep(ring, model, power=power, detuning=steps[::-1]),
+        "slow, towards the red": coupled.equilibria.transmission.sweep(ring, model, power=power, detuning=steps),
+        "slow, towards the blue": coupled.equilibria.transmission.sweep(ring, model, power=power, detuning=steps[::-1]),
     }
     plot_transmission(curve, ax=ax, sweeps=sweeps)
     # A laser that crosses the window in 400 us, each way: at 2.5 mW and above it finds the ring pulsing.

@@ -39,7 +39,7 @@ for name, value in found.parameters.items():
     print(f"{name:>6} = {value:.4g} ± {found.standard_deviations[name]:.1g}")
 places = [(dbm, ghz) for dbm in (6, 7, 8, 9, 10) for ghz in (-10, -5, 0, 5, 10, 15, 20)]
 traces = [trace for trace in (experiment(*place) for place in places) if np.isfinite(coupled.pulsing(trace).period)]
-newton = coupled.fit_newton_per_trace(ring, traces, show_bar=True)
+newton = coupled.identification.newton_traces.fit_newton_per_trace(ring, traces, show_bar=True)
 print(f"Newton's law a trace: {newton.sizes['trace']} traces, correlation {newton.attrs['correlation']:.3f}")
 
 figure = plt.figure(figsize=(5.7, 12), layout="constrained")

@@ -24,7 +24,7 @@ def main(source: str, picture: str) -> None:
     data = th.dataset.build(time, rise, th.Constant(1.0))
     spectrum = surrogate.fit_spectrum(data, per_decade=10)
     few = surrogate.fit_foster(data, 6)
-    path = surrogate.structure_function(spectrum.model)
+    path = th.models.cauer.structure_function(spectrum.model)
     for name, fit in (("spectrum", spectrum), ("six poles", few)):
         share = 100 * fit.residual / rise[-1]
         print(f"{name}: R_th = {fit.model.thermal_resistance:.4g} K/W, rms {share:.3f} % of the last value")

@@ -61,7 +61,9 @@ def misfit(x, data, *, lumped=False, model=STATIC):
     """ln(power that the model needs for the measured drop / power that was there)."""
     wavelength, open_, drop = data
     ring = ring_of(x, lumped=lumped)
-    needed = coupled.power_for_drop(ring, model, drop=drop, detuning=c / wavelength - ring.frequency)
+    needed = coupled.equilibria.transmission.power_for_drop(
+        ring, model, drop=drop, detuning=c / wavelength - ring.frequency
+    )
     return np.log(needed / (x[0] * UNITS[0] * (open_ + LEAKAGE)))
 
 
@@ -91,7 +93,7 @@ def jumps(x, jumped, *, lumped=False):
     errors = []
     for row in jumped:
         drop = np.geomspace(1e-5, 8e-3, 20000)
-        needed = coupled.power_for_drop(
+        needed = coupled.equilibria.transmission.power_for_drop(
             ring, STATIC, drop=drop, detuning=c / (row["wavelength_nm"] * 1e-9) - ring.frequency
         )
         turns = needed[1:-1][np.diff(np.sign(np.diff(needed))) != 0] / (x[0] * UNITS[0]) - LEAKAGE

@@ -45,7 +45,7 @@ BUS_RATE = -0.01 * RING.bus_rate / 1e-9  # 1/s per m: 1 % less coupling for 1 nm
 POWERS, DETUNINGS = 1e-3 * 10 ** (np.linspace(2, 10, 15) / 10), np.linspace(-30e9, 30e9, 25)
 
 
-def family() -> surrogate.Family:
+def family() -> surrogate.family.Family:
     """All rings within five standard deviations."""
     vary = tuple(
         Variation(name, (PATHS[name],), "m", low=one.mean() - 5 * one.std(), high=one.mean() + 5 * one.std())

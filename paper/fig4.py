@@ -20,7 +20,7 @@ CLOSE = 0.2  # mean error of the frequency up to which a map counts as one of th
 def newton_fits(loop):
     """Newton's law fitted to every trace that pulses; and to one of them with silicon's own c_p."""
     pulsing = {name: run for name, run in loop.data.items() if run.attrs["regime"] == "self-pulsing"}
-    single = coupled.fit_newton_per_trace(RING, list(pulsing.values()))
+    single = coupled.identification.newton_traces.fit_newton_per_trace(RING, list(pulsing.values()))
     lumped = coupled.identify(
         RING.with_lumped_fcd(), [loop.data[label(MARKED[0])]], free=["tau_th"], model=NEWTON_MAPS,
         bounds={"tau_th": LIFETIMES}, runs=1,

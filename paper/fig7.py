@@ -32,7 +32,7 @@ def periods(elements, training):
         curves[slug(name)] = curve.assign_attrs(model=name)
         error = curve["relative_error"]
         middle = error.sel(period=slice(0.4e-6, None))  # the paper's figure begins there
-        stretches = surrogate.valid_range(curve) or [(np.nan, np.nan)]
+        stretches = surrogate.judging.validate.valid_range(curve) or [(np.nan, np.nan)]
         numbers[name] = {
             "within_10_percent_s": max(stretches, key=lambda ends: ends[1] / ends[0]),
             "largest": np.max(np.abs(error.values)),

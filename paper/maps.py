@@ -63,7 +63,7 @@ def compared(data, fem):
         return float((step < 0).sum() / max(int(np.isfinite(step).sum()), 1))
 
     return {
-        "overlap": coupled.overlap(data, fem), "points": int(pulses.size),
+        "overlap": coupled.maps.pulsing_map.overlap(data, fem), "points": int(pulses.size),
         "frequency_error": [float(frequency.mean()), float(frequency.std())],
         "duty_error": [float(duty.mean()), float(duty.std())],
         "far_off": {"blue": int((frequency > FAR).where(blue).sum()), "red": int((frequency > FAR).where(red).sum())},

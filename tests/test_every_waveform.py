@@ -30,7 +30,7 @@ WAVES = {
     "Symbols": th.Symbols([0.2, 1, 0, 0.7], rate=1e6, power=P, bias=1e-4, mask=(0.5, 1), noise=0.05, seed=1),
     "Telegraph": th.Telegraph(P, 0.5e-6, 5e-6, seed=3),
     "Chirp": th.Chirp(P, 0.3e-6, 2e-6, 7e-6),
-    "PiecewiseCubic": th.PiecewiseCubic([0, 2e-6, 9e-6], [[0, 300.0, 1e8, -5e13], [0.9e-3, -100.0, 0, 0]]),
+    "PiecewiseCubic": th.waveforms.PiecewiseCubic([0, 2e-6, 9e-6], [[0, 300.0, 1e8, -5e13], [0.9e-3, -100.0, 0, 0]]),
     "Function, arrays": th.Function(lambda t: P * (0.5 + 0.4 * np.sin(2 * np.pi * 0.8e6 * t))),
     "Function, one time": th.Function(lambda t: P * math.exp(-t / 1e-6) if t < 3e-6 else P / 2, breakpoints=(3e-6,)),
     "Function, narrow": GAUSS,
@@ -69,7 +69,9 @@ def once(reference):
 
 
 @once
-def convolved(poles: th.Foster, wave: th.Waveform, times: np.ndarray, *, periodic: bool = False) -> np.ndarray:
+def convolved(
+    poles: th.Foster, wave: th.waveforms.Waveform, times: np.ndarray, *, periodic: bool = False
+) -> np.ndarray:
     """sum_i R_i/tau_i integral of exp(-(t - u)/tau_i) P(u) du, cell by cell; ``times`` from 0, of one period or all.
 
     Poles that carry less than 1e-10 of the thermal resistance each are left out: 900 of a FEM make 1e-7 at most.
@@ -93,7 +95,7 @@ def convolved(poles: th.Foster, wave: th.Waveform, times: np.ndarray, *, periodi
 
 
 @once
-def integrated(model: th.Quadratic, wave: th.Waveform, times: np.ndarray, *, initial=None) -> np.ndarray:
+def integrated(model: th.Quadratic, wave: th.waveforms.Waveform, times: np.ndarray, *, initial=None) -> np.ndarray:
     """Steps that end on every breakpoint; what they leave is below 1e-6."""
     x = np.zeros(model.order) if initial is None else initial
     rise = [float(model.C @ x)]
@@ -148,7 +150,7 @@ def test_the_reference_takes_a_smooth_waveform_that_begins_at_almost_nothing():
     assert model.response(wave, TIMES) == pytest.approx(expected, abs=2e-5 * expected.max(), rel=0)
 
 
-def scaled(wave: th.Waveform) -> th.Waveform:
+def scaled(wave: th.waveforms.Waveform) -> th.waveforms.Waveform:
     """1e-4 of a waveform: samples where it is straight, else a function of time."""
     edges = wave.breakpoints(0.0, float(TIMES[-1]))
     if not wave.piecewise_linear:

@@ -58,7 +58,7 @@ def test_names_are_identifiers_wherever_a_model_is_made_or_loaded(tmp_path):
         for make in (
             lambda: th.Foster(R=[5e3], tau=[1e-6], inputs=(name,)),  # noqa: B023 - called at once
             lambda: th.StateSpace(eye, -eye, eye, eye, outputs=(name,)),  # noqa: B023
-            lambda: surrogate.Cauer([5e3], [2e-10], (name,)),  # noqa: B023
+            lambda: th.models.cauer.Cauer([5e3], [2e-10], (name,)),  # noqa: B023
             lambda: th.Part(name, "Si", 1e-6, 2e-6, 0.0, 1e-7),  # noqa: B023
             lambda: th.Layer(name, "Si", 1e-6),  # noqa: B023
         ):

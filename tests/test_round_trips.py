@@ -19,7 +19,9 @@ def heat():
 
 
 def pole_derivatives(heat):
-    return surrogate.pole_derivatives(heat, surrogate.reduce(heat.system), "part.core.radius")
+    return surrogate.reduction.pole_derivatives.pole_derivatives(
+        heat, surrogate.reduce(heat.system), "part.core.radius"
+    )
 
 
 def chirped(heat):
@@ -40,23 +42,25 @@ RESULTS = {
     "period_error": lambda heat: surrogate.period_error(MODEL, heat.system, [1e-7, 1e-6]),
     "judge": lambda heat: surrogate.judge({"one": MODEL}, surrogate.reduce(heat.system)),
     "compare": lambda heat: surrogate.compare({"one": MODEL}, surrogate.reduce(heat.system)),
-    "structure_function": lambda heat: surrogate.structure_function(MODEL),
+    "structure_function": lambda heat: th.models.cauer.structure_function(MODEL),
     "simulate": lambda heat: coupled.simulate(RING, MODEL, **DRIVE, duration=3e-6),
     "sweep of a laser": chirped,
     "cosimulate": lambda heat: coupled.cosimulate(RING, heat, **DRIVE, duration=1e-7),
     "limit_cycle": lambda heat: coupled.limit_cycle(RING, MODEL, **DRIVE),
-    "cycle_derivatives": lambda heat: coupled.cycle_derivatives(RING, MODEL, **DRIVE),
+    "cycle_derivatives": lambda heat: coupled.cycles.derivatives.cycle_derivatives(RING, MODEL, **DRIVE),
     "continue_cycle, power": lambda heat: coupled.continue_cycle(RING, MODEL, "power", (6.3e-3, 6.4e-3), **DRIVE),
     "continue_cycle, detuning": lambda heat: coupled.continue_cycle(RING, MODEL, "detuning", (0, 1e8), **DRIVE),
     "continue_cycle, tau1": lambda heat: coupled.continue_cycle(RING, MODEL, "tau1", (55.8e-9, 56e-9), **DRIVE),
     "steady_states": lambda heat: coupled.steady_states(RING, MODEL, **DRIVE, detuning=0.0),
     "transmission": lambda heat: coupled.transmission(RING, MODEL, **DRIVE, detuning=(-3e10, 3e10)),
-    "sweep": lambda heat: coupled.sweep(RING, MODEL, **DRIVE, detuning=DETUNINGS),
+    "sweep": lambda heat: coupled.equilibria.transmission.sweep(RING, MODEL, **DRIVE, detuning=DETUNINGS),
     "pulsing_map": lambda heat: coupled.pulsing_map(RING, MODEL, POWERS, DETUNINGS),
     "stability_map": lambda heat: coupled.stability_map(RING, MODEL, POWERS, DETUNINGS),
     "fold_curves": lambda heat: coupled.fold_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
     "hopf_curves": lambda heat: coupled.hopf_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
-    "carrier_decay": lambda heat: coupled.carrier_decay(RING.carriers, 1e23, np.linspace(0, 1e-7, 9)),
+    "carrier_decay": lambda heat: coupled.carriers.pump_probe.carrier_decay(
+        RING.carriers, 1e23, np.linspace(0, 1e-7, 9)
+    ),
     "simulate a circuit": circuit,
     "spectrum": lambda heat: coupled.transmission(coupled.bus([RING, RING]), detuning=DETUNINGS),
     "circuit_steady_states": lambda heat: coupled.steady_states(

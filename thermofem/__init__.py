@@ -1,13 +1,16 @@
 """Heat and light on the cross-section of a silicon microring resonator."""
 
-from . import checks, materials, waveforms
-from .campaign import Campaign, open_campaign
-from .checks import InputError, MissingLibraryError
-from .data import dataset
+from . import checks as checks
+from . import materials, waveforms
+from .campaign import Campaign
+from .checks import InputError
+from .data import (
+    dataset,
+    fields,  # noqa: F401 - as thermofem.data.fields
+)
 from .data.dataset import load, save
-from .data.fields import write_fields
 from .data.measured_trace import read_trace
-from .fem import Discretization, HeatProblem, assemble, discretize
+from .fem import assemble
 from .fem.derivatives import derivatives
 from .geometry import (
     Boundary,
@@ -23,10 +26,9 @@ from .geometry import (
     straight_guide,
     strip_ring,
 )
-from .materials import Material, Polynomial, PowerLaw, Table, silicon_film
-from .mesh import Mesh
-from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateSpace, ThermalModel
-from .optics import Light, light
+from .materials import Material
+from .models import Foster, OutputMap, Quadratic, StateSpace
+from .optics import light
 from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
 from .version import __version__ as __version__
@@ -34,21 +36,17 @@ from .waveforms import (
     Chirp,
     Constant,
     Function,
-    PiecewiseCubic,
     Pulse,
     Sampled,
     SquareWave,
     Symbols,
     Telegraph,
-    Waveform,
 )
 
 __all__ = [
-    "MZI", "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Discretization", "Foster", "Function",
-    "HeatProblem", "InputError", "Interface", "Layer", "Light", "Material", "Mesh", "MissingLibraryError",
-    "OutputMap", "OutsideTrainingWarning", "Part", "PiecewiseCubic", "Polynomial", "PowerLaw", "Probe", "Pulse",
-    "Quadratic", "RingEdge", "Sampled", "SquareWave", "StateSpace", "Symbols", "Table", "Telegraph", "ThermalModel",
-    "Waveform", "assemble", "checks", "dataset", "derivatives", "disc", "discretize", "from_gdsfactory",
-    "heated_ring", "light", "load", "materials", "open_campaign", "read_trace", "rib_ring", "save", "silicon_film",
-    "solve", "solve_periodic", "straight_guide", "strip_ring", "waveforms", "write_fields",
+    "MZI", "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Foster", "Function", "InputError",
+    "Interface", "Layer", "Material", "OutputMap", "Part", "Probe", "Pulse", "Quadratic", "RingEdge", "Sampled",
+    "SquareWave", "StateSpace", "Symbols", "Telegraph", "assemble", "dataset", "derivatives", "disc",
+    "from_gdsfactory", "heated_ring", "light", "load", "materials", "read_trace", "rib_ring", "save", "solve",
+    "solve_periodic", "straight_guide", "strip_ring", "waveforms",
 ]  # fmt: skip

@@ -19,9 +19,7 @@ from .errors import Hint, InputError, MissingLibraryError, one_line, shown  # no
 
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
 LARGEST = 1e100  # of any number: products of three are floats
-MOST = 100_000_000  # numbers of an array of any shape: 0.8 GB, a full matrix of 10,000 rows
-LONGEST = 20_000_000  # numbers of a list such as times: each takes several times its room in what is computed for it
-LONGEST_NAME, MOST_NAMES = 100, 10_000  # characters, and names in one list
+LONGEST_NAME = 100  # characters
 POWER_HINT = Hint("powers are in W (did you mean 2e-3 for 2 mW?)")
 MOST_POWER = 10.0  # W
 _NAME = re.compile(r"\w[\w .+-]*")
@@ -35,20 +33,17 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(_rule(f"{name} = {shown(value)} is not a number", unit), hint) from None
-    if not math.isfinite(number):
-        raise InputError(_rule(f"{name} = {number} is not finite", unit), hint)
-    if abs(number) > LARGEST:
-        raise InputError(_rule(f"{name} = {number:g} is beyond {LARGEST:g}, which is no quantity", unit), hint)
+    if not abs(number) <= LARGEST:
+        raise InputError(_rule(f"{name} = {number:g} is not finite", unit), hint)
     return number
 
 
 def positive(name: str, value: Any, *, unit: str = "", at_most: float = math.inf, hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless `SMALLEST` <= value <= at_most."""
     number = finite(name, value, unit=unit, hint=hint)
-    if number < SMALLEST:
-        raise InputError(_rule(f"{name} = {number:g} must be positive", unit), hint)
-    if number > at_most:
-        raise InputError(_rule(f"{name} = {number:g} is larger than {at_most:g}", unit), hint)
+    if not SMALLEST <= number <= at_most:
+        rule = "must be positive" if number < SMALLEST else f"is larger than {at_most:g}"
+        raise InputError(_rule(f"{name} = {number:g} {rule}", unit), hint)
     return number
 
 
@@ -88,13 +83,12 @@ def array(
     empty: bool = False,
     hint: str = "",
     most: float = LARGEST,
-    longest: int = LONGEST,
 ) -> NDArray[np.float64]:
-    """Return ``value`` as a 1-D float array, or raise InputError if it is not finite, too large or not increasing.
+    """Return ``value`` as a 1-D float array, or raise InputError if it is not finite or not increasing.
 
-    Nothing, such as (), is refused, too, unless ``empty``, and so are more than ``longest`` numbers.
+    Nothing, such as (), is refused, too, unless ``empty``.
     """
-    result = np.atleast_1d(numbers(name, value, hint=hint, most=most, longest=longest))
+    result = np.atleast_1d(numbers(name, value, hint=hint, most=most))
     if empty and result.size == 0:
         return np.empty(0)
     if result.ndim != 1 or result.size == 0:
@@ -105,32 +99,36 @@ def array(
     return result
 
 
-def numbers(
-    name: str, value: ArrayLike, *, hint: str = "", most: float = LARGEST, longest: int = MOST
-) -> NDArray[np.float64]:
+def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGEST) -> NDArray[np.float64]:
     """Return a copy of ``value`` as a float array of its own shape.
 
-    Raises InputError: text, complex or Boolean values, one that is not finite or beyond ``most``, too many.
+    Raises InputError: text, complex or Boolean values, one that is not finite or beyond ``most``.
     """
     try:
         found = np.asarray(value)
-    except ValueError:  # rows of different lengths
-        raise InputError(f"{name} is not an array of numbers", hint) from None
-    if found.dtype.kind not in "fiuO":
-        raise InputError(f"{name} holds values of the type {found.dtype}; real numbers are needed", hint)
-    if found.size > longest:  # a view may repeat one number without end
-        raise InputError(f"{name} holds {found.size} numbers; at most {longest:,} are taken at one go", hint)
-    try:
+        if found.dtype.kind not in "fiuO":  # float() would take them
+            raise TypeError
         result = np.array(found, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is not an array of numbers", hint) from None
-    bad = np.flatnonzero(~np.isfinite(result))
+        raise InputError(f"{name} is not an array of real numbers", hint) from None
+    bad = np.flatnonzero(~(np.isfinite(result) & (np.abs(result) <= most)))
     if bad.size:
         where = f"[{bad[0]}]" if result.ndim == 1 else ""
-        raise InputError(f"{name}{where} = {result.ravel()[bad[0]]} is not finite", hint)
-    if np.abs(result).max(initial=0.0) > most:
-        raise InputError(f"{name} holds a number beyond {most:g}, which is no quantity", hint)
+        raise InputError(f"{name}{where} = {result.ravel()[bad[0]]:g} is not finite", hint)
     return result
+
+
+def shape(name: str, value: Any, wanted: tuple[int, ...]) -> None:
+    """Raise InputError unless an array has this shape: another one would broadcast."""
+    if value.shape != wanted:
+        raise InputError(f"{name} has shape {value.shape}; {wanted} is needed")
+
+
+def same_size(**arrays: Any) -> None:
+    """Raise InputError unless all these arrays have as many entries."""
+    if len({np.size(array) for array in arrays.values()}) > 1:
+        sizes = ", ".join(f"{name} has {np.size(array)}" for name, array in arrays.items())
+        raise InputError(f"{sizes} entries; each needs the same")
 
 
 def plain(one: Any) -> None:
@@ -162,12 +160,11 @@ def instance(name: str, value: Any, *kinds: type, hint: str) -> None:
 
 def instances(name: str, values: Any, *kinds: type) -> tuple[Any, ...]:
     """Return a list as a tuple, or raise InputError unless all that it holds is of these kinds."""
-    if isinstance(values, str) or not isinstance(values, Iterable):
-        raise InputError(f"{name} = {shown(values)} must be a list")
-    found = tuple(values)
-    for item in found:
-        if not isinstance(item, kinds):
-            raise InputError(f"{name} holds {shown(item)}, which is no {' or '.join(kind.__name__ for kind in kinds)}")
+    found = (values,) if isinstance(values, str) or not isinstance(values, Iterable) else tuple(values)
+    wrong = found if isinstance(values, str) else [item for item in found if not isinstance(item, kinds)]
+    if wrong:
+        needed = " or ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"{name} holds {shown(wrong[0])}; a list of {needed} is needed")
     return found
 
 
@@ -191,15 +188,6 @@ def text(name: str, value: Any) -> str:
     """Return ``value``, or raise InputError if it is no text."""
     if not isinstance(value, str):
         raise InputError(f"{name} = {shown(value)} must be text")
-    return value
-
-
-def utf8(name: str, value: str) -> str:
-    """Return a text, or raise InputError where no file can hold it: half of a pair of surrogates."""
-    try:
-        text(name, value).encode()
-    except UnicodeEncodeError:
-        raise InputError(f"{name} = {shown(value)} is no text that a file can hold; take letters and digits") from None
     return value
 
 
@@ -251,8 +239,8 @@ def check_name(what: str, name: Any) -> str:
 
 def check_names(what: str, names: Any) -> tuple[str, ...]:
     """Return a list of names as a tuple, each checked by `check_name` and given once."""
-    if not isinstance(names, list | tuple) or not 0 < len(names) <= MOST_NAMES:
-        raise InputError(f"{what} = {shown(names)} must be a list of names, 1 to {MOST_NAMES}")
+    if not isinstance(names, list | tuple) or not names:
+        raise InputError(f"{what} = {shown(names)} must be a list of names")
     unique(what, names, hint="a name tells one from the other")
     return tuple(check_name(what, name) for name in names)
 

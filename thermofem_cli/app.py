@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from thermofem import OutsideTrainingWarning
 from thermofem.errors import InputError, MissingLibraryError, one_line
+from thermofem.models import OutsideTrainingWarning
 from thermofem.version import __version__
 
 from .console import note, print_numbers, settings

@@ -19,7 +19,8 @@ from .options import REFERENCE_RING
 
 if TYPE_CHECKING:
     from coupled import RingResonator
-    from thermofem import CrossSection, ThermalModel
+    from thermofem import CrossSection
+    from thermofem.models import ThermalModel
 
 # kind -> what it is, and what takes it
 KINDS = {

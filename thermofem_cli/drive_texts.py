@@ -54,7 +54,7 @@ def naming(options: str) -> Iterator[None]:
         raise InputError(f"{options}: {error.for_text()}") from None
 
 
-def heating(power: str, pulse: str | None, square: str | None, duty: float | None) -> th.Waveform:
+def heating(power: str, pulse: str | None, square: str | None, duty: float | None) -> th.waveforms.Waveform:
     """Waveform of --power, --pulse, --square and --duty: a step, unless one of the others is given."""
     watts = quantity.not_negative(power, "W", name="--power")
     if pulse is not None and square is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
-from thermofem.data.variables import in_si
+from thermofem.data.variables import in_si, takes
 
 from .shockley_read_hall import ShockleyReadHall
 
@@ -126,9 +126,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     from scipy.optimize import least_squares
 
     checks.instance("material", material, ShockleyReadHall, hint="coupled.borghi2021().carriers is one")
-    for name in ("time", "carriers"):
-        if name not in getattr(data, "variables", {}):
-            raise checks.InputError(f"data has no variable {name!r}; it needs carriers (1/m^3) over time (s)")
+    takes("data", data, "time", "carriers", what="a Dataset of carriers (1/m^3) over time (s)")
     data = in_si("data", data)
     t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
     N = checks.array("data.carriers", data["carriers"].values)

@@ -141,7 +141,7 @@ def delay_loop(ring: RingResonator, delay: float, *, loss: float = 3.0, phase: f
         no ring, or a ring on one bus.
 
     >>> import coupled
-    >>> coupled.delay_loop(coupled.borghi2021(), delay=1e-9).ports
+    >>> coupled.circuit.delay_loop(coupled.borghi2021(), delay=1e-9).ports
     ('drop',)
     """
     if not isinstance(ring, RingResonator):

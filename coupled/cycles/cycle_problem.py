@@ -13,7 +13,7 @@ from thermofem.checks import InputError
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
 from ..equilibria.spectrum import stable_points
 from ..heaters import turned_by
-from ..kernel.integrator import CARRIERS, ENERGY, Problem
+from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat, Problem
 from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning, internal_pump, single_ring, units
 from ..resonator import RingResonator
@@ -85,7 +85,7 @@ class CycleProblem:
     def slowest(self) -> float:
         """Time constant of the slowest heat, ns."""
         heat = self.flow.rough.heat
-        return 1 / float(np.min(heat.rate) if hasattr(heat, "rate") else -np.linalg.eigvals(heat.A).real.max())
+        return 1 / float(np.min(heat.rate) if isinstance(heat, PoleHeat) else -np.linalg.eigvals(heat.A).real.max())
 
     def settled(self, y: Array, begin: str = "a cold ring", rtol: float = FINE) -> Orbit:
         """The cycle on which the ring settles from a state; InputError as `settling.settled`."""

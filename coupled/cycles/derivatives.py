@@ -85,7 +85,7 @@ def cycle_derivatives(
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
-    >>> d = coupled.cycle_derivatives(coupled.borghi2021(), model, ["power", "tau2"], power=6.31e-3)
+    >>> d = coupled.cycles.derivatives.cycle_derivatives(coupled.borghi2021(), model, ["power", "tau2"], power=6.31e-3)
     >>> print(f"{d['period'].sel(parameter='power').item() * 1e6:.1f} ns per mW")
     -18.3 ns per mW
     """

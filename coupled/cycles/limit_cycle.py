@@ -19,6 +19,7 @@ from ..circuit.circuit import Circuit
 from ..circuit.cycle import circuit_limit_cycle
 from ..equilibria.observables import provenance
 from ..heaters import constant
+from ..kernel.integrator import PoleHeat
 from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power
 from ..resonator import RingResonator
 from ..states import State, starting_point
@@ -148,8 +149,8 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
 def _shared(p: CycleProblem, rise: float) -> Array:
     """States of heat at rest with about a rise in K."""
     heat = p.flow.rough.heat
-    share = heat.gain[0] / heat.rate[0] if hasattr(heat, "rate") else -np.linalg.solve(heat.A, heat.B)
-    total = float(share.sum() if hasattr(heat, "rate") else heat.C @ share)
+    share = heat.gain[0] / heat.rate[0] if isinstance(heat, PoleHeat) else -np.linalg.solve(heat.A, heat.B)
+    total = float(share.sum() if isinstance(heat, PoleHeat) else heat.C @ share)
     return np.asarray(share * (rise - p.rise) / total)
 
 

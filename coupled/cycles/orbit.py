@@ -93,7 +93,7 @@ def problem(ring: RingResonator, model: Compact, power: float, detuning: float, 
     pump = eq.internal_pump(ring, power)
     thermal = eq.internal_thermal(model)
     at = Ring(pump, eq.internal_detuning(detuning + turned_by(rise, ring)), rates, fcd, thermal)
-    floor = window.floor_of(rates, pump, model.thermal_resistance * eq.UW)
+    floor = window.floor_of(rates, pump, model.thermal_resistance * eq.UW)  # type: ignore[arg-type]
     return CycleProblem(at, floor, window.units(thermal.order), ring, model, power, detuning, rise)
 
 

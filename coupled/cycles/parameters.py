@@ -93,7 +93,7 @@ def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
     power = check_power(power)
     turned = eq.internal_detuning(detuning + turned_by(p.rise, p.ring))
     at = p.at._replace(pump=eq.internal_pump(p.ring, power), detuning=turned)
-    floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)
+    floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)  # type: ignore[arg-type]
     return p._replace(at=at, floor=floor, power=power, detuning=detuning)
 
 

@@ -50,15 +50,15 @@ def measured(t: Array, q: Array, duration: float) -> Part:
     """Measure a part of a transient."""
     late = q[t >= duration / 2]
     low, high = float(late.min()), float(late.max())
-    ranges = [
+    third, fourth = (
         float(np.ptp(part)) if part.size else 0.0
         for part in (q[(t >= duration / 2) & (t < 0.75 * duration)], q[t >= 0.75 * duration])
-    ]
+    )
     above = q > 0.5 * (low + high)
     ups = t[1:][above[1:] & ~above[:-1]]
     ups = ups[ups >= duration / 4]
     gap = float(np.diff(ups).max()) if ups.size > 1 else 0.0
-    return Part(low, high, *ranges, ups.size, gap, float(np.ptp(q) / max(q.max(), 1e-300)))
+    return Part(low, high, third, fourth, ups.size, gap, float(np.ptp(q) / max(q.max(), 1e-300)))
 
 
 def settled(

@@ -13,7 +13,7 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..arguments import MOST_POINTS, check_detuning, check_power, check_ring
+from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.low_power import low_power_transmission
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
@@ -148,8 +148,8 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     except ValueError:
         shapes = f"{lights[0].shape} and {lights[1].shape}"
         raise checks.InputError(f"drop and detuning have shapes {shapes}, which do not go together") from None
-    if not 0 < wanted.size <= checks.LONGEST:
-        rule = f"1 to {checks.LONGEST:,} values are needed"
+    if not wanted.size:
+        rule = "one value or more is needed"
         raise checks.InputError(f"drop and detuning of shape {wanted.shape} hold {wanted.size} values; {rule}")
     if not (np.all(wanted > 0) and np.all(wanted < 1)):
         raise checks.InputError(f"drop = {np.min(wanted):g} .. {np.max(wanted):g} W must lie between 0 and 1 W")
@@ -201,7 +201,7 @@ def sweep(
         as `steady_states`; not exactly one of them an array.
     """
     check_ring(ring)
-    P, nu = (checks.array(name, v, longest=MOST_POINTS) for name, v in (("power", power), ("detuning", detuning)))
+    P, nu = (checks.array(name, v) for name, v in (("power", power), ("detuning", detuning)))
     if (P.size > 1) == (nu.size > 1):
         raise checks.InputError("one of power and detuning must be an array of steps, the other one number")
     for name, values, check in (("power", P, check_power), ("detuning", nu, check_detuning)):

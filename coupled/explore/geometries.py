@@ -17,7 +17,7 @@ CHECKED = 24  # random members that the error is measured on
 
 
 def family_of(family: Any) -> dict[str, Any]:
-    """Return the grid of a `surrogate.Family`: R_i >= 0 on fixed time constants, linear between the points.
+    """Return the grid of a `surrogate.family.Family`: R_i >= 0 on fixed time constants, linear between the points.
 
     Every point is fitted to the step response of its member by nonnegative least squares with its R_th, so what lies
     between is a mixture of steps: passive, and as far off as steps are from linear in the parameters. ``error`` is the

@@ -29,7 +29,7 @@ from .rings import rings_of
 from .section import section_of
 
 if TYPE_CHECKING:
-    from thermofem import HeatProblem
+    from thermofem.fem import HeatProblem
 
 FIELDS = {
     "laser": {"power": ("Power in the bus", "dBm"), "detuning": ("Detuning", "GHz")},
@@ -97,10 +97,10 @@ def explore(
     power, detuning : float, W and Hz
         where the laser stands when the page opens.
     heat : HeatProblem, optional
-        draws the FEM's own step response, and with a `surrogate.Reduction` among the models the cross-section.
+        draws the FEM's own step response, and with a result of `surrogate.reduce` among the models the cross-section.
     reference : str, optional
         name of the model that judges the others' period errors; by default the first reduction, or the family's member.
-    family : surrogate.Family, optional
+    family : surrogate.family.Family, optional
         sliders for its first three parameters; its member is the first thermal model. Between the points of a grid the
         step response is linear; the page states the error.
     heaters : mapping of name to float, W, optional
@@ -133,7 +133,7 @@ def explore(
     if models is None and family is None:
         raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
     if heat is not None:
-        from thermofem import HeatProblem  # brings scikit-fem
+        from thermofem.fem import HeatProblem  # brings scikit-fem
 
         checks.instance("heat", heat, HeatProblem, hint="th.assemble(geometry) makes the HeatProblem")
     given = models if isinstance(models, Mapping) else {"model": models} if models is not None else {}

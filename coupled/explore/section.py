@@ -11,7 +11,7 @@ from thermofem.arrays import Array, NDArray
 from thermofem.models import Foster
 
 if TYPE_CHECKING:
-    from thermofem import HeatProblem
+    from thermofem.fem import HeatProblem
 
     from .contents import Parts
 
@@ -24,7 +24,7 @@ SMALL = 1e-4  # share of R_th below which a mode is not drawn
 def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any]:
     """Return outlines and modes: T(r, z, t) = sum_i x_i(t) mode_i + sum_h P_h rest_h, dx_i/dt = (R_i P - x_i)/tau_i.
 
-    reduction [surrogate.Reduction]: its basis holds one field for each state.
+    reduction [surrogate.reduction.reduce.Reduction]: its basis holds one field for each state.
     parts: what the light heats and what is read; every other input is a heater, of which the field at rest is kept.
     """
     R, tau, modes, heaters = _fields(reduction, parts)

@@ -131,7 +131,7 @@ def identify(
         all poles of ``model``; or the parameters of a family.
     model : ThermalModel or family, optional
         what the thermal parameters start from (a linear one), or where none is free the model, of any kind that
-        `simulate` takes. By default the paper's. Of a family of models, such as `surrogate.Family`, all parameters
+        `simulate` takes. By default the paper's. Of a family of models, as of `surrogate.train_family`, all parameters
         are free, within its ranges; ``family.held(radius=7e-6)`` holds some.
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start.

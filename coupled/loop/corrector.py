@@ -22,10 +22,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from thermofem import HeatProblem, checks
+from thermofem import checks
 from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.display import card
+from thermofem.fem import HeatProblem
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
 from thermofem.solving import check_fields, mesh_hash
 from thermofem.transient.deflation import FieldIntegrator

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks
+from thermofem import Foster, OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
+from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
@@ -123,7 +124,7 @@ def cosimulate(
     elif isinstance(heat, type) or not all(callable(getattr(heat, name, None)) for name in ("advance", "accept")):
         raise checks.InputError(
             f"heat is a {type(heat).__name__}; give th.assemble(geometry), or an object with advance() and accept() "
-            "(coupled.Corrector)"
+            "(coupled.loop.corrector.Corrector)"
         )
     else:
         corrector = heat

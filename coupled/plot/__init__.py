@@ -72,7 +72,7 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     found: from `fit_newton_per_trace`.
     reference [J/K]: heat capacity m c_p to divide by; without it the axis is in pJ/K.
     """
-    what = "a Dataset of coupled.fit_newton_per_trace"
+    what = "a Dataset of coupled.identification.newton_traces.fit_newton_per_trace"
     dims = dict.fromkeys(("tau_th", "heat_capacity", "period"), "trace")
     found = contents("found", found, dims, what=what)
     slope, intercept, correlation = (_known(found, name) for name in ("slope", "intercept", "correlation"))
@@ -103,10 +103,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     decay: from `carrier_decay`.
     """
     dims = dict.fromkeys(("time", "carriers", "lifetime"), "time")
-    decay = contents("decay", decay, dims, what="a Dataset of coupled.carrier_decay", fewest=2)
-    for variable in dims:
-        if np.min(numbers(f"decay[{variable!r}]", decay[variable].values)) < 0 or not decay[variable].values[-1]:
-            raise InputError(f"decay[{variable!r}] must be positive; this function draws it on a logarithmic axis")
+    decay = contents("decay", decay, dims, what="a Dataset of coupled.carriers.pump_probe.carrier_decay", fewest=2)
     if axes is None:
         _, axes = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = axes
@@ -172,7 +169,7 @@ def plot_transmission(
 
 def _swept(name: str, run: Any, by: str, show: str) -> tuple[np.ndarray, np.ndarray]:
     """Power or detuning (``by``) of a run and what is shown of it, in SI; `simulate` calls the power input_power."""
-    what = f"a Dataset of coupled.sweep or coupled.simulate whose {by} varies, as that of the curve does"
+    what = f"a Dataset of `sweep` or `simulate` whose {by} varies, as that of the curve does"
     takes(name, run, "variables", show, what=what)
     own = [one for one in (by, f"input_{by}") if one in run.variables]
     shape = " ".join(map(str, run[show].dims))

@@ -157,7 +157,7 @@ def _hopf_of(name: str, given: Any) -> list[Any]:
 
 
 def _folds_of(name: str, given: Any) -> list[Any]:
-    what = "a Dataset of coupled.fold_curves or coupled.cycle_fold_curves"
+    what = "a Dataset of coupled.fold_curves or coupled.cycles.cycle_folds.cycle_fold_curves"
     return curves_over(name, given, dict.fromkeys(("power", "detuning"), "point"), what=what)
 
 

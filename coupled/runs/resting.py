@@ -86,11 +86,12 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
     """
     problem = single_ring(ring, model, power, detuning, 1e-9, Method.RODAS4)
     y = state.as_array() / units(problem.order)
-    begun, step = y[0] ** 2 + y[1] ** 2, y
+    begun = y[0] ** 2 + y[1] ** 2
+    step: Array = y
     for _ in range(NEWTON_STEPS):
         rate, J = problem.slopes(y)
         try:
-            step = np.linalg.solve(J, rate)
+            step = np.asarray(np.linalg.solve(J, rate), dtype=float)
         except np.linalg.LinAlgError:  # its numbers are too far apart
             return None
         y = np.asarray(y - step)

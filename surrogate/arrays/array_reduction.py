@@ -28,8 +28,9 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, HeatProblem, StateSpace, checks
+from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 

@@ -24,8 +24,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermofem import HeatProblem, InputError, StateSpace
+from thermofem import InputError, StateSpace
 from thermofem.arrays import Array
+from thermofem.fem import HeatProblem
 
 from ..reduction.reduce import project
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import HeatProblem, InputError, Part, Probe, assemble, checks
+from thermofem import InputError, Part, Probe, assemble, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.fem.probe_means import off_axis_integral
-from thermofem.geometry.cross_section import MOST as MOST_DISTANCES
 from thermofem.geometry.off_axis_copies import check_distance, check_uniform, footprint, reach
 
 MOST = 1000  # rings
@@ -81,14 +81,11 @@ def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None
 def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:
     """Raise InputError unless two rings lie on the same layers."""
     one, two = first.geometry, other.geometry
-    for what in ("layers", "bottom", "top", "outer", "ambient"):
-        if getattr(one, what) != getattr(two, what):
-            raise InputError(f"heat[{i}] and heat[0] differ in {what}; rings on one chip share its layers and sides")
-    for layer in one.layers:
-        if one.material_of(layer.name) != two.material_of(layer.name):
-            raise InputError(
-                f"heat[{i}] has another material in layer {layer.name!r} than heat[0]; it must be the same"
-            )
+    differ = [w for w in ("layers", "bottom", "top", "outer", "ambient") if getattr(one, w) != getattr(two, w)]
+    same = () if differ else one.layers
+    differ += [f"layer {at.name!r}" for at in same if one.material_of(at.name) != two.material_of(at.name)]
+    if differ:
+        raise InputError(f"heat[{i}] and heat[0] differ in {differ[0]}; rings on one chip share its layers and sides")
 
 
 def ring_positions(positions: ArrayLike) -> Array:
@@ -136,12 +133,6 @@ def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) 
     own = rings.kinds[g]
     if not readers:
         return own.heat, ()
-    if len(readers) > MOST_DISTANCES:
-        raise InputError(
-            f"positions has rings at {len(readers)} different distances from each other; at most {MOST_DISTANCES} are "
-            "read",
-            "place them on a lattice, round the positions, or take fewer rings",
-        )
     names = tuple(f"copy {k + 1}" for k in range(len(readers)))
     clear = (footprint(own.heat.geometry) + reach(own.core)) * (1 + 1e-9)
     distances = [d if kind == g else max(d, clear) for kind, d in readers]

@@ -18,7 +18,7 @@ from .export_header import header
 from .ring_rates import demonstration
 
 if TYPE_CHECKING:
-    from thermofem import ThermalModel
+    from thermofem.models import ThermalModel
 
 FORMATS = {"spice": ".cir", "verilog-a": ".va", "fmu": ".fmu", "mat": ".mat", "csv": ".csv"}  # usual endings
 DEMONSTRATIONS = {"spice": ".cir", "verilog-a": ".sim", "fmu": ".py"}  # of a ring: endings of PATH_demo

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 import thermofem
-from thermofem import ThermalModel
 from thermofem.checks import InputError
 from thermofem.data.files import lines_of
+from thermofem.models import ThermalModel
 
 MARK = "Thermal model of thermofem"  # how the header of every export begins
 MOST = 4000  # bytes of a file within which it stands

@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import HeatProblem, Mesh
 from thermofem.arrays import Array, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.fem.contacts import split
 from thermofem.fem.heat_problem import on_mesh, resistances
 from thermofem.fem.weak_forms import maps, reference
 from thermofem.geometry.regions import Face
+from thermofem.mesh import Mesh
 from thermofem.mesh.element_sizes import size_function, sizes
 from thermofem.mesh.gmsh_mesher import make_faces
 

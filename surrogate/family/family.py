@@ -14,7 +14,7 @@ import numpy as np
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.netcdf import DAMAGE
-from thermofem.fem.derivatives import MOST, dataset_of, step_times
+from thermofem.fem.derivatives import dataset_of, step_times
 from thermofem.fem.modal_derivatives import ModalDerivative
 from thermofem.models.contract import OutsideTrainingWarning
 
@@ -214,7 +214,7 @@ class Family:
         self, times: ArrayLike, *, heated: str | None = None, read: str | None = None, **values: ArrayLike
     ) -> Array:
         """Rise in K/W after a unit step; the shape of the values, then that of ``times``."""
-        t = checks.numbers("times", times, longest=checks.LONGEST)
+        t = checks.numbers("times", times)
         rows = self.box.rows(values)
         a, b = self._channel(heated, read)
         each = [
@@ -256,7 +256,7 @@ class Family:
             log.warning("%s", doubt)
         modal = self.modal_derivative(row, (a, b))
         t = None if times is None else step_times(times)
-        f = None if frequencies is None else checks.array("frequencies", frequencies, longest=MOST)
+        f = None if frequencies is None else checks.array("frequencies", frequencies)
         step, impedance = None if t is None else modal.step_response(t), None if f is None else modal.impedance(f)
         parameters = list(zip(self.names, row.tolist(), self.box.units, strict=True))
         data = dataset_of(parameters, (modal.resistance(), step, impedance), t, f)

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Campaign, Mesh, checks
+from thermofem import Campaign, checks
 from thermofem.arrays import Array
 from thermofem.campaign import Variation
 from thermofem.checks import check_names
 from thermofem.data.files import from_json, read_bytes, write_whole
 from thermofem.data.netcdf import DAMAGE
 from thermofem.data.quantity import SI
+from thermofem.mesh import Mesh
 
 from .affine_grid import Axis, CellGrid
 from .affine_matrices import Cells, Coefficients

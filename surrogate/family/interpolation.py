@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, HeatProblem, OutputMap, Pulse, checks, solve
+from thermofem import Foster, OutputMap, Pulse, checks, solve
 from thermofem.arrays import Array
+from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem
 
 from ..reduction.output_map import output_map

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import HeatProblem, Mesh, assemble, checks
+from thermofem import assemble, checks
 from thermofem.arrays import Array, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.fem.heat_problem import on_mesh
+from thermofem.mesh import Mesh
 from thermofem.mesh.mesh_motion import Motion
 
 from .affine_matrices import Coefficients

@@ -23,11 +23,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import CrossSection, HeatProblem, StateSpace, assemble, checks
+from thermofem import CrossSection, StateSpace, assemble, checks
 from thermofem.arrays import Array
 from thermofem.campaign.store import Store
 from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
 from thermofem.data.netcdf import DAMAGE
+from thermofem.fem import HeatProblem
 
 from ..reduction.reduce import Projected, project
 from .affine_matrices import AffineEngine

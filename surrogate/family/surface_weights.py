@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import HeatProblem
 from thermofem.arrays import Array, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.fem.contacts import resistances
 
 from .affine_grid import CellGrid, Properties

@@ -24,10 +24,11 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from thermofem import Quadratic, Waveform, checks
+from thermofem import Quadratic, checks
 from thermofem.arrays import Array
 from thermofem.data.dataset import response_of, warn_of
 from thermofem.models import HasModel, Network, gate
+from thermofem.waveforms import Waveform
 
 if TYPE_CHECKING:
     import xarray as xr

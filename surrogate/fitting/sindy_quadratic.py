@@ -70,8 +70,6 @@ def fit_sindy_quadratic(
     """
     datasets = data if isinstance(data, Sequence) else [data]
     read = [read_probes(d) for d in datasets]
-    if not read:
-        raise checks.InputError("data is empty; give at least one Dataset")
     check_together(datasets)
     times, names = read[0][0], read[0][3]
     if any(r[3] != names or r[0].shape != times.shape or not np.allclose(r[0], times) for r in read):

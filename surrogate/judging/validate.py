@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.constants import c
 
-from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
+from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.variables import in_si
+from thermofem.data.variables import in_si, takes
+from thermofem.models import ThermalModel
 from thermofem.piecewise import bounds
+from thermofem.waveforms import Waveform
 
 from .temperature_swing import period_of, swing_over_period, swings
 
@@ -125,8 +127,7 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1, training: float | Non
         no curve, several models, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
-    if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):
-        raise checks.InputError(f"curve is a {type(curve).__name__} without period errors; period_error makes one")
+    takes("curve", curve, "period", "relative_error", what="a Dataset of period_error")
     period, error = in_si("curve", curve)["period"], curve["relative_error"]
     x = np.log(checks.array("curve.period", np.atleast_1d(period.values), increasing=True))
     if error.dtype.kind not in "fiu" or error.size != x.size:
@@ -234,8 +235,6 @@ def compare(
     import xarray as xr
 
     given: Any = held_out_drives() if drives is None else drives
-    if not hasattr(given, "breakpoints") and not isinstance(given, list | tuple):
-        raise checks.InputError(f"drives = {checks.shown(given)} must be a list of waveforms", "such as square_waves()")
     drives = [given] if hasattr(given, "breakpoints") else list(given)
     check_models(models)
     if not models or not drives:

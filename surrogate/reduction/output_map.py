@@ -15,7 +15,7 @@ import numpy as np
 from thermofem import Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
 from thermofem.data.dataset import other_geometry, responses_of, warn_of
-from thermofem.models import NonlinearSystem
+from thermofem.models import NonlinearSystem, check_single
 
 from .reduce import reduce
 
@@ -104,11 +104,7 @@ def check_nonlinear(system: NonlinearSystem, power: float) -> float:
 
     Raises InputError: a system that is linear or has several channels, a power out of range.
     """
-    if not isinstance(system, NonlinearSystem):
-        raise checks.InputError(
-            f"a {type(system).__name__} has no laws of temperature; give heat.model(heated, read) of a geometry whose "
-            "materials have some, or take surrogate.reduce"
-        )
-    if (len(system.inputs), len(system.outputs)) != (1, 1):
-        raise checks.InputError(f"inputs {system.inputs} and outputs {system.outputs}: give heat.model(heated, read)")
+    hint = "heat.model(heated, read) of a geometry with laws of temperature is needed; others take surrogate.reduce"
+    checks.instance("system", system, NonlinearSystem, hint=hint)
+    check_single(system)
     return checks.power("power", power)

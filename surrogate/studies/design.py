@@ -45,7 +45,7 @@ class Design:
     message : str
     family : Family
     front : xarray.Dataset or None
-        the Pareto front, see `surrogate.pareto_front`, where several targets are not reached at once.
+        the Pareto front, see `surrogate.studies.pareto.pareto_front`, where several targets are not reached at once.
     """
 
     values: dict[str, float]
@@ -110,7 +110,7 @@ def design(
         target of a property that is positive, or no member that has the property.
     """
     for name, value in wanted_of(target).items():  # before a family is trained
-        checks.finite("target", value, hint="words are for surrogate.pareto_front")
+        checks.finite("target", value, hint="words are for surrogate.studies.pareto.pareto_front")
         if name in QUANTITIES:
             checks.positive(f"target {name}", value)
     family = family_over(family, free, tolerance)

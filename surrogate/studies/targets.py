@@ -138,8 +138,6 @@ class Property:
             checks.instances("optics", (optics,), Optics)[0].check(family)
         if isinstance(quantity, str):
             checks.choice("quantity", quantity, QUANTITIES, hint="or give a function of a model")
-        elif not callable(quantity):
-            raise checks.InputError(f"quantity = {quantity!r} is neither a name nor a function of a model")
         self.family, self.quantity, self.optics = family, quantity, optics
         self.reason = "none was looked at"
 

@@ -108,8 +108,7 @@ def _checked(
         if name in distributions:
             raise checks.InputError(f"{name} is fixed and has a distribution, too; give one of the two")
     for name, one in distributions.items():
-        if not callable(getattr(one, "ppf", None)):
-            raise checks.InputError(f"{name} is a {type(one).__name__}", NEEDED)
+        checks.has(name, one, "ppf", hint=NEEDED)
     if not isinstance(samples, int) or not 2 <= samples <= MOST or samples & (samples - 1):
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
     return names
@@ -123,15 +122,7 @@ class _Distribution(NamedTuple):
 
     def ppf(self, q: Array) -> Array:
         """Values at the shares ``q``."""
-        try:
-            found = self.given.ppf(q)
-        except checks.InputError:
-            raise
-        except Exception as error:  # of somebody else's class, or of one without its numbers
-            raise checks.InputError(f"{self.name}: ppf of {checks.shown(self.given)} fails: {error}", NEEDED) from None
-        found = checks.numbers(f"{self.name}: the distribution", found, hint="are its numbers in range?")
-        if found.shape not in ((), np.shape(q)):
-            raise checks.InputError(f"{self.name}: ppf gives the shape {found.shape} for shares of {np.shape(q)}")
+        found = checks.numbers(f"{self.name}: the distribution", self.given.ppf(q), hint="are its numbers in range?")
         return np.broadcast_to(found, np.shape(q))
 
 
@@ -164,8 +155,6 @@ class _Sampled:
             maps = [one for one in found if np.ndim(one)]
             if maps:
                 self.like = maps[0]
-                if len({np.shape(one) for one in maps}) > 1:
-                    raise checks.InputError("quantity returns arrays of different shapes; one shape for all members")
                 found = [one if np.ndim(one) else np.full(np.shape(self.like), np.nan) for one in found]
             table = np.array([np.ravel(one) for one in found], dtype=float)
         self.seen.append(table)

@@ -29,17 +29,17 @@ TIMES = np.geomspace(1e-9, 1e-3, 61)
 NOISE = 0.01  # K, of calibrations with 1 mW
 
 
-def trained(tolerance: float = 1e-3) -> surrogate.Family:
+def trained(tolerance: float = 1e-3) -> surrogate.family.Family:
     """The family of the documentation."""
     return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), VARIED, samples=1), tolerance)
 
 
-def values(family: surrogate.Family, row) -> dict[str, float]:
+def values(family: surrogate.family.Family, row) -> dict[str, float]:
     """A row as keyword arguments."""
     return dict(zip(family.names, map(float, row), strict=True))
 
 
-def members(family: surrogate.Family, count: int, seed: int) -> None:
+def members(family: surrogate.family.Family, count: int, seed: int) -> None:
     """Random members against their own finer meshes."""
     off, beyond = [], 0
     for k, row in enumerate(family.box.at(np.random.default_rng(seed).random((count, family.box.size)))):
@@ -55,7 +55,7 @@ def members(family: surrogate.Family, count: int, seed: int) -> None:
     assert beyond <= 0.02 * count  # the estimate comes from eight members and is no bound
 
 
-def passive(family: surrogate.Family, count: int, seed: int) -> None:
+def passive(family: surrogate.family.Family, count: int, seed: int) -> None:
     """R_i >= 0 and steps that only rise."""
     for row in family.box.at(np.random.default_rng(seed + 1).random((count, family.box.size))):
         model = family.at(values(family, row))
@@ -64,7 +64,7 @@ def passive(family: surrogate.Family, count: int, seed: int) -> None:
     print(f"{count} random members: R_i >= 0, monotone steps", flush=True)
 
 
-def pulls(family: surrogate.Family, count: int, seed: int) -> None:
+def pulls(family: surrogate.family.Family, count: int, seed: int) -> None:
     """(found - truth)/standard error of synthetic calibrations."""
     rng, found = np.random.default_rng(seed + 2), []
     times = np.append(0.0, np.geomspace(2e-9, 50e-6, 150))
@@ -79,7 +79,7 @@ def pulls(family: surrogate.Family, count: int, seed: int) -> None:
     assert np.all(np.abs(np.mean(table**2, axis=0) - 1) < 4 * np.sqrt(2 / count))
 
 
-def indices(family: surrogate.Family) -> None:
+def indices(family: surrogate.family.Family) -> None:
     """Var(E[R_th | p])/Var(R_th) by a double loop of 200 x 400 members."""
     spread = {v.name: stats.uniform(v.low, v.high - v.low) for v in VARIED}
     data, rng = surrogate.uncertainty(family, spread, samples=4096), np.random.default_rng(0)

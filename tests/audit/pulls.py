@@ -58,7 +58,7 @@ def case(seed: int) -> tuple[dict[str, float], dict[str, float], list[xr.Dataset
                 return true, start, traces
 
 
-def judged(seed: int) -> tuple[coupled.Identification, dict[str, float]]:
+def judged(seed: int) -> tuple[coupled.identification.identify.Identification, dict[str, float]]:
     """The result for a case, and its pulls."""
     true, start, traces = case(seed)
     bounds = {name: (value / 4, value * 4) for name, value in start.items()}

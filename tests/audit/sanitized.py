@@ -39,7 +39,7 @@ def runs() -> None:
     for circuit in (coupled.bus(three), coupled.scissor(three, phase=1.0), coupled.bus(three, delay=0.1e-9)):
         coupled.simulate(circuit, HEAT, power={"in": wave}, **short)
         coupled.simulate(circuit, HEAT, power={"in": wave}, average=True, times=np.linspace(0, 20e-9, 5), **short)
-    problem = units.single_ring(RING, HEAT, 6e-3, 0.0, 20e-9, coupled.Method.RODAS4)
+    problem = units.single_ring(RING, HEAT, 6e-3, 0.0, 20e-9, coupled.kernel.tableaus.Method.RODAS4)
     run = problem.integrate(problem.zero(), rtol=1e-5, keep_steps=True)
     problem.follow(problem.zero(), run.steps, np.eye(problem.size))
     problem.slopes(run.y)

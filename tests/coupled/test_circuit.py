@@ -36,7 +36,7 @@ def parts_of_run(circuit, thermal, inputs, duration, detuning=0.0):
     from coupled.circuit.system import system_of
 
     system = system_of(circuit, thermal, power=inputs, detuning=detuning, duration=duration)
-    problem = system.problem(coupled.Method.RODAS5P)
+    problem = system.problem(coupled.kernel.tableaus.Method.RODAS5P)
 
     def f(t, y):
         piece = int(np.clip(np.searchsorted(problem.edges, t, side="right") - 1, 0, problem.edges.size - 2))
@@ -193,7 +193,8 @@ def test_a_linear_delay_loop_has_its_closed_form():
     delay, loss, phase = 0.3e-9, 2.0, 0.9
     times = np.linspace(0, 2 * delay, 81)
     run = coupled.simulate(
-        coupled.delay_loop(RING, delay, loss=loss, phase=phase), SECOND_ORDER, power={"in": FAINT}, detuning=3e9,
+        coupled.circuit.delay_loop(RING, delay, loss=loss, phase=phase), SECOND_ORDER,
+        power={"in": FAINT}, detuning=3e9,
         duration=2 * delay, rtol=1e-9, times=times,
     )  # fmt: skip
     ke, kd, s = np.sqrt(2 * RING.bus_rate), np.sqrt(2 * RING.drop_bus_rate), np.sqrt(FAINT)
@@ -217,7 +218,7 @@ def test_a_nonlinear_delay_loop_against_the_method_of_steps():
     """Each pass over the delay as an ordinary equation, by SciPy's DOP853 with its dense output for the past."""
     delay, duration = 1e-9, 6e-9
     times = np.linspace(0, duration, 121)
-    circuit = coupled.delay_loop(RING, delay, loss=1.0, phase=0.4)
+    circuit = coupled.circuit.delay_loop(RING, delay, loss=1.0, phase=0.4)
     run = coupled.simulate(circuit, SECOND_ORDER, power={"in": 3e-3}, duration=duration, rtol=1e-9, times=times)
     f, heat = parts_of_run(coupled.bus(RING), SECOND_ORDER, {"in": 3e-3}, duration)
     ke, kd, s = np.sqrt(2 * RING.bus_rate * 1e-9), np.sqrt(2 * RING.drop_bus_rate * 1e-9), np.sqrt(3e3)
@@ -395,7 +396,7 @@ CASES = [
         lambda: wired((), [coupled.Detector("d", f"ring {k}.through") for k in (1, 2)]),
         "detector names holds 'd' twice",
     ),
-    (lambda: coupled.delay_loop(RING, 1e-9, loss=-1), "loss = -1 must lie.*no gain"),
+    (lambda: coupled.circuit.delay_loop(RING, 1e-9, loss=-1), "loss = -1 must lie.*no gain"),
     (lambda: coupled.LaserPort("in", "ring 1.in", loss=-1), "laser 'in': loss = -1 must lie"),
     (lambda: coupled.bus(RING).scattered(1e9, seed=-1), "seed = -1 must be a whole number from 0"),
     (lambda: coupled.bus(RING).scattered(1e9, seed=0.5), "seed = 0.5 must be a whole number from 0"),
@@ -404,12 +405,15 @@ CASES = [
     (lambda: coupled.Waveguide("a", "b", delay=1), "did you mean 1e-9"),
     (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "ring 1 has no second coupler"),
     (lambda: light_of(looped()), "light piles up"),
-    (lambda: run(coupled.delay_loop(RING, 1e-15)), "shorter than 0.01 of the rings' photon lifetime"),
+    (lambda: run(coupled.circuit.delay_loop(RING, 1e-15)), "shorter than 0.01 of the rings' photon lifetime"),
     (lambda: run(coupled.bus(RING), inputs={"inn": 1e-3}), "did you mean 'in'"),
     (lambda: run(coupled.bus(RING), inputs=1e-3), "power is a float"),
     (lambda: run(coupled.bus([RING] * 3), thermal=pair()), "2 inputs and 2 outputs, the circuit 3 rings"),
     (lambda: run(coupled.bus(RING), heaters={"heater": 1e-3}), "no heaters among its inputs"),
-    (lambda: run(coupled.delay_loop(RING, 1e-9), detuning=coupled.Sweep([0, 1e-8], [0, 1e9])), "detuning varies"),
+    (
+        lambda: run(coupled.circuit.delay_loop(RING, 1e-9), detuning=coupled.Sweep([0, 1e-8], [0, 1e9])),
+        "detuning varies",
+    ),
 ]
 
 

@@ -99,7 +99,14 @@ def _monolithic():
 
 @pytest.mark.parametrize(
     "predictor",
-    [None, NETWORK, surrogate.newton(tau_th=275e-9), th.OutputMap(NETWORK, -4e-4), quadratic(), coupled.NO_PREDICTOR],
+    [
+        None,
+        NETWORK,
+        surrogate.newton(tau_th=275e-9),
+        th.OutputMap(NETWORK, -4e-4),
+        quadratic(),
+        coupled.loop.cosimulate.NO_PREDICTOR,
+    ],
     ids=["own", "second order", "newton", "output map", "quadratic", "none"],
 )
 def test_any_predictor_gives_the_same_answer(predictor):
@@ -158,8 +165,8 @@ def test_a_quadratic_reduction_predicts_k_of_T():
 def test_pulses_with_k_of_T_are_as_accurate_as_the_discrepancy():
     """The first pass leaves 0.3 mK, which shifts the second pulse by 60 ps: 4.8 mK on its edge, if nothing follows."""
     silicon, oxide = th.materials.find("Si"), th.materials.find("SiO2")
-    laws = {"conductivity_law": th.PowerLaw(0.33), "specific_heat_law": th.PowerLaw(0.5)}
-    materials = (replace(silicon, conductivity_law=th.PowerLaw(-1.3)), replace(oxide, **laws))
+    laws = {"conductivity_law": th.materials.PowerLaw(0.33), "specific_heat_law": th.materials.PowerLaw(0.5)}
+    materials = (replace(silicon, conductivity_law=th.materials.PowerLaw(-1.3)), replace(oxide, **laws))
     heat, drive = th.assemble(replace(th.strip_ring(), materials=materials)), {"power": MW, "duration": 1.5e-6}
     run = coupled.cosimulate(RING, heat, **drive)
     plain = SimpleNamespace(advance=(fem := coupled.FEM(heat, max_discrepancy=3e-5)).advance, accept=fem.accept)
@@ -371,6 +378,6 @@ def test_a_copy_of_no_predictor_is_none():
     options = {"power": 1e-3, "duration": 2e-8}
     runs = [
         coupled.cosimulate(RING, coarse_fem(), predictor=one, **options)
-        for one in (coupled.NO_PREDICTOR, deepcopy(coupled.NO_PREDICTOR))
+        for one in (coupled.loop.cosimulate.NO_PREDICTOR, deepcopy(coupled.loop.cosimulate.NO_PREDICTOR))
     ]
     np.testing.assert_array_equal(runs[0]["delta_T"].values, runs[1]["delta_T"].values)

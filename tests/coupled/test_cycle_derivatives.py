@@ -37,7 +37,7 @@ def measured(p, orbit):
 def check(ring, model, cycle, names, h, within):
     """Fourth-order differences with steps of h, from the measures of cycles on meshes that differ little."""
     power, detuning = cycle.attrs["input_power"], cycle.attrs["detuning"]
-    d = coupled.cycle_derivatives(ring, model, names, power=power, detuning=detuning, cycle=cycle)
+    d = coupled.cycles.derivatives.cycle_derivatives(ring, model, names, power=power, detuning=detuning, cycle=cycle)
     p = problem(ring, model, power, detuning)
     base = settle(p, from_guess(p, cycle).orbit, FINE)
     for name in names:
@@ -74,7 +74,7 @@ def test_derivatives_of_pulses_much_shorter_than_the_period():
 def test_equal_time_constants_keep_their_order():
     """Both states are one but for R, so the derivatives by tau go with R; steps that swapped the poles erred by 6 %."""
     model = th.Foster(R=[1998.1, 3000.0, 2786.2], tau=[55.8e-9, 1.2e-6, 1.2e-6])
-    d = coupled.cycle_derivatives(RING, model, ["tau2", "tau3", "R2", "R3"], power=POWER)
+    d = coupled.cycles.derivatives.cycle_derivatives(RING, model, ["tau2", "tau3", "R2", "R3"], power=POWER)
     for name in ("period", "duty", "swing", "extinction"):
         by_tau, by_R = d[name].values[:2], d[name].values[2:]
         # both states differ by the round-off of Newton's method, 1e-10 where the duty cycle magnifies it (measured)
@@ -84,7 +84,7 @@ def test_equal_time_constants_keep_their_order():
 
 def test_unknown_names_are_refused():
     with pytest.raises(th.InputError, match="R9"):
-        coupled.cycle_derivatives(RING, FIVE, ["R9"], power=POWER)
+        coupled.cycles.derivatives.cycle_derivatives(RING, FIVE, ["R9"], power=POWER)
 
 
 @pytest.mark.slow

@@ -282,7 +282,7 @@ def test_the_file_is_small_and_needs_nothing_else():
 
 
 class Stack:
-    """A family in the form of `surrogate.Family`: more oxide makes the core warmer and slower."""
+    """A family in the form of `surrogate.family.Family`: more oxide makes the core warmer and slower."""
 
     names = ("box", "width")
 

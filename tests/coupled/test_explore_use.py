@@ -32,7 +32,7 @@ def file(tmp_path_factory):
 
 
 class Oxide:
-    """A family in the form of `surrogate.Family`: the reference strip, warmer and slower with more oxide."""
+    """A family in the form of `surrogate.family.Family`: the reference strip, warmer and slower with more oxide."""
 
     names = ("box",)
 

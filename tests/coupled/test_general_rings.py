@@ -64,7 +64,8 @@ def test_curves(case):
             P, nu = float(curve.power[k]), float(curve.detuning[k])
             drop = 2 * ring.drop_bus_rate * float(curve.energy[k])
             sides = [
-                coupled.power_for_drop(ring, model, drop=drop * (1 + j * 1e-3), detuning=nu) for j in (-2, -1, 1, 2)
+                coupled.equilibria.transmission.power_for_drop(ring, model, drop=drop * (1 + j * 1e-3), detuning=nu)
+                for j in (-2, -1, 1, 2)
             ]
             slope = (sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / 12e-3
             assert abs(float(slope)) < 1e-7 * P  # dP/dU = 0; truncation of the differences is 1e-12
@@ -147,7 +148,7 @@ STEEP = th.OutputMap(th.Foster(R=[2e3, 3e3, 3e3], tau=[5e-8, 4e-7, 1.5e-6]), -0.
 def test_two_rings_that_pass_the_top_of_an_output_map_say_so():
     """The linear rise goes on to 80 K, and the temperatures turn around at 5 K, as z + c z^2 does."""
     circuit = coupled.bus([RING, RING])
-    with pytest.warns(th.OutsideTrainingWarning, match="ends at 5 K, where more heat"):
+    with pytest.warns(th.models.OutsideTrainingWarning, match="ends at 5 K, where more heat"):
         run = coupled.simulate(circuit, STEEP, power={"in": 20e-3}, detuning=-20e9, duration=2e-6)
     assert float(run.delta_T.max()) <= 5
     with pytest.raises(th.InputError, match="top of an output map"):
@@ -155,6 +156,6 @@ def test_two_rings_that_pass_the_top_of_an_output_map_say_so():
 
 
 def test_a_stability_map_beyond_the_top_of_an_output_map_says_so():
-    with pytest.warns(th.OutsideTrainingWarning, match="ends at 5 K.*may absorb"):
+    with pytest.warns(th.models.OutsideTrainingWarning, match="ends at 5 K.*may absorb"):
         coupled.stability_map(RING, STEEP, [1e-3, 20e-3], [-20e9, 0.0])
     coupled.stability_map(RING, STEEP, [1e-4, 1e-3], [-20e9, 0.0])  # warnings are errors in the tests

@@ -159,8 +159,8 @@ def test_branches_and_derivatives_of_cycles_under_a_heater():
     again = coupled.continue_cycle(RING, model, "detuning", ends, guess=first, heaters=heaters)
     assert again["period"].values == pytest.approx(warm["period"].values, rel=1e-8)
     names, run = ["power", "detuning", "thermo_optic"], {"power": 6.31e-3, "detuning": -turn, "heaters": heaters}
-    found = coupled.cycle_derivatives(RING, model, names, **run)["period"].values
-    without = coupled.cycle_derivatives(RING, bare, names, power=6.31e-3)["period"].values
+    found = coupled.cycles.derivatives.cycle_derivatives(RING, model, names, **run)["period"].values
+    without = coupled.cycles.derivatives.cycle_derivatives(RING, bare, names, power=6.31e-3)["period"].values
     assert found[:2] == pytest.approx(without[:2], rel=1e-6)
     step = 1e-4 * RING.thermo_optic
     two = [
@@ -180,9 +180,9 @@ def test_folds_of_cycles_under_a_heater():
         inputs=("core", "heater"), outputs=("core",),
     )  # fmt: skip
     turn = ring.thermal_shift * 500.0 * np.sqrt(R * tau) * 2e-3 / (2 * np.pi)
-    (cold,) = coupled.cycle_fold_curves(ring, newton, [4.9e-3, 5.1e-3], [0.0, 10e9])
+    (cold,) = coupled.cycles.cycle_folds.cycle_fold_curves(ring, newton, [4.9e-3, 5.1e-3], [0.0, 10e9])
     nu = np.array([0.0, 10e9]) - turn
-    (warm,) = coupled.cycle_fold_curves(ring, model, [4.9e-3, 5.1e-3], nu, heaters={"heater": 2e-3})
+    (warm,) = coupled.cycles.cycle_folds.cycle_fold_curves(ring, model, [4.9e-3, 5.1e-3], nu, heaters={"heater": 2e-3})
     assert warm["detuning"].values + turn == pytest.approx(cold["detuning"].values, rel=1e-7)
     assert warm["power"].values == pytest.approx(cold["power"].values, rel=1e-7)
     assert warm["detuning"].attrs == cold["detuning"].attrs

@@ -134,7 +134,7 @@ def test_a_model_is_sampled_as_the_trace_is():
 def test_newton_trace_by_trace():
     ring, newton = RING, surrogate.newton(tau_th=417e-9, heat_capacity=6.9 * 7.63e-12)
     traces = [measured(ring, newton, 6.31e-3, 0.0, noise=0.0), measured(ring, newton, 5.01e-3, -10e9, noise=0.0)]
-    found = coupled.fit_newton_per_trace(ring, traces)
+    found = coupled.identification.newton_traces.fit_newton_per_trace(ring, traces)
     # as above, and the two parameters of one trace are correlated: a few times 1e-4
     assert found.tau_th.values == pytest.approx(417e-9, rel=5e-3, abs=0)
     assert found.heat_capacity.values == pytest.approx(6.9 * 7.63e-12, rel=5e-3, abs=0)
@@ -302,7 +302,7 @@ def test_traces_at_rest_have_no_lifetime(caplog):
     light = {"power": 5e-3, "detuning": -5e9}
     trace = coupled.simulate(ring, newton, **light, duration=20e-6, times=np.linspace(0, 20e-6, 4001))
     trace.attrs |= light
-    found = coupled.fit_newton_per_trace(ring, [trace])
+    found = coupled.identification.newton_traces.fit_newton_per_trace(ring, [trace])
     assert np.isnan(found["tau_th"].item())
     assert np.isnan(found["heat_capacity"].item())
     assert "both are nan for trace 0" in caplog.text
@@ -321,7 +321,7 @@ def test_a_run_with_a_second_laser_or_a_heater_is_refused():
     for run, words in ((both, "with a second laser"), (warm, "with heaters")):
         for fit in (
             lambda run: coupled.identify(ring, run, free=["R"], model=model),
-            lambda run: coupled.fit_newton_per_trace(ring, [run]),
+            lambda run: coupled.identification.newton_traces.fit_newton_per_trace(ring, [run]),
         ):
             with pytest.raises(th.InputError, match=words):
                 fit(run)

@@ -13,11 +13,11 @@ from scipy.interpolate import BPoly, CubicSpline
 
 import coupled
 import thermofem as th
-from coupled import Method, State, Sweep
+from coupled import State, Sweep
 from coupled.inputs import Pieces, bounds, pieces
 from coupled.kernel import units as eq
 from coupled.kernel.integrator import Problem
-from coupled.kernel.tableaus import tableau
+from coupled.kernel.tableaus import Method, tableau
 from coupled.runs.window import advance, drive_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9

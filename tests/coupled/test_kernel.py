@@ -12,11 +12,10 @@ from scipy.integrate import solve_ivp
 
 import coupled
 import thermofem as th
-from coupled import Method
 from coupled.circuit.system import system_of
 from coupled.kernel import integrator
 from coupled.kernel import units as eq
-from coupled.kernel.tableaus import tableau
+from coupled.kernel.tableaus import Method, tableau
 
 POWER = 10**0.8 * 1e-3
 REAL = replace(RING, drop_rate=20e9, scattering_rate=3e9, kerr_coefficient=4.5e-18)

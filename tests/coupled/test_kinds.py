@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 
 import coupled
 import thermofem as th
-from coupled import Method
 from coupled.kernel import integrator
 from coupled.kernel import units as eq
+from coupled.kernel.tableaus import Method
 from coupled.thermal import compact
 
 MAPPED = th.OutputMap(SECOND_ORDER, -4e-3)

@@ -125,7 +125,7 @@ def test_a_weak_probe_sees_the_carriers_of_a_pump_pulse_decay():
     run = coupled.simulate(ring, NETWORK, power=pump, lasers=probe, duration=120e-9, times=times, rtol=1e-9)
     N, t = run["carriers"].values[1:], times[1:]
     assert N[0] > 3e22
-    decay = coupled.carrier_decay(ring.carriers, N[0], t - t[0])
+    decay = coupled.carriers.pump_probe.carrier_decay(ring.carriers, N[0], t - t[0])
     assert abs(N / decay["carriers"].values - 1).max() < 1e-4
     index = ring.thermo_optic * run["delta_T"].values[1:] + sum(c * N**p for c, p in ring.fcd)
     D = -after.index_rate * index - 2 * np.pi * 20e9
@@ -181,7 +181,7 @@ ONE_LASER = {
     "steady_states": lambda **k: coupled.steady_states(RING, NETWORK, **k),
     "limit_cycle": lambda **k: coupled.limit_cycle(RING, NETWORK, **k),
     "continue_cycle": lambda **k: coupled.continue_cycle(RING, NETWORK, "bus_rate", (4e10, 5e10), **k),
-    "cycle_derivatives": lambda **k: coupled.cycle_derivatives(RING, NETWORK, **k),
+    "cycle_derivatives": lambda **k: coupled.cycles.derivatives.cycle_derivatives(RING, NETWORK, **k),
     "cosimulate": lambda **k: coupled.cosimulate(RING, coarse_fem(), duration=1e-8, **k),
     "simulate": lambda **k: coupled.simulate(RING, NETWORK, duration=1e-8, **k),
 }
@@ -207,8 +207,10 @@ def test_several_lasers_are_refused_where_there_is_one(name, light):
 
 
 PLANES = (
-    coupled.stability_map, coupled.pulsing_map, coupled.hopf_curves, coupled.fold_curves, coupled.cycle_fold_curves,
-    coupled.transmission, coupled.sweep, coupled.power_for_drop, coupled.explore,
+    coupled.stability_map, coupled.pulsing_map, coupled.hopf_curves, coupled.fold_curves,
+    coupled.cycles.cycle_folds.cycle_fold_curves,
+    coupled.transmission, coupled.equilibria.transmission.sweep,
+    coupled.equilibria.transmission.power_for_drop, coupled.explore,
 )  # fmt: skip
 
 

@@ -43,7 +43,7 @@ def test_two_parameters_of_the_ring_as_axes():
             assert float(found.period[i, j]) == pytest.approx(coupled.pulsing(run).period, rel=1e-9, abs=0)
             states = coupled.steady_states(ring, EXPERIMENT, power=6.31e-3)
             assert float(linear.growth_rate[i, j]) == pytest.approx(float(states.growth_rate.min()), rel=1e-8)
-    assert coupled.overlap(found, linear) == 1
+    assert coupled.maps.pulsing_map.overlap(found, linear) == 1
     ax = plot_map(found, "period")
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("tau0 (ns)", "bus rate (G1/s)")
     plt.close("all")
@@ -248,7 +248,7 @@ def test_a_number_that_changes_nothing_is_no_axis(ring):
     values = [8e-12, 9e-12] if ring.rates else [-1.2e-26, -9.5e-27]
     for ask in (
         lambda: coupled.stability_map(ring, EXPERIMENT, P, 0.0, vary={name: values}),
-        lambda: coupled.cycle_derivatives(ring, EXPERIMENT, [name], power=6e-3),
+        lambda: coupled.cycles.derivatives.cycle_derivatives(ring, EXPERIMENT, [name], power=6e-3),
         lambda: coupled.continue_cycle(ring, EXPERIMENT, name, values, power=6e-3),
     ):
         with pytest.raises(th.InputError, match="changes nothing"):

@@ -34,7 +34,7 @@ def test_a_map_holds_settled_cycles(small):
     found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS)
     assert found.attrs["settled"] == 1
     assert small.attrs["settled"] == 0
-    assert coupled.overlap(found, small) == 1
+    assert coupled.maps.pulsing_map.overlap(found, small) == 1
     for power in POWERS[1:]:
         for detuning in DETUNINGS[:2]:
             cycle = coupled.limit_cycle(RING, EXPERIMENT, power=power, detuning=detuning)
@@ -136,8 +136,8 @@ def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypa
     assert str(found.reason.values[1, 1]) == "the integration found no step small enough"
     assert np.isnan(found.period.values[1, 1])
     assert found.where(~failed, drop=False).period.equals(small.where(~failed).period)
-    assert coupled.overlap(found, small) == 1  # a failed point does not count
-    assert coupled.overlap(small, found.assign(regime=small.regime)) == 1
+    assert coupled.maps.pulsing_map.overlap(found, small) == 1  # a failed point does not count
+    assert coupled.maps.pulsing_map.overlap(small, found.assign(regime=small.regime)) == 1
 
 
 def classes(integrated, linear):
@@ -178,7 +178,7 @@ def test_linear_stability_agrees_with_integration(ring, model, duration, least, 
     integrated = coupled.pulsing_map(ring, model, powers, detunings, duration=duration)
     linear = coupled.stability_map(ring, model, powers, detunings)
     # On 180 points the sampled share scatters by sqrt(p (1 - p)/180): 0.7 % and 1.9 %.
-    share = coupled.overlap(integrated, linear)
+    share = coupled.maps.pulsing_map.overlap(integrated, linear)
     assert share >= least
     found = classes(integrated, linear)
     assert {kind for kind, count in found.items() if count} <= kinds
@@ -190,13 +190,15 @@ def test_overlap_counts_points(small):
     assert pulses.any()
     assert not pulses.all()
     other = small.assign(regime=(small.regime.dims, np.where(pulses, "stable", "self-pulsing")))
-    assert coupled.overlap(small, small) == 1
-    assert coupled.overlap(small, other) == 0
+    assert coupled.maps.pulsing_map.overlap(small, small) == 1
+    assert coupled.maps.pulsing_map.overlap(small, other) == 0
     one = small.regime.values.copy()
     one[0, 0] = "stable" if pulses[0, 0] else "self-pulsing"
-    assert coupled.overlap(small, small.assign(regime=(small.regime.dims, one))) == pytest.approx(8 / 9, rel=1e-15)
+    assert coupled.maps.pulsing_map.overlap(small, small.assign(regime=(small.regime.dims, one))) == pytest.approx(
+        8 / 9, rel=1e-15
+    )
     quiet = np.where(pulses, "self-pulsing", "bistable")  # bistable, stable and slow are alike in not pulsing
-    assert coupled.overlap(small, small.assign(regime=(small.regime.dims, quiet))) == 1
+    assert coupled.maps.pulsing_map.overlap(small, small.assign(regime=(small.regime.dims, quiet))) == 1
 
 
 def test_map_survives_netcdf(small, tmp_path):
@@ -220,11 +222,11 @@ def test_slips_are_named_in_one_line(small):
             coupled.pulsing_map(**arguments)
         assert "\n" not in str(error.value)
     with pytest.raises(th.InputError, match="different points along power"):
-        coupled.overlap(small, small.isel(power=slice(2)))
+        coupled.maps.pulsing_map.overlap(small, small.isel(power=slice(2)))
     with pytest.raises(th.InputError, match="second has no variable 'regime'"):
-        coupled.overlap(small, small.drop_vars("regime"))
+        coupled.maps.pulsing_map.overlap(small, small.drop_vars("regime"))
     with pytest.raises(th.InputError, match="every point failed"):
-        coupled.overlap(small, small.assign(regime=(small.regime.dims, np.full((3, 3), "failed"))))
+        coupled.maps.pulsing_map.overlap(small, small.assign(regime=(small.regime.dims, np.full((3, 3), "failed"))))
 
 
 def test_figures_label_themselves(small):
@@ -262,4 +264,4 @@ def test_a_regime_by_another_name_is_refused(small, word):
     regimes = small["regime"].values.astype(object)
     regimes[0, 0] = word
     with pytest.raises(th.InputError, match=f"second has the regime '{word}'; take bistable, driven, failed,"):
-        coupled.overlap(small, small.assign(regime=(small["regime"].dims, regimes.astype(str))))
+        coupled.maps.pulsing_map.overlap(small, small.assign(regime=(small["regime"].dims, regimes.astype(str))))

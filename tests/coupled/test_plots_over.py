@@ -51,7 +51,9 @@ def test_a_curve_in_other_units_lies_where_it_should(stability, hopf, curve):
         for one in (hopf, [rescaled(c, power=(1e-3, "mW"), detuning=(1e9, "GHz")) for c in hopf])
     )
     np.testing.assert_allclose(same.get_xydata(), line.get_xydata(), rtol=1e-12)
-    swept = coupled.sweep(RING, SECOND_ORDER, power=3e-3, detuning=np.linspace(-100e9, 20e9, 21))
+    swept = coupled.equilibria.transmission.sweep(
+        RING, SECOND_ORDER, power=3e-3, detuning=np.linspace(-100e9, 20e9, 21)
+    )
     other = rescaled(swept, detuning=(1e9, "GHz"), drop=(1e-3, "mW"))
     first, second = plot_transmission(curve, sweeps={"SI": swept, "GHz and mW": other}).lines[-2:]
     np.testing.assert_allclose(second.get_xydata(), first.get_xydata(), rtol=1e-12)
@@ -72,7 +74,7 @@ def test_a_run_with_a_swept_power_is_a_sweep():
 
 def test_every_sweep_is_drawn(curve):
     """Six were given, and four drawn."""
-    swept = coupled.sweep(RING, SECOND_ORDER, power=3e-3, detuning=np.linspace(-100e9, 20e9, 5))
+    swept = coupled.equilibria.transmission.sweep(RING, SECOND_ORDER, power=3e-3, detuning=np.linspace(-100e9, 20e9, 5))
     ax = plot_transmission(curve, sweeps={str(k): swept for k in range(6)})
     assert len(ax.lines) == len(plot_transmission(curve).lines) + 6
 
@@ -123,6 +125,6 @@ def test_traces_in_a_unit_of_their_own_keep_it():
 def test_two_traces_have_no_line_and_are_drawn():
     """The slope of fewer than three is nan, as documented, and the figure was refused."""
     traces = [coupled.simulate(RING, SECOND_ORDER, power=p, duration=12e-6) for p in (5e-3, 6e-3)]
-    found = coupled.fit_newton_per_trace(RING, traces)
+    found = coupled.identification.newton_traces.fit_newton_per_trace(RING, traces)
     assert np.isnan(found.attrs["slope"])
     assert plot_newton_traces(found).get_title(loc="left") == ""

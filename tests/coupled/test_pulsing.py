@@ -39,7 +39,7 @@ def wave(amplitude=1.0, mean=2.0, phase=0.3):
 def test_period_duty_and_swing_of_a_sine():
     found = coupled.pulsing(trace(wave()))
     assert found.regime == "self-pulsing"
-    assert found.regime is coupled.Regime.SELF_PULSING
+    assert found.regime is coupled.runs.pulsing.Regime.SELF_PULSING
     assert found.cycles == 27  # from 0.95 periods to 28.57
     # The level lies within (2 pi/140)^2/8 = 2.5e-4 of the middle, which moves every crossing alike; the cubic through
     # four samples 1/140 of a period apart errs by (2 pi/140)^4 x 0.02/(2 pi) of a period = 1e-8.

@@ -119,7 +119,9 @@ def test_default_method_changes_below_1e_6(run):
     assert run.attrs["method"] == "rodas4"
     fine = coupled.simulate(RING, EXPERIMENT, power=dbm(8), duration=1e-6, rtol=9e-7)
     assert fine.attrs["method"] == "rodas5p"
-    chosen = coupled.simulate(RING, EXPERIMENT, power=dbm(8), duration=1e-6, rtol=9e-7, method=coupled.Method.RODAS4)
+    chosen = coupled.simulate(
+        RING, EXPERIMENT, power=dbm(8), duration=1e-6, rtol=9e-7, method=coupled.kernel.tableaus.Method.RODAS4
+    )
     assert chosen.attrs["method"] == "rodas4"
 
 

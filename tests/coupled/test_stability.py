@@ -101,10 +101,13 @@ def test_fold_points_have_a_zero_eigenvalue(ring, model):
         for point in (curve.isel(point=k) for k in range(0, curve.sizes["point"], 7)):
             P, nu, U = float(point.power), float(point.detuning), float(point.energy)
             drop = 2 * ring.drop_bus_rate * U
-            assert coupled.power_for_drop(ring, model, drop=drop, detuning=nu) == pytest.approx(P, rel=1e-11, abs=0)
+            assert coupled.equilibria.transmission.power_for_drop(ring, model, drop=drop, detuning=nu) == pytest.approx(
+                P, rel=1e-11, abs=0
+            )
             # dP/dU = 0: differences of fourth order at 1e-3 U, whose truncation is 1e-12 of P/U
             sides = [
-                coupled.power_for_drop(ring, model, drop=drop * (1 + k * 1e-3), detuning=nu) for k in (-2, -1, 1, 2)
+                coupled.equilibria.transmission.power_for_drop(ring, model, drop=drop * (1 + k * 1e-3), detuning=nu)
+                for k in (-2, -1, 1, 2)
             ]
             slope = (sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / 12e-3
             assert abs(float(slope)) < 1e-7 * P

@@ -83,7 +83,10 @@ def brute_force(ring, model, power, detuning, n=400_000):
     """Sign changes of P(U) - P on a fine scan in U, both uniform and logarithmic."""
     top = 2 * ring.bus_rate * power / ring.linear_rate**2
     U = np.unique(np.concatenate([np.geomspace(1e-9 * top, top, n), np.linspace(1e-9 * top, top, n)]))
-    f = coupled.power_for_drop(ring, model, drop=2 * ring.drop_bus_rate * U, detuning=detuning) - power
+    f = (
+        coupled.equilibria.transmission.power_for_drop(ring, model, drop=2 * ring.drop_bus_rate * U, detuning=detuning)
+        - power
+    )
     return int(np.sum(np.sign(f[1:]) != np.sign(f[:-1])))
 
 

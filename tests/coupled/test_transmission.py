@@ -83,7 +83,9 @@ def test_a_sweep_jumps_at_the_folds():
         if (p0 - 6e-3) * (p1 - 6e-3) < 0
     ]
     assert len(folds) == 2
-    found = coupled.sweep(STILL, EXPERIMENT, power=6e-3, detuning=np.concatenate([steps, steps[::-1]]))
+    found = coupled.equilibria.transmission.sweep(
+        STILL, EXPERIMENT, power=6e-3, detuning=np.concatenate([steps, steps[::-1]])
+    )
     at = np.flatnonzero(found.jumped.values)
     assert at.size == 2
     for k, fold in zip(at, sorted(folds, reverse=True), strict=True):
@@ -98,7 +100,7 @@ def test_a_sweep_jumps_at_the_folds():
 
 def test_a_sweep_goes_on_through_a_hopf_point():
     steps = np.linspace(20e9, -140e9, 321)
-    found = coupled.sweep(RING, EXPERIMENT, power=6.31e-3, detuning=steps)
+    found = coupled.equilibria.transmission.sweep(RING, EXPERIMENT, power=6.31e-3, detuning=steps)
     assert (found.regime == "unstable focus").any()
     energy = found.energy.values
     jumps = np.flatnonzero(found.jumped.values)
@@ -122,15 +124,15 @@ def test_wide_steps_end_where_narrow_ones_do(loss, bus, laser):
     """Steps wider than the bistable range went onto the saddle, which no ring at rest can follow."""
     ring = replace(RING, loss_rate=loss, bus_rate=bus)
     name = next(name for name in laser if isinstance(laser[name], tuple))
-    wide = coupled.sweep(ring, HEAT, **laser | {name: np.linspace(*laser[name])})
-    narrow = coupled.sweep(ring, HEAT, **laser | {name: np.linspace(*laser[name][:2], 801)})
+    wide = coupled.equilibria.transmission.sweep(ring, HEAT, **laser | {name: np.linspace(*laser[name])})
+    narrow = coupled.equilibria.transmission.sweep(ring, HEAT, **laser | {name: np.linspace(*laser[name][:2], 801)})
     assert "saddle" not in wide.regime
     np.testing.assert_allclose(wide.energy, narrow.energy[::400], rtol=1e-9)  # the same equations, solved to round-off
 
 
 def test_power_sweeps_too():
     P = np.geomspace(1e-4, 1e-2, 101)
-    found = coupled.sweep(RING, EXPERIMENT, power=np.concatenate([P, P[::-1]]), detuning=-30e9)
+    found = coupled.equilibria.transmission.sweep(RING, EXPERIMENT, power=np.concatenate([P, P[::-1]]), detuning=-30e9)
     up, down = found.power.values[found.jumped.values]
     assert up > 1.5 * down
     folds = coupled.transmission(RING, EXPERIMENT, power=(1e-4, 1e-2), detuning=-30e9)
@@ -143,7 +145,7 @@ def test_power_sweeps_too():
 
 def test_figure_labels_itself():
     curve = coupled.transmission(RING, EXPERIMENT, power=5e-3, detuning=(-60e9, 20e9))
-    loop = coupled.sweep(RING, EXPERIMENT, power=5e-3, detuning=np.linspace(20e9, -60e9, 41))
+    loop = coupled.equilibria.transmission.sweep(RING, EXPERIMENT, power=5e-3, detuning=np.linspace(20e9, -60e9, 41))
     ax = plot_transmission(curve, sweeps={"down": loop})
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("detuning (GHz)", "drop power (mW)")
     plt.close("all")
@@ -156,8 +158,8 @@ def test_figure_labels_itself():
         (coupled.transmission, {"power": (1e-3, 2e-3), "detuning": (0.0, 1e9)}, "must be a pair"),
         (coupled.transmission, {"power": (2e-3, 1e-3), "detuning": 0.0}, "first < last"),
         (coupled.transmission, {"power": 1e-3, "detuning": (-10, 10)}, "did you mean -10e9"),
-        (coupled.sweep, {"power": 1e-3, "detuning": 0.0}, "must be an array"),
-        (coupled.sweep, {"power": [1e-3, 8.0], "detuning": 0.0}, r"power\[1\] = 8"),
+        (coupled.equilibria.transmission.sweep, {"power": 1e-3, "detuning": 0.0}, "must be an array"),
+        (coupled.equilibria.transmission.sweep, {"power": [1e-3, 8.0], "detuning": 0.0}, r"power\[1\] = 8"),
     ],
 )
 def test_slips_are_named_in_one_line(call, laser, message):

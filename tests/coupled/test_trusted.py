@@ -28,9 +28,11 @@ ASKED = {
         BUS, m, power={"in": th.Pulse(6.31e-3, 2e-6, 2e-6)}, duration=20e-6, times=[0.0, 1e-6, 20e-6]
     ),
     "transmission": lambda m: coupled.transmission(RING, m, power=6.31e-3, detuning=(-90e9, 10e9)),
-    "sweep": lambda m: coupled.sweep(RING, m, power=6.31e-3, detuning=np.linspace(10e9, -90e9, 41)),
-    "power_for_drop": lambda m: coupled.power_for_drop(RING, m, drop=2e-3, detuning=-60e9),
-    "cycle_derivatives": lambda m: coupled.cycle_derivatives(RING, m, ["bus_rate"], power=6.31e-3),
+    "sweep": lambda m: coupled.equilibria.transmission.sweep(
+        RING, m, power=6.31e-3, detuning=np.linspace(10e9, -90e9, 41)
+    ),
+    "power_for_drop": lambda m: coupled.equilibria.transmission.power_for_drop(RING, m, drop=2e-3, detuning=-60e9),
+    "cycle_derivatives": lambda m: coupled.cycles.derivatives.cycle_derivatives(RING, m, ["bus_rate"], power=6.31e-3),
     "continue_cycle": lambda m: coupled.continue_cycle(RING, m, "power", (6.31e-3, 6.4e-3), power=6.31e-3),
     "hopf_curves": lambda m: coupled.hopf_curves(RING, m, [1e-3, 6.4e-3], [-60e9, 20e9]),
     "fold_curves": lambda m: coupled.fold_curves(RING, m, [1e-3, 6.4e-3], [-60e9, 20e9]),
@@ -53,7 +55,7 @@ def test_a_rise_far_above_the_training_warns(name, kind):
     """Alone the models warned; with light they did not."""
     if kind == "quadratic" and "circuit" in name:
         pytest.skip("circuits take linear models and output maps")
-    with pytest.warns(th.OutsideTrainingWarning, match="its training reached 3 K"):
+    with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 3 K"):
         ASKED[name](TRAINED[kind])
     ASKED[name](replace(TRAINED[kind], largest_rise=30.0))
 
@@ -70,9 +72,11 @@ def test_folds_of_cycles_above_the_training_warn():
     newton = surrogate.newton(tau_th=275e-9)
     trained = th.models.Network(np.diag(-1 / newton.tau), newton.gain, ("core",), newton, largest_rise=3.0)
     window = [4.9e-3, 5.1e-3], [-10e9, 10e9]
-    with pytest.warns(th.OutsideTrainingWarning, match="its training reached 3 K"):
-        coupled.cycle_fold_curves(RING.with_lumped_fcd(), trained, *window)
-    (curve,) = coupled.cycle_fold_curves(RING.with_lumped_fcd(), replace(trained, largest_rise=30.0), *window)
+    with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 3 K"):
+        coupled.cycles.cycle_folds.cycle_fold_curves(RING.with_lumped_fcd(), trained, *window)
+    (curve,) = coupled.cycles.cycle_folds.cycle_fold_curves(
+        RING.with_lumped_fcd(), replace(trained, largest_rise=30.0), *window
+    )
     assert np.all(curve.highest_rise > curve.swing)
 
 
@@ -86,5 +90,5 @@ def test_cells_of_a_map_at_the_top_of_an_output_map_say_so(options):
 def test_the_hottest_cycle_of_a_map_need_not_swing_most():
     """13.3 K is the largest swing here, and 15.7 K the highest rise: a training to 11.3 K was exceeded in silence."""
     model = th.OutputMap(th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6]), 1e-4, largest_rise=11.3)
-    with pytest.warns(th.OutsideTrainingWarning, match="its training reached 11.3 K"):
+    with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 11.3 K"):
         coupled.pulsing_map(RING, model, [8e-3, 8.01e-3], np.linspace(-60e9, 20e9, 17)[5:])

@@ -37,7 +37,7 @@ class Device:
         return geometry if self.unknown is None else geometry.with_({self.row["vary"]["path"]: self.unknown})
 
     @cached_property
-    def heat(self) -> th.HeatProblem:
+    def heat(self) -> th.fem.HeatProblem:
         return th.assemble(self.geometry, accuracy=5e-3)
 
     @cached_property

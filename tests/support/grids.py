@@ -11,15 +11,15 @@ import skfem
 import thermofem as th
 
 
-def tensor_mesh(r, z, region: Callable | None = None, names: tuple[str, ...] = ("body",)) -> th.Mesh:
+def tensor_mesh(r, z, region: Callable | None = None, names: tuple[str, ...] = ("body",)) -> th.mesh.Mesh:
     """Triangles on the lines r x z (m); ``region(r, z)`` of the centroids gives indices into ``names``."""
     grid = skfem.MeshTri.init_tensor(np.asarray(r, float), np.asarray(z, float))
     centre = grid.p[:, grid.t].mean(axis=1)
     index = np.zeros(grid.nelements, dtype=np.int64) if region is None else region(*centre).astype(np.int64)
-    return th.Mesh(grid.p.T.copy(), grid.t.T.astype(np.int64), index, names)
+    return th.mesh.Mesh(grid.p.T.copy(), grid.t.T.astype(np.int64), index, names)
 
 
-def facets_where(mesh: th.Mesh, where: Callable) -> np.ndarray:
+def facets_where(mesh: th.mesh.Mesh, where: Callable) -> np.ndarray:
     """Boundary facets whose midpoint satisfies ``where(r, z)``."""
     grid = mesh.skfem
     return grid.facets_satisfying(lambda x: where(*x), boundaries_only=True)

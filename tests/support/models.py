@@ -17,7 +17,7 @@ from thermofem.transient.nonlinear import nodal_operator
 
 
 @cache
-def coarse(growth: float = 20) -> tuple[th.Mesh, th.Discretization]:
+def coarse(growth: float = 20) -> tuple[th.mesh.Mesh, th.fem.Discretization]:
     """The reference strip on a very coarse mesh."""
     um = 1e-6
     mesh = tensor_mesh(
@@ -28,7 +28,7 @@ def coarse(growth: float = 20) -> tuple[th.Mesh, th.Discretization]:
     )
     k, c = np.array([130, 1.38, 130])[mesh.region], np.array([2330 * 700, 2203 * 703, 2330 * 700])[mesh.region]
     held = facets_where(mesh, lambda r, z: np.isclose(z, -32 * um))
-    return mesh, th.discretize(mesh, k, c, held=held)
+    return mesh, th.fem.discretize(mesh, k, c, held=held)
 
 
 @cache
@@ -49,8 +49,8 @@ def coarse_warm_fem() -> NonlinearSystem:
     mesh, d = coarse(growth=300)
     flows, contents = [], []
     for regions, k, c, k_law, c_law in (
-        ((0, 2), 130, 2330 * 700, th.PowerLaw(-1.3), th.PowerLaw(0.4)),
-        ((1,), 1.38, 2203 * 703, th.PowerLaw(0.3), th.Polynomial((1e-3,))),
+        ((0, 2), 130, 2330 * 700, th.materials.PowerLaw(-1.3), th.materials.PowerLaw(0.4)),
+        ((1,), 1.38, 2203 * 703, th.materials.PowerLaw(0.3), th.materials.Polynomial((1e-3,))),
     ):
         cells = np.isin(mesh.region, regions)
         flows.append((conduction(d.basis, k * cells), k_law))
@@ -67,7 +67,7 @@ def coarse_warm_fem() -> NonlinearSystem:
 
 
 @cache
-def warm_fem() -> th.HeatProblem:
+def warm_fem() -> th.fem.HeatProblem:
     """The reference strip with k(T) and c_p(T), on its committed mesh."""
     film, oxide = th.materials.find("Si(T)"), th.materials.find("SiO2(T)")
     materials = (replace(film, name="Si"), replace(oxide, name="SiO2"))
@@ -81,7 +81,7 @@ def reduced_fem() -> th.Foster:
 
 
 @cache
-def fit_of_step() -> surrogate.Fit:
+def fit_of_step() -> surrogate.fitting.fit.Fit:
     """A fit of five poles to a step of it."""
     times = np.geomspace(1e-9, 60e-6, 120)
     step = 1e-3 * coarse_poles().step_response(times)
@@ -107,19 +107,19 @@ def quadratic() -> th.Quadratic:
     return th.Quadratic(-np.diag(rate), H, 3e3 * rate[:, None] * couple, rate * R, np.ones(3))
 
 
-def identified_network() -> surrogate.Network:
+def identified_network() -> th.models.network.Network:
     """A chain of three heat capacities, core to ground, as SINDy writes it: A is not symmetric."""
     c, g = np.array([8e-12, 4e-11, 3e-10]), np.array([4e-4, 3e-4, 2.5e-4])  # J/K, W/K
     K = np.diag(g + np.append(0, g[:-1])) - np.diag(g[:-1], 1) - np.diag(g[:-1], -1)
     A, b = -K / c[:, None], np.array([1 / c[0], 0, 0])
-    poles = surrogate.gate(A, b, float((1 / g).sum()))
-    return surrogate.Network(A, b, ("core", "near", "far"), poles, largest_rise=20.0)
+    poles = th.models.network.gate(A, b, float((1 / g).sum()))
+    return th.models.network.Network(A, b, ("core", "near", "far"), poles, largest_rise=20.0)
 
 
 @cache
 def identified_quadratic():
     """A fit of a polynomial network to a chain whose conductances depend on temperature."""
-    return surrogate.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
+    return surrogate.fitting.sindy_quadratic.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
 
 
 @cache

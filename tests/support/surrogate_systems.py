@@ -50,11 +50,11 @@ def discretized(
         x, y, inside, strip = x[keep], y[keep], inside[keep], strip[keep]
     region = np.select([inside, strip, y < -box, y < 0], [3, 4, 0, 1], 2)
     names = ("substrate", "box", "cladding", "core", "heater")[: 5 if heater else 4]
-    mesh = th.Mesh(grid.p.T, grid.t.T, region, names)
+    mesh = th.mesh.Mesh(grid.p.T, grid.t.T, region, names)
     k = np.array([130.0, k_oxide, k_oxide, 130.0, 25.0])[region]
     rho_c = np.array([2330 * 700.0, 2203 * 703.0, 2203 * 703.0, 2330 * 700.0, 5400 * 600.0])[region]
     held = mesh.skfem.facets_satisfying(lambda p: np.isclose(p[1], -(box + 30) * UM))
-    return th.discretize(mesh, k, rho_c, held=held)
+    return th.fem.discretize(mesh, k, rho_c, held=held)
 
 
 @cache

@@ -30,13 +30,13 @@ def campaign(*variations: Variation, geometry: th.CrossSection | None = None, **
 
 
 @cache
-def rings() -> surrogate.Family:
+def rings() -> surrogate.family.Family:
     """Strips of three parameters; trained once for the tests of its members and of its uses."""
     return surrogate.train_family(campaign(RADIUS, WIDTH, BOX), tolerance=1e-3)
 
 
 @pytest.fixture(scope="module")
-def family() -> surrogate.Family:
+def family() -> surrogate.family.Family:
     return rings()
 
 
@@ -53,10 +53,10 @@ def test_derivatives_by_a_faint_contact_that_is_read_elsewhere_are_doubtful():
         names=("bond",), box=SimpleNamespace(contact=np.array([True])), ports=("heater", "core"),
         _channel=lambda heated, read: (0, 1),
     )  # fmt: skip
-    (said,) = surrogate.Family._doubts(held, np.array([1e-9]))
+    (said,) = surrogate.family.Family._doubts(held, np.array([1e-9]))
     assert said.startswith("derivatives by bond below 1e-08 m^2*K/W")
-    assert surrogate.Family._doubts(held, np.array([1e-7])) == ()
-    assert surrogate.Family._doubts(held, np.array([1e-9]), (1, 1)) == ()
+    assert surrogate.family.Family._doubts(held, np.array([1e-7])) == ()
+    assert surrogate.family.Family._doubts(held, np.array([1e-9]), (1, 1)) == ()
 
 
 def test_members_agree_with_their_own_meshes(family):

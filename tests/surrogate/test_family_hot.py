@@ -31,7 +31,7 @@ def campaign(text: str) -> th.Campaign:
 
 
 @pytest.fixture(scope="module")
-def family() -> surrogate.Family:
+def family() -> surrogate.family.Family:
     return surrogate.train_family(campaign(th.strip_ring().to_toml() + LAWS), 3e-3, held_out=4, power=POWER)
 
 
@@ -97,7 +97,7 @@ def test_a_channel_that_stays_linear_says_so():
     text = th.strip_ring().to_toml() + LAWS + '[[part]]\nname = "heater"\nmaterial = "TiN"\nradius = "7.955 um"\n'
     text += 'width = "2 um"\nbottom = "1.5 um"\nheight = "100 nm"\nheated = true\n'
     family = surrogate.train_family(campaign(text), 0.02, held_out=1, power=POWER)
-    with pytest.warns(th.OutsideTrainingWarning, match="'heater' read in 'core' is linear"):
+    with pytest.warns(th.models.OutsideTrainingWarning, match="'heater' read in 'core' is linear"):
         linear = family.model(box=2e-6, heated="heater", read="core")
     assert isinstance(linear, th.Foster)
     assert isinstance(family.model(box=2e-6), th.OutputMap)  # warnings are errors here: the first channel has none

@@ -15,7 +15,7 @@ from coupled.unknowns import ThermalFamily, unknowns
 
 
 @pytest.fixture(scope="module")
-def family() -> surrogate.Family:
+def family() -> surrogate.family.Family:
     return rings()
 
 
@@ -111,7 +111,7 @@ def test_a_distribution_that_is_none_is_refused(family, ppf):
         surrogate.uncertainty(family, {"width": Drawn(ppf)}, samples=2)
 
 
-def synthetic(family: surrogate.Family, truth: dict[str, float], noise: float, seed: int, rho: float = 0.0):
+def synthetic(family: surrogate.family.Family, truth: dict[str, float], noise: float, seed: int, rho: float = 0.0):
     times = np.append(0.0, np.geomspace(2e-9, 50e-6, 1500 if rho else 150))
     rise = 1e-3 * family.model(**truth).step_response(times)
     rise = rise + noise * autoregressive(np.random.default_rng(seed), rho, times.size)
@@ -209,7 +209,7 @@ def test_a_parameter_is_given_once_and_as_a_number(family):
 
 def test_ishigami_has_its_known_indices(family, monkeypatch):
     # y = sin x1 + 7 sin^2 x2 + 0.1 x3^4 sin x1 over (-pi, pi)^3; I. M. Sobol and Y. L. Levitan (1999)
-    monkeypatch.setattr(surrogate.Family, "at", lambda self, values: None)
+    monkeypatch.setattr(surrogate.family.Family, "at", lambda self, values: None)
     spread, slopes = {}, {}
     for name, low, high in zip(family.names, family.box.low, family.box.high, strict=True):
         spread[name] = stats.uniform(low, high - low)
@@ -297,7 +297,7 @@ def test_an_interpolated_property_states_its_error(family):
 
 
 def test_no_member_beats_the_pareto_front(family):
-    front = surrogate.pareto_front(
+    front = surrogate.studies.pareto.pareto_front(
         family, target={"thermal_resistance": "smallest", "rise_time": "smallest"}, generations=8
     )
     R, t = front["thermal_resistance"].values, front["rise_time"].values
@@ -319,9 +319,9 @@ def test_targets_that_exclude_each_other_come_with_a_front(family):
     with pytest.raises(th.InputError, match="words are for"):
         surrogate.design(family, target={"rise_time": "smallest"})
     with pytest.raises(th.InputError, match="two targets or more"):
-        surrogate.pareto_front(family, target={"rise_time": "smallest"})
+        surrogate.studies.pareto.pareto_front(family, target={"rise_time": "smallest"})
     with pytest.raises(th.InputError, match="did you mean 'smallest'"):
-        surrogate.pareto_front(family, target={"rise_time": "smalest", "thermal_resistance": 1e4})
+        surrogate.studies.pareto.pareto_front(family, target={"rise_time": "smalest", "thermal_resistance": 1e4})
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -395,8 +395,10 @@ def test_a_family_and_a_held_one_are_what_identify_takes(family):
 def test_a_front_holds_what_is_far_from_its_target(family):
     """Misfits above 10 counted as equal: one member was left of the front."""
     target = {"thermal_resistance": 300.0, "rise_time": "largest"}
-    near = surrogate.pareto_front(family, target=target, generations=8)
-    small = surrogate.pareto_front(family, target=target | {"thermal_resistance": "smallest"}, generations=8)
+    near = surrogate.studies.pareto.pareto_front(family, target=target, generations=8)
+    small = surrogate.studies.pareto.pareto_front(
+        family, target=target | {"thermal_resistance": "smallest"}, generations=8
+    )
     assert near.sizes["member"] > 20
     assert float(near.thermal_resistance.min()) == pytest.approx(float(small.thermal_resistance.min()), rel=0.02)
 

@@ -233,7 +233,7 @@ def test_the_spectrum_is_passive_and_survives_noise(step, reference):
 def test_provenance_goes_into_the_model_file(step, tmp_path):
     fit = surrogate.fit_foster(step, 3)
     path = surrogate.save_model(fit.model, tmp_path / "m.json", provenance=fit.provenance)
-    kept = surrogate.load_provenance(path)
+    kept = th.models.files.load_provenance(path)
     assert kept["training"] == ["step 2 mW, from rest"]
     assert kept["parameters"] == fit.parameters
     assert set(kept["standard_errors"]) == {"R_1", "R_2", "R_3", "tau_1", "tau_2", "tau_3"}
@@ -253,7 +253,7 @@ def test_foster_to_cauer_to_foster(poles):
     # the slope at t = 0 is what the first capacity alone allows
     assert 1 / np.asarray(ladder.C)[0] == pytest.approx(model.gain.sum(), rel=1e-12)
     frequency = np.geomspace(1e-2 / np.max(model.tau), 1e2 / np.min(model.tau), 25)
-    back = surrogate.foster_of(ladder)
+    back = th.models.cauer.foster_of(ladder)
     # a singular value carries 1e-16 of the largest, squared: 1e-16 x the root of the spread of the time constants
     spread = np.sqrt(np.max(model.tau) / np.min(model.tau))
     assert np.allclose(back.impedance(frequency), model.impedance(frequency), rtol=1e-13 * max(spread, 10), atol=0)
@@ -277,28 +277,28 @@ def test_foster_to_state_space_to_foster(poles, random):
 
 def test_ladder_of_two_by_hand():
     """Z = 1/(s C1 + 1/(R1 + 1/(s C2 + 1/R2))) with R = 1, 2 and C = 3, 4."""
-    ladder = surrogate.Cauer(R=[1.0, 2.0], C=[3.0, 4.0])
-    model = surrogate.foster_of(ladder)
+    ladder = th.models.cauer.Cauer(R=[1.0, 2.0], C=[3.0, 4.0])
+    model = th.models.cauer.foster_of(ladder)
     s = 2j * np.pi * 0.1
     assert model.impedance(0.1) == pytest.approx(1 / (3 * s + 1 / (1 + 1 / (4 * s + 1 / 2))), rel=1e-13)
     assert pytest.approx([1, 2], rel=1e-12) == surrogate.cauer(model).R
     assert pytest.approx([3, 4], rel=1e-12) == surrogate.cauer(model).C
-    structure = surrogate.structure_function(model)
+    structure = th.models.cauer.structure_function(model)
     assert structure.resistance.values == pytest.approx([1, 3])
     assert structure.capacity.values == pytest.approx([3, 7])
 
 
 def test_the_ladder_of_a_ladder_is_itself():
     """By way of its poles the last resistance came out 2e-4 off: it carries 1e-4 of the impedance."""
-    ladder = surrogate.Cauer(R=[1e4, 1e4, 1.0], C=[1e-13, 1e-9, 1e-13])
+    ladder = th.models.cauer.Cauer(R=[1e4, 1e4, 1.0], C=[1e-13, 1e-9, 1e-13])
     assert surrogate.cauer(ladder) is ladder
-    assert surrogate.structure_function(ladder).capacity.values == pytest.approx(
+    assert th.models.cauer.structure_function(ladder).capacity.values == pytest.approx(
         [1e-13, 1.0001e-9, 1.0002e-9], rel=1e-15
     )
 
 
 def test_structure_function_begins_with_the_core(reference):
-    structure = surrogate.structure_function(reference)
+    structure = th.models.cauer.structure_function(reference)
     core = 2330 * 700 * 2 * np.pi * 7.955e-6 * 0.45e-6 * 0.22e-6
     # the first capacity is the core and the oxide that follows it within the fastest pole of 1e-6 of R_th
     assert core < structure.capacity.values[0] < 1.3 * core
@@ -365,9 +365,9 @@ def noise(data):
         ],
         (lambda d: surrogate.cauer(th.Foster(R=[-1.0, 2.0], tau=[1e-9, 1e-6])), "not passive"),
         (lambda d: surrogate.cauer(th.Foster(R=[0.0], tau=[1e-6])), "R = 0 K/W at every pole"),
-        (lambda d: surrogate.structure_function(th.Foster(R=[0.0], tau=[1e-6])), "R = 0 K/W at every pole"),
-        (lambda d: surrogate.Cauer(R=[1.0], C=[0.0]), "must be positive"),
-        (lambda d: surrogate.Cauer(R=[1.0, 2.0], C=[1.0]), "each node needs"),
+        (lambda d: th.models.cauer.structure_function(th.Foster(R=[0.0], tau=[1e-6])), "R = 0 K/W at every pole"),
+        (lambda d: th.models.cauer.Cauer(R=[1.0], C=[0.0]), "must be positive"),
+        (lambda d: th.models.cauer.Cauer(R=[1.0, 2.0], C=[1.0]), "each node needs"),
     ],
 )
 def test_bad_input_is_one_clear_line(call, reason):
@@ -390,7 +390,7 @@ def test_a_spectrum_is_stored_without_a_provenance_of_ones_own(step, tmp_path):
     fit = surrogate.fit_spectrum(step)
     for one, name in ((fit, "fit.json"), (fit.model, "model.json")):
         path = surrogate.save_model(one, tmp_path / name)
-        assert set(surrogate.load_provenance(path)["standard_errors"].values()) == {None}
+        assert set(th.models.files.load_provenance(path)["standard_errors"].values()) == {None}
         np.testing.assert_allclose(surrogate.load_model(path).R, fit.model.R, rtol=1e-15)
 
 

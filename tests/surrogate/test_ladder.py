@@ -39,8 +39,8 @@ def test_the_verdict_names_the_smallest_model_that_suffices(ladder):
     assert "suffices" not in "".join(lines[1:])
     one = judged.sel(model=["Foster, trained (4)"])
     worst = float(np.abs(one.period_error).max())
-    assert "suffices" in surrogate.verdict(one, within=1.01 * worst)
-    assert "no model suffices everywhere" in surrogate.verdict(one, within=0.99 * worst)
+    assert "suffices" in surrogate.judging.ladder.verdict(one, within=1.01 * worst)
+    assert "no model suffices everywhere" in surrogate.judging.ladder.verdict(one, within=0.99 * worst)
 
 
 def test_power_decides_where_the_output_is_not_linear():
@@ -52,7 +52,11 @@ def test_power_decides_where_the_output_is_not_linear():
     assert abs(judged.period_error.sel(model="linear", power=50e-3)).max() > 0.1
     assert np.abs(judged.swing_error.sel(model="map")).max() < 1e-12
     assert "50 mW, 0.1 to 10 us, within 10%: map suffices (2 states)" in judged.verdict
-    assert surrogate.verdict(judged.sel(model=["linear"])).splitlines()[1].endswith("no model suffices everywhere")
+    assert (
+        surrogate.judging.ladder.verdict(judged.sel(model=["linear"]))
+        .splitlines()[1]
+        .endswith("no model suffices everywhere")
+    )
 
 
 def test_a_model_that_cannot_be_trained_is_named_and_does_not_stop_the_others(monkeypatch):
@@ -79,7 +83,7 @@ def test_models_asked_for_by_name_are_trained_alone_and_as_among_all(ladder):
 
 @pytest.mark.slow
 def test_with_k_of_T_the_map_and_quadratic_sindy_join_and_the_reference_is_quadratic():
-    law = {"Si": th.PowerLaw(-1.3), "SiO2": th.PowerLaw(0.3)}
+    law = {"Si": th.materials.PowerLaw(-1.3), "SiO2": th.materials.PowerLaw(0.3)}
     materials = tuple(replace(th.materials.find(name), conductivity_law=law[name]) for name in law)
     heat = th.assemble(replace(th.strip_ring(), materials=materials), accuracy=1e-2)  # the reference is of this mesh
     names = ["second order", "output map", "quadratic SINDy"]
@@ -113,12 +117,12 @@ def test_the_verdict_gives_the_range_of_its_own_limit():
     """It named the range within 10 % under every limit; here the error grows with the period."""
     slow, fast = th.Foster(R=[1e4], tau=[1e-6]), th.Foster(R=[9.7e3], tau=[0.95e-6])
     judged = surrogate.judge({"fast": fast}, slow)
-    said = surrogate.verdict(judged, within=0.04).splitlines()[1]
+    said = surrogate.judging.ladder.verdict(judged, within=0.04).splitlines()[1]
     longest = float(said.split()[-2]) * 1e-6
     error = abs(surrogate.period_error(fast, slow, [longest]).relative_error.item())
     assert 0.02 < error < 0.04  # between periods a sixth of a decade apart
     with pytest.raises(th.InputError, match="within = -1 must be positive"):
-        surrogate.verdict(judged, within=-1)
+        surrogate.judging.ladder.verdict(judged, within=-1)
     with pytest.raises(th.InputError, match=r"powers holds 0\.001 twice"):
         surrogate.judge({"fast": fast}, slow, powers=[1e-3, 1e-3])
 

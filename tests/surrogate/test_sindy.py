@@ -27,10 +27,10 @@ def around_the_core(*distances):
     region = np.searchsorted([0.0, *distances], away)
     silicon = (region == 0) | (y < -2)
     names = ("core", *(f"{d} um" for d in distances), "rest")
-    mesh = th.Mesh(grid.p.T.copy(), grid.t.T.copy(), region, names)
+    mesh = th.mesh.Mesh(grid.p.T.copy(), grid.t.T.copy(), region, names)
     k, rho_c = np.where(silicon, 130.0, 1.38), np.where(silicon, 2330 * 700.0, 2203 * 703.0)
     held = grid.facets_satisfying(lambda p: np.isclose(p[1], -32 * UM))
-    system = th.discretize(mesh, k, rho_c, held=held).state_space(("core",), names[:-1])
+    system = th.fem.discretize(mesh, k, rho_c, held=held).state_space(("core",), names[:-1])
     rom = surrogate.reduce(system, 1e-3)
     return [foster(rom.model.channel("core", name)) for name in names[:-1]], names[:-1]
 
@@ -79,7 +79,7 @@ def test_five_states_reach_the_published_error(five, fitted):
 def test_five_states_on_drives_that_had_no_part_in_choosing_the_settings(five, fitted):
     """Window, test functions and training drive were chosen in view of the 55 square waves: these are others."""
     squares = [th.SquareWave(2e-3, t, d) for t in np.geomspace(1.4e-7, 7e-6, 7) for d in (0.15, 0.5)]
-    others = [d for d in surrogate.held_out_drives() if not isinstance(d, th.SquareWave)]
+    others = [d for d in surrogate.judging.validate.held_out_drives() if not isinstance(d, th.SquareWave)]
     judged = surrogate.compare({"": fitted.model.poles}, five[0][0], [*squares, *others])
     error = judged.rms_relative.values[0]
     assert np.sqrt(np.mean(error[: len(squares)] ** 2)) < 0.008  # as on the squares that were in view
@@ -97,9 +97,9 @@ def test_the_network_warns_outside_its_training(fitted):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.response(th.Pulse(2e-3, 1e-6), [1e-6])
-    with pytest.warns(th.OutsideTrainingWarning, match="its training reached"):
+    with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached"):
         model.response(th.Constant(10e-3), [1e-5])
-    with pytest.warns(th.OutsideTrainingWarning):
+    with pytest.warns(th.models.OutsideTrainingWarning):
         model.periodic_response(th.SquareWave(20e-3, 1e-6, 0.5), 21)
 
 
@@ -147,11 +147,11 @@ def test_the_global_random_state_is_left_alone(five):
 )
 def test_the_gate_refuses_with_its_reason(A, b, static, reason):
     with pytest.raises(th.InputError, match=reason):
-        surrogate.gate(A, b, static)
+        th.models.network.gate(A, b, static)
 
 
 def test_the_gate_passes_a_sound_network():
-    passed = surrogate.gate([[-2.0, 1.0], [1.0, -2.0]], [1.0, 0.0], 2 / 3)
+    passed = th.models.network.gate([[-2.0, 1.0], [1.0, -2.0]], [1.0, 0.0], 2 / 3)
     assert pytest.approx([1 / 6, 1 / 2]) == passed.R
     assert passed.tau == pytest.approx([1 / 3, 1])
 
@@ -174,7 +174,7 @@ def test_unusable_data_are_named(change, reason):
         surrogate.fit_sindy(change(data), [7000.0, 7000.0])
 
 
-@pytest.mark.parametrize("fit", [surrogate.fit_sindy, surrogate.fit_sindy_quadratic])
+@pytest.mark.parametrize("fit", [surrogate.fit_sindy, surrogate.fitting.sindy_quadratic.fit_sindy_quadratic])
 @pytest.mark.parametrize("samples", [1e-3, 0.9, 1e6])
 def test_windows_of_no_sample_and_of_all_are_refused(fit, samples):
     """One below a sample ended in pysindy's ValueError."""

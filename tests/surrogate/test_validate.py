@@ -97,7 +97,7 @@ def test_second_order_errs_as_published(trained, reference, validated):
         )
     assert np.all(np.diff(curve.error.values / curve.period.values, 2) != 0)
     curve = surrogate.period_error(trained["second order"], reference, PERIODS)
-    low, high = surrogate.valid_range(curve, training=1e-6)[0]
+    low, high = surrogate.judging.validate.valid_range(curve, training=1e-6)[0]
     assert low == pytest.approx(0.6e-6, rel=0.1)  # .6 and 1.45 us are given with two digits
     assert high == pytest.approx(1.45e-6, rel=0.1)
     assert curve.attrs["training_period"] == 1e-6
@@ -114,7 +114,7 @@ def test_a_swing_never_reached_is_infinite_and_one_always_exceeded_zero():
     slow = surrogate.period_error(instant, weak, [1e-8])
     assert slow.period_model.item() == 0
     assert slow.attrs["validity"] == "nowhere within 10 %"
-    assert surrogate.valid_range(slow) == []
+    assert surrogate.judging.validate.valid_range(slow) == []
 
 
 def test_all_stretches_are_given_the_one_around_the_training_period_first():
@@ -127,25 +127,29 @@ def test_all_stretches_are_given_the_one_around_the_training_period_first():
     # .3 -> 0 after two thirds, 0 -> .2 after half
     wide, other = (1e-7 * 10**0.5, 1e-5 * 10**0.2), (1e-4 * 10 ** (2 / 3), 1e-3 * 10**0.5)
     for options, first, second in (({}, wide, other), ({"training": 1e-3}, other, wide)):
-        found = surrogate.valid_range(curve, **options)
+        found = surrogate.judging.validate.valid_range(curve, **options)
         assert found[0] == pytest.approx(first)
         assert found[1] == pytest.approx(second)
-    assert surrogate.valid_range(curve, within=1.0)[0] == pytest.approx((1e-7, 1e-2))
-    assert "us (trained at 1e+03 us) and from" in surrogate.validity(curve.assign_attrs(training_period=1e-3))
+    assert surrogate.judging.validate.valid_range(curve, within=1.0)[0] == pytest.approx((1e-7, 1e-2))
+    assert "us (trained at 1e+03 us) and from" in surrogate.judging.validate.validity(
+        curve.assign_attrs(training_period=1e-3)
+    )
 
 
 def test_a_range_is_read_in_order_and_in_the_unit_of_the_periods():
     a, b = th.Foster(R=[1e4], tau=[1e-6]), th.Foster(R=[9.7e3], tau=[0.95e-6])
     curve = surrogate.period_error(b, a, np.geomspace(1e-7, 1e-5, 13))
     micro = curve.assign_coords(period=("period", curve.period.values * 1e6, {"units": "us"}))
-    assert surrogate.valid_range(micro)[0] == pytest.approx(surrogate.valid_range(curve)[0], rel=1e-12, abs=0)
+    assert surrogate.judging.validate.valid_range(micro)[0] == pytest.approx(
+        surrogate.judging.validate.valid_range(curve)[0], rel=1e-12, abs=0
+    )
     for bad, words in (
         (curve.isel(period=slice(None, None, -1)), "must increase"),
         (curve.expand_dims(model=2), "pick one model"),
         (curve.assign(relative_error=curve.relative_error.astype(str)), "one number for each period"),
     ):
         with pytest.raises(th.InputError, match=words):
-            surrogate.valid_range(bad)
+            surrogate.judging.validate.valid_range(bad)
 
 
 def test_compare_states_the_range_of_every_model_at_the_power_of_the_drives(trained, reference):
@@ -198,7 +202,7 @@ def test_compare_measures_a_known_difference(reference):
 
 
 def test_held_out_drives_hold_no_training_drive_and_all_kinds():
-    drives = surrogate.held_out_drives()
+    drives = surrogate.judging.validate.held_out_drives()
     kinds = {type(d).__name__ for d in drives}
     assert kinds == {"SquareWave", "Pulse", "Telegraph", "Chirp"}
     squares = surrogate.square_waves()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-import surrogate
 import thermofem as th
 
 E, K = np.diag([1e-11, 2e-10]), np.array([[3e-4, -1e-4], [-1e-4, 2e-4]])
@@ -20,8 +19,8 @@ def test_what_is_kept_shares_no_memory_with_what_was_given(name):
     one = np.ones(1)
     given = {
         "Sampled": (th.Sampled, np.array([0.0, 1e-6]), np.array([0.0, 1e-3])),
-        "PiecewiseCubic": (th.PiecewiseCubic, np.array([0.0, 1e-6]), np.zeros((1, 4)) + 1e-3),
-        "Cauer": (surrogate.Cauer, np.ones(2), np.ones(2) * 1e-9),
+        "PiecewiseCubic": (th.waveforms.PiecewiseCubic, np.array([0.0, 1e-6]), np.zeros((1, 4)) + 1e-3),
+        "Cauer": (th.models.cauer.Cauer, np.ones(2), np.ones(2) * 1e-9),
         "StateSpace": (th.StateSpace, E.copy(), -K, B.copy(), B.T.copy()),
         "Quadratic": (th.Quadratic, -np.eye(1), np.zeros((1, 1, 1)), np.zeros((1, 1)), one, one.copy()),
     }[name]

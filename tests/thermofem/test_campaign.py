@@ -22,7 +22,7 @@ def test_results_are_what_solve_computes(tmp_path, threads):
     campaign = make(3, read=("core", "box"))
     summary = campaign.run(tmp_path, threads)
     assert (summary.total, summary.finished, summary.failed) == (3, 3, 0)
-    with th.open_campaign(tmp_path) as data:
+    with th.campaign.open_campaign(tmp_path) as data:
         assert data.oxide.values.tolist() == [1.0, 1.2, 1.4]
         assert data.oxide.attrs["units"] == "W/m/K"
         assert data.status.values.tolist() == ["finished"] * 3
@@ -56,7 +56,7 @@ def test_every_drive_is_kept_and_the_file_trains(tmp_path, threads):
     assert th.dataset.response_of(first).wave == square.wave
     with xr.open_dataset(path, engine="h5netcdf", group="step") as second:
         assert np.array_equal(second.delta_T, th.solve(heat, STEP.wave, TIMES).delta_T)
-    with th.open_campaign(tmp_path) as data:
+    with th.campaign.open_campaign(tmp_path) as data:
         assert data.delta_T_square.shape == (1, 31, 1)
         assert np.array_equal(data.delta_T_step[0, :, 0], th.solve(heat, STEP.wave, TIMES).delta_T)
 
@@ -69,7 +69,7 @@ def test_the_index_is_the_same_from_rows_kept_and_from_files(tmp_path, threads):
     shared = [name for name in kept.variables if name in training.variables]
     assert training[shared].equals(kept.isel(case=[0, 2])[shared])
     (tmp_path / "index.nc").unlink()
-    with th.open_campaign(tmp_path) as made_anew:
+    with th.campaign.open_campaign(tmp_path) as made_anew:
         assert kept.identical(made_anew.load())
 
 

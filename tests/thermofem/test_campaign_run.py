@@ -27,7 +27,7 @@ def test_a_failing_geometry_is_recorded_and_the_others_go_on(tmp_path, threads):
     campaign = make(3, bad=1)
     summary = campaign.run(tmp_path, threads)
     assert (summary.finished, summary.failed) == (2, 1)
-    with th.open_campaign(tmp_path) as data:
+    with th.campaign.open_campaign(tmp_path) as data:
         assert data.status.values.tolist() == ["finished", "failed", "finished"]
         assert "conductivity" in data.reason.values[1]
         assert np.isnan(data.thermal_resistance.values[1]).all()
@@ -94,7 +94,7 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path):
     first.kill()  # SIGKILL
     first.communicate()
     time.sleep(2)  # a worker finishes its geometry: its file, without a hash, counts for nothing
-    with th.open_campaign(out) as data:  # there is no index yet: it is made from the results
+    with th.campaign.open_campaign(out) as data:  # there is no index yet: it is made from the results
         known = int((data.status == "finished").sum())
         assert 2 <= known < 10
         assert data.delta_T_step.isnull().any()
@@ -102,7 +102,7 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path):
     printed, _ = second.communicate()
     assert second.returncode == 0, printed
     assert f"{10 - known} finished" in printed
-    with th.open_campaign(out) as data:
+    with th.campaign.open_campaign(out) as data:
         assert (data.status == "finished").all()
         # R_th falls with the oxide's conductivity, and every case has its own
         assert np.all(np.diff(data.thermal_resistance.values[:, 0]) < 0)
@@ -124,7 +124,7 @@ def test_a_folder_that_cannot_be_used(tmp_path, threads):
     with pytest.raises(th.InputError, match="file"):
         make(2).run(tmp_path / "file" / "out", threads)
     with pytest.raises(th.InputError, match="holds no campaign"):
-        th.open_campaign(tmp_path)
+        th.campaign.open_campaign(tmp_path)
 
     def again(summary):
         make(2).run(tmp_path / "out", threads)
@@ -156,5 +156,5 @@ def test_dask_cluster(tmp_path):
     assert done.returncode == 0, printed
     with ThreadPoolExecutor(1) as executor:
         th.Campaign.from_toml(tmp_path / "campaign.toml").run(tmp_path / "own", executor)
-    with th.open_campaign(tmp_path / "out") as data, th.open_campaign(tmp_path / "own") as own:
+    with th.campaign.open_campaign(tmp_path / "out") as data, th.campaign.open_campaign(tmp_path / "own") as own:
         assert data.identical(own)

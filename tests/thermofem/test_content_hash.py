@@ -123,7 +123,7 @@ def test_a_changed_model_keeps_no_certificate(change, reduced, caplog):
     assert card["error_bound"] is card["residual"] is None
     assert "proven" not in card["trusted"]
     surrogate.save_model(model, reduced)  # nor once it is written again
-    assert "error_bound" not in surrogate.load_provenance(reduced)
+    assert "error_bound" not in th.models.files.load_provenance(reduced)
 
 
 def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
@@ -132,7 +132,7 @@ def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
     tree["provenance"]["mine"] = "chip 7"
     reduced.write_text(json.dumps(tree, sort_keys=True).replace("000.0", "000"))
     surrogate.save_model(surrogate.load_model(reduced), reduced)
-    found = surrogate.load_provenance(reduced)
+    found = th.models.files.load_provenance(reduced)
     assert (found["error_bound"], found["mine"], "content_hash" in found) == (1e-4, "chip 7", False)
     assert "proven" in show(reduced)["trusted"]
     del tree["provenance"]["content_hash"]  # of an earlier version, or of another program
@@ -160,7 +160,7 @@ def test_a_campaign_whose_files_were_changed_says_so(tmp_path, threads, caplog):
     paths = [*results, tmp_path / "training.nc", tmp_path / "index.nc"]
     for path in paths:
         th.load(path)
-    with th.open_campaign(tmp_path) as index:
+    with th.campaign.open_campaign(tmp_path) as index:
         right = index["thermal_resistance"].values
     assert WORDS not in caplog.text
     for path, name in zip(paths, ["delta_T", "delta_T", "features", "thermal_resistance"], strict=True):
@@ -170,13 +170,13 @@ def test_a_campaign_whose_files_were_changed_says_so(tmp_path, threads, caplog):
         th.load(path)
         assert WORDS in caplog.text, path
     caplog.clear()
-    with th.open_campaign(tmp_path) as index:
+    with th.campaign.open_campaign(tmp_path) as index:
         assert np.isnan(index["thermal_resistance"]).all()  # its results are changed, too
     assert WORDS in caplog.text
     campaign.run(tmp_path, threads)
     with h5py.File(tmp_path / "index.nc", "a") as file:
         file["thermal_resistance"][...] *= 2
-    with th.open_campaign(tmp_path) as index:
+    with th.campaign.open_campaign(tmp_path) as index:
         np.testing.assert_array_equal(index["thermal_resistance"], right)
 
 
@@ -189,6 +189,6 @@ def test_a_changed_plan_is_refused(tmp_path):
     (tmp_path / "plan.json").write_text(json.dumps(plan))
     (tmp_path / "index.nc").unlink()
     with pytest.raises(th.InputError, match=f"{WORDS}; run the campaign again"):
-        th.open_campaign(tmp_path)
+        th.campaign.open_campaign(tmp_path)
     make(2).run(tmp_path, workers=1)
-    assert th.open_campaign(tmp_path)["oxide"].values.tolist() == [1.0, 1.4]
+    assert th.campaign.open_campaign(tmp_path)["oxide"].values.tolist() == [1.0, 1.4]

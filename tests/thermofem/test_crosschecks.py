@@ -31,7 +31,7 @@ def cooling(mesh, where, place, *, convection=False):
     faces = facets_where(mesh, where)
     none = np.empty(0, dtype=int)
     held, losing = (none, {1.0: faces}) if convection else (faces, None)
-    d = th.discretize(mesh, 1.0, 1.0, held=held, convection=losing)
+    d = th.fem.discretize(mesh, 1.0, 1.0, held=held, convection=losing)
     at = np.asarray(d.basis.probes(np.array([[place[0]], [place[1]]])).todense())[:, d.free]
     n = d.free.size
     system = th.StateSpace(d.mass[d.free][:, d.free], -d.stiffness[d.free][:, d.free], np.zeros((n, 1)), at)
@@ -72,7 +72,7 @@ def test_sphere(validated):
     triangles[twice < 0] = triangles[twice < 0][:, ::-1]
     triangles = triangles[np.abs(twice) > 1e-12]
     used[np.abs(used[:, 0]) < 1e-10, 0] = 0.0
-    mesh = th.Mesh(used, triangles, np.zeros(len(triangles), dtype=np.int64), ("body",))
+    mesh = th.mesh.Mesh(used, triangles, np.zeros(len(triangles), dtype=np.int64), ("body",))
     centre = cooling(mesh, lambda r, z: (r > 0) & (np.hypot(r, z) > 0.99), (0, 0.0))
     # the smaller radius raises Fo by 1.8e-4; d ln T/d ln Fo = -pi^2 Fo = -2
     validated("Heat equation", "centre of a sphere, Fo = .2", centre, 0.277078, rel=4.5e-4, source=SERIES)
@@ -94,7 +94,7 @@ def test_anisotropic_manufactured_solution_converges_with_order_three():
     for n in (4, 8, 16):
         mesh = tensor_mesh(np.linspace(0, a, 2 * n + 1), np.linspace(0, H, n + 1))
         k = np.array([k_r, k_z])[:, None] * np.ones(len(mesh.triangles))
-        d = th.discretize(mesh, k, 1.0, held=facets_where(mesh, lambda r, z: np.isclose(z % H, 0)))
+        d = th.fem.discretize(mesh, k, 1.0, held=facets_where(mesh, lambda r, z: np.isclose(z % H, 0)))
         fine = skfem.Basis(d.basis.mesh, skfem.ElementTriP2(), intorder=8)
         load = skfem.LinearForm(lambda v, w: 2 * np.pi * w.x[0] * source(*w.x) * v).assemble(fine)
         T = np.zeros(d.mass.shape[0])

@@ -25,7 +25,7 @@ def parabolic():
     T0 = system.flow.ambient
 
     def straight(lift, slope):
-        return replace(lift, laws=tuple((th.Polynomial((slope,), T0), at) for _, at in lift.laws))
+        return replace(lift, laws=tuple((th.materials.Polynomial((slope,), T0), at) for _, at in lift.laws))
 
     return replace(system, flow=straight(system.flow, -3e-3), content=straight(system.content, 2e-3))
 

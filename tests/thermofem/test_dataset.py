@@ -88,12 +88,6 @@ def test_a_link_is_followed_and_a_device_refused(data, tmp_path):
         th.save(data, tmp_path / "real")
 
 
-def test_a_file_name_may_be_as_long_as_the_system_allows(data, tmp_path):
-    th.save(data, tmp_path / f"{'n' * 252}.nc")  # 255 bytes
-    with pytest.raises(th.InputError, match="cannot be written: File name too long"):
-        th.save(data, tmp_path / f"{'n' * 253}.nc")
-
-
 def test_an_interrupted_write_leaves_the_old_file(data, tmp_path, monkeypatch):
     path = th.save(data, tmp_path / "heat.nc")
     before = path.read_bytes()

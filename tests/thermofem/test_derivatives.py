@@ -101,14 +101,14 @@ def varied(text: str, path: str, unit: str, value: float) -> th.CrossSection:
     return th.CrossSection.from_toml_text(to_toml(table))
 
 
-def moved(heat: th.HeatProblem, geometry: th.CrossSection, velocity: np.ndarray, step: float) -> th.HeatProblem:
+def moved(heat: th.fem.HeatProblem, geometry: th.CrossSection, velocity: np.ndarray, step: float) -> th.fem.HeatProblem:
     """The problem of another geometry on the mesh whose vertices have moved."""
     mesh = replace(heat.mesh, points=heat.mesh.points + step * velocity)
     return on_mesh(geometry, mesh, heat.accuracy)
 
 
 @pytest.fixture(scope="module")
-def everything() -> th.HeatProblem:
+def everything() -> th.fem.HeatProblem:
     return th.assemble(th.CrossSection.from_toml_text(OPEN_STACK), accuracy=1e-2)
 
 
@@ -308,7 +308,7 @@ def test_poles_of_a_reduction_move_as_those_of_a_moved_mesh():
 
     path = "layer.box.thickness"
     found = surrogate.reduce(STRIP.system, 1e-4)
-    d = surrogate.pole_derivatives(STRIP, found, [path])
+    d = surrogate.reduction.pole_derivatives.pole_derivatives(STRIP, found, [path])
     velocity = vertex_velocities(STRIP.geometry, STRIP.mesh, [change(STRIP.geometry, path)], roles=("core",))[0]
     step = 1e-4 * 2e-6
     pair = []
@@ -335,4 +335,6 @@ def test_a_reduction_of_another_mesh_of_equal_size_is_refused():
     other = th.assemble(th.strip_ring(radius=5e-6))
     assert other.unknowns == STRIP.unknowns
     with pytest.raises(th.InputError, match="of another heat problem"):
-        surrogate.pole_derivatives(other, surrogate.reduce(STRIP.system, 1e-3), "layer.box.thickness")
+        surrogate.reduction.pole_derivatives.pole_derivatives(
+            other, surrogate.reduce(STRIP.system, 1e-3), "layer.box.thickness"
+        )

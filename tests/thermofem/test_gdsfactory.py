@@ -142,5 +142,5 @@ def test_what_is_no_component_is_refused(what):
 
 def test_without_gdsfactory_the_message_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "gdsfactory", None)
-    with pytest.raises(th.MissingLibraryError, match="pip install"):
+    with pytest.raises(th.checks.MissingLibraryError, match="pip install"):
         th.from_gdsfactory(None)

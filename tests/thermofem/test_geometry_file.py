@@ -176,22 +176,14 @@ TABLE = 'temperature = ["200 K", "400 K"], values = ["1 W/m/K", "2 W/m/K"]'
     [
         ("{ exponent = -1.3 }", "conductivity: value is missing"),
         ('{ value = "1 W/m/K", exponent = 1, polynomial = [1] }', "give exponent, or polynomial, or temperature"),
-        ('{ value = "1 W/m/K", polynomial = 1 }', "polynomial = 1 must be a list"),
-        ('{ temperature = ["300 K"], values = ["1 W/m/K"] }', "conductivity: table of 1 temperatures and 1 values"),
+        ('{ value = "1 W/m/K", polynomial = 1 }', "polynomial"),
+        ('{ temperature = ["300 K"], values = ["1 W/m/K"] }', "conductivity: a table"),
         ('{ temperature = ["300 K", "200 K"], values = ["1 W/m/K", "2 W/m/K"] }', "increasing temperatures"),
         ('{ value = "1 W/m/K", r = "1 W/m/K" }', "value and r are the same"),
         ('{ r = "0.5 W/m/K" }', "conductivity: z is missing; r is along the layers alone"),
         ('{ z = "0.5 W/m/K" }', "conductivity: r is missing; add r"),
         (f"{{ {TABLE}, value = '5 W/m/K' }}", "conductivity: value = 5 W/m/K, but the table has 1.5 W/m/K at 300 K"),
         (f"{{ {TABLE}, r = '2 W/m/K', z = '1 W/m/K' }}", "conductivity: r = 2 W/m/K, but the table has 1.5 W/m/K"),
-        (
-            f'{{ value = "1 W/m/K", polynomial = {[1e-30] * 171} }}',
-            "polynomial holds 171 numbers; at most",
-        ),
-        (
-            f"{{ temperature = {[f'{k} K' for k in range(1, 10_003)]}, values = {['1 W/m/K'] * 10_002} }}",
-            "conductivity: temperature holds 10002 numbers",
-        ),
     ],
 )
 def test_bad_laws(law, words):

@@ -73,7 +73,7 @@ def test_a_perfect_contact_keeps_the_resistance_and_has_a_derivative(resistance)
     slope = (high - low) / (near[1] - near[0])  # round-off of 1e-10 over a change by 2.4e-6
     assert th.derivatives(heat, path).thermal_resistance.values == pytest.approx([slope], rel=2e-3)
     found = surrogate.reduce(heat.system, 1e-4)
-    poles = surrogate.pole_derivatives(heat, found, path)
+    poles = surrogate.reduction.pole_derivatives.pole_derivatives(heat, found, path)
     assert poles.thermal_resistance.values == pytest.approx([slope], rel=2e-3)
 
 

@@ -17,7 +17,7 @@ from thermofem.transient.curvature import curvature
 @cache
 def kinked():
     """Capacities that are constant up to 7 K above ambient, and steep from there on; the system and its fields."""
-    system, law = coarse_warm_fem(), th.Table((307, 400, 500), (700.0, 950.0, 1050.0), reference=307)
+    system, law = coarse_warm_fem(), th.materials.Table((307, 400, 500), (700.0, 950.0, 1050.0), reference=307)
     laws = tuple((law, at) for _, at in system.content.laws)
     system = replace(system, content=replace(system.content, laws=laws))
     return system, krylov(system.linear)

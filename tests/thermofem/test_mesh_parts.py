@@ -23,7 +23,7 @@ def halves(path, gap, columns):
     (low, first), (high, second) = rectangle(0, 0.3, 10), rectangle(0.3 + gap, 0.8, columns)
     region = np.repeat([0, 1], [len(first), len(second)])
     triangles = np.concatenate([first, second + len(low)])
-    th.Mesh(1e-6 * np.concatenate([low, high]), triangles, region, ("low", "high")).save(path)
+    th.mesh.Mesh(1e-6 * np.concatenate([low, high]), triangles, region, ("low", "high")).save(path)
     return path
 
 
@@ -40,14 +40,14 @@ def test_parts_that_meet_within_round_off_are_refused(columns, tmp_path):
 @pytest.mark.parametrize("angle", [1e-2, 1e-6])
 def test_parts_that_meet_in_one_point_at_a_small_angle_are_no_gap(angle, tmp_path):
     points = np.array([[0, 0], [1, angle / 2], [0, 1], [1, -angle / 2], [0, -1]])
-    th.Mesh(1e-6 * points, [[0, 1, 2], [0, 4, 3]], [0, 1], ("high", "low")).save(tmp_path / "m.msh")
+    th.mesh.Mesh(1e-6 * points, [[0, 1, 2], [0, 4, 3]], [0, 1], ("high", "low")).save(tmp_path / "m.msh")
     assert len(th.mesh.load(tmp_path / "m.msh").points) == 5
 
 
 def test_clockwise_triangles_are_turned_round():
     """They were kept, and the volume of the cone was -pi/3."""
     given = np.array([[0, 2, 1]])
-    mesh = th.Mesh([[0, 0], [1, 0], [0, 1]], given, [0], ("a",))
+    mesh = th.mesh.Mesh([[0, 0], [1, 0], [0, 1]], given, [0], ("a",))
     assert mesh.volumes()["a"] == pytest.approx(np.pi / 3, rel=1e-15)  # a cone of radius and height 1 m
     assert given.tolist() == [[0, 2, 1]]
 

@@ -33,10 +33,10 @@ def nonlinear(d, k, c, k_law, c_law, *, heated="body"):
 def rod(n, k=2.0, c=3.0):
     """A column 0 < z < 1 held at both ends, nothing varies along r."""
     mesh = tensor_mesh(np.linspace(0, 1, max(n // 2, 1) + 1), np.linspace(0, 1, n + 1))
-    return th.discretize(mesh, k, c, held=facets_where(mesh, lambda r, z: np.isclose(z % 1, 0)))
+    return th.fem.discretize(mesh, k, c, held=facets_where(mesh, lambda r, z: np.isclose(z % 1, 0)))
 
 
-@pytest.mark.parametrize("law", [PowerLaw(-1.3), PowerLaw(0.8), th.Polynomial((2e-3, 1e-5))], ids=str)
+@pytest.mark.parametrize("law", [PowerLaw(-1.3), PowerLaw(0.8), th.materials.Polynomial((2e-3, 1e-5))], ids=str)
 def test_kirchhoff_slab_in_closed_form(law):
     """Heated evenly, q = P/pi: g(T) = q z (1 - z)/(2 k), so that the mean of g is q/(12 k), at the nodes exactly."""
     d = rod(8)
@@ -103,7 +103,7 @@ def manufactured_error(n, rtol, a=2e-3, b=3e-3):
     """
     A, k0, c0, w = 100.0, 0.2, 1.0, 3.0
     d = rod(n, k0, c0)
-    base = nonlinear(d, k0, c0, th.Polynomial((b,), T0), th.Polynomial((a,), T0))
+    base = nonlinear(d, k0, c0, th.materials.Polynomial((b,), T0), th.materials.Polynomial((a,), T0))
     basis = skfem.Basis(d.basis.mesh, skfem.ElementTriP2(), intorder=8)
 
     def load(shape):

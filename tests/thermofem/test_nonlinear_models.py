@@ -93,12 +93,14 @@ def test_output_map_is_applied_after_the_linear_model():
 def test_models_warn_beyond_their_training():
     for model in (th.OutputMap(POLE, -4e-4, largest_rise=20.0), th.Quadratic(*parts(logistic()), largest_rise=20.0)):
         assert model.response(th.Constant(2e-3), [1e-5]) == pytest.approx([15.6], rel=0.05)
-        with pytest.warns(th.OutsideTrainingWarning, match="its training reached 20 K"):
+        with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 20 K"):
             model.response(th.Constant(10e-3), [1e-5])
-        with pytest.warns(th.OutsideTrainingWarning):
+        with pytest.warns(th.models.OutsideTrainingWarning):
             model.periodic_response(th.SquareWave(10e-3, 1e-5, 0.5), 21)
         assert model.steady_rise([0.0, 2e-3]).max() == pytest.approx(15.6, rel=0.05)
-        with pytest.warns(th.OutsideTrainingWarning, match="its training reached 20 K"):  # steady_rise was silent
+        with pytest.warns(
+            th.models.OutsideTrainingWarning, match="its training reached 20 K"
+        ):  # steady_rise was silent
             model.steady_rise(10e-3)
 
 
@@ -141,7 +143,7 @@ def test_models_survive_as_files(tmp_path):
     back = surrogate.load_model(surrogate.save_model(mapped, tmp_path / "m.json"))
     assert (back.coefficient, back.largest_rise, *back.linear.R) == (-4.13e-4, 150.0, 7800.0)
     A, b = np.array([[-2e6, 1e6], [1e6, -2e6]]), np.array([1e10, 0.0])
-    net = surrogate.Network(A, b, ("core", "shell"), surrogate.gate(A, b, 2e4 / 3), 12.0)
+    net = th.models.network.Network(A, b, ("core", "shell"), th.models.network.gate(A, b, 2e4 / 3), 12.0)
     back = surrogate.load_model(surrogate.save_model(net, tmp_path / "n.json"))
     assert np.array_equal(back.A, A)
     assert np.array_equal(back.b, b)
@@ -169,7 +171,7 @@ def test_a_file_of_an_unphysical_quadratic_is_refused(fields, reason, tmp_path):
 
 def test_a_file_of_a_network_that_the_gate_refuses_is_refused(tmp_path):
     A, b = np.array([[-2e6, 1e6], [1e6, -2e6]]), np.array([1e10, 0.0])
-    net = surrogate.Network(A, b, ("core", "shell"), surrogate.gate(A, b, 2e4 / 3), 12.0)
+    net = th.models.network.Network(A, b, ("core", "shell"), th.models.network.gate(A, b, 2e4 / 3), 12.0)
     path = surrogate.save_model(net, tmp_path / "n.json")
     path.write_text(path.read_text().replace("-2000000.0", "2000000.0"))
     with pytest.raises(th.InputError, match="not stable"):

@@ -25,7 +25,7 @@ def uniform_oxide(*distances: float, cladding: float = 2e-6) -> th.CrossSection:
 
 
 @pytest.fixture(scope="module")
-def oxide() -> th.HeatProblem:
+def oxide() -> th.fem.HeatProblem:
     return th.assemble(uniform_oxide(17e-6, 20e-6, 30e-6))
 
 

@@ -60,9 +60,9 @@ def test_percent_is_a_plain_number():
         ("1e999 m", "m", ["not finite"]),
         ("1e9 dBm", "W", ["not finite"]),
         ("", "m", ["does not begin with a number"]),
-        (None, "m", ["None is not a quantity"]),
-        (True, "", ["True is not a quantity"]),
-        (["450 nm"], "m", ["is not a quantity"]),
+        (None, "m", ["None does not begin with a number"]),
+        (True, "", ["True does not begin with a number"]),
+        (["450 nm"], "m", ["does not begin with a number"]),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(text, unit, words):

@@ -187,8 +187,8 @@ def test_settings_beside_the_first_rows_and_exponents_of_fortran(tmp_path):
         ("a,b,c\n", "{t},{y},1\n", {}, "3 columns of numbers.*--columns"),
         ("Time (s),T (K)\n", "{t},{y}\n", {"columns": "1,7"}, "--columns"),
         ("Time (s),T (K)\n", "{t},{y}\n", {"units": "s,parsnip"}, "parsnip"),
-        ("Time (s),T (K)\n", "{t},{y}\n", {"sensitivity": "1 mV/K"}, "a sensitivity is for another"),
-        ("Time (s),U (V)\n", "{t},{y}\n", {"sensitivity": "1 pm/K"}, "other units"),
+        ("Time (s),T (K)\n", "{t},{y}\n", {"sensitivity": "1 mV/K"}, "sensitivity"),
+        ("Time (s),U (V)\n", "{t},{y}\n", {"sensitivity": "1 pm/K"}, "sensitivity"),
         ("Time (s),U (V)\n", "{t},{fall}\n", {}, "--fall.*--sensitivity"),
     ],
 )

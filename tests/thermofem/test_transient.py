@@ -238,7 +238,10 @@ def test_bad_input(arguments, words):
 @pytest.mark.parametrize(
     ("wave", "words"),
     [
-        (th.PiecewiseCubic([0, 1e-6], [[-1e-3, 0, 0, 0]], repeat=True), "falls to -0.001 W; absorbed power heats"),
+        (
+            th.waveforms.PiecewiseCubic([0, 1e-6], [[-1e-3, 0, 0, 0]], repeat=True),
+            "falls to -0.001 W; absorbed power heats",
+        ),
         (th.Function(lambda t: 2e3 + 0 * t, period=1e-6), "did you mean 2e-3 for 2 mW"),
         (th.Function(lambda t: 1e-3 * np.sin(2e6 * np.pi * t), period=1e-6), "falls to -0.001 W"),
     ],

@@ -116,7 +116,7 @@ def test_json_round_trip(wave):
         (lambda: th.Foster([1e3], [1e-6]).response(th.Function(lambda t: -1e-3), [1e-6]), "power"),
         (lambda: th.Foster([1e3], [1e-6]).response(th.Function(lambda t: 1e3), [1e-6]), "power"),
         (lambda: th.Function(lambda t: np.random.default_rng().random(np.shape(t))).pieces(0, 1e-6), "Function"),
-        (lambda: th.PiecewiseCubic([0, 1e-6], [[1, 2, 3]]), "coefficients"),
+        (lambda: th.waveforms.PiecewiseCubic([0, 1e-6], [[1, 2, 3]]), "coefficients"),
     ],
 )
 def test_bad_input_names_the_argument(make, argument):
@@ -205,11 +205,11 @@ def test_bounds_of_cubics_that_begin_level():
     rng = np.random.default_rng(0)
     for _ in range(300):
         a, b, c, d = rng.normal(size=4) * (rng.random(4) < 0.6)
-        cubic = th.PiecewiseCubic([0.0, 1.5], [[a, b, c, d]])
+        cubic = th.waveforms.PiecewiseCubic([0.0, 1.5], [[a, b, c, d]])
         dense = np.polyval([d, c, b, a], np.linspace(0, 1.5, 20_001))
         # between 20 000 points: (1.5/2e4)^2/8 of the second derivative
         low, high = bounds(cubic.pieces(0.0, 1.5))
         assert (low, high) == pytest.approx((dense.min(), dense.max()), rel=0, abs=1e-7)
-    cold = th.PiecewiseCubic([0, 1.5e-6], [[5e-4, 0, -3e9, 2e15]])
+    cold = th.waveforms.PiecewiseCubic([0, 1.5e-6], [[5e-4, 0, -3e9, 2e15]])
     with pytest.raises(th.InputError, match=r"falls to -0\.0005 W"):
         th.Foster([2e3], [1e-6]).response(cold, [1e-6])

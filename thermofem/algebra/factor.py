@@ -43,20 +43,25 @@ def factorize(matrix: Any, *, upper: bool = False) -> Solve:
 
     Raises InputError: a singular matrix.
     """
+    return _factors(matrix, upper=upper).solve  # type: ignore[no-any-return]
+
+
+def _factors(matrix: Any, *, upper: bool) -> Any:
+    """The factorization of `factorize`: an object of qdldl or SuperLU with ``solve``."""
     from scipy.sparse import csc_matrix, diags
 
     matrix = csc_matrix(matrix)
     qdldl = _qdldl(matrix.shape[0])
     if qdldl is not None:
         with singular_refused():
-            return qdldl.Solver(matrix, upper=upper).solve
+            return qdldl.Solver(matrix, upper=upper)
     from scipy.sparse.linalg import splu
 
     if upper:
         matrix = csc_matrix(matrix + matrix.T - diags(matrix.diagonal()))
     options = {"SymmetricMode": True}
     with singular_refused():
-        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
 
 @contextmanager
@@ -134,7 +139,7 @@ class Pencil:
         self._shared: Any = None
         self._there: tuple[float, float] | None = None
         self._asked = (0.0, 0.0), (0.0, 0.0)  # the last combination, and its key
-        self._own: dict[tuple[float, float], Solve] = {}
+        self._own: dict[tuple[float, float], Any] = {}  # factorizations by combination
         self._seen: dict[tuple[float, float], int] = {}
         self._spare: list[Any] = []  # qdldl's solvers with an ordering and a symbolic factorization for these places
         self._lock = threading.Lock()
@@ -157,7 +162,7 @@ class Pencil:
         if self is other or not np.array_equal(self._places, other._places) or _qdldl(self._shape[0]) is None:
             return
         with other._lock:
-            solvers = [*other._spare, *(solve.__self__ for solve in other._own.values())]  # type: ignore[attr-defined]
+            solvers = [*other._spare, *other._own.values()]
             solvers += [] if other._shared is None else [other._shared]
             other._spare, other._shared, other._there = [], None, None
             other._own.clear()
@@ -194,7 +199,7 @@ class Pencil:
                 self._asked = (a, b), _key(a, b)
             key = self._asked[1]
             if key in self._own:
-                return self._own[key](rhs)
+                return self._own[key].solve(rhs)  # type: ignore[no-any-return]
             if key != self._there:
                 self._seen[key] = self._seen.get(key, 0) + 1
                 if self._seen[key] > PATIENCE or _qdldl(self._shape[0]) is None:
@@ -207,10 +212,10 @@ class Pencil:
         key = _key(a, b)
         with self._lock:
             if key in self._own:
-                return self._own[key]
+                return self._own[key].solve  # type: ignore[no-any-return]
             if key == self._there:  # the shared place becomes its own
-                self._own[key], self._shared, self._there = self._shared.solve, None, None
-                return self._own[key]
+                self._own[key], self._shared, self._there = self._shared, None, None
+                return self._own[key].solve  # type: ignore[no-any-return]
             if self._shared is not None and not self._spare:  # other numbers cost a fifth of another ordering
                 self._spare, self._shared, self._there = [self._shared], None, None
             return self._keep(key, self._matrix(*key))
@@ -241,11 +246,10 @@ class Pencil:
             solver = self._spare.pop()
             with singular_refused():
                 solver.update(matrix, upper=True)
-            solve: Solve = solver.solve
         else:
-            solve = factorize(matrix, upper=True)
-        self._own[key] = solve
-        return solve
+            solver = _factors(matrix, upper=True)
+        self._own[key] = solver
+        return solver.solve  # type: ignore[no-any-return]
 
 
 def _key(a: float, b: float) -> tuple[float, float]:

@@ -20,15 +20,13 @@ import numpy as np
 from .. import checks
 from ..arrays import Array
 from .factor import Solve, check_symmetric, factorize
-from .system import LONGEST, LinearSystem
+from .system import LinearSystem
 
 System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 
 SHIFTS = 4  # 0, and three from 30 times the slowest to 300 times the fastest of `rates`
 ROOM = 32  # columns that a space has room for at first
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
-SMALLEST_CELL = 1e-30  # s, rho c h^2/k: triangles of 3e-15 m, at a corner where conductors touch, have 1e-27 s
-MOST_FLOW = 1e30  # W/K, of a diagonal entry of -A, and the inverse the smallest one
 MUCH = 1e-6  # squared length of what a column of unit length adds, above which one more projection is enough
 REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
 
@@ -231,37 +229,20 @@ def slopes(M: Any, B: Array) -> Array:
         raise checks.InputError("E is not positive definite; every heat capacity must be positive")
     lumped = B / M.diagonal()[:, None]
     inertia = np.einsum("ij,ij->j", lumped, M @ lumped)
-    if np.any(inertia <= 0):
-        raise checks.InputError(REFUSAL)
     return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / inertia)
 
 
 def check_heat_flow(system: LinearSystem) -> None:
-    """Raise InputError unless E and A are symmetric and of a size that their products can have."""
+    """Raise InputError unless E and A are symmetric."""
     from scipy.sparse import csr_matrix
 
     check_pair(csr_matrix(system.E), -csr_matrix(system.A), REFUSAL)
 
 
 def check_pair(E: Any, K: Any, hint: str) -> None:
-    """Raise InputError unless E and K = -A are symmetric: the factorization reads one triangle only.
-
-    Also where an entry of the diagonal of K, or the ratio of both diagonals, is none of a system of heat.
-    """
+    """Raise InputError unless E and K = -A are symmetric: the factorization reads one triangle only."""
     for name, matrix in (("E", E), ("A", K)):
         check_symmetric(name, matrix, hint=hint)
-    heat, flow = E.diagonal(), K.diagonal()
-    sound = (heat > 0) & (flow > 0)  # others are refused where definiteness is judged
-    heat, flow = heat[sound], flow[sound]
-    if flow.size and not 1 / MOST_FLOW <= flow.min() <= flow.max() <= MOST_FLOW:
-        raise checks.InputError(
-            f"-A has {flow.min():g} to {flow.max():g} W/K as diagonal; {1 / MOST_FLOW:g} to {MOST_FLOW:g} are possible"
-        )
-    tau = heat / flow
-    if tau.size and not SMALLEST_CELL <= tau.min() <= tau.max() <= LONGEST:
-        raise checks.InputError(
-            f"E/-A is {tau.min():g} to {tau.max():g} s; {SMALLEST_CELL:g} to {LONGEST:g} s are possible"
-        )
 
 
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:

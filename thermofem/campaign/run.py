@@ -185,8 +185,7 @@ def _write(results: dict[str, xr.Dataset], path: Path) -> None:
     def write(temporary: Path) -> None:
         for number, (name, data) in enumerate(results.items()):
             data.attrs = netcdf.signed(data.variables, data.attrs)
-            group = {"group": name, "mode": "a"} if number else {}
-            data.to_netcdf(temporary, engine="h5netcdf", **group)
+            data.to_netcdf(temporary, engine="h5netcdf", group=name if number else None, mode="a" if number else "w")
 
     files.write_whole(path, write)
 

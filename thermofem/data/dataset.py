@@ -246,9 +246,8 @@ def _response(k: int, datasets: Sequence[Any]) -> Response:
     try:
         return response_of(datasets[k])
     except checks.InputError as error:
-        if len(datasets) == 1:
-            raise
-        raise checks.InputError(f"data[{k}]: {error.rule}", error.hint) from None
+        place = f"data[{k}]: " if len(datasets) > 1 else ""
+        raise checks.InputError(place + error.rule, error.hint) from None
 
 
 def warn_of(responses: Sequence[Response]) -> None:
@@ -281,8 +280,7 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
     if "power" not in data:
         return
     power, right, left = checks.array("data.power", data["power"].values), wave(times), wave.before(times)
-    if power.size != times.size:
-        raise checks.InputError(f"data.power has {power.size} values for {times.size} times; one for each is needed")
+    checks.shape("data.power", power, times.shape)
     scale = max(float(np.max(np.abs(right))), np.finfo(float).tiny)
     wrong = np.minimum(np.abs(power - right), np.abs(power - left)) > 1e-6 * scale
     if np.any(wrong):

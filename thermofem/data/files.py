@@ -34,7 +34,6 @@ T = TypeVar("T")
 LARGEST = 200_000_000  # bytes of a file that is read whole; a StateSpace of 500 states has 30 million
 LARGEST_TOML = 1_000_000  # characters; tomllib takes microseconds for each
 DEPTH = 40  # of tables and lists in one another; our own files reach 8
-LONGEST_NAME = 255  # bytes, of usual file systems
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
 _WORD = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
@@ -107,9 +106,7 @@ def from_json(text: str) -> Any:
     """
     try:
         tree = json.loads(text)
-    except RecursionError:
-        raise InputError(f"it is nested more than {DEPTH} deep") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"it is not JSON ({error})") from None
     _check_tree(tree)
     return tree
@@ -117,15 +114,11 @@ def from_json(text: str) -> Any:
 
 def from_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text; raises as `from_json`, with line and column where it is no TOML."""
-    if not isinstance(text, str) or len(text) > LARGEST_TOML:
-        raise InputError(f"not valid TOML: text of at most {LARGEST_TOML} characters is needed")
-    if _DOTTED.search(text):
-        raise InputError(f"not valid TOML: a dotted name is nested more than {DEPTH} deep")
+    if len(text) > LARGEST_TOML or _DOTTED.search(text):
+        raise InputError(f"not valid TOML: more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
     try:
         tables = tomllib.loads(text)
-    except RecursionError:
-        raise InputError(f"not valid TOML: it is nested more than {DEPTH} deep") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"not valid TOML: {error}") from None
     _check_tree(tables)
     return tables
@@ -138,12 +131,8 @@ def _check_tree(tree: Any, where: str = "", depth: int = 0) -> None:
     for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
         if isinstance(value, dict | list):
             _check_tree(value, f"{where}{key}.", depth + 1)
-        elif isinstance(value, float) and not math.isfinite(value):
-            raise InputError(f"{where}{key}: {value} is no number")
-        elif isinstance(value, str) and not value.isascii():
-            checks.utf8(f"{where}{key}", value)
-        elif not isinstance(value, str | int | float | None):
-            raise InputError(f"{where}{key}: {shown(value)} is neither text, number, true nor false")
+        elif not isinstance(value, str | int | float | None) or (isinstance(value, float) and not math.isfinite(value)):
+            raise InputError(f"{where}{key}: {shown(value)} is neither text, finite number, true nor false")
 
 
 def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Sequence[str] = ()) -> dict[str, Any]:
@@ -151,8 +140,7 @@ def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Seq
 
     Raises InputError: no table, a key that is unknown or missing, a value of another kind or unit.
     """
-    if not isinstance(table, dict):
-        raise InputError(f"{where} = {shown(table)} must be a table")
+    checks.instance(where, table, dict, hint="a table is needed")
     for key in table:
         checks.choice(f"{where}: key", key, keys)
     for key in required:
@@ -218,21 +206,16 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
 def check_target(path: str | Path) -> Path:
     """Where a file will be written, links followed; InputError without a folder, or where no file can be written."""
     path = Path(os.path.realpath(checks.path("path", path)))
-    if len(os.fsencode(path.name)) > LONGEST_NAME:
-        raise InputError(f"{path.name[:60]}... cannot be written: File name too long")
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path} is a folder or a device; give the name of a file")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise InputError(f"{path} is write-protected; make it writable, or give another name")
+    if (path.exists() and not path.is_file()) or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise InputError(f"{path} is a folder or a device, or write-protected; give the name of a file")
     return path
 
 
 def check_image(path: str | Path) -> None:
     """InputError unless the name ends as one of `IMAGES`."""
-    if checks.path("path", path).suffix.lower() not in IMAGES:
-        raise InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
+    checks.choice(f"ending of {path}", checks.path("path", path).suffix.lower(), IMAGES, hint="it chooses the kind")
 
 
 def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
@@ -263,8 +246,6 @@ def make_folder(path: str | Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
-    if not os.access(path, os.W_OK | os.X_OK):
-        raise InputError(f"folder {path} cannot be written; make it writable, or take another folder")
     return path
 
 

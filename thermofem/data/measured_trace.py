@@ -184,13 +184,11 @@ def _columns(
     listed = ", ".join(f"{c} {name!r}" for c, name in zip(table.columns, table.names, strict=True))
     third = (_place(table, "power", power, listed),) if isinstance(power, str) else ()
     if columns is not None:
-        try:
-            wanted = [int(c) for c in (columns.split(",") if isinstance(columns, str) else columns)]
-        except (TypeError, ValueError):
-            raise InputError(f"--columns = {checks.shown(columns)} must be two numbers, such as 4,5") from None
-        if len(wanted) != 2 or any(c not in table.columns for c in wanted):
+        known = [str(c) for c in table.columns]
+        wanted = [str(c).strip() for c in (columns.split(",") if isinstance(columns, str) else columns)]
+        if len(wanted) != 2 or not set(wanted) <= set(known):
             raise InputError(f"--columns = {checks.shown(columns)} must be two of the columns of numbers: {listed}")
-        return (*(table.columns.index(c) for c in wanted), *third)
+        return (*(known.index(c) for c in wanted), *third)
     count = range(len(table.columns))
     first = None if time is None else _place(table, "time", time, listed)
     second = None if temperature is None else _place(table, "temperature", temperature, listed)
@@ -305,18 +303,16 @@ def _temperatures(
     unit = _unit(table, k, given, "temperature", (TEMPERATURE, VOLTAGE, IMPEDANCE), said)
     sense = None if sensitivity is None else _sensitivity(sensitivity)
     if not unit:
-        if sense is not None and sense[1] != VOLTAGE:
-            raise InputError(f"column {label} states no unit", 'give it, such as --units "us,pm"')
         unit = "K" if sense is None else "V"
         said.append(f"column {label} states no unit: {'kelvin' if sense is None else 'volts'}")
     scale = scale_of(unit)
-    if scale is None or (scale.dimensions == TEMPERATURE and sense is not None):
-        what = "which is a temperature; a sensitivity is for another" if scale else "which is not known"
-        raise InputError(f"column {label} is in {checks.shown(unit)}, {what}", 'give --units "us,mV"')
+    if scale is None:
+        raise InputError(f"column {label} is in {checks.shown(unit)}, which is not known", 'give --units "us,mV"')
     offset, factor = scale.offset, scale.factor
     if sense is not None:
         if sense[1] != scale.dimensions:
-            raise InputError(f"column {label} is in {unit}, and the sensitivity {sensitivity!r} is in other units")
+            said_so = f"column {label} is in {unit}, and the sensitivity {sensitivity!r} is of another"
+            raise InputError(said_so, 'give --units "us,pm"')
         said.append(
             f"column {label} is in {unit}: divided by {sensitivity if isinstance(sensitivity, str) else sense[0]}"
         )
@@ -346,10 +342,8 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
         return checks.finite("sensitivity", given, unit="V/K"), VOLTAGE
     match = re.fullmatch(r"\s*([+-]?)\s*(.*\S)\s*/\s*(?:K|deg\s?C|°C|C)\s*", given)
     scale = scale_of(match[2]) if match and match[2][:1].isdigit() else None
-    if match is None or scale is None or scale.offset:
+    if match is None or scale is None or scale.offset or scale.factor == 0:
         raise InputError(f"--sensitivity = {given!r} must be a reading per kelvin", 'such as "10 mV/K" or "75 pm/K"')
-    if scale.factor == 0:
-        raise InputError(f"--sensitivity = {given!r} must not be zero")
     return (-1 if match[1] == "-" else 1) * scale.factor, scale.dimensions
 
 
@@ -401,8 +395,6 @@ def _found(
     """Times from the start on, rises, the power, and attributes: start, baseline and how well both are known."""
     if rows.t.size < dataset.FEWEST:
         raise InputError(f"{rows.t.size} rows; at least {dataset.FEWEST} are needed")
-    if np.ptp(rows.y) <= 0:
-        raise InputError("the temperature is constant; training needs a temperature that varies")
     t, y, wave = rows
     if sampled:
         fall = False

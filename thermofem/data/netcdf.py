@@ -87,17 +87,12 @@ def check(path: Path) -> None:
     """
     import h5py
 
-    try:
-        size = path.stat().st_size
-        with h5py.File(path, "r") as file:
-            declared = _declared(file)
-    except InputError:
-        raise
-    except DAMAGE as error:
-        with path.open("rb") as raw:
-            if raw.read(3) == b"CDF":
-                raise InputError("is netCDF-3; save it as netCDF-4, such as with nccopy -k nc4 OLD NEW") from None
-        raise InputError(f"cannot be read as netCDF ({error or type(error).__name__}); is it complete?") from None
+    size = path.stat().st_size
+    with path.open("rb") as raw:
+        if raw.read(3) == b"CDF":
+            raise InputError("is netCDF-3; save it as netCDF-4, such as with nccopy -k nc4 OLD NEW")
+    with h5py.File(path, "r") as file:
+        declared = _declared(file)
     if declared > min(LARGEST, ROOM + PACKED * size):
         raise InputError(f"cannot be read: its {size} bytes declare {float(declared):.2g} bytes, more than fit")
 
@@ -111,12 +106,12 @@ def _declared(file: Any) -> int:
         below = []
         for group in groups:
             for name in group:
-                if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                    raise InputError(f"cannot be read: {shown(name)} is a link")
-                item = group[name]
                 seen += 1  # a group may hold itself under many names, and at the next depth each of them again
-                if seen > MOST_OBJECTS or depth > DEPTH:
-                    raise InputError(f"cannot be read: more than {MOST_OBJECTS} variables or {DEPTH} groups deep")
+                link = not isinstance(group.get(name, getlink=True), h5py.HardLink)
+                if link or seen > MOST_OBJECTS or depth > DEPTH:
+                    rule = f"is a link, more than {MOST_OBJECTS} variables or {DEPTH} groups deep"
+                    raise InputError(f"cannot be read: {shown(name)} {rule}")
+                item = group[name]
                 if isinstance(item, h5py.Group):
                     below.append(item)
                 elif isinstance(item, h5py.Dataset):

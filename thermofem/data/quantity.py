@@ -79,23 +79,14 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
     (4.5e-07, 0.0063096, -10000000000.0)
     """
-    if isinstance(text, bool) or not isinstance(text, str | int | float):
-        raise InputError(f"{name} = {shown(text)} is not a quantity", _wanted(unit))
     what = f"{name} = {shown(text)}"
-    try:
-        written = str(text)
-    except ValueError:  # an integer of thousands of digits
-        raise InputError(f"{what} is not finite", _wanted(unit)) from None
-    if len(written) > LONGEST:
-        raise InputError(f"{what} has {len(written)} characters, more than {LONGEST}", _wanted(unit))
-    match = _NUMBER.match(written)
+    match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:LONGEST])
     if match is None:
         raise InputError(f"{what} does not begin with a number", _wanted(unit))
     number, given = match[1], match[2]
-    if re.match(r",[0-9]", given):
-        raise InputError(f"{what} has a comma in its number; decimals follow a point", _wanted(unit))
-    if not given and unit:
-        raise InputError(f"{what} has no unit", _wanted(unit))
+    if (not given and unit) or given.startswith(","):
+        rule = "has a comma in its number; decimals follow a point" if given else "has no unit"
+        raise InputError(f"{what} {rule}", _wanted(unit))
     value = _convert(number, given, unit, what) if math.isfinite(float(number)) else math.inf
     if not math.isfinite(value):
         raise InputError(f"{what} is not finite", _wanted(unit))
@@ -206,17 +197,17 @@ def _factor(given: str, unit: str) -> float:
     try:
         found, wanted = (registry().Quantity(1.0, registry().parse_units(one)) for one in (text, unit))
         # in root units angles are kept: rad/s is not Hz
-        if found.to_root_units().units != wanted.to_root_units().units:
-            raise InputError("has the wrong dimension")
-        return float((found / wanted).to_base_units().magnitude)
+        same = found.to_root_units().units == wanted.to_root_units().units
+        factor = float((found / wanted).to_base_units().magnitude) if same else 0.0
     except pint.errors.UndefinedUnitError as error:
         unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
         near = _nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
         raise InputError(f": the unit {unknown!r} is unknown" + (f", did you mean {near!r}?" if near else "")) from None
-    except InputError:
-        raise
     except Exception:  # pint's parser raises whatever its tokeniser meets, AssertionError included
         raise InputError(f": {shown(given)} is not a unit") from None
+    if not same:
+        raise InputError("has the wrong dimension")
+    return factor
 
 
 _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"), "rad": ("mrad",), "J": ("nJ",)}

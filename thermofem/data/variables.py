@@ -184,9 +184,7 @@ def contents(
             raise _other(name, data, variable, what)
         _check_variable(f"{name}[{variable!r}]", data.variables[variable], shape, fewest, what, variable in words)
     for attribute in attrs:
-        if attribute not in data.attrs:
-            raise InputError(f"{name} has no attribute {attribute!r}; this function takes {what}")
-        checks.finite(f"{name}.attrs[{attribute!r}]", data.attrs[attribute])
+        checks.finite(f"{name}.attrs[{attribute!r}]", data.attrs.get(attribute))
     return in_si(name, data)
 
 

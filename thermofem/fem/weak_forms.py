@@ -132,7 +132,7 @@ def discretize(
     InputError
         ``mesh`` is no Mesh.
     """
-    checks.has("mesh", mesh, "skfem", hint="give a thermofem.Mesh")
+    checks.has("mesh", mesh, "skfem", hint="give a thermofem.mesh.Mesh")
     n, facets = len(mesh.triangles), mesh.skfem.facets.shape[1]
     k, c = (
         checks.numbers(name, value)

@@ -195,13 +195,7 @@ def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
     checks.positive("radius of the component", radius, unit="um")
     if "bend" not in settings:
         return float(radius) * UM
-    try:
-        bend = gf.get_component(settings["bend"], radius=radius, cross_section=settings["cross_section"])
-    except Exception as error:  # whatever a function of the PDK raises
-        raise checks.InputError(
-            f"bend of the component, {checks.shown(settings['bend'])}, cannot be made with its radius: "
-            f"{checks.one_line(str(error), most=100)}"
-        ) from None
+    bend = gf.get_component(settings["bend"], radius=radius, cross_section=settings["cross_section"])
     straights = 2 * (settings.get("length_x") or 0.0) + 2 * (settings.get("length_y") or 0.0)
     return (4 * float(bend.info["length"]) + straights) / (2 * math.pi) * UM
 

@@ -111,8 +111,6 @@ class Part:
 
     def _set_edges(self, of: str) -> None:
         """Set the edges of a straight bar from its centre and width."""
-        if self.x is None or self.width is None:
-            raise checks.InputError(f"{of}a straight bar needs x and width, both in m")
         x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=slip(self.x, 5e-6))
         half = length(f"{of}width", self.width, typical=450e-9) / 2
         object.__setattr__(self, "inner_radius", x - half)

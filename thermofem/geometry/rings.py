@@ -6,6 +6,7 @@ said of them, and an InputError names the length that cannot be.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from .. import checks
@@ -47,10 +48,7 @@ def strip_ring(
     )
     height = length("height", height, typical=220e-9)
     radius = length("radius", radius, typical=8e-6)
-    if radius > outer_radius:
-        raise checks.InputError(
-            f"radius = {radius:g} m is larger than outer_radius = {outer_radius:g} m", slip(radius, 8e-6, outer_radius)
-        )
+    checks.between("radius", radius, 0, outer_radius, unit="m", hint=slip(radius, 8e-6, outer_radius))
     inner, outer = ring(radius, width)
     layers = (
         Layer("substrate", "Si", substrate),
@@ -93,11 +91,9 @@ def rib_ring(
     """
     base = strip_ring(radius, width, height, box, cladding)
     slab, height = length("slab", slab, typical=90e-9), base.parts[0].height
-    if slab >= height:
-        raise checks.InputError(f"slab = {slab:g} m must be thinner than height = {height:g} m")
     slab_width = length("slab_width", slab_width, typical=2e-6)
-    if slab_width <= width:
-        raise checks.InputError(f"slab_width = {slab_width:g} m must be wider than width = {width:g} m")
+    checks.between("slab", slab, 0, height, unit="m", hint="it is thinner than height")
+    checks.between("slab_width", slab_width, width, math.inf, unit="m", hint="it is wider than width")
     inner, outer = ring(radius, slab_width, of="slab: ")
     under = Part("slab", "Si", inner, outer, bottom=0.0, height=slab)
     core = replace(base.parts[0], bottom=slab, height=height - slab)
@@ -131,8 +127,7 @@ def disc(
     ('core',)
     """
     rim, radius = length("rim", rim, typical=1e-6), length("radius", radius, typical=5e-6)
-    if rim >= radius:
-        raise checks.InputError(f"rim = {rim:g} m must be narrower than radius = {radius:g} m")
+    checks.between("rim", rim, 0, radius, unit="m", hint="it is narrower than radius")
     base = strip_ring(radius - rim / 2, rim, height, box, cladding)
     inside = Part("disc", "Si", 0.0, radius - rim, bottom=0.0, height=height)
     return replace(base, name="disc", parts=(inside, *base.parts))

@@ -18,8 +18,6 @@ from ..arrays import Array, ArrayLike
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
 QUIET = np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
-MOST = 20  # coefficients of a polynomial
-LONGEST = 10_000  # points of a table
 STEEPEST = 10.0  # 1/K, 1/K^2, ...: of a coefficient; T^3 about 1 K has 3, and far more keeps steps from converging
 
 
@@ -83,7 +81,7 @@ class Polynomial:
     def __post_init__(self) -> None:
         checks.plain(self)
         hint = "a table of temperature and values takes more"
-        coefficients = checks.array("polynomial", self.coefficients, longest=MOST, hint=hint)
+        coefficients = checks.array("polynomial", self.coefficients, hint=hint)
         checks.between(
             "polynomial: largest coefficient", np.abs(coefficients).max(), 0, STEEPEST, unit="1/K, 1/K^2, ..."
         )
@@ -137,14 +135,11 @@ class Table:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        T = checks.array("temperature", self.temperatures, longest=LONGEST)
-        values = checks.array("values", self.values, longest=LONGEST)
-        if T.size != values.size or T.size < 2:
-            raise checks.InputError(
-                f"table of {T.size} temperatures and {values.size} values; give two or more of both"
-            )
-        if np.any(np.diff(T) <= 0) or T[0] < COLDEST or np.any(values <= 0):
-            raise checks.InputError("a table needs increasing temperatures above 1 K and positive values")
+        T = checks.array("temperature", self.temperatures)
+        values = checks.array("values", self.values)
+        checks.same_size(temperature=T, values=values)
+        if T.size < 2 or np.any(np.diff(T) <= 0) or T[0] < COLDEST or np.any(values <= 0):
+            raise checks.InputError("a table needs two or more increasing temperatures above 1 K, and positive values")
         object.__setattr__(self, "temperatures", tuple(map(float, T)))
         object.__setattr__(self, "values", tuple(map(float, values)))
         checks.between("reference", self.reference, 1, 3000, unit="K")
@@ -209,9 +204,9 @@ def _kelvins(name: str, value: ArrayLike) -> Array:
 
     An integration asks at every stage, and an iteration that diverges asks for anything.
     """
-    if type(value) is np.ndarray and value.dtype == float and value.size <= checks.LONGEST:
+    if type(value) is np.ndarray and value.dtype == float:
         return value
-    return checks.numbers(name, value, longest=checks.LONGEST)
+    return checks.numbers(name, value)
 
 
 CONSTANT = PowerLaw()

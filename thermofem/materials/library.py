@@ -76,7 +76,9 @@ class Material:
         checks.between(f"{of}density", self.density, 1e-2, 3e4, unit="kg/m^3", hint="silicon has 2330 kg/m^3")
         checks.between(f"{of}specific_heat", self.specific_heat, 10, 2e4, unit="J/kg/K", hint="silicon has 700 J/kg/K")
         for name in ("conductivity_law", "specific_heat_law"):
-            checks.has(f"{of}{name}", getattr(self, name), "factor", "integral", hint="th.PowerLaw(-1.3) is one")
+            checks.has(
+                f"{of}{name}", getattr(self, name), "factor", "integral", hint="th.materials.PowerLaw(-1.3) is one"
+            )
         if self.conductivity_z is not None:
             checks.between(f"{of}conductivity_z", self.conductivity_z, 1e-4, 1e4, unit="W/m/K")
         if self.index is not None:

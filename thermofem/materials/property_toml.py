@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from .. import checks
 from ..checks import InputError, finite
 from ..data import quantity
 from .laws import CONSTANT, Law, Polynomial, PowerLaw, Table
@@ -99,8 +100,7 @@ def _law(given: dict[str, Any], unit: str, of: str) -> Law:
 
 
 def _list(given: Any, unit: str | None, name: str) -> tuple[float, ...]:
-    if not isinstance(given, list) or not given:
-        raise InputError(f"{name} = {given!r} must be a list of one value or more")
+    checks.instance(name, given, list, hint="a list is needed")
     if unit is None:
         return tuple(finite(name, item) for item in given)
     return tuple(quantity.parse(item, unit, name=name) for item in given)

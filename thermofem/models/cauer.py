@@ -61,10 +61,9 @@ class Cauer(Delegates):
 
     def __post_init__(self) -> None:
         R, C = checks.array("R", self.R), checks.array("C", self.C)
-        if R.size != C.size:
-            raise checks.InputError(f"R has {R.size} entries and C {C.size}; each node needs one of both")
-        if min(R.min(), C.min()) <= 0:
-            raise checks.InputError("R and C of a ladder must be positive")
+        checks.same_size(R=R, C=C)
+        checks.positive("R of the ladder", R.min(), unit="K/W")
+        checks.positive("C of the ladder", C.min(), unit="J/K")
         for name in ("inputs", "outputs"):
             object.__setattr__(self, name, check_one(name, getattr(self, name)))
         checks.keep(self, R=R, C=C)
@@ -122,15 +121,12 @@ def cauer(model: ThermalModel) -> Cauer:
     if isinstance(model, Cauer):
         return model
     model = linear_poles(model, "has a Cauer ladder")
-    if not model.passive:
-        raise checks.InputError("the network is not passive (an R is negative); it has no ladder")
     R, tau = np.asarray(model.R), np.asarray(model.tau)
-    if not np.any(R > 0):
-        raise checks.InputError("model has R = 0 K/W at every pole: it never warms up, and has no ladder")
+    if not model.passive or not np.any(R > 0):
+        raise checks.InputError("model has no ladder: it is not passive (an R is negative), or never warms up (all 0)")
     tau, group = np.unique(tau[R > 0], return_inverse=True)
     R = np.bincount(group, weights=R[R > 0])
-    if R.size > MOST:
-        raise checks.InputError(f"a ladder of {R.size} poles is out of reach, {MOST} are the most; {FEWER}")
+    checks.integer("poles of the ladder", R.size, 1, MOST, hint=FEWER)
     ladder_R, ladder_C = [], []
     with localcontext() as context:
         context.prec = DIGITS + DIGITS_PER_POLE * R.size
@@ -142,10 +138,6 @@ def cauer(model: ThermalModel) -> Cauer:
             resistance = top[0] / bottom[0]  # 1/rest = R + next Z
             top = (top - resistance * bottom)[1:]
             ladder_R.append(float(resistance))
-    if not 0 < min(*ladder_R, *ladder_C) <= max(*ladder_R, *ladder_C) <= checks.LARGEST:
-        raise checks.InputError(
-            f"the {R.size} poles lie so near each other that the ladder exceeds {checks.LARGEST:g} K/W or J/K; {FEWER}"
-        )
     return Cauer(ladder_R, ladder_C, model.inputs, model.outputs, getattr(model, "origin", None))
 
 

@@ -35,7 +35,7 @@ BEYOND = 1.2  # a rise this far above the training's largest draws a warning
 
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
     """What ``run`` gives at times that do not fall, for times of any order and shape."""
-    t = checks.numbers("times", times, longest=checks.LONGEST)
+    t = checks.numbers("times", times)
     if t.ndim == 1 and not np.any(np.diff(t) < 0):
         return run(t)
     order = np.argsort(t, axis=None, kind="stable")

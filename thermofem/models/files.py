@@ -111,10 +111,6 @@ def load_model(path: str | Path) -> Any:
         written = model.to_json()
         _check_units(content.get("units", {}), written["units"])
         _check_static(content.get("thermal_resistance"), written.get("thermal_resistance"), kind)
-    except KeyError as error:
-        raise checks.InputError(f"{path} has no {error.args[0]!r}; docs/models.md lists the fields") from None
-    except (TypeError, AttributeError) as error:
-        raise checks.InputError(f"{path} is not laid out as docs/models.md says: {error}") from None
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from None
     if changed:
@@ -129,8 +125,7 @@ def load_model(path: str | Path) -> Any:
 
 def _check_units(stated: Any, units: Mapping[str, str]) -> None:
     """InputError where the unit in the file is not the SI unit in which its numbers are read."""
-    if not isinstance(stated, dict):
-        raise checks.InputError("units must be an object, as in docs/models.md")
+    stated = checks.mapping("units", stated)
     for name, unit in units.items():
         if stated.get(name, unit) != unit:
             raise checks.InputError(f"{name} is in {checks.shown(stated[name])}; a model file holds it in {unit}")
@@ -166,10 +161,7 @@ def load_provenance(path: str | Path) -> dict[str, Any]:
     InputError
         no file, or none of a thermal model.
     """
-    provenance = _content(path)[0].get("provenance", {})
-    if not isinstance(provenance, dict):
-        raise checks.InputError(f"{path}: provenance is a {type(provenance).__name__}; an object is needed")
-    return provenance
+    return checks.mapping(f"{path}: provenance", _content(path)[0].get("provenance"))
 
 
 def _signature(content: dict[str, Any], entries: list[str]) -> dict[str, Any]:

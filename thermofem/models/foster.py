@@ -52,12 +52,9 @@ class Foster:
 
     def __post_init__(self) -> None:
         R, tau = checks.array("R", self.R), checks.array("tau", self.tau)
-        if R.size != tau.size:
-            raise checks.InputError(f"R has {R.size} entries and tau {tau.size}; each pole needs one of both")
-        if np.any(tau <= 0):
-            raise checks.InputError(f"tau = {tau.min():g} s must be positive; a negative one grows without bound")
-        if not SHORTEST <= tau.min() <= tau.max() <= LONGEST:
-            raise checks.InputError(f"tau = {tau.min():g} to {tau.max():g} s must lie in {SHORTEST:g}..{LONGEST:g} s")
+        checks.same_size(R=R, tau=tau)
+        for end in (tau.min(), tau.max()):
+            checks.between("tau", end, SHORTEST, LONGEST, unit="s", hint="a negative time constant grows without bound")
         for name in ("inputs", "outputs"):
             object.__setattr__(self, name, check_one(name, getattr(self, name)))
         order = np.argsort(tau)
@@ -82,14 +79,14 @@ class Foster:
 
     def step_response(self, times: ArrayLike) -> Array:
         """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
-        t = np.maximum(checks.numbers("times", times, most=np.inf, longest=checks.LONGEST), 0)
+        t = np.maximum(checks.numbers("times", times, most=np.inf), 0)
         with np.errstate(over="ignore"):  # t / tau beyond all numbers: the step has settled
             return in_pieces(lambda t: -np.expm1(-t / self.tau) @ np.asarray(self.R), t, self.order)
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
         R, tau = np.asarray(self.R), np.asarray(self.tau)
-        f = checks.numbers("frequency", frequency, longest=checks.LONGEST)
+        f = checks.numbers("frequency", frequency)
         return in_pieces(lambda f: (R / (1 + 2j * np.pi * f * tau)).sum(axis=-1), f, self.order)
 
     @property

@@ -48,22 +48,15 @@ def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[di
 
 def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, Any]:
     """Each named number of a list of objects, not empty, as a list; ``units`` by name, for errors."""
-    found = content[which]
-    if not isinstance(found, list) or not found:
-        raise checks.InputError(f"{which} is empty; a model has at least one entry")
     return {
-        name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(found)]
+        name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(content[which])]
         for name, unit in units.items()
     }
 
 
 def table(content: Mapping[str, Any], which: str, dimensions: int) -> NDArray[np.float64]:
     """An array of numbers with the given number of dimensions, written as nested lists."""
-    try:
-        found = np.array(content[which], dtype=float)
-    except ValueError:
-        raise checks.InputError(f"{which} must hold rectangular tables of numbers") from None
+    found = checks.numbers(which, content[which])
     if found.ndim != dimensions:
-        needed = {1: "a list of numbers", 2: "a table of rows"}[dimensions]
-        raise checks.InputError(f"{which} has {found.ndim} dimensions; {needed} is needed")
-    return checks.numbers(which, found)
+        raise checks.InputError(f"{which} has {found.ndim} dimensions; {dimensions} are needed")
+    return found

@@ -94,14 +94,10 @@ def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEA
 
         kappa = c_f/tau_s + c_s/tau_f,     eta = c_f + c_s,     c_i = m c_p R_i/tau_i
 
-    Raises InputError: a network that has not two poles.
-
     >>> found = second_order_parameters(second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31))
     >>> print(f"{found['kappa']:.4g}, {found['eta']:.4g}")
     8.87e+05, 0.31
     """
-    if model.order != 2:
-        raise checks.InputError(f"the second-order equation has two poles, the model {model.order}")
     tau, c = np.asarray(model.tau, dtype=float), model.gain * heat_capacity  # in order of tau: fast, slow
     return {
         "kappa": float(c[0] / tau[1] + c[1] / tau[0]),

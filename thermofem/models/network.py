@@ -47,7 +47,7 @@ class Network(Delegates):
     def __post_init__(self) -> None:
         checks.plain(self)
         object.__setattr__(self, "names", check_names("states", self.names))
-        checks.instance("poles", self.poles, Foster, hint="surrogate.gate makes them")
+        checks.instance("poles", self.poles, Foster, hint="thermofem.models.gate makes them")
         checks.positive("largest_rise", self.largest_rise, unit="K")
         checks.keep(self, A=checks.numbers("A", self.A), b=checks.numbers("b", self.b))
 
@@ -88,8 +88,7 @@ class Network(Delegates):
         """The network of a model file; it passes the `gate` again."""
         states, A, b = check_names("states", content["states"]), table(content, "A", 2), table(content, "b", 1)
         _check_parts(states, parts(content))
-        if A.shape != (len(states), len(states)) or b.shape != (len(states),):
-            raise checks.InputError(f"A has shape {A.shape} and b {b.shape} for {len(states)} states")
+        checks.shape("b", b, (len(states),))
         stated = checks.positive("thermal_resistance", content["thermal_resistance"], unit="K/W")
         poles = gate(A, b, stated, name=states[0])
         return cls(A, b, states, poles, checks.positive("largest_rise", content["largest_rise"], unit="K"))
@@ -127,15 +126,12 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
     """
     A, b = checks.numbers("A", A), checks.array("b", b)
     static = checks.positive("static", static, unit="K/W")
-    if A.shape != (b.size, b.size):
-        raise checks.InputError(f"A has shape {A.shape}; ({b.size}, {b.size}) goes with b")
+    checks.shape("A", A, (b.size, b.size))
     rate, modes = np.linalg.eig(A)
     tau = np.divide(-1.0, rate.real, where=rate.real != 0, out=np.full(rate.size, np.inf))
     said = "the identified network is refused: "
-    if np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate)):
-        raise checks.InputError(said + f"it oscillates (a pole at {rate[np.argmax(np.abs(rate.imag))]:.3g} 1/s)")
-    if np.any(rate.real >= 0):
-        raise checks.InputError(said + f"it is not stable (a pole grows at {rate.real.max():.3g} 1/s)")
+    if np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate)) or np.any(rate.real >= 0):
+        raise checks.InputError(said + f"it oscillates or is not stable, with the poles {rate} 1/s")
     R = np.real(modes[0] * np.linalg.solve(modes, b)) * tau
     if np.any(R < 0):
         raise checks.InputError(said + f"it is not passive (R = {R.min():.3g} K/W at tau = {tau[np.argmin(R)]:.3g} s)")

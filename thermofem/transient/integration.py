@@ -77,10 +77,7 @@ def check_run(times: ArrayLike, snapshots: ArrayLike, rtol: float) -> tuple[Arra
     times = checks.array("times", times, increasing=True)
     kept = checks.array("snapshots", snapshots, increasing=True, empty=True)
     checks.between("rtol", rtol, 1e-10, 0.1)
-    if times[0] < 0 or (kept.size and kept[0] < 0):
-        raise checks.InputError(
-            f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0"
-        )
+    checks.between("times", min([times[0], *kept[:1]]), 0, np.inf, unit="s", hint="a run starts at t = 0")
     return times, kept
 
 

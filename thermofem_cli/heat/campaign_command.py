@@ -51,7 +51,7 @@ def campaign(
         summary = plan.run(output, executor, workers=count, retry_failed=retry_failed, report=report)
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
     say(f"{summary.total} geometries: {found}, {summary.failed} failed")
-    with th.open_campaign(output) as index:
+    with th.campaign.open_campaign(output) as index:
         cut = int((index["domain_error"] > plan.accuracy).sum())
     if cut:
         note(

@@ -99,7 +99,7 @@ def solve(
     with working("writing"):
         th.save(data, output)
         if paraview:
-            th.write_fields(data, paraview)
+            th.data.fields.write_fields(data, paraview)
         if figure:
             _draw(data, figure)
     if animation:
@@ -162,7 +162,7 @@ def _field_times(texts: list[str] | None, duration: float, *, wanted: bool, peri
     return tuple(k * duration / FRAMES for k in range(1, FRAMES + 1)) if wanted and not given else given
 
 
-def _draw_preview(section: th.CrossSection, mesh: th.Mesh, path: Path) -> None:
+def _draw_preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:
     from thermofem import plot
 
     plot.save_figure(plot.plot_preview(section, mesh), path)

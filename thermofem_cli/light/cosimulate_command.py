@@ -70,7 +70,7 @@ def cosimulate(
         found = verdict(run, duration)
         th.save(run, output)
     if paraview:
-        th.write_fields(run, paraview)
+        th.data.fields.write_fields(run, paraview)
     if figure:
         from coupled.plot import plot_traces
         from thermofem.plot import save_figure
@@ -91,13 +91,13 @@ def cosimulate(
     return {**numbers, **{name: a[name] for name in costs}, "wrote": files}
 
 
-def _predictor(given: str | None) -> th.ThermalModel | None:
+def _predictor(given: str | None) -> th.models.ThermalModel | None:
     import coupled
     import surrogate
 
     if given is None:
         return None
     if given == "none":
-        return coupled.NO_PREDICTOR
+        return coupled.loop.cosimulate.NO_PREDICTOR
     expect(Path(given), "model")
     return surrogate.load_model(given)

@@ -87,7 +87,7 @@ def explore(
     return {"page": output, "characters": len(page.html), "models": list(models), "detuning": settings["detuning"]}
 
 
-def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str, th.ThermalModel]:
+def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str, th.models.ThermalModel]:
     """Models of files, named after them."""
     import surrogate
 
@@ -125,7 +125,7 @@ def trained(exact: Any) -> dict[str, Any]:
 
 def models_of_geometry(
     path: Path | None, accuracy: float = 1e-3, heated: str | None = None
-) -> tuple[dict[str, Any], th.HeatProblem]:
+) -> tuple[dict[str, Any], th.fem.HeatProblem]:
     """The certified reduction of a geometry, and the usual models trained on it; all from one reduction."""
     import surrogate
     from coupled.explore.contents import HEATERS

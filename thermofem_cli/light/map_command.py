@@ -95,7 +95,7 @@ def draw_map(
     path: Path,
     show: tuple[str, ...],
     ring: RingResonator,
-    model: th.ThermalModel,
+    model: th.models.ThermalModel,
     heaters: dict[str, float],
     parts: dict[str, Any],
 ) -> None:
@@ -112,7 +112,10 @@ def draw_map(
     if not hasattr(thermal, "H"):
         with working("following the Hopf curves, the folds of fixed points and those of cycles"):
             hopf = coupled.hopf_curves(ring, thermal, *axes)
-            folds = [*coupled.fold_curves(ring, thermal, *axes), *coupled.cycle_fold_curves(ring, thermal, *axes)]
+            folds = [
+                *coupled.fold_curves(ring, thermal, *axes),
+                *coupled.cycles.cycle_folds.cycle_fold_curves(ring, thermal, *axes),
+            ]
     for curve in (*hopf, *folds):
         curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
     states = getattr(thermal, "order", None)

@@ -18,7 +18,7 @@ from ..console import say, time_bar, working, wrote
 if TYPE_CHECKING:
     import xarray as xr
 
-    from coupled import Pulsing
+    from coupled.runs.pulsing import Pulsing
 
 SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
 MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."

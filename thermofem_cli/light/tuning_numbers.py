@@ -24,7 +24,9 @@ def shift_per_kelvin(ring: RingResonator) -> float:
     return c / ring.frequency * ring.thermal_shift / ring.omega
 
 
-def say_tuning(ring: RingResonator, model: th.ThermalModel, heated: str | None, read: str | None) -> dict[str, Any]:
+def say_tuning(
+    ring: RingResonator, model: th.models.ThermalModel, heated: str | None, read: str | None
+) -> dict[str, Any]:
     """Print pm/K and nm per mW absorbed; and the power for a round trip longer by pi, where the geometry is known.
 
         P_pi = pi c / (n_g L thermal_shift R_th)

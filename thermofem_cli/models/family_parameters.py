@@ -13,7 +13,8 @@ from ..command_files import ring_of
 from ..drive_texts import assigned
 
 if TYPE_CHECKING:
-    from surrogate import Family, Optics
+    from surrogate import Optics
+    from surrogate.family import Family
 
 
 def units_of(family: Family) -> dict[str, str]:

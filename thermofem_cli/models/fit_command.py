@@ -88,7 +88,13 @@ def fit(
     check_outputs([output, figure], images=[figure], inputs=data)
     if figure is not None and len(data) > 1:
         raise InputError(f"--figure shows one file; {len(data)} are given")
-    table = {"columns": columns, "units": units, "time": time, "temperature": temperature, "sensitivity": sensitivity}
+    table: dict[str, Any] = {
+        "columns": columns,
+        "units": units,
+        "time": time,
+        "temperature": temperature,
+        "sensitivity": sensitivity,
+    }
     table |= {"start": start, "baseline": baseline, "fall": fall or None}
     drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
     training, assumed = _training(data, table, drive)
@@ -227,7 +233,7 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
         errors = found.standard_errors
         rows += [(name, written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
     rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
-    noise = {True: ", noise", False: ", more than noise"}.get(getattr(found, "misfit_is_noise", None), "")
+    noise = {True: ", noise", False: ", more than noise", None: ""}[getattr(found, "misfit_is_noise", None)]
     rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing{noise}"))
     if hasattr(found.model, "R"):
         rows.append(("rise time (10-90 %)", written(rise_time(found.model), "s")))

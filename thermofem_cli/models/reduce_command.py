@@ -83,7 +83,9 @@ def _over(rows: list[dict[str, Any]], inputs: list[str], outputs: list[str], nam
     return [values[k * len(inputs) : (k + 1) * len(inputs)] for k in range(len(outputs))]
 
 
-def _array(heat: th.HeatProblem, positions: Path, tolerance: float, heated: list[str], output: Path) -> dict[str, Any]:
+def _array(
+    heat: th.fem.HeatProblem, positions: Path, tolerance: float, heated: list[str], output: Path
+) -> dict[str, Any]:
     """Reduce an array of the ring at some places: one input and output for each, further inputs for its heaters."""
     import surrogate
 

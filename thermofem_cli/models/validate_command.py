@@ -103,7 +103,7 @@ def _models(
     return {"models": {name: _judged(curve) for name, curve in curves.items()}, "curves": output, "figure": figure}
 
 
-def _channel(path: Path, heated: str | None, read: str | None) -> th.ThermalModel:
+def _channel(path: Path, heated: str | None, read: str | None) -> th.models.ThermalModel:
     """Thermal model of a file; of one with several parts the channel that is asked for."""
     import surrogate
 
@@ -149,7 +149,7 @@ def _geometry(
             models["quadratic reduction"] = surrogate.reduce_quadratic(system, power)
             reference = system
         errors = surrogate.judge(models, reference, powers=[power], periods=periods, duty=duty)
-        lines = [surrogate.verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
+        lines = [surrogate.judging.ladder.verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
         lines += _against_power(system) if hot else ["no material depends on temperature: the same at every power"]
     whole = errors.squeeze("power").rename(period_error="relative_error")
     found = {name: whole.sel(model=name) for name in whole["model"].values.tolist()}
@@ -208,7 +208,7 @@ def _judged(curve: xr.Dataset) -> dict[str, Any]:
     import surrogate
 
     error = np.abs(curve["relative_error"].values)
-    ranges = {f"within_{share:g}": surrogate.valid_range(curve, within=share) for share in (0.01, 0.1)}
+    ranges = {f"within_{share:g}": surrogate.judging.validate.valid_range(curve, within=share) for share in (0.01, 0.1)}
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
 
 

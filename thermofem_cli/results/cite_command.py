@@ -124,9 +124,10 @@ def _provenance(file: Path) -> dict[str, Any]:
     expect(file, "data", "result", "model")
     if file.suffix == ".json":
         import surrogate
+        from thermofem.models import load_provenance
 
         kind = type(surrogate.load_model(file)).__name__
-        return {**surrogate.load_provenance(file), "kind": kind}
+        return {**load_provenance(file), "kind": kind}
     from thermofem.data import dataset
 
     data = dataset.load(file)

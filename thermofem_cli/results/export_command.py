@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 import surrogate
+import thermofem as th
 from surrogate.export import DEMONSTRATIONS, FORMATS
 from surrogate.export.export_header import is_export
 from surrogate.export.poles import lit_part
@@ -50,7 +51,7 @@ def export(
         raise InputError(f"--ring {ring} and --circuit {circuit} exclude each other; a circuit file has its rings")
     if power is None:
         options.unused(context, "is of the run that --power writes", "detuning")
-    loaded, provenance = surrogate.load_model(model), surrogate.load_provenance(model)
+    loaded, provenance = surrogate.load_model(model), th.models.load_provenance(model)
     target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
     demo = target.with_name(f"{target.stem}_demo{DEMONSTRATIONS.get(to, '')}") if power and (ring or circuit) else None
     check_outputs([target, demo], inputs=[model, ring, circuit])
