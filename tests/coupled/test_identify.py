@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import ClassVar
 
@@ -370,6 +371,37 @@ def test_a_trace_that_drifts_to_rest_is_compared_with_the_same_half():
     what = unknowns(RING, ["loss_rate"], slow)
     left = residuals(what, targets, [target.observed.mean() for target in targets], what.start)
     assert np.abs(left).max() < 0.01  # of .15 % of the mean; it was 2.4
+
+
+@pytest.mark.slow
+def test_tables_are_identified_by_the_command(tmp_path):
+    """One trace in us and mV, and one of `simulate`; R of the true model comes back, and the files drive a ring."""
+    drives = ((5.01e-3, -10e9), (6.31e-3, 0.0))
+    first, second = (measured(RING, EXPERIMENT, *drive, seed=k) for k, drive in enumerate(drives))
+    rows = np.column_stack([first["time"] * 1e6, first["drop"] * 2e6])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time (us),drop (mV)", comments="")
+    th.save(second, tmp_path / "b.nc")
+    surrogate.save_model(surrogate.second_order(**TRUE | {"kappa": 1.1e6}), tmp_path / "law.json")
+    run = commands.thermofem(
+        "identify",
+        "a.csv",
+        "b.nc",
+        "--power",
+        "5.01 mW",
+        "--detuning=-10 GHz",
+        "--free",
+        "kappa",
+        "--model",
+        "law.json",
+        "--json",
+        cwd=tmp_path,
+    )
+    assert run.returncode == 0, run.stderr
+    found = json.loads(run.stdout)
+    assert not found["failed"]
+    assert abs(found["parameters"]["kappa"] - TRUE["kappa"]) < 5 * found["standard_deviations"]["kappa"] < 0.05 * 7.45e5
+    assert (tmp_path / "identified.toml").exists()
+    assert surrogate.load_model(tmp_path / "identified.json").order == 2
 
 
 def test_every_table_has_a_drive(tmp_path):
