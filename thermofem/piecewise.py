@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from .arrays import Array, ArrayLike, NDArray
 from .errors import InputError
@@ -83,10 +82,6 @@ class Pieces(NamedTuple):
         a, b, c, d = self.coefficients.T
         u = np.diff(self.edges)
         return float(np.sum(u * (a + u * (b / 2 + u * (c / 3 + u * d / 4)))))
-
-    def ppoly(self) -> PPoly:
-        """The same function as SciPy's piecewise polynomial."""
-        return PPoly(self.coefficients.T[::-1], self.edges)
 
 
 def inside(times: Array, start: float, stop: float) -> Array:

@@ -128,12 +128,13 @@ def pulse_train(
     for pulses, precisely in _tries(off, wary, last):
         found, why = _stable(flow, met, reach, pulses, FINE if precisely else MIDDLE)
         if found is not None:
-            found = once(flow, found, reach)
-            if comes_nearer(flow, met, found, reach):
-                fine = (
-                    found if precisely or rtol >= MIDDLE else close(flow, found.start, found.pulses, reach, rtol=rtol)
-                )
-                return fine or found, "", False
+            shortest = once(flow, found, reach)
+            if comes_nearer(flow, met, shortest, reach):
+                closed: Orbit | None = shortest
+                if rtol < MIDDLE and not (precisely and shortest is found):
+                    closed = close(flow, shortest.start, shortest.pulses, reach, rtol=rtol)
+                if closed is not None:
+                    return closed, "", False
         said, unstable = why or said, unstable or bool(why)
     return None, said, unstable
 

@@ -18,7 +18,7 @@ import re
 import secrets
 import shutil
 import tomllib
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -282,10 +282,3 @@ def own_folder(folder: Path, inner: Sequence[str], check: Callable[[], None] = l
                 if _TEMPORARY.fullmatch(path.name):
                     path.unlink(missing_ok=True)
         yield
-
-
-def check_own(paths: Iterable[Path], written: Container[Path], whose: str) -> None:
-    """InputError where a store would write over a file that is not among those it has written."""
-    for path in paths:
-        if path not in written and path.exists():
-            raise InputError(f"{path} is no file of {whose}; move it, or take another folder")
