@@ -25,7 +25,7 @@ from ..resonator import RingResonator
 from . import bundle, contents
 from .borders import borders
 from .geometries import family_of
-from .rings import rings_of
+from .rings import RESISTANCE, rings_of
 from .section import section_of
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def explore(
         "ring": 0, "model": 0, "power": round(10 * math.log10(power / 1e-3), 6), "detuning": round(detuning / 1e9, 9),
         "loadedQ": None, "intrinsicQ": None, "lifetime": None, "duration": 20, "view": "cycle",
     }  # fmt: skip
-    rings = rings_of(ring)
+    rings = rings_of(ring, abs(sum(own[0]["R"])) if own else RESISTANCE)
     sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
     start |= _heater_powers(sliders, heaters)
     grid = family_of(family) if family is not None else None

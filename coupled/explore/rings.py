@@ -16,6 +16,7 @@ Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in 
 ROUND_OFF = 1e-12  # relative; a ring file writes a temperature for kT and may change its last digit
 OF_MAPS: Window = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # the maps of Borghi et al.
 OF_SMALL: Window = {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}
+RESISTANCE = 8e3  # K/W of the strips of the papers
 LABELS = ("name", "window")  # of a ring on the page; everything else is its numbers
 
 
@@ -25,19 +26,21 @@ def published() -> list[tuple[RingResonator, Window]]:
     return [(borghi, OF_MAPS), (borghi.with_lumped_fcd(), OF_MAPS), (vanvaerenbergh2012(), OF_SMALL)]
 
 
-def rings_of(ring: RingResonator) -> list[dict[str, Any]]:
+def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     """Return the rings of the page, fields in SI: the given one first, then the published ones that it is not.
 
-    A ring that bears the name of a published one but has other numbers is called "(changed)".
+    A ring that bears the name of a published one but has other numbers is called "(changed)". resistance [K/W]: of the
+    model that is shown first; far from that of the papers, a published ring gets a window of its own.
     """
     check_ring(ring)
     given = asdict(ring)
     known = [asdict(other) | {"window": window} for other, window in published()]
-    windows = [other["window"] for other in known if same_numbers(given, other)]
+    usual = 0.3 < resistance / RESISTANCE < 3
+    windows = [other["window"] for other in known if usual and same_numbers(given, other)]
     others = [other for other in known if not same_numbers(given, other)]
     taken = {other["name"] for other in others}
     label = f"{ring.name} (changed)" if ring.name in taken else ring.name
-    return [given | {"name": label, "window": windows[0] if windows else window_of(ring)}, *others]
+    return [given | {"name": label, "window": windows[0] if windows else window_of(ring, resistance)}, *others]
 
 
 def place_of(ring: RingResonator, rings: list[dict[str, Any]]) -> int:
@@ -62,15 +65,15 @@ def _same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-def window_of(ring: RingResonator) -> Window:
+def window_of(ring: RingResonator, resistance: float) -> Window:
     """Return where the plane of an unknown ring is likely to be of interest, in dBm and GHz.
 
-    From the power P1 at which its heat, at 8 K/mW, moves the resonance by half a width, to twenty times that;
+    From the power P1 at which its heat moves the resonance by half a width, to twenty times that;
     from two and a half widths below the cold resonance to one above.
     """
     width = ring.linear_rate / math.pi
     share = 4 * ring.bus_rate * max(ring.loss_rate, 1e-3 * ring.linear_rate) / ring.linear_rate**2
-    moved = max(abs(ring.thermal_shift), 1.0) * 8e3 * share  # rad/s per W
+    moved = max(abs(ring.thermal_shift), 1.0) * resistance * share  # rad/s per W
     first = 10 * math.log10(ring.linear_rate / moved / 1e-3)
     first = min(max(round(first), -38), 8)
     span = max(float(f"{width / 1e9:.2g}"), 0.1)

@@ -73,6 +73,19 @@ def test_a_number_out_of_range_is_marked_and_not_taken(page):
     assert "below the intrinsic one" in page.inner_text("#loadedQ-problem")
 
 
+def test_the_value_under_the_pointer(page):
+    """(8 dBm, -20 GHz) is 6.31 mW, and 161 pm on the red side: lambda^2/c times 20 GHz."""
+    box, (x, y) = (
+        page.locator("#plane").bounding_box(),
+        page.evaluate("[ringPage.shown.plane.x(-20), ringPage.shown.plane.y(8)]"),
+    )
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    power, milliwatts, detuning, picometres = map(float, re.findall(r"-?\d+\.?\d*", page.inner_text("#pointed")))
+    assert (power, milliwatts, detuning) == pytest.approx((8, 6.31, -20), rel=0.02)
+    assert picometres == pytest.approx(20e9 * 299792458 / coupled.borghi2021().frequency ** 2 * 1e12, rel=0.02)
+    assert "R_th = 7.800 K/mW" in page.inner_text("#resistance")
+
+
 def test_the_laser_is_dragged_on_the_plane(page):
     box = page.locator("#plane").bounding_box()  # its picture is replaced while one looks
     page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
@@ -343,6 +356,11 @@ def test_a_heater_moves_the_resonance(browser, heater_file, capsys):
     settled(page)
     assert page.input_value("#h0") == "1"
     assert float(page.evaluate("ringPage.setting(ringPage.shown.trace.request).rise")) == pytest.approx(1, rel=1e-12)
+    page.fill("#h0", "8")
+    page.wait_for_function("ringPage.shown.map && ringPage.shown.map.window.detuning[0] < -100", timeout=60_000)
+    middle = sum(page.evaluate("ringPage.shown.map.window.detuning")) / 2
+    assert middle == pytest.approx(-coupled.borghi2021().thermal_shift * 8 / (2e9 * np.pi), rel=1e-9)  # 1 K/mW
+    assert page.evaluate("[0, 1, 2].every(kind => ringPage.shown.map.stable.includes(kind))")
     page.fill("#h0", "2.5")
     page.fill("#detuning", "-25")
     page.wait_for_function("ringPage.shown.trace.request.quick === false && ringPage.shown.trace.request.detuning === -25e9", timeout=60_000)  # fmt: skip  # noqa: E501

@@ -37,7 +37,7 @@ def test_a_changed_ring_under_a_published_name_is_a_ring_of_its_own():
     first = data["rings"][0]
     assert first["loss_rate"] == 9e9
     assert first["name"] == data["title"] == "Borghi 2021, lumped FCD (changed)"
-    assert first["window"] == {name: list(ends) for name, ends in window_of(LOSSY).items()}
+    assert first["window"] == {name: list(ends) for name, ends in window_of(LOSSY, MODEL.thermal_resistance).items()}
     assert [ring["name"] for ring in data["rings"][1:]] == NAMES
 
 

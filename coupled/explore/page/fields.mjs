@@ -1,6 +1,6 @@
 // Fields and sliders: from the state to what is shown, and from what is typed or dragged to the state.
 
-import { FIELDS, RING_FIELDS, objection, valueOf } from "./state.mjs";
+import { FIELDS, RING_FIELDS, objection, valueOf, windowOf } from "./state.mjs";
 import { $, page } from "./view.mjs";
 
 const UNTOUCHED = Object.fromEntries(RING_FIELDS.map((name) => [name, null]));
@@ -46,9 +46,9 @@ function field(name) {
 
 /** What a slider spans: less than what its field takes. */
 function span(name) {
-  const window = page.data.rings[page.state.ring].window;
+  const window = windowOf(page.state, page.data, 2.5);
   if (name === "power") return [window.power[0] - 7, window.power[1] + 5];
-  if (name === "detuning") return [2.5 * window.detuning[0], 2.5 * window.detuning[1]];
+  if (name === "detuning") return window.detuning;
   if (name === "duration") return [1, 100];
   if (/^p\d$/.test(name)) return [FIELDS[name].low, FIELDS[name].high];
   if (/^h\d$/.test(name)) return [0, page.data.heaters[Number(name[1])].span];

@@ -17,7 +17,7 @@ import { theme } from "./plot.mjs";
 import { cold, derivedRates, driveOf, systemOf, turnOf } from "./ring.mjs";
 import { commandOf, pythonOf } from "./script.mjs";
 import { decoded, drawSection, play } from "./section.mjs";
-import { addFamilyFields, addHeaterFields, hashOf, modelOf, ringOf, stateOf, watts } from "./state.mjs";
+import { addFamilyFields, addHeaterFields, hashOf, modelOf, ringOf, stateOf, watts, windowOf } from "./state.mjs";
 import { say, summary } from "./summary.mjs";
 import { watchButtons } from "./take.mjs";
 import { $, inSight, page, resized, shown, watchSight } from "./view.mjs";
@@ -90,15 +90,15 @@ function watchView() {
 function changed({ ring = false }) {
   const { data, state } = page;
   const light = { ring: ringOf(state, data), model: modelOf(state, data), power: watts(state.power), detuning: state.detuning * 1e9 };
-  const window = data.rings[state.ring].window;
+  const window = windowOf(state, data);
   const trace = { ...light, kind: "trace", duration: state.duration * 1e-6, settled: state.view === "cycle" };
   if (ring) {
     if (shown.ring !== state.ring) Object.assign(shown, { ring: state.ring, map: null, curves: { folds: [], hopf: [] } });
     const sizes = [[24, 24], [60, 60], [140, 140]]; // prettier-ignore
-    ask.plane({ ...light, kind: "plane", powers: window.power.map(watts), detunings: window.detuning.map((x) => x * 1e9), sizes });
+    ask.plane({ ...light, kind: "plane", window, powers: window.power.map(watts), detunings: window.detuning.map((x) => x * 1e9), sizes });
   }
   shown.moving = true;
-  const points = { ...light, kind: "light", detunings: window.detuning.map((x) => 2.5e9 * x) };
+  const points = { ...light, kind: "light", detunings: windowOf(state, data, 2.5).detuning.map((x) => x * 1e9) };
   const curve = inSight("transmission");
   ask.trace({ ...trace, rtol: 1e-5, quick: true, follow: performance.now() - lookedAt < LOOK_EVERY });
   ask.light({ ...points, curve });
@@ -134,9 +134,9 @@ function gotLight(answer) {
   draw();
 }
 
-function gotPlane(part) {
+function gotPlane(part, { window }) {
   if (!part || part.error) return;
-  if (part.kind === "map") shown.map = { ...part, image: null };
+  if (part.kind === "map") shown.map = { ...part, window, image: null };
   else shown.curves = part;
   draw();
 }

@@ -3,9 +3,9 @@
 import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
 import { columns } from "./measure.mjs";
 import { theme } from "./plot.mjs";
-import { NS, dropRate } from "./ring.mjs";
+import { NS, derivedRates, dropRate, toPicometres } from "./ring.mjs";
 import { drawSection } from "./section.mjs";
-import { bordersOf, modelOf, ringOf } from "./state.mjs";
+import { bordersOf, modelOf, ringOf, windowOf } from "./state.mjs";
 import { errorFigure, spectrumFigure, stepFigure } from "./thermal.mjs";
 import { $, inSight, page, put, shown, widthOf } from "./view.mjs";
 
@@ -61,8 +61,7 @@ function paint() {
     if (due("phase-portrait")) put("phase-portrait", phaseFigure(widthOf("phase-portrait"), 330, { ...now, states: shown.states }, colours));
   }
   if (shown.points.length && due("transmission")) {
-    const { detuning } = page.data.rings[page.state.ring].window;
-    const range = [2.5 * detuning[0], 1.2 * detuning[1]];
+    const range = [windowOf(page.state, page.data, 2.5).detuning[0], windowOf(page.state, page.data, 1.2).detuning[1]];
     put("transmission", transmissionFigure(widthOf("transmission"), 330, { points: shown.points, states: shown.states, state: page.state, drop, window: range }, colours));
   }
   clearTimeout(later);
@@ -78,10 +77,13 @@ const heightOfPlane = () => Math.round(Math.min(0.86 * widthOf("plane"), 470));
 function paintPlane(colours) {
   if (!due("plane")) return;
   if (shown.map && !shown.map.image) shown.map.image = mapImage(shown.map, colours);
-  const { window } = page.data.rings[page.state.ring];
+  const window = shown.map ? shown.map.window : windowOf(page.state, page.data);
   const cycles = bordersOf(page.state, page.data);
   shown.plane = planeFigure(widthOf("plane"), heightOfPlane(), { window, map: shown.map, curves: shown.curves, cycles }, colours);
   put("plane", shown.plane.svg);
+  const inside = shown.curves.hopf.flat().filter((p) => p.leading && p.detuning >= 1e9 * window.detuning[0] && p.detuning <= 1e9 * window.detuning[1]);
+  const lowest = inside.length ? inside.reduce((a, b) => (a.power < b.power ? a : b)) : null;
+  $("threshold").textContent = lowest ? `The lowest power of a full Hopf line is ${(1e3 * lowest.power).toPrecision(3)} mW, at ${(lowest.detuning / 1e9).toFixed(1)} GHz.` : "";
   const { x, y } = shown.plane;
   $("plane").querySelector(".laser").setAttribute("transform", `translate(${x(page.state.detuning)} ${y(page.state.power)})`);
 }
@@ -95,6 +97,10 @@ function present() {
 
 function paintHeat(colours) {
   const { data, state } = page;
+  const ring = ringOf(state, data);
+  const resistance = modelOf(state, data).R.reduce((sum, R) => sum + R, 0) * 1e-3;
+  const perKelvin = toPicometres(derivedRates(ring).thermal_shift / (2e9 * Math.PI), ring);
+  $("resistance").textContent = `R_th = ${resistance.toPrecision(4)} K/mW; the resonance moves ${perKelvin.toPrecision(3)} pm/K.`;
   const drawn = data.models.map((_, k) => k).filter((k) => k === state.model || k === data.judge || !(data.models[k].hidden || data.models[k].family));
   const models = drawn.map((k) => (data.models[k].family || k === state.model ? modelOf(state, data, k) : data.models[k]));
   const [chosen, judge] = [state.model, data.judge].map((k) => drawn.indexOf(k));

@@ -100,6 +100,11 @@ export function turnOf(detuning) {
   return 2 * Math.PI * detuning * NS;
 }
 
+/** Detuning in GHz as a change of wavelength in pm, of the same sign. */
+export function toPicometres(detuning, ring) {
+  return (1e21 * detuning * C) / ring.frequency ** 2;
+}
+
 /** Free-carrier dispersion S(N) and its slope. */
 export function dispersion(N, fcd) {
   const square = N * N + EPSILON * EPSILON;

@@ -1,7 +1,7 @@
 // The state of the page: what its fields hold, the link that restores it, and the ring that follows from it.
 
 import { heatedBy, turnedBy } from "./heater.mjs";
-import { dropRate, intrinsicQ, lifetimeTerms, loadedQ } from "./ring.mjs";
+import { dropRate, intrinsicQ, lifetimeTerms, linearRate, loadedQ } from "./ring.mjs";
 
 /** Fields with a slider: name, unit, range and step; values are in the unit. Those of the ring are null while untouched. */
 export const FIELDS = {
@@ -50,6 +50,15 @@ export function ringOf(state, data) {
     ring.carriers = c.tau !== undefined ? { tau: state.lifetime * 1e-9 } : { ...c, tau_n: c.tau_n * factor, tau_p: c.tau_p * factor };
   }
   return ring;
+}
+
+/** The window of the plane in dBm and GHz, or `stretch` times as many detunings: in widths of the resonance, about where heaters move it. */
+export function windowOf(state, data, stretch = 1) {
+  const base = data.rings[state.ring];
+  const ring = ringOf(state, data);
+  const scale = (stretch * linearRate(ring)) / linearRate(base);
+  const turned = turnedBy(ring, modelOf(state, data)) / 1e9;
+  return { power: base.window.power, detuning: base.window.detuning.map((x) => scale * x - turned) };
 }
 
 /** Fields for the parameters of a family that the page moves: p0, p1, p2. */
