@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -37,6 +38,7 @@ from .store import Store
 if TYPE_CHECKING:
     from .plan import Campaign, Case
 
+log = logging.getLogger("thermofem")
 Row = dict[str, Array]  # thermal_resistance, delta_T_DRIVE and `NUMBERS` of one geometry
 
 HASH = "content_hash"  # of plan.json
@@ -154,8 +156,11 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
     folder = Folder(Path(directory))
     plan = folder.read_plan()
     keys = [case[0] for case in plan["cases"]]
-    with contextlib.suppress(InputError, KeyError):  # no index yet, or a damaged one
-        index = netcdf.load(folder.directory / "index.nc")
+    path = folder.directory / "index.nc"
+    if path.is_file() and not netcdf.intact(path):
+        log.warning("%s was changed after thermofem wrote it; what follows is made from the results", path)
+    elif path.is_file():
+        index = netcdf.load(path)
         if index["key"].values.tolist() == keys and index["status"].values.tolist() == folder.status(keys):
             return index
     return _index(folder, plan, {})

@@ -52,6 +52,15 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
     return write_whole(path, lambda p: p.write_bytes(content))
 
 
+def intact(path: Path) -> bool:
+    """Whether a file that `save` wrote can be read and is as it was written."""
+    try:
+        with xr.open_dataset(path, engine="h5netcdf", **OPEN) as opened:
+            return unsigned(opened.load().variables, opened.attrs)[1] is True
+    except DAMAGE:
+        return False
+
+
 def load(path: str | Path) -> xr.Dataset:
     """Read a Dataset written by `save`, into memory; time, power and the other known variables come in SI.
 
