@@ -116,7 +116,7 @@ def test_times_may_have_any_order_and_shape(model, power):
         np.testing.assert_allclose(ask(times).ravel()[order], ask(times.ravel()[order]), rtol=1e-12)
     assert model.step_response([-1e-6, 1e-6]).tolist() == [0.0, model.step_response([0.0, 1e-6])[1]]
     assert model.step_response([]).size == 0
-    for times, words in (([-1e-9, 1e-6], "before the start"), ([], "non-empty")):
+    for times, words in (([-1e-9, 1e-6], "times"), ([], "non-empty")):
         with pytest.raises(th.InputError, match=words):
             model.response(th.Constant(power), times)
 

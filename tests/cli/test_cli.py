@@ -71,8 +71,6 @@ def test_solve_periodic(tmp_path):
         (["solve", "--square", "1 h"], "--power 2 mW with --square 1 h: period = 3600 is larger than 10 (in s)"),
         (["solve", "--pulse", "1 h"], "--power 2 mW with --pulse 1 h: width = 3600 is larger than 10 (in s)"),
         (["solve", "--power", "1 GW"], "--power 1 GW: power = 1e+09 must lie between 0 and 10 (in W)"),
-        (["simulate", "model.json", "--modulate", "2 GHz sine 1 THz"], "--modulate = '2 GHz sine 1 THz': 2e+07"),
-        (["simulate", "model.json", "--modulate", "1 mW square 1 h"], "--modulate = '1 mW square 1 h': period = 3600"),
         (["solve", "--samples", "1"], "--samples = 1"),
         (["solve", "--accuracy", "7"], "accuracy = 7"),
         (["solve", "--read", "cor"], "did you mean 'core'"),

@@ -114,7 +114,7 @@ def test_validate_trains_every_model_on_a_geometry(folder):
     assert done.returncode == 0, done.stderr
     rows = {line.split("│")[1].strip(): line for line in done.stdout.splitlines() if line.startswith("│")}
     foster, reduction = [f"Foster, trained ({n})" for n in (3, 5)], "certified reduction (0.0001)"
-    assert list(rows) == ["Newton", "second order", *foster, reduction, "SINDy"]
+    assert set(rows) == {"Newton", "second order", *foster, reduction, "SINDy"}
     low, high = (float(x) for x in rows["second order"].split("│")[4].split(" to "))
     # .6 to 1.45 us by an independent code, which calls 1.5 points of the error agreement; its slope there is 1 % in 2 %
     assert (low, high) == (pytest.approx(0.6, rel=0.1), pytest.approx(1.45, rel=0.05))
@@ -127,31 +127,6 @@ def test_validate_trains_every_model_on_a_geometry(folder):
     curve = th.load(folder / "ring.nc")["relative_error"].sel(model="second order").interp(period=1e-6)
     assert curve.item() == pytest.approx(0.04, abs=0.015)  # as in test_validate_states_the_range
     assert sorted(th.load(folder / "ring.nc")["model"].values) == sorted(rows)
-
-
-@pytest.mark.slow
-def test_validate_judges_by_the_fem_with_its_laws_at_the_power():
-    """1.7 % at 1 us and 3.1 % at 5 us are the errors of a linear model by an independent run, to 0.1 %."""
-    from thermofem_cli.validate import advice, judge, table
-
-    text = th.strip_ring().to_toml().replace('"Si"', '"Si(T)"').replace('"SiO2"', '"SiO2(T)"')
-    section = th.CrossSection.from_toml_text(text.replace('outer = "insulated"', 'outer = "open"'))
-    found = judge(section, accuracy=1e-3, periods=np.array([1e-6, 5e-6]), power=2e-3, duty=1 / 3)
-    error = {name: np.abs(curve["relative_error"].values) for name, curve in found.curves.items()}
-    assert error["certified reduction (0.0001)"] == pytest.approx([0.017, 0.031], abs=2e-3)
-    assert error["output map"].max() < 0.01
-    assert error["quadratic reduction"].max() < 0.01
-    assert {"output map", "quadratic reduction"} <= set(table(found).columns[0].cells)
-    assert any("within 1%: " in line and "certified" not in line for line in advice(found))
-    system = th.assemble(section).model("core", "core")
-    for share in (0.01, 0.1):
-        power = found.power[f"power_{share:g}_W"]
-        rise = float(system.steady_rise(power)[0])
-        # straight between nine powers a factor of 1.8 apart: the error bends by less than a fifth between them
-        assert abs(system.thermal_resistance * power / rise - 1) == pytest.approx(share, rel=0.2)
-        assert found.power[f"rise_{share:g}_K"] == pytest.approx(rise, rel=0.05)
-    assert found.power["map_error"] < 0.03
-    assert sum(line.startswith("k(T)") for line in advice(found)) == 3
 
 
 def test_simulate_pulses_with_the_period_of_the_fem(folder):
@@ -190,7 +165,6 @@ def test_simulate_reads_a_ring_file(folder):
         (["validate", "ring.toml", "second.json"], "one geometry alone"),
         (["validate", "missing.toml", "-o", "x.png"], "missing.toml"),
         (["validate", "missing.toml", "-o", "x.nc"], "missing.toml"),
-        (["validate", "missing.toml", "-o", "x.txt"], "does not say what kind of image"),
         (["validate", "second.json", "--reference", "fem.json", "-o", "c.png"], "--figure c.png draws them"),
         (["validate", "second.json", "--reference", "fem.json", "--shortest", "20 us"], "must be below --longest"),
         (["simulate", "fem.json", "--detuning", "-10"], "--detuning"),

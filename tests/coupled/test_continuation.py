@@ -44,7 +44,9 @@ def test_a_fold_is_where_long_runs_stop_pulsing(loop, validated):
         what = f"{kind} point by continuation, Newton's law, 7 dBm"
         source, ours = "independent program, AUTO-07p", at(loop, kind).item() * 1e-9
         validated("Coupled dynamics", what, ours, theirs, within=1e-7, unit="GHz", source=source)
-    cycle = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=fold - 2e6)
+    cycle = None
+    for off in (50e6, 15e6, 5e6, 2e6):  # towards the fold, each from the one before
+        cycle = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=fold - off, guess=cycle)
     begin = coupled.State.end_of(cycle)
     regimes = []
     for nu in (fold - 1e4, fold + 1e4):  # 2e-6 of the detuning, 3e-7 of the range

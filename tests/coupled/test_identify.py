@@ -202,7 +202,6 @@ def test_laws_are_the_same_as_elsewhere():
         ({"free": ["kappa", "tau_th"]}, "mixes"),
         ({"free": ["kappa", "kappa"]}, "twice"),
         ({"free": ["bus_rate"]}, "model="),
-        ({"free": ["kappa"], "model": surrogate.newton(tau_th=1e-7)}, "two poles"),
         ({"bounds": {"kappa": (2.0, 1.0)}}, "0 < low < high"),
         ({"bounds": {"eta": (1.0, 2.0)}}, "name in bounds"),
         ({"runs": 0}, "runs = 0"),

@@ -212,10 +212,6 @@ def test_pieces_of_everything_that_drives():
         ({"power": []}, "empty list"),
         ({"power": "8 dBm"}, "not a number"),
         ({"power": BPoly.from_derivatives([0, 1e-6], [[0, 0], [1e-3, 0]])}, "power is a BPoly; a PPoly is needed"),
-        (
-            {"detuning": CubicSpline([0, 1e-6], [0, 1e9 + 1e9j])},
-            "detuning: coefficients holds values of the type complex",
-        ),
         ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
         ({"detuning": Sweep([0, 1e-6], [0, -10])}, "did you mean -10e9"),
         ({"method": "Rodas5"}, "did you mean 'rodas5p'"),

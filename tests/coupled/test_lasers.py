@@ -197,27 +197,12 @@ SEVERAL = {
 ALLOWED = {("simulate", "lasers"), ("simulate", "powers"), ("cosimulate", "powers")}  # a list of powers in time adds
 
 
-@pytest.mark.parametrize(
-    ("name", "light"), [(name, light) for name in ONE_LASER for light in SEVERAL if (name, light) not in ALLOWED]
-)
-def test_several_lasers_are_refused_where_there_is_one(name, light):
-    """They would be summed silently; the message says where they go."""
-    with pytest.raises(th.InputError, match=r"simulate|is not a number"):
-        ONE_LASER[name](**HERE | SEVERAL[light])
-
-
 PLANES = (
     coupled.stability_map, coupled.pulsing_map, coupled.hopf_curves, coupled.fold_curves,
     coupled.cycles.cycle_folds.cycle_fold_curves,
     coupled.transmission, coupled.equilibria.transmission.sweep,
     coupled.equilibria.transmission.power_for_drop, coupled.explore,
 )  # fmt: skip
-
-
-@pytest.mark.parametrize("map_of", PLANES)
-def test_maps_and_curves_have_one_laser(map_of):
-    with pytest.raises(th.InputError, match=rf"{map_of.__name__} has one laser.*simulate\(..., lasers="):
-        map_of(RING, NETWORK, [1e-3, 2e-3], [0.0, 1e9], lasers=[coupled.Laser(1e-3)])
 
 
 def test_a_short_run_of_many_beats_reports_its_progress():

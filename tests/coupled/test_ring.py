@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import doctest
 import importlib
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -121,18 +119,3 @@ def test_examples_in_docstrings(module):
     found = doctest.testmod(importlib.import_module(module))
     assert found.attempted > 0
     assert found.failed == 0
-
-
-def test_import_is_light():
-    code = (
-        "import sys, coupled, coupled.parameters.borghi2021\n"
-        "print(*sorted({'numba', 'matplotlib', 'xarray', 'gmsh', 'scipy', 'surrogate'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
-
-
-def test_a_name_that_no_file_can_hold_is_refused():
-    """Half of a pair of surrogates ended in a UnicodeEncodeError of `explore`."""
-    with pytest.raises(InputError, match=r"name = 'ring \\ud83d' is no text that a file can hold"):
-        replace(coupled.borghi2021(), name="ring \ud83d")

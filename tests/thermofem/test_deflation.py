@@ -148,10 +148,6 @@ def test_a_cubic_power_is_a_cubic():
     assert wave.mean(0.3, 3.1) * 2.8 == pytest.approx((3.1**4 - 0.3**4) / 4 - (3.1**2 - 0.3**2) / 2, rel=1e-12, abs=0)
     assert wave.breakpoints(0, 4).tolist() == [1.0, 1.5]
     assert wave(9.0) == wave(4.0)
-    with pytest.raises(th.InputError, match="increase"):
-        Cubic(times[::-1], power, slope)
-    with pytest.raises(th.InputError, match="same"):
-        Cubic(times, power[1:], slope)
 
 
 def test_a_window_starts_where_the_field_is():

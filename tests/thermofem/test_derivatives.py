@@ -261,7 +261,6 @@ def test_the_step_response_ends_at_the_resistance_and_times_scale():
         ("part.core.colour", "did you mean|known"),
         ("part.ridge.width", "is unknown"),
         ("layer.box.material", "has no derivative"),
-        ("interface.core.resistance", "no interface"),
         ("boundary.top.convection", "top is insulated"),
         ("material.air.conductivity", "no layer or part is made of it"),
         ("width", "leads nowhere"),

@@ -238,17 +238,6 @@ def test_a_heat_problem_travels_to_another_process_after_a_run(copied):
     assert other.thermal_resistance() == heat.thermal_resistance()
 
 
-def test_a_waveform_that_does_not_say_whether_it_is_straight_is_stepped():
-    class Bare:
-        period = None
-        __call__ = before = staticmethod(lambda t: 2e-3 * np.ones(np.shape(t)))
-        breakpoints = staticmethod(lambda start, stop: np.empty(0))
-        mean = staticmethod(lambda start, stop: 2e-3)
-
-    system = coarse_fem()
-    assert worst(system.response(Bare(), TIMES, rtol=1e-5), system.response(STEP, TIMES, rtol=1e-6)) < 1e-5
-
-
 def test_refusals():
     skew = th.StateSpace(np.eye(2), np.array([[-1.0, 0.5], [0.0, -2.0]]), np.ones((2, 1)), np.ones((1, 2)))
     with pytest.raises(th.InputError, match="symmetric"):  # the factors take one triangle for both
@@ -287,12 +276,6 @@ def test_matrices_of_any_sparse_format():
     dense = three_poles()
     diagonals = th.StateSpace(dia_matrix(dense.E), dia_matrix(dense.A), dense.B, dense.C)
     assert diagonals.response(STEP, [1.0]) == pytest.approx(dense.response(STEP, [1.0]), rel=1e-12)
-
-
-def test_as_many_waveforms_as_inputs():
-    for waves in ([], [STEP, STEP]):
-        with pytest.raises(th.InputError, match="waveforms for the inputs"):
-            coarse_fem().response(waves, TIMES)
 
 
 @pytest.mark.parametrize("wave", [th.Constant(1e-3), th.SquareWave(power=2e-3, period=1e-6, duty=1 / 3)])

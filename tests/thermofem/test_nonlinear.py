@@ -76,7 +76,7 @@ def test_static_strip_follows_kirchhoff_where_one_law_rules_all():
 
 
 @dataclass(frozen=True)
-class Manufactured:
+class Manufactured(th.waveforms.Waveform, stored=False):
     """The power that makes T - T0 = A sin(pi z) (1 - cos w t) in a rod with k ~ f(T): see `heating`."""
 
     piecewise_linear: ClassVar[bool] = False
@@ -87,6 +87,9 @@ class Manufactured:
         return 1 - np.cos(self.omega * np.asarray(t, dtype=float))
 
     before = __call__
+
+    def pieces(self, start, stop, *, tolerance=1e-8):
+        return th.Function(self).pieces(start, stop, tolerance=tolerance)
 
     def breakpoints(self, start, stop):
         return np.empty(0)

@@ -18,7 +18,7 @@ from thermofem.transient.integration import _march, _Plan, _Record, integrate, i
 
 
 @dataclass(frozen=True)
-class Cosine:
+class Cosine(th.waveforms.Waveform, stored=False):
     """A smooth drive that no piecewise-linear shortcut fits: P = 1 + cos(w t), in W."""
 
     omega: float
@@ -29,6 +29,9 @@ class Cosine:
         return 1 + np.cos(self.omega * np.asarray(t))
 
     before = __call__
+
+    def pieces(self, start, stop, *, tolerance=1e-8):
+        return th.Function(self).pieces(start, stop, tolerance=tolerance)
 
     def breakpoints(self, start, stop):
         return np.empty(0)
@@ -225,7 +228,6 @@ def test_a_far_probe_does_not_rule_the_steps():
     ("arguments", "words"),
     [
         ({"times": [1e-6, 0.5e-6]}, r"times\[1\] = 5e-07 is before"),
-        ({"times": [-1e-6, 1e-6]}, "before the start of the run"),
         ({"times": [1e-6], "rtol": 0.5}, "rtol = 0.5 must lie between"),
         ({"times": []}, "one non-empty dimension"),
     ],
