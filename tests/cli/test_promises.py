@@ -58,7 +58,7 @@ def test_no_command_writes_over_a_file_that_it_reads(arguments, folder):
 @pytest.mark.parametrize("to", FORMATS)
 def test_an_export_replaces_exports_alone(to, tmp_path):
     """`export scope.json --to csv` replaced the measured scope.csv."""
-    ending = FORMATS[to][1]
+    ending = FORMATS[to]
     surrogate.save_model(MODEL, tmp_path / "scope.json")
     (tmp_path / f"scope{ending}").write_text("time (s),delta_T (K)\n0,0\n")
     assert "exists and is no export" in refused("export", "scope.json", "--to", to, cwd=tmp_path)

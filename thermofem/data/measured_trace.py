@@ -508,7 +508,8 @@ def _misfit(rows: Rows, start: float, *, offset: bool = True) -> tuple[float, fl
     span = float(t[-1] - t[0])
     tau = np.geomspace(max(rows.step if rows.even else np.diff(t).min() / 10, span * 1e-5), 3 * span, POLES)
     if not rows.even:
-        tau = np.geomspace(max(float(u[u > 0].min()) / 10, span * 1e-9), 3 * span, 2 * POLES)
+        first = float(u[u > 0].min(initial=span))  # the start may lie behind every row
+        tau = np.geomspace(max(first / 10, span * 1e-9), 3 * span, 2 * POLES)
     columns = np.zeros((t.size, tau.size + 2))
     if on.any():
         answers = pole_responses(1 / tau, wave, u[on]) / tau
