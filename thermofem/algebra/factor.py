@@ -43,7 +43,7 @@ def factorize(matrix: Any, *, upper: bool = False) -> Solve:
 
     Raises InputError: a singular matrix.
     """
-    return _factors(matrix, upper=upper).solve  # type: ignore[no-any-return]
+    return _factors(matrix, upper=upper).solve
 
 
 def _factors(matrix: Any, *, upper: bool) -> Any:
@@ -199,7 +199,7 @@ class Pencil:
                 self._asked = (a, b), _key(a, b)
             key = self._asked[1]
             if key in self._own:
-                return self._own[key].solve(rhs)  # type: ignore[no-any-return]
+                return self._own[key].solve(rhs)
             if key != self._there:
                 self._seen[key] = self._seen.get(key, 0) + 1
                 if self._seen[key] > PATIENCE or _qdldl(self._shape[0]) is None:
@@ -212,10 +212,10 @@ class Pencil:
         key = _key(a, b)
         with self._lock:
             if key in self._own:
-                return self._own[key].solve  # type: ignore[no-any-return]
+                return self._own[key].solve
             if key == self._there:  # the shared place becomes its own
                 self._own[key], self._shared, self._there = self._shared, None, None
-                return self._own[key].solve  # type: ignore[no-any-return]
+                return self._own[key].solve
             if self._shared is not None and not self._spare:  # other numbers cost a fifth of another ordering
                 self._spare, self._shared, self._there = [self._shared], None, None
             return self._keep(key, self._matrix(*key))
@@ -249,7 +249,7 @@ class Pencil:
         else:
             solver = _factors(matrix, upper=True)
         self._own[key] = solver
-        return solver.solve  # type: ignore[no-any-return]
+        return solver.solve
 
 
 def _key(a: float, b: float) -> tuple[float, float]:

@@ -261,7 +261,7 @@ def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
     return radius - width / 2, radius + width / 2
 
 
-def length(name: str, value: float, *, typical: float) -> float:
+def length(name: str, value: float | None, *, typical: float) -> float:
     """Check that a length in m lies between the sizes of an atom and of a chip; the hint corrects the unit."""
     return _not_below_an_atom(name, checks.positive(name, value, unit="m", at_most=_LONGEST, hint=slip(value, typical)))
 
@@ -272,7 +272,7 @@ def _not_below_an_atom(name: str, value: float) -> float:
     return value
 
 
-def slip(value: float, typical: float, at_most: float = _LONGEST) -> checks.Hint:
+def slip(value: float | None, typical: float, at_most: float = _LONGEST) -> checks.Hint:
     """Hint with the length in m that was probably meant."""
     if not (isinstance(value, int | float) and at_most < abs(value) < _BEYOND):
         return checks.Hint("lengths are in metres")

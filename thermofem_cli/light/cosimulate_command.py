@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 import thermofem as th
+from coupled.loop.cosimulate import NO_PREDICTOR
 from thermofem.data import quantity
 from thermofem.errors import InputError
 
@@ -92,12 +93,11 @@ def cosimulate(
 
 
 def _predictor(given: str | None) -> th.models.ThermalModel | None:
-    import coupled
     import surrogate
 
     if given is None:
         return None
     if given == "none":
-        return coupled.loop.cosimulate.NO_PREDICTOR
+        return NO_PREDICTOR
     expect(Path(given), "model")
     return surrogate.load_model(given)

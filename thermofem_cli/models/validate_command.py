@@ -10,6 +10,8 @@ import typer
 from rich.table import Table
 
 import thermofem as th
+from surrogate.judging.ladder import verdict
+from surrogate.judging.validate import valid_range
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.data.files import IMAGES
@@ -149,7 +151,7 @@ def _geometry(
             models["quadratic reduction"] = surrogate.reduce_quadratic(system, power)
             reference = system
         errors = surrogate.judge(models, reference, powers=[power], periods=periods, duty=duty)
-        lines = [surrogate.judging.ladder.verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
+        lines = [verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
         lines += _against_power(system) if hot else ["no material depends on temperature: the same at every power"]
     whole = errors.squeeze("power").rename(period_error="relative_error")
     found = {name: whole.sel(model=name) for name in whole["model"].values.tolist()}
@@ -205,10 +207,8 @@ def _judged(curve: xr.Dataset) -> dict[str, Any]:
     """Largest error of a model, and the periods (s) over which it is within 1 and 10 %."""
     import numpy as np
 
-    import surrogate
-
     error = np.abs(curve["relative_error"].values)
-    ranges = {f"within_{share:g}": surrogate.judging.validate.valid_range(curve, within=share) for share in (0.01, 0.1)}
+    ranges = {f"within_{share:g}": valid_range(curve, within=share) for share in (0.01, 0.1)}
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
 
 
