@@ -95,14 +95,6 @@ class Drawn:
         self.ppf = ppf
 
 
-@pytest.mark.parametrize(
-    "ppf", [3, lambda q: "x", lambda q: q[:-1], lambda q: [5e-7] * 3, lambda q: q * np.nan, lambda q: q + 1j]
-)
-def test_a_distribution_that_is_none_is_refused(family, ppf):
-    with pytest.raises(th.InputError, match="width"):
-        surrogate.uncertainty(family, {"width": Drawn(ppf)}, samples=2)
-
-
 def synthetic(family: surrogate.family.Family, truth: dict[str, float], noise: float, seed: int, rho: float = 0.0):
     times = np.append(0.0, np.geomspace(2e-9, 50e-6, 1500 if rho else 150))
     rise = 1e-3 * family.model(**truth).step_response(times)
