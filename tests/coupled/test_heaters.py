@@ -196,7 +196,7 @@ def test_what_is_refused_says_what_to_do():
         ({"heaters": {"core": 1e-3}, "heated": "core"}, "which the light heats"),
         ({"heaters": {"heater": -1e-3}}, "heater.* = -0.001 must"),
         ({"heaters": {"heater": "hot"}}, "heater"),
-        ({"heaters": [1e-3]}, "a mapping is needed"),
+        ({"heaters": [1e-3]}, "heaters = .* must be a mapping"),
         ({"heated": "heater"}, "does not read 'heater'"),
     ):
         with pytest.raises(th.InputError, match=words):

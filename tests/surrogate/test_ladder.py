@@ -128,5 +128,5 @@ def test_the_verdict_gives_the_range_of_its_own_limit():
 
 
 def test_nothing_to_judge_is_refused():
-    with pytest.raises(th.InputError, match="models is empty"):
+    with pytest.raises(th.InputError, match="at least 1 are needed"):
         surrogate.judge({}, th.Foster(R=[1.0], tau=[1e-6]))
