@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from thermofem import Quadratic, checks
-from thermofem.algebra.smooth_poles import cubic_pole_responses
+from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.data.variables import contents, in_si
 from thermofem.solving import mesh_hash

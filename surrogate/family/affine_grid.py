@@ -18,11 +18,11 @@ import numpy as np
 
 from thermofem import Boundary, CrossSection
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.contacts import PERFECT
+from thermofem.fem.mesh_division import PERFECT
 from thermofem.geometry.parameters import Change
 from thermofem.geometry.regions import outlines
-from thermofem.materials.laws import PowerLaw
-from thermofem.materials.library import VOID, Material
+from thermofem.materials.material_library import VOID, Material
+from thermofem.materials.property_laws import PowerLaw
 
 from .parameter_box import Box
 

@@ -14,21 +14,20 @@ import numpy as np
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.netcdf import DAMAGE
-from thermofem.fem.derivatives import dataset_of, step_times
-from thermofem.fem.modal_derivatives import ModalDerivative
+from thermofem.fem.heat_derivatives import ModalDerivative, dataset_of, step_times
 from thermofem.models.contract import OutsideTrainingWarning
 
 from ..reduction.reduce import reduce
 from . import family_files
 from .interpolation import OutputMaps
 from .parameter_box import Box
-from .projection import AffineMembers, MemberMatrices, MemberModes, difference
+from .projected_matrices import AffineMembers, MemberMatrices, MemberModes, difference
 from .snapshots import Certified, certified
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .projection import MovedMeshMembers
+    from .projected_matrices import MovedMeshMembers
 
 log = logging.getLogger("thermofem")
 

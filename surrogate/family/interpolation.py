@@ -22,10 +22,10 @@ from thermofem.arrays import Array
 from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem
 
-from ..reduction.output_map import output_map
+from ..reduction.nonlinear_reduction import output_map
 from .affine_matrices import AffineEngine
 from .parameter_box import Box
-from .projection import MovedMeshEngine
+from .projected_matrices import MovedMeshEngine
 from .snapshots import Solver
 
 TAIL = 1e-4  # probability beyond either end of the span on which members are worked out

@@ -12,9 +12,9 @@ import numpy as np
 
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.fem.contacts import PERFECT
+from thermofem.fem.mesh_division import PERFECT
 from thermofem.geometry.parameters import Change, change
-from thermofem.materials.library import Material
+from thermofem.materials.material_library import Material
 
 LOOSE = 1e-9  # of the range, by which a value may leave the box: round-off of units
 MOST = 2**24  # members at once: half a gigabyte of parameters

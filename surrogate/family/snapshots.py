@@ -32,7 +32,7 @@ from thermofem.fem import HeatProblem
 
 from ..reduction.reduce import Projected, project
 from .affine_matrices import AffineEngine
-from .projection import MemberModes, MovedMeshEngine, difference
+from .projected_matrices import MemberModes, MovedMeshEngine, difference
 
 HASH = "hash"  # name of the array that holds it
 _ARCHIVE_DAMAGE = (

@@ -17,7 +17,7 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.contacts import resistances
+from thermofem.fem.mesh_division import resistances
 
 from .affine_grid import CellGrid, Properties
 from .parameter_box import Box

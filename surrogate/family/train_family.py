@@ -32,7 +32,7 @@ from .affine_matrices import AffineEngine
 from .family import Family, HeldOut, coarse_difference
 from .interpolation import OutputMaps, interpolate_output_maps
 from .parameter_box import Box
-from .projection import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
+from .projected_matrices import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
 from .snapshots import FINEST, Member, Solver, certified_modes, extend_basis, fine_member, snapshot_of
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's

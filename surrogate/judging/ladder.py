@@ -20,8 +20,7 @@ from ..fitting.fit import fit_foster, fit_newton, fit_second_order
 from ..fitting.sindy import fit_sindy
 from ..fitting.sindy_quadratic import fit_sindy_quadratic
 from ..reduction.balanced import balanced_truncation
-from ..reduction.output_map import output_map
-from ..reduction.quadratic_reduction import reduce_quadratic
+from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
 from .temperature_swing import swings
 from .validate import PERIODS, check_models, error_curve, widest_range

@@ -11,7 +11,7 @@ from thermofem.arrays import Array
 from thermofem.models import Cauer, Network, NonlinearSystem, ThermalModel, bare
 from thermofem.transient.integration import integrate_periodic
 
-from ..reduction.quadratic_reduction import QuadraticReduction, reduce_quadratic
+from ..reduction.nonlinear_reduction import QuadraticReduction, reduce_quadratic
 
 SAMPLES = 301  # of one period
 SMALL = 200  # states of a model whose poles are computed for their swing; those of a FEM heat or arrive late

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks
-from thermofem.algebra.poles import pole_responses
+from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
 from ..family.parameter_box import Box
-from ..fitting.correlated import noise_along
+from ..fitting.pole_projection import noise_along
 from .inverse_search import Ranges, family_over, inside
 
 if TYPE_CHECKING:

@@ -12,9 +12,8 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..family import Certified, Family
-from .inverse_search import Ranges, Search, family_over, search_of, wanted_of
+from .inverse_search import QUANTITIES, Optics, Quantity, Ranges, Search, family_over, search_of, wanted_of
 from .pareto import front_of
-from .targets import QUANTITIES, Optics, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr

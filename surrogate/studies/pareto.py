@@ -11,8 +11,7 @@ from thermofem import CrossSection, checks
 from thermofem.arrays import Array
 
 from ..family import Family
-from .inverse_search import Ranges, Search, family_over, search_of, wanted_of
-from .targets import Optics, Quantity
+from .inverse_search import Optics, Quantity, Ranges, Search, family_over, search_of, wanted_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -147,7 +146,7 @@ def test_the_hash_covers_what_determines_the_mesh_and_nothing_else():
 def test_a_mesh_in_the_installed_package_is_found_first(tmp_path, monkeypatch):
     package = tmp_path / "thermofem"
     (package / "meshes").mkdir(parents=True)
-    monkeypatch.setattr(mesh.committed_meshes, "__file__", str(package / "mesh" / "committed_meshes.py"))
+    monkeypatch.setattr(mesh.gmsh_mesher, "__file__", str(package / "mesh" / "gmsh_mesher.py"))
     assert mesh.find_committed(strip_ring(), 1e-3) is None
     wanted = package / "meshes" / f"strip-{mesh.content_hash(strip_ring(), 1e-3)}.npz"
     wanted.write_bytes(b"")

@@ -13,14 +13,49 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import checks
 from ..arrays import Array
 from .factor import Solve, check_symmetric, factorize
-from .system import LinearSystem
+
+SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
+
+
+class LinearSystem(Protocol):
+    """E dx/dt = A x + B P, y = C x, with E and -A symmetric positive definite, sparse or dense."""
+
+    @property
+    def E(self) -> Any:
+        """Heat capacity, shape (n, n), J/K."""
+
+    @property
+    def A(self) -> Any:
+        """Minus the heat conduction, shape (n, n), W/K."""
+
+    @property
+    def B(self) -> NDArray[np.float64]:
+        """Heat that enters each state per watt, shape (n, inputs)."""
+
+    @property
+    def C(self) -> NDArray[np.float64]:
+        """Weight of each state in each output, shape (outputs, n)."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+
 
 System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 

@@ -25,7 +25,7 @@ from ..geometry.parameters import check_once, place
 from ..mesh.element_sizes import sizes
 from ..version import __version__
 from . import campaign_file
-from .variations import Drive, Value, Variation
+from .campaign_file import Drive, Value, Variation
 
 if TYPE_CHECKING:
     from .run import Summary

@@ -26,7 +26,7 @@ import numpy as np
 from ..algebra.factor import solve_once
 from ..arrays import Array, NDArray
 from ..mesh import Mesh
-from .contacts import beside, contacts, resistances
+from .mesh_division import beside, contacts, resistances
 from .surfaces import Surfaces, exchanged, line_source, surface_terms
 from .weak_forms import build, capacity, properties
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..arrays import Array, ArrayLike, NDArray
 from ..mesh.triangles import radii
-from .contacts import beside, contacts
+from .mesh_division import beside, contacts
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
-from ..materials.library import VOID
+from ..materials.material_library import VOID
 from .regions import GRID, distance, outlines
 
 if TYPE_CHECKING:

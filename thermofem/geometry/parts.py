@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import check_name
 from ..data import quantity
-from ..materials.library import VOID
+from ..materials.material_library import VOID
 
 VERTICAL = math.pi / 2
 SAME = 2e-15  # m; places this close are one (two steps of the grid on which outlines are cut)

@@ -23,9 +23,8 @@ import numpy as np
 from .. import checks
 from ..arrays import ArrayLike
 from ..checks import check_one
-from .contract import Delegates, ThermalModel
+from .contract import Delegates, ThermalModel, columns, names, parts, reader, rows
 from .foster import Foster, linear_poles
-from .json_fields import columns, names, parts, reader, rows
 
 if TYPE_CHECKING:
     import xarray as xr

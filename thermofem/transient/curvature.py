@@ -21,7 +21,7 @@ import numpy as np
 
 from ..algebra.krylov import Basis
 from ..arrays import Array, NDArray
-from ..materials.laws import Law
+from ..materials.property_laws import Law
 from .nonlinear import NodalOperator, NonlinearEquations
 
 # K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone

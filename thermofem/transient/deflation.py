@@ -29,18 +29,15 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import Basis
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import Basis, LinearSystem
 from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
 from .curvature import Curvature, curvature, flow_of
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
-from .fast_part import FastPart, Piece
-from .field_state import Advanced, FieldState, Inside
-from .integration import between
+from .fast_part import Advanced, FastPart, FieldState, Inside, Piece
+from .integration import Ledger, between
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
-from .trajectory import Ledger
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with

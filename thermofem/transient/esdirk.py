@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import LinearSystem
 from ..arrays import Array
 from ..waveforms import Waveform
 

@@ -18,13 +18,68 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import LinearSystem
 from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
-from .trajectory import Ledger, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger:
+    """Closes the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt + direct P.
+
+    ``direct`` is the share of the power that enters at held unknowns, where a heated part touches a held boundary.
+    """
+
+    storage: Array
+    drain_A: Array
+    drain_E: Array
+    direct: float = 0.0
+
+    def content(self, x: Array) -> float:
+        """Heat in the field in J."""
+        return float(self.storage @ x)
+
+    def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
+        """Heat in J that left during one step."""
+        return h * float(weights @ (states @ self.drain_A + slopes @ self.drain_E))
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The result of a transient.
+
+    times [shape (n,), s]
+    outputs [shape (n, outputs), K]
+    final [shape (states,), K]
+    snapshots [shape (snapshots, states), K]
+    heat_in, heat_stored, heat_out [J]: exact energy delivered, energy now in the field above the start, energy that
+        left; nan without a ledger.
+    steps, rejected, factorizations, solves: steps of the integrator, or straight pieces of the power in closed form.
+    method: "stepping" (`transient.integration`) or "closed form" (`transient.modal`).
+    """
+
+    times: Array
+    outputs: Array
+    final: Array
+    snapshots: Array
+    heat_in: float
+    heat_stored: float
+    heat_out: float
+    steps: int
+    rejected: int
+    factorizations: int
+    solves: int
+    method: str = "stepping"
+
+    @property
+    def imbalance(self) -> float:
+        """(in - stored - out) relative to the largest of the three."""
+        scale = max(abs(self.heat_in), abs(self.heat_stored), abs(self.heat_out))
+        return (self.heat_in - self.heat_stored - self.heat_out) / scale if scale else 0.0
+
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
 RELAXATION = 1 / 1.149  # middle of the interval 1..1.298 of the corrected period map

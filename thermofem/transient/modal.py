@@ -25,15 +25,13 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import Basis, Rounds, rates
-from ..algebra.poles import pole_responses
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import Basis, LinearSystem, Rounds, rates
+from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, check_wave, linear_pieces
 from .esdirk import FAR
-from .integration import check_run
+from .integration import Ledger, Trajectory, check_run
 from .nonlinear import NonlinearLedger
-from .trajectory import Ledger, Trajectory
 
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four

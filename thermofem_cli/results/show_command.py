@@ -59,7 +59,7 @@ def show(
             say(line)
         return {"geometry": section.to_toml()}
     expect(file, "model")
-    loaded, provenance = surrogate.load_model(file), th.models.files.load_provenance(file)
+    loaded, provenance = surrogate.load_model(file), th.models.model_files.load_provenance(file)
     numbers = _numbers(loaded, provenance)
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
     _say(file, numbers)

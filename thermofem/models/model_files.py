@@ -26,10 +26,9 @@ from ..data import files
 from ..data.files import digest_tree, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
-from .foster import Foster
+from .foster import Foster, OutputMap
 from .network import Network
-from .output_map import OutputMap
-from .quadratic import Quadratic
+from .nonlinear_models import Quadratic
 from .state_space import StateSpace
 
 FORMAT = "thermofem thermal model"
