@@ -57,6 +57,9 @@ class Waveform:
     @property
     def words(self) -> str:
         """A short description for labels and tables."""
+        return self._words()
+
+    def _words(self) -> str:
         return type(self).__name__.lower()
 
     def _unrolled(self, start: float, stop: float) -> Pieces:
@@ -116,25 +119,31 @@ def _time(name: str, value: float, most: float = 10.0) -> None:
 class Steps(Waveform, stored=False):
     """A power ``levels[k]`` in W, shape (n + 1,), between ``edges[k - 1]`` and ``edges[k]`` in s, shape (n,)."""
 
-    edges: Array
-    levels: Array
+    def _steps(self) -> tuple[Array, Array]:
+        """``edges`` and ``levels``."""
+        raise NotImplementedError
+
+    @cached_property
+    def edges(self) -> Array:
+        """Times of change in s."""
+        return self._steps()[0]
+
+    @cached_property
+    def levels(self) -> Array:
+        """Power between them in W."""
+        return self._steps()[1]
 
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
         """Constant pieces; the first and the last reach to `ENDLESS`."""
         edges = np.concatenate([[-ENDLESS], self.edges, [ENDLESS]])
-        return Pieces(edges, np.asarray(self.levels)[:, None] * [1.0, 0.0, 0.0, 0.0])
+        return Pieces(edges, np.asarray(self.levels, dtype=float)[:, None] * [1.0, 0.0, 0.0, 0.0])
 
 
-class Switched(Steps, stored=False):
-    """A power that is on or off; it begins on."""
-
-    power: float
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """The power and zero in turn, W."""
-        return self.power * (np.arange(self.edges.size + 1) % 2 == 0)
+def _on_off(power: float, times: Array, duration: float) -> tuple[Array, Array]:
+    """Steps of a power that is on at first, changes at ``times``, and is off from ``duration`` on."""
+    edges = np.append(times, duration) if times.size % 2 == 0 else times
+    return edges, power * (np.arange(edges.size + 1) % 2 == 0)
 
 
 @dataclass(frozen=True)
@@ -151,20 +160,11 @@ class Constant(Steps):
     def __post_init__(self) -> None:
         checks.power("power", self.power, zero=True)
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"step {self.power * 1e3:g} mW"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """None."""
-        return np.empty(0)
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """The power in W."""
-        return np.array([self.power], dtype=float)
+    def _steps(self) -> tuple[Array, Array]:
+        return np.empty(0), np.array([self.power])
 
 
 @dataclass(frozen=True)
@@ -194,20 +194,11 @@ class Pulse(Steps):
         """End of the pulse in s."""
         return self.start + self.width
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"pulse {self.power * 1e3:g} mW, {self.width * 1e6:g} us"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Start and end in s."""
-        return np.array([self.start, self.stop])
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """Zero, the power in W, and zero."""
-        return np.array([0.0, self.power, 0.0])
+    def _steps(self) -> tuple[Array, Array]:
+        return np.array([self.start, self.stop]), np.array([0.0, self.power, 0.0])
 
 
 @dataclass(frozen=True)
@@ -230,9 +221,7 @@ class SquareWave(Waveform):
         _time("period", self.period)
         checks.between("duty", self.duty, 1e-6, 1 - 1e-6, hint="it is the fraction of the period that is on")
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"square wave {self.power * 1e3:g} mW, {self.period * 1e6:g} us, duty {self.duty:.3g}"
 
     @property
@@ -247,7 +236,7 @@ class SquareWave(Waveform):
 
 
 @dataclass(frozen=True)
-class Telegraph(Switched):
+class Telegraph(Steps):
     """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.
 
     Parameters
@@ -271,22 +260,17 @@ class Telegraph(Switched):
         _time("dwell", self.dwell)
         _time("duration", self.duration, 1e6 * self.dwell)
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"telegraph {self.power * 1e3:g} mW, {self.dwell * 1e6:.3g} us"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Times of change in s."""
+    def _steps(self) -> tuple[Array, Array]:
         draw = np.random.default_rng(self.seed)
         times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
-        times = times[times < self.duration]
-        return np.append(times, self.duration) if times.size % 2 == 0 else times
+        return _on_off(self.power, times[times < self.duration], self.duration)
 
 
 @dataclass(frozen=True)
-class Chirp(Switched):
+class Chirp(Steps):
     """Square wave whose period goes from one value to another, each cycle by nearly the same factor.
 
     The frequency is f(t) = f_0 (f_1/f_0)^(t/duration), and the power is on while the fraction of the phase
@@ -317,19 +301,15 @@ class Chirp(Switched):
         if self.first == self.last:
             raise InputError(f"first = last = {self.first:g} s do not differ", "take a SquareWave")
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Times of change in s."""
+    def _steps(self) -> tuple[Array, Array]:
         rate = np.log(self.first / self.last) / self.duration
         cycles = np.expm1(rate * self.duration) / (rate * self.first)
         phase = (np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]).ravel()[1:]
         times = np.log1p(phase[phase < cycles] * rate * self.first) / rate
-        return np.append(times, self.duration) if times.size % 2 == 0 else times
+        return _on_off(self.power, times, self.duration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,19 +366,14 @@ class Symbols(Steps):
         """End of the last symbol in s."""
         return self.start + np.size(self.values) / self.rate
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Ends of all nodes in s, shape (n nodes + 1,)."""
-        nodes = np.size(self.mask)
-        return self.start + np.arange(np.size(self.values) * nodes + 1) / (self.rate * nodes)
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """Power of every node in W, the bias before and after them."""
+    def _steps(self) -> tuple[Array, Array]:
+        """Ends of all nodes in s, and the power of every node in W, the bias before and after them."""
+        count = np.size(self.mask)
+        edges = self.start + np.arange(np.size(self.values) * count + 1) / (self.rate * count)
         nodes = np.outer(np.asarray(self.values), np.asarray(self.mask)).ravel()
         if self.noise:
             nodes = nodes + self.noise * np.random.default_rng(self.seed).normal(size=nodes.size)
-        return np.concatenate([[self.bias], np.maximum(self.bias + self.power * nodes, 0.0), [self.bias]])
+        return edges, np.concatenate([[self.bias], np.maximum(self.bias + self.power * nodes, 0.0), [self.bias]])
 
     def samples(self, per_node: int = 1) -> Array:
         """Times in s at the ends of equal parts of every node: where a readout samples, shape (n nodes per_node,)."""

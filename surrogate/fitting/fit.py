@@ -66,7 +66,7 @@ def fit_newton(
     heat_capacity : float, J/K
         the heated core's own m c_p, for the ratio below.
     method : "variable projection" or "pso"
-        "pso" lets the paper's particle swarm find the start.
+        "pso" lets the paper's particle swarm find the start; it needs pymoo, ``thermofem[swarm]``.
 
     Returns
     -------
@@ -356,11 +356,6 @@ def _common(values: Sequence[Any]) -> Any:
     return values[0] if all(v == values[0] for v in values) else None
 
 
-PARTICLES = 20
-GENERATIONS = 10
-SEED = 1
-
-
 def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
     """Run the swarm.
 
@@ -383,5 +378,5 @@ def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
         return np.asarray(problem.target - phi @ np.exp(log_R + log_rate))[: problem.weight.size]
 
     search = FunctionalProblem(2 * order, lambda particle: float(np.sum(misfit(particle) ** 2)), xl=low, xu=high)
-    best = minimize(search, PSO(pop_size=PARTICLES), ("n_gen", GENERATIONS), seed=SEED).X
+    best = minimize(search, PSO(pop_size=20), ("n_gen", 10), seed=1).X
     return best[:order], float(np.sqrt(np.mean((misfit(best) / problem.weight) ** 2)))
