@@ -147,7 +147,6 @@ def _cycle(count: int) -> Sequence[str]:
     return [CYCLE[i % len(CYCLE)] for i in range(count)]
 
 
-RATIOS = 5  # times the median gap: the mean gap beyond which samples are in equal ratios
 FINE = 4001  # samples of a period, between which a periodic state is a straight line
 
 
@@ -176,7 +175,8 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
     gaps = np.diff(t)
-    if not response.periodic and gaps.mean() > RATIOS * np.median(gaps):
+    # 5 times the median gap: the mean gap beyond which samples are in equal ratios
+    if not response.periodic and gaps.mean() > 5 * np.median(gaps):
         upper.set(xscale="log")
         lower.set(xscale="log")
     rise_label = "temperature rise (K)" if rise_unit == "K" else "rise of the voltage (V)"

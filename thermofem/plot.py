@@ -45,7 +45,6 @@ _UNMESHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "#c3c8ce", "hatc
 LINE = 0.08  # of the height of an axes: a line of small text
 _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
 MODEL = "a thermal model, such as th.Foster or the .model of a fit or a reduction"
-MOST_DECADES = 6  # with a number at the axis of a panel
 SHARES = (0.01, 0.99)  # of the steady rise, between which a step response is drawn, with a decade on either side
 
 # Okabe and Ito: apart for every kind of colour vision, and in grey
@@ -316,7 +315,7 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     phase.semilogx(frequency, np.degrees(np.angle(Z)), color=BLUE, linestyle="--", linewidth=1)
     phase.set_ylabel("phase (°)", color=BLUE)
     for panel in (left, right):
-        panel.xaxis.set_major_locator(LogLocator(numticks=MOST_DECADES))
+        panel.xaxis.set_major_locator(LogLocator(numticks=6))  # 6: with a number at the axis of a panel
     resistance = float(model.thermal_resistance)
     left.axhline(resistance * 1e-3, color=INK, linewidth=0.6, linestyle=":")
     left.set_title(f"{type(model).__name__}, $R_\\mathrm{{th}}$ = {resistance / 1e3:.4g} K/mW", fontsize="small")

@@ -35,10 +35,7 @@ ENDLESS = 1e12  # s: where a power that is held before its first and after its l
 MOST_CYCLES = 1e6  # periods that a call may span
 MANY = 8  # periods of a smooth wave, beyond which one is fitted and repeated
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the default rtol of every model
-COARSE = 1e-4  # the same, where only the sign of a power is asked
-UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
 STORED = 1e-7  # of a function by the cubics that a file keeps
-MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 KINDS: dict[str, type[Waveform]] = {}  # waveforms that a file can hold, by name
 
 
@@ -670,7 +667,8 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
     found = wave.pieces(start, stop, tolerance=tolerance)
     if not wave.piecewise_linear:
         low, high = bounds(found)
-        if low < -UNDERSHOOT * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
+        # 1e-6 of the largest power: what a cubic fit may fall below zero where the power is zero
+        if low < -1e-6 * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
             if tolerance <= TOLERANCE:
                 raise InputError(f"the power of the {type(wave).__name__} falls to {low:g} W", "absorbed power heats")
             heating_pieces(wave, start, stop)  # a finer fit tells a negative power from the error of a coarse one
@@ -681,7 +679,7 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
 def check_heating(wave: Waveform, stop: float | None) -> None:
     """Raise InputError for a smooth power that is negative or too large before ``stop`` in s."""
     if stop and not wave.piecewise_linear:
-        heating_pieces(wave, 0.0, stop, tolerance=COARSE)
+        heating_pieces(wave, 0.0, stop, tolerance=1e-4)  # 1e-4: the same, where only the sign of a power is asked
 
 
 def period_times(wave: Waveform, samples: int) -> Array:
@@ -694,7 +692,8 @@ def period_times(wave: Waveform, samples: int) -> Array:
     if period is None:
         raise InputError(f"{type(wave).__name__} has no period", "a periodic state needs a periodic waveform")
     breakpoints = wave.breakpoints(0.0, period)
-    samples = checks.integer("samples", samples, 3, MOST_SAMPLES)
+    # 10_000_000 of a periodic state; more would not fit into memory
+    samples = checks.integer("samples", samples, 3, 10_000_000)
     times = np.arange(samples, dtype=float) * (period / (samples - 1))
     times[-1] = period
     nearest = {min(max(round(e / period * (samples - 1)), 1), samples - 2): e for e in breakpoints.tolist()}

@@ -36,7 +36,6 @@ from thermofem.models.state_space import LARGEST
 
 from .ring_pairs import SAME, Pairs, RingKinds, check_positions, reduce_pairs, ring_positions, rings_of, with_copies
 
-ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
 _SHARES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
 
@@ -292,7 +291,7 @@ def _is_passive(model: StateSpace) -> bool:
         here = which == k
         total = total + model.C[:, here] @ model.B[here, :n] / values[k]
         least = min(least, float(np.linalg.eigvalsh((total + total.T) / 2)[0]))
-    return least >= -ROUND_OFF * float(model.gain.max())
+    return least >= -1e-14 * float(model.gain.max())  # 1e-14 of the largest R_th: an eigenvalue that is 0
 
 
 def _half_time(channel: Foster) -> float:

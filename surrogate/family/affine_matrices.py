@@ -31,8 +31,6 @@ from .affine_grid import CellGrid, Properties, member_properties
 from .parameter_box import Box
 from .surface_weights import SAMPLES, SampledWeights, SurfacePoints, points
 
-ALIKE = 1e-12  # two coefficients whose ratio is constant to this over the box are one
-
 
 @dataclass(frozen=True, eq=False)
 class Cells:
@@ -133,7 +131,7 @@ def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
         unit = samples[:, k] / size[k]
         rest = np.flatnonzero((kind < 0) & (size > 0))
         off = np.linalg.norm(samples[:, rest] / size[rest] - unit[:, None], axis=0)
-        alike = rest[off < ALIKE]
+        alike = rest[off < 1e-12]  # 1e-12: two coefficients whose ratio is constant to this over the box are one
         kind[alike], ratio[alike] = count, size[alike] / size[k]
         count += 1
     return kind, ratio

@@ -190,9 +190,6 @@ class Trainer:
 
 log = logging.getLogger("thermofem")
 
-MESH = 0.5  # accuracy of the first reference mesh over the tolerance
-MESHES = 3  # reference meshes tried
-HELD_OUT = 8  # members
 NOTHING = 1e-9  # relative change of a response over the range of a parameter that does nothing
 SAFETY = 1.5  # on floor and factor of the predicted error
 
@@ -202,7 +199,7 @@ def train_family(
     tolerance: float = 1e-3,
     *,
     seed: int = 0,
-    held_out: int = HELD_OUT,
+    held_out: int = 8,  # 8 members
     report: Callable[[str], None] | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
@@ -368,8 +365,8 @@ def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
 ) -> tuple[AffineEngine | MovedMeshEngine, list[MemberModes]]:
     """Choose the engine, and a mesh whose error at held-out members is below `SHARE`; and these members on it."""
-    accuracy = MESH * tolerance
-    for _ in range(MESHES):
+    accuracy = 0.5 * tolerance  # 0.5: accuracy of the first reference mesh over the tolerance
+    for _ in range(3):  # 3: reference meshes tried
         engine: AffineEngine | MovedMeshEngine
         try:
             engine = AffineEngine(box, accuracy)

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
-RANKED = 200  # samples by which they are compared
 FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
-STEEPEST = 100.0  # largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
-FALLEN = 0.99  # of the largest rise: what does not end below is no cooling curve
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 
 
@@ -92,15 +89,16 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
             f"times begins at {t[0]:g} s and lasts {span:g} s; 0 is the end of the power: subtract that moment"
         )
     y = y / size  # SciPy's tolerance of the gradient is absolute
-    if np.abs(y[-1]) > FALLEN:
+    if np.abs(y[-1]) > 0.99:  # 0.99 of the largest rise: what does not end below is no cooling curve
         raise checks.InputError(f"rise ends at {size * y[-1]:.3g} K of at most {size:.3g} K; a cooling curve falls")
 
     def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
         columns = np.exp(-t[few, None] / np.exp(log_tau))
         return y[few] - columns @ np.linalg.lstsq(columns, y[few], rcond=None)[0]
 
-    few = slice(None, None, max(1, t.size // RANKED))
-    low = np.log(max(float(np.diff(t).min()) / FASTER, abs(float(t[0])) / STEEPEST, np.finfo(float).tiny))
+    few = slice(None, None, max(1, t.size // 200))  # 200 samples by which they are compared
+    # 100.0: largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
+    low = np.log(max(float(np.diff(t).min()) / FASTER, abs(float(t[0])) / 100.0, np.finfo(float).tiny))
     high = np.log(SLOWER * span)
     grid = np.linspace(low, high, GRID + 2)[1:-1]
     ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))

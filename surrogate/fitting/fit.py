@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 METHODS = ("variable projection", "pso")
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
 ROUND_OFF = 1e-9  # of the swing: a misfit that more poles do not lower
-SAME = 1.02  # ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
 
 
 def fit_newton(
@@ -130,7 +129,8 @@ def fit_second_order(
     parameters = second_order_parameters(poles, heat_capacity)
     if min(c_f, c_s) < 0 and not training.transfer:
         one = optimum(training.problem, 1)
-        if one.gain[0] > 0 and one.relative_residual < found.relative_residual * SAME + 1e-6:
+        # 1.02: ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
+        if one.gain[0] > 0 and one.relative_residual < found.relative_residual * 1.02 + 1e-6:
             raise checks.InputError("delta_T shows one pole: a second one fits noise", "train fit_newton")
         raise checks.InputError(
             f"the best pair of poles cools when heated (kappa = {parameters['kappa']:.3g} 1/s, eta = "

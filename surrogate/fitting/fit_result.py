@@ -96,11 +96,8 @@ class Fit(HasModel):
 
 
 FEW = 3  # rows at rest that show a baseline
-LOW = 1e-3  # of the swing: R_th P below the last rows by less is the misfit of the fit
 
-CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
-OTHER = 0.1  # relative difference of thermal resistances that is told
 KNOWN = np.log(10)  # standard deviation of ln(tau) from which its size says nothing
 OUTSIDE = 3.0  # time constant over the longest time shown, or the shortest over it, from which it is an extrapolation
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
@@ -137,14 +134,16 @@ def below_last(model: Foster, responses: Sequence[Response], offset: Array) -> l
             continue
         last, top = y[-max(1, t.size // 50) :], model.thermal_resistance * float(power[0])
         noise = float(np.median(np.abs(np.diff(y, 2)))) / (0.6745 * np.sqrt(6))
-        if top < last.mean() - max(4 * noise / np.sqrt(last.size), LOW * float(np.ptp(y))):
+        # 1e-3 of the swing: R_th P below the last rows by less is the misfit of the fit
+        if top < last.mean() - max(4 * noise / np.sqrt(last.size), 1e-3 * float(np.ptp(y))):
             return [f"R_th P is {top:.4g} K, below the last rows, {last.mean():.4g} K: are start and baseline right?"]
     return []
 
 
 def other_gain(model: Foster, stated: float | None) -> list[str]:
     """Warning if the thermal resistance of the model differs from that of the data."""
-    if stated is None or abs(model.thermal_resistance - stated) <= OTHER * abs(stated):
+    # 0.1: relative difference of thermal resistances that is told
+    if stated is None or abs(model.thermal_resistance - stated) <= 0.1 * abs(stated):
         return []
     own, true = (quantity.rounded(R, "K/W") for R in (model.thermal_resistance, stated))
     return [f"R_th is {own} where the data state {true}: the model holds for heating like its training, not at rest"]
@@ -156,7 +155,7 @@ def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
     shares [shape (n,), unit]: R of every pole, or its amplitude.
     """
     largest, total = float(np.abs(shares).max()), abs(float(np.sum(shares)))
-    if largest <= CANCELLING * total:
+    if largest <= 100.0 * total:  # 100.0: R of a pole over R_th from which poles of opposite sign count as one
         return []
     return [
         f"poles of up to {largest:.2g} {unit} cancel to {total:.2g} {unit}: two of them are nearly one, so take one "
@@ -201,12 +200,7 @@ def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[floa
     return notes
 
 
-PER_DECADE = 2  # time constants of the grid: with gains of either sign their sums follow a pole in between to 1e-3
 BEYOND = 3.0, 10.0  # factors by which the grid exceeds the shortest and the longest time of the samples
-LAGS = 16  # in the shortest time between two edges
-FEWEST = 2  # samples in a lag: the noise of neighbouring samples may be one
-SIGMAS = 3.0  # of the autocorrelation of noise
-LARGE = 0.01  # of the swing: a smaller misfit moves the parameters by less than the choice of the model
 
 
 def mismatch(response: Response) -> list[str]:
@@ -214,14 +208,18 @@ def mismatch(response: Response) -> list[str]:
     problem = FitProblem([response])
     shortest, longest = problem.span
     low, high = shortest / BEYOND[0], longest * BEYOND[1]
-    phi = problem.columns(-np.log(np.geomspace(low, high, int(PER_DECADE * np.log10(high / low)) + 2)))
+    # 2: time constants of the grid: with gains of either sign their sums follow a pole in between to 1e-3
+    phi = problem.columns(-np.log(np.geomspace(low, high, int(2 * np.log10(high / low)) + 2)))
     phi = phi[:, np.any(phi != 0, axis=0)]
     left = problem.target - phi @ problem.gains(phi)
-    lag = max(FEWEST, _between_edges(response) // LAGS)
+    # at least 2 samples in a lag: the noise of neighbouring samples may be one
+    lag = max(2, _between_edges(response) // 16)  # 16 lags in the shortest time between two breakpoints
     if left.size <= 2 * lag:
         return []
     structure = float(np.mean(left[lag:] * left[:-lag]))
-    if structure < LARGE**2 or structure < SIGMAS * np.sqrt(lag / left.size) * float(np.mean(left**2)):
+    # 3 sigmas of the autocorrelation of noise
+    # 0.01 of the swing: a smaller misfit moves the parameters by less than the choice of the model
+    if structure < 0.01**2 or structure < 3.0 * np.sqrt(lag / left.size) * float(np.mean(left**2)):
         return []
     return [
         f"the drive does not match delta_T ({response.name}): whatever the poles, {np.sqrt(structure):.1%} of the "

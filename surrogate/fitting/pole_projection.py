@@ -39,10 +39,6 @@ from thermofem.arrays import Array
 from thermofem.data import quantity
 from thermofem.data.dataset import Response
 
-FEWEST = 50  # samples from which an autocorrelation is estimated; fewer count as white
-FREE = 5  # samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
-SEEN = 1e-6  # share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
-
 
 def noise_along(
     residuals: Sequence[Array], U: Array, variance: float, *, alike: bool = False, rest: Sequence[int] = ()
@@ -60,7 +56,8 @@ def noise_along(
     each = np.full(len(parts), variance)
     if len(parts) > 1:
         residuals, shown, freedom = zip(*map(_own, residuals, parts), strict=True)
-        least = np.where(np.array(freedom) < FREE, variance, 0.0)
+        # 5 samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
+        least = np.where(np.array(freedom) < 5, variance, 0.0)
         each = each if alike else np.maximum(shown, least)
     other = np.append(each[list(rest)], np.full(len(U) - ends[-1] - len(rest), variance))
     scaled = U * np.sqrt(np.append(np.repeat(each, [left.size for left in residuals]), other))[:, None]
@@ -72,7 +69,8 @@ def noise_along(
 def _own(left: Array, part: Array) -> tuple[Array, float, int]:
     """Residuals of one trace without what the parameters explain of them, their variance and degrees of freedom."""
     along, size, _ = np.linalg.svd(part, full_matrices=False)
-    along = along[:, size > SEEN]
+    # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
+    along = along[:, size > 1e-6]
     left = left - along @ (along.T @ left)
     free = left.size - along.shape[1]
     return left, float(left @ left) / max(free, 1), free
@@ -93,7 +91,7 @@ def _autocorrelation(left: Array) -> Array:
     """rho_1, rho_2, .. of the residuals of one trace, as far as they differ from noise."""
     n = left.size
     square = float(left @ left)
-    if n < FEWEST or not square > 0:
+    if n < 50 or not square > 0:  # 50 samples from which an autocorrelation is estimated; fewer count as white
         return np.empty(0)
     spectrum = np.fft.rfft(left, 2 * n)
     rho = np.fft.irfft(np.abs(spectrum) ** 2)[: n // 2 * 2] / square
@@ -102,13 +100,11 @@ def _autocorrelation(left: Array) -> Array:
     return np.asarray(rho[1 : 2 * (last[0] if last.size else pairs.size)])
 
 
-STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
 UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
 CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
 AT_END = 0.999  # of the range of a shift, from which on it counts as held there
 ROUND_OFF, SIGMAS = 1e-9, 3.0  # of the swing; of the noise: below these a misfit counts as noise
-SCANNED = 3  # up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +153,8 @@ class FitProblem:
         weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.responses])
         target = self._off_baseline(np.concatenate([d.rise / d.swing for d in self.responses])[:, None])[:, 0]
         if self.thermal_resistance is not None:
-            target = np.append(target, STATIC_WEIGHT * np.sqrt(target.size))
+            # 1e3: weight of the static-gain row over all samples together; the last 1e-6 are rescaled away
+            target = np.append(target, 1e3 * np.sqrt(target.size))
         object.__setattr__(self, "weight", weight)
         object.__setattr__(self, "target", target)
         shortest, longest = self.span
@@ -309,7 +306,7 @@ def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
 def _starts(problem: FitProblem, order: int) -> list[Array]:
     """For few poles the best set of grid rates, by trying all; for more, log-spaced rates over several spans."""
     shortest, longest = problem.span
-    if order <= SCANNED:
+    if order <= 3:  # 3: up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
         grid = np.log(np.geomspace(0.3 / longest, 0.3 / shortest, 14))
         return [grid[_best_columns(problem.columns(grid), problem.target, order)]]
     slow, fast = np.log(1 / longest), np.log(1 / shortest)

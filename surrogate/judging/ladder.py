@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
 TIMES = np.arange(20_000) * 2e-9  # s, of the telegraphs
-REFERENCE = 1e-6  # certificate of what the others are judged by
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
@@ -98,7 +97,7 @@ def train_all(
     part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = part if read is None else checks.text("read", read)
     system = heat.channels(part, read)
-    fine = reduce(system, REFERENCE)
+    fine = reduce(system, 1e-6)  # 1e-6: certificate of what the others are judged by
     exact: Foster = fine.model  # type: ignore[assignment]  # one channel
     periodic, step = training_data(exact, power, duty, {"heated": part, "read": read})
     makers: dict[str, Callable[[], ThermalModel]] = {

@@ -222,7 +222,6 @@ def _phi(projection: Projection, shift: float, solution: Array, gram: Array, ome
 
 
 EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
-FAR = 200.0  # between two shifts: beyond, the bound in their middle is three times the error (measured)
 
 
 class CertifiedSpace(krylov.KrylovSpace):
@@ -347,5 +346,6 @@ def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> t
     else:
         count, low, high = 3, 18 * slowest, 1.1 * tolerance**-0.5 * fastest
     low = min(low, high / 10)
-    between = [np.sqrt(low * high)] if count == 2 and high > FAR * low else []
+    # 200.0: between two shifts: beyond, the bound in their middle is three times the error (measured)
+    between = [np.sqrt(low * high)] if count == 2 and high > 200.0 * low else []
     return np.concatenate([[0.0], np.geomspace(low, high, count), between]), count

@@ -53,8 +53,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("thermofem")
 
-OTHER = 0.1  # relative difference of thermal resistances that is told
-
 
 def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None = None) -> OutputMap:
     """Linear dynamics with the static map dT = z + coefficient z^2 of two nonlinear steady solutions.
@@ -83,7 +81,7 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
     if linear is not None:
         checks.instance("linear", linear, Foster, hint="a linear network is needed, such as surrogate.reduce gives")
         own, given = system.thermal_resistance, linear.thermal_resistance
-        if abs(given - own) > OTHER * own:
+        if abs(given - own) > 0.1 * own:  # 0.1: relative difference of thermal resistances that is told
             log.warning("linear has R_th = %.4g K/W and the system %.4g: is it of another ring?", given, own)
     if linear is None:
         linear = reduce(system.linear, 1e-4).model  # type: ignore[assignment]  # one channel: a Foster network
@@ -137,10 +135,6 @@ def check_nonlinear(system: NonlinearSystem, power: float) -> float:
     checks.instance("system", system, NonlinearSystem, hint=hint)
     check_single(system)
     return checks.power("power", power)
-
-
-HOT = 0.1  # tolerance of the reduction about the steady field: 4 to 6 vectors more
-DEPENDENT = 1e-8  # of the largest: below, a direction of the basis is in the span of the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +213,8 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
 def _hot_basis(system: NonlinearSystem, steady: Array) -> Array:
     """Rational Krylov basis of the heat equation linearised about a steady field; the Jacobian is symmetrised."""
     slope = system.flow.jacobian(steady)
-    return reduce(replace(system.linear, A=-(slope + slope.T) / 2), HOT).basis
+    # 0.1: tolerance of the reduction about the steady field: 4 to 6 vectors more
+    return reduce(replace(system.linear, A=-(slope + slope.T) / 2), 0.1).basis
 
 
 def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
@@ -227,7 +222,7 @@ def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
     E, A = system.linear.E, system.linear.A
     fields = fields / np.sqrt(np.einsum("ij,ij->j", fields, E @ fields))
     size, turn = np.linalg.eigh(fields.T @ (E @ fields))
-    kept = size > DEPENDENT * size[-1]
+    kept = size > 1e-8 * size[-1]  # 1e-8 of the largest: below, a direction of the basis is in the span of the others
     V = fields @ (turn[:, kept] / np.sqrt(size[kept]))
     stiffness = -V.T @ (A @ V)
     rate, Z = np.linalg.eigh(symmetric_part(stiffness))

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 NOTHING = 1e-50  # of the entries of an input or output
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
-OVERLOOKED = 1e-2  # share of the residual that `certify` neglects, above which `certify_defect` is used
 FEW = 4  # samples per decade for that
 
 
@@ -215,7 +214,8 @@ def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: floa
             certificate = certify(projection, space.shifts[1:], solutions, pairs=pairs)
             if np.max(certificate.top / scale) <= 1:
                 share = leftover(projection, space.defect, 1 / space.M.diagonal())
-                if share > OVERLOOKED:
+                # 1e-2: share of the residual that `certify` neglects, above which `certify_defect` is used
+                if share > 1e-2:
                     break  # round-off has entered the basis
                 return projection, certificate
         if not space.extend(solution):
@@ -282,7 +282,6 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
 
 
 OWN = 1e-6  # largest element of V^T K V, over its poles, minus 1: round-off leaves 1e-10
-SIMPLE = 1e-6  # relative distance of neighbouring rates below which a pole is not simple
 
 
 def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | Sequence[str]) -> xr.Dataset:
@@ -327,7 +326,8 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     modal = ModalDerivative(rate, V.T @ b, V.T @ c, *on_modes(tangents, (heated, read), d.free, V))
     of_R, of_tau = modal.poles()
     apart = np.abs(rate[:, None] / rate - 1) + np.eye(rate.size)
-    double = apart.min(axis=1) < SIMPLE
+    # 1e-6: relative distance of neighbouring rates below which a pole is not simple
+    double = apart.min(axis=1) < 1e-6
     of_R[:, double], of_tau[:, double] = np.nan, np.nan
     return xr.Dataset(
         {

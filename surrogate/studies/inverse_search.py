@@ -172,8 +172,6 @@ def _real(found: Any) -> Any:
 
 Ranges = Mapping[str, tuple[float, float]]
 
-PENALTY = 1e6  # relative misfit of a member that has no such property, such as a ring that does not pulse
-
 
 @dataclass(frozen=True, eq=False)
 class Search:
@@ -215,7 +213,8 @@ class Search:
     def misfit(self, x: Array) -> Array:
         """Relative misfit of every target."""
         got = self.achieved(x)
-        return np.array([PENALTY if np.isnan(got[name]) else got[name] / float(self.wanted[name]) - 1 for name in got])
+        # 1e6: relative misfit of a member that has no such property, such as a ring that does not pulse
+        return np.array([1e6 if np.isnan(got[name]) else got[name] / float(self.wanted[name]) - 1 for name in got])
 
 
 def search_of(

@@ -59,8 +59,6 @@ class LinearSystem(Protocol):
 
 System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 
-SHIFTS = 4  # 0, and three from 30 times the slowest to 300 times the fastest of `rates`
-ROOM = 32  # columns that a space has room for at first
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
 MUCH = 1e-6  # squared length of what a column of unit length adds, above which one more projection is enough
 REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
@@ -112,7 +110,8 @@ class KrylovSpace:
         self.K, self.M, self.B, self.smallest = K, M, B, smallest
         self.order, self.stiffness = 0, np.empty((0, 0))
         self.inside, self.remainder = np.empty((0, B.shape[1])), B
-        self._V, self._MV = (np.empty((B.shape[0], ROOM), order="F") for _ in range(2))
+        # 32: columns that a space has room for at first
+        self._V, self._MV = (np.empty((B.shape[0], 32), order="F") for _ in range(2))
 
     @property
     def V(self) -> Array:
@@ -233,7 +232,8 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
     M, K = csr_matrix(system.E), -csr_matrix(system.A)
     static = factorize(K)
     slow, fast = rates(system, static)
-    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, SHIFTS - 1))
+    # 4: 0, and three from 30 times the slowest to 300 times the fastest of `rates`
+    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, 4 - 1))
     space = Rounds(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
     for _ in range(cycles):
         space.grow()

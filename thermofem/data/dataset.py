@@ -36,7 +36,6 @@ log = logging.getLogger("thermofem")
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
-CROPPED = 100.0  # of the span of a trace: how far its start may be off, where most of its rows were left out
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
 ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
@@ -198,7 +197,8 @@ def response_of(data: xr.Dataset) -> Response:
     gain = static_gain(data)
     if periodic:
         return Response(wave, times, rise, periodic, words, gain, doubts)
-    within = _estimated(data, START, 0.0, CROPPED * float(np.ptp(times)))
+    # 100.0 of the span of a trace: how far its start may be off, where most of its rows were left out
+    within = _estimated(data, START, 0.0, 100.0 * float(np.ptp(times)))
     rest = _estimated(data, REST, np.inf, POSSIBLE[1])
     noise = _estimated(data, NOISE, np.nan, POSSIBLE[1])
     within = min(within, float(times[-1]) / FEWEST)

@@ -34,7 +34,6 @@ AIM = 0.8  # of the target
 LEFT = 0.15  # of the share of a triangle after it was divided in four: 1/16 where the field is smooth, 0.4 at a corner
 BULK = 0.8  # of the sum
 FINEST = 1e-8  # of the largest coordinate: ten times `mesh_motion.NEAR`, within which a vertex is at a corner
-ORDINARY = 2 / 3  # exponent of the field at the corner of a good conductor
 
 
 def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
@@ -54,7 +53,8 @@ def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
     deeper = [point for point, there in at.items() if (there & chosen).any()]
     mesh = refined(mesh, chosen)[0]
     for point in deeper:
-        for _ in range(round(ORDINARY / estimate.corners[point]) - 1):
+        # 2 / 3: exponent of the field at the corner of a good conductor
+        for _ in range(round((2 / 3) / estimate.corners[point]) - 1):
             there = _touching(mesh, point) & (_longest(mesh) >= 2 * finest)
             mesh = refined(mesh, there)[0] if there.any() else mesh
     return mesh

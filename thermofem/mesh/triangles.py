@@ -17,11 +17,9 @@ from .. import checks
 from ..checks import InputError, check_names
 from ..data import files
 
-BYTES = 100_000_000  # of a file: about a million triangles as text
 LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
 ROUND_OFF = 1e-9  # of the size of a mesh: places this close are one
-FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 _COUNT = re.compile(rb"(?<!\S)[0-9]{9,}(?!\S)")  # memory that meshio takes before it knows that the numbers are there
 _log = logging.getLogger("thermofem")
@@ -123,7 +121,7 @@ def check_triangles(
     a, b, c = (points[triangles[:, k]] for k in range(3))
     area = signed_areas(points, triangles)
     longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
-    flat = 2 * np.abs(area) <= FLAT * longest
+    flat = 2 * np.abs(area) <= 1e-10 * longest  # 1e-10: height over longest side, of a triangle that has no area
     if flat.any():
         raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
     return points, np.where(area[:, None] < 0, triangles[:, ::-1], triangles), region
@@ -159,7 +157,8 @@ def load(path: str | Path) -> Mesh:
         no such file, a damaged one, elements other than triangles, groups without names, triangles without area, beyond
         the axis or out of the plane, and triangles that overlap or do not share the points where they meet.
     """
-    content = files.read_bytes(path, "mesh", most=BYTES)
+    # 100_000_000 of a file: about a million triangles as text
+    content = files.read_bytes(path, "mesh", most=100_000_000)
     try:
         if _COUNT.search(content):
             raise InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")

@@ -32,8 +32,6 @@ from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray
 from ..checks import check_names
 
-BEYOND = 1.2  # a rise this far above the training's largest draws a warning
-
 
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
     """What ``run`` gives at times that do not fall, for times of any order and shape."""
@@ -175,7 +173,8 @@ class OutsideTrainingWarning(UserWarning):
 
 def warn_beyond(rise: Array, trained: float | None) -> Array:
     """``rise``, unchanged; OutsideTrainingWarning where it far exceeds that of the training (None: not known)."""
-    if trained is not None and np.max(rise, initial=0.0) > BEYOND * trained:
+    # 1.2: a rise this far above the training's largest draws a warning
+    if trained is not None and np.max(rise, initial=0.0) > 1.2 * trained:
         text = f"the model is asked for a rise of {rise.max():.3g} K; its training reached {trained:.3g} K"
         warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
     return rise

@@ -34,9 +34,7 @@ from .esdirk import STAGE_TIMES
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # on [-1, 1]
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 _POWERS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ _POWERS = coefficients of u^m
-FIT = 1e-6  # of a smooth power by one cubic between grid times, relative to its peak
 _GRADING = 2.0 ** -np.arange(1, 25)
-SWEEPS = 40
 
 
 def _legendre(u: ArrayLike) -> Array:
@@ -99,7 +97,7 @@ class FastPart:
         """Values and slopes with k(T) and c_p(T), from those without and what these were made of."""
         h, gains, decay, forcing, heat = linear
         w0 = self.values[0] + curved(self.values[:1])[1][0]
-        for _ in range(SWEEPS):
+        for _ in range(40):
             z = self.values
             flow, held = curved(z)
             g = self.rate * held - flow
@@ -200,7 +198,8 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
         if not getattr(wave, "piecewise_linear", False) and not isinstance(wave, Cubic):
-            parts.append(wave.pieces(start, stop, tolerance=FIT).edges)  # between two knots the power is one cubic
+            # 1e-6 of a smooth power by one cubic between grid times, relative to its peak
+            parts.append(wave.pieces(start, stop, tolerance=1e-6).edges)  # between two knots the power is one cubic
         parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]
     grid = np.unique(np.concatenate(parts))
     grid = grid[(grid >= start) & (grid <= stop)]

@@ -82,10 +82,7 @@ class Trajectory:
 
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
-RELAXATION = 1 / 1.149  # middle of the interval 1..1.298 of the corrected period map
 PASSES = 30
-EDGE_GAIN = 4**1.5  # of a first step's error from rung to rung: behind an edge the rise is t - a t^1.5 (measured)
-FLOOR = 1e-6  # of the static rise at the peak of a smooth power: errors in its early tail are measured against it
 FINEST = 40  # rungs below the length of a piece before a run is given up
 
 
@@ -173,7 +170,8 @@ def integrate_periodic(
     plan, end = _plan(stepper, control, edges, times, x, progress)
     for k in range(1, PASSES + 1):
         defect = end - x
-        correction = RELAXATION * (defect + stepper.static(stepper.E @ defect) / period)
+        # 1 / 1.149: middle of the interval 1..1.298 of the corrected period map
+        correction = (1 / 1.149) * (defect + stepper.static(stepper.E @ defect) / period)
         x = x + correction
         record = _Record(stepper, times, np.empty(0), ledger, x, progress, k * period)
         end = _march(stepper, plan, x, record)
@@ -227,7 +225,8 @@ def _cross(
                     stepper.doubt(x),
                 )
             stepper.rejected += 1
-            down = int(np.ceil(np.log(error) / np.log(EDGE_GAIN))) if not taken and np.isfinite(error) else 1
+            # 4**1.5 of a first step's error from rung to rung: behind an edge the rise is t - a t^1.5 (measured)
+            down = int(np.ceil(np.log(error) / np.log(4**1.5))) if not taken and np.isfinite(error) else 1
             done, rung = 4**down * done, rung + down
             continue
         record.add(t, h, slopes, states)
@@ -277,7 +276,8 @@ class _Control:
 
     def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
         self.stepper, self.rtol = stepper, rtol
-        floor = max(FLOOR * stepper.smooth_peak, stepper.least)
+        # 1e-6 of the static rise at the peak of a smooth power: errors in its early tail are measured against it
+        floor = max(1e-6 * stepper.smooth_peak, stepper.least)
         self.outputs = np.maximum(np.abs(stepper.C @ x), floor * np.abs(stepper.C @ stepper.steady))
         self.field = max(stepper.norm(x), floor * stepper.norm(stepper.steady))
         self.first_step = np.inf

@@ -47,7 +47,6 @@ STORED = 4.0  # the same of the stored heat, of which less is left at the end th
 LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such an edge, so the shifts follow
 WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
 MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
-STALLED = 1e-2  # of the tolerance: below it a change counts as none, however slowly the changes fall
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +149,8 @@ class Modal:
             answers = [*answers[-2:], Answer(basis, z, z @ basis.read(watched).T)]
             if len(answers) >= -back:
                 before, last = last, _moved(answers[back], answers[-1], watched, space, shown, len(content)) / rtol
-                if max(before, last) <= 1 and last <= max(before / 2, STALLED):
+                # 1e-2 of the tolerance: below it a change counts as none, however slowly the changes fall
+                if max(before, last) <= 1 and last <= max(before / 2, 1e-2):
                     break
         else:
             return None
