@@ -73,8 +73,7 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         corrector.begin(field)
         states = None
     elif "pulses" in attrs and "final_state" in attrs:
-        dims = {"absorbed": "time", "time": "time"}
-        initial = contents("initial", initial, dims, what=KINDS, attrs=("period",))
+        initial = contents("initial", initial, ("absorbed", "time"), what=KINDS)
         first = State.end_of(initial).as_array()
         light, states = first[:3], first[3:]
         corrector.begin(_lifted(initial, corrector))

@@ -280,9 +280,8 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
         no Dataset of `judge`, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
-    dims = {"model": "model", "power": "power", "period": "period", "states": "model"}
-    dims["period_error"] = "model power period"
-    judged = contents("judged", judged, dims, what="a Dataset of surrogate.judge", words=("model",))
+    needed = ("model", "power", "period", "states", "period_error")
+    judged = contents("judged", judged, needed, what="a Dataset of surrogate.judge")
     lines = []
     low, high = float(judged["period"][0]), float(judged["period"][-1])
     for power in judged["power"].values:

@@ -13,7 +13,7 @@ from scipy.constants import c
 
 from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.variables import in_si, takes
+from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 from thermofem.piecewise import bounds
 from thermofem.waveforms import Waveform
@@ -124,7 +124,6 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1, training: float | Non
         no curve, several models, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
-    takes("curve", curve, "period", "relative_error", what="a Dataset of period_error")
     period, error = in_si("curve", curve)["period"], curve["relative_error"]
     x = np.log(checks.array("curve.period", np.atleast_1d(period.values), increasing=True))
     if error.dtype.kind not in "fiu" or error.size != x.size:
