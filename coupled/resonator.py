@@ -269,7 +269,7 @@ class RingResonator:
             base whose rates are set and would not follow the new volume.
         """
         checks.instance("base", base, RingResonator, hint="coupled.borghi2021() is one")
-        found = ring_toml.rates_of(frequency, loaded_q, intrinsic_q, buses, absorbed_fraction)
+        found: dict[str, Any] = ring_toml.rates_of(frequency, loaded_q, intrinsic_q, buses, absorbed_fraction)
         if (perimeter is None) != (mode_area is None):
             raise checks.InputError("perimeter and mode_area make a volume together; give both or none")
         if perimeter is not None and mode_area is not None:

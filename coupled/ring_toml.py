@@ -167,7 +167,7 @@ def _resolve(values: dict[str, Any], frequency: float | None) -> None:
         if frequency is None:
             raise InputError("frequency or wavelength is missing; quality factors need it")
         values |= rates_of(
-            frequency, values.pop("loaded_q"), values.pop("intrinsic_q"), buses, 1.0 if share is None else share
+            frequency, values.pop("loaded_q"), values.pop("intrinsic_q"), int(buses), 1.0 if share is None else share
         )
     elif share is not None:
         raise InputError("absorbed_fraction goes with loaded_q and intrinsic_q; else give scattering_rate")
@@ -179,7 +179,7 @@ def _resolve(values: dict[str, Any], frequency: float | None) -> None:
 
 
 def rates_of(
-    frequency: float, loaded_q: float, intrinsic_q: float, buses: float, absorbed_fraction: float
+    frequency: float, loaded_q: float, intrinsic_q: float, buses: int, absorbed_fraction: float
 ) -> dict[str, float]:
     """The frequency and the amplitude rates of a ring with these quality factors, by field."""
     frequency = checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")

@@ -20,6 +20,7 @@ from ..contradictions import check_geometry
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import ThermalFamily, Unknowns, unknowns
+from .cycles import NEAR
 from .forced_filters import Start, forced_starts
 from .levenberg import End, Prior, Residuals, central_slopes, least_squares
 from .matching import Target, at_bound, targets_of
@@ -27,7 +28,6 @@ from .settled_cycles import SOFT, STAGES, Seen, Stage, compared, cycle_residuals
 
 log = logging.getLogger("thermofem")
 
-NEAR = 0.1  # of a whole number, relative: a ratio of periods that is one
 ALONG = (
     0,
     -0.01,

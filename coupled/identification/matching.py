@@ -140,7 +140,7 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
         ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
         times=np.unique(np.minimum(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]).round(15), end)),
     )  # fmt: skip
-    return cycle_of(run, at=at)
+    return cycle_of(run, at=at, near=target.observed.clock)
 
 
 def residuals(what: Unknowns, targets: list[Target], wanted: list[Cycle], x: Array) -> Array:

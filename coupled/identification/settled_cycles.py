@@ -102,7 +102,7 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
         ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, times=times,
         rtol=RTOL,
     )  # fmt: skip
-    return run, cycle_of(run, at=np.linspace(begin, end, int((end - begin) / late)))
+    return run, cycle_of(run, at=np.linspace(begin, end, int((end - begin) / late)), near=target.observed.clock)
 
 
 def repeats(run: xr.Dataset) -> bool:
