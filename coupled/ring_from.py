@@ -8,7 +8,6 @@ Heat: (dn/dT) G = dn_eff/dT, so that w0 G/n_g (dn/dT) T is the shift by the temp
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from thermofem.geometry import CrossSection
     from thermofem.optics.modes import Mode
 
-log = logging.getLogger("thermofem")
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed
 
 
@@ -155,6 +153,7 @@ def ring_from(
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
     others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")
     of = next((name for name, one in PUBLISHED.items() if one() == base), base.name)
+    ring_toml.tell_base(of, base, fields)
     rest = {name: Origin(getattr(ring, name), f"base {of}") for name in others}
     return MadeRing(ring, values | rest, found)
 
@@ -213,35 +212,6 @@ def _radiated(mode: Mode) -> float:
         )
     rate = math.pi * c / mode.wavelength / quality
     return rate if rate > 1e5 else 0.0
-
-
-def check_geometry(ring: RingResonator, model: Any) -> None:
-    """Log where the volumes of a ring contradict the geometry that its thermal model was made from.
-
-    Raises InputError: the numbers of a silicon ring for a core of another material.
-    """
-    text = (getattr(model, "origin", None) or {}).get("geometry")
-    if not text:
-        return
-    section = th.CrossSection.from_toml_text(text)
-    core = "core" if "core" in section.heated else section.heated[0]
-    material, (low, high) = section.material_of(core), ring_toml.SILICON
-    own = None if material.index is None else material.index.index(c / ring.frequency)
-    if own is not None and not low < own < high and low < ring.refractive_index < high and ring.tpa_coefficient:
-        raise InputError(
-            f"ring {ring.name!r} has the numbers of silicon, and {core!r} of {section.name!r} is {material.name}",
-            "`thermofem ring` makes the ring of a geometry",
-        )
-    ratio = ring.tpa_volume / section.volumes()[core]
-    if not 0.3 < ratio < 4 and section.kind == "ring":
-        log.warning(
-            "ring %r: tpa_volume is %.3g um^3, %.2g times the volume of %r in the geometry of the model; give "
-            "perimeter and mode_area, or make the ring with `thermofem ring`",
-            ring.name,
-            ring.tpa_volume * 1e18,
-            ratio,
-            core,
-        )
 
 
 def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str | None = None) -> dict[str, float]:

@@ -47,14 +47,12 @@ def map_(
 ) -> dict[str, Any]:
     """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
     import coupled
-    from coupled.ring_from import check_geometry
 
     check_outputs([output, figure, resume], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     over = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
-    check_geometry(resonator, thermal)
     length = None if duration is None else quantity.parse(duration, "s", name="--duration")
     settings: dict[str, Any] = {"duration": length, "follow": follow, "file": resume, "show_bar": watched(), **parts}
     with options.executor_of(scheduler) as executor:

@@ -57,7 +57,6 @@ def ring(
         f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {made.mode.thermo_optic * length / 1e-12:.3g} pm/K"
     )
     say(f"bus: {made.origins['bus_rate']}")
-    say("from the base, not from this geometry: " + ", ".join(n for n, o in made.origins.items() if "base" in o.origin))
     wrote(output)
     origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in made.origins.items()}
     return {"loaded_q": found.loaded_q, "intrinsic_q": found.intrinsic_q, "origins": origins, "wrote": [output]}

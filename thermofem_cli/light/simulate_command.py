@@ -48,7 +48,6 @@ def simulate(
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
-    from coupled.ring_from import check_geometry
 
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     if sweep is not None:
@@ -58,7 +57,6 @@ def simulate(
     powers = drive_texts.heater_powers(heater, length)
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
     resonator = ring_of(ring)
-    check_geometry(resonator, thermal)
     light = drive_texts.light(resonator, power, detuning, sweep, modulate, length)
     others = drive_texts.lasers(laser, resonator, length)
     settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **light}

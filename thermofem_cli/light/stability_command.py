@@ -29,14 +29,12 @@ def stability(
 ) -> dict[str, Any]:
     """Classify every point of a map by linear stability, with Hopf and fold curves, of cycles too, in the figure."""
     import coupled
-    from coupled.ring_from import check_geometry
 
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     axes = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
-    check_geometry(resonator, thermal)
     with working("finding fixed points and their eigenvalues"):
         found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
     th.save(found, output)

@@ -37,7 +37,8 @@ def design(
 
     if not (period or swing or range_):
         options.unused(context, "goes with --period, --swing or --range", "power", "detuning", "optics", "ring")
-    found, drive = surrogate.load_family(file), (ring, power, detuning)
+    found = surrogate.load_family(file)
+    drive = (found, ring, power, detuning)
     asked: list[tuple[str, str | None, str, Callable[[], Any]]] = [
         ("--resistance", resistance, "K/W", lambda: "thermal_resistance"),
         ("--rise-time", rise_time, "s", lambda: "rise_time"),

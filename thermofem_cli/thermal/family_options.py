@@ -77,11 +77,11 @@ def _of_parameters(family: Family, option: str, given: list[str] | None, example
     return {checks.choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
 
 
-def cycle_property(name: str, ring: str, power: str, detuning: str) -> Callable[..., float]:
+def cycle_property(name: str, family: Any, ring: str, power: str, detuning: str) -> Callable[..., float]:
     """Period (s) or swing (K) of the settled cycle."""
     import coupled
 
-    resonator, watts, hertz = _drive(ring, power, detuning)
+    resonator, watts, hertz = _drive(family, ring, power, detuning)
 
     def of_cycle(model: Any, changes: Change | None = None) -> float:
         moved, shift = _changed(resonator, changes)
@@ -91,13 +91,13 @@ def cycle_property(name: str, ring: str, power: str, detuning: str) -> Callable[
     return of_cycle
 
 
-def pulsing_range(ring: str, power: str, detuning: str) -> Callable[..., float]:
+def pulsing_range(family: Any, ring: str, power: str, detuning: str) -> Callable[..., float]:
     """Range of detunings in Hz over which no state is stable, at one power."""
     import numpy as np
 
     import coupled
 
-    resonator, watts, _ = _drive(ring, power, detuning)
+    resonator, watts, _ = _drive(family, ring, power, detuning)
     detunings = np.linspace(*DETUNINGS)
 
     def range_of_pulsing(model: Any, changes: Change | None = None) -> float:
@@ -110,12 +110,14 @@ def pulsing_range(ring: str, power: str, detuning: str) -> Callable[..., float]:
     return range_of_pulsing
 
 
-def pulsing_points(ring: str, powers: Any, detunings: Any) -> Callable[..., Any]:
+def pulsing_points(family: Any, ring: str, powers: Any, detunings: Any) -> Callable[..., Any]:
     """Where no state is stable, Boolean over power and detuning."""
     import coupled
+    from coupled.contradictions import check_geometry
 
     resonator = ring_of(ring)
     note_ring(resonator, ring)
+    check_geometry(resonator, family)
 
     def pulses(model: Any, changes: Change | None = None) -> Any:
         moved, shift = _changed(resonator, changes)
@@ -125,9 +127,12 @@ def pulsing_points(ring: str, powers: Any, detunings: Any) -> Callable[..., Any]
     return pulses
 
 
-def _drive(ring: str, power: str, detuning: str) -> tuple[RingResonator, float, float]:
+def _drive(family: Any, ring: str, power: str, detuning: str) -> tuple[RingResonator, float, float]:
+    from coupled.contradictions import check_geometry
+
     resonator = ring_of(ring)
     note_ring(resonator, ring)
+    check_geometry(resonator, family)
     watts = quantity.parse(power, "W", name="--power")
     return resonator, watts, detuning_of(detuning, resonator)
 

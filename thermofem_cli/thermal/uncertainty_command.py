@@ -55,9 +55,9 @@ def uncertainty(
     spreads, fixed = spreads_of(found, spread), fixed_of(found, fix)
     what: Any = "thermal_resistance"
     if map_:
-        what = pulsing_points(ring, *grid(ring_of(ring), power, detuning, points))
+        what = pulsing_points(found, ring, *grid(ring_of(ring), power, detuning, points))
     elif period:
-        what = cycle_property("period", ring, power, detuning)
+        what = cycle_property("period", found, ring, power, detuning)
     both = next((name for name in fixed if name in spreads), None)
     if both is not None:
         raise InputError(f"--fix and --spread are both given for {both!r}; leave one of the two out")
