@@ -192,13 +192,8 @@ def regress(
     degree: of the polynomials in (states, control), without the constant.
     Returns [shape (n, terms)]
     """
-    try:
-        import pysindy
-        from pysindy.optimizers import ConstrainedSR3
-    except ImportError as error:
-        raise checks.MissingLibraryError(
-            f"fit_sindy needs pysindy and cvxpy: {error}; pip install pysindy cvxpy"
-        ) from None
+    import pysindy
+    from pysindy.optimizers import ConstrainedSR3
 
     constraints = {"constraint_lhs": np.array(rows), "constraint_rhs": np.zeros(len(rows))} if rows else {}
     optimizer = ConstrainedSR3(
@@ -228,7 +223,6 @@ def regress(
 
 def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ...]]:
     """Times, rises (time, probe), drive and names of the probes."""
-    checks.has("data", data, "data_vars", hint="a Dataset is needed, such as th.solve returns")
     if "delta_T" not in data or "probe" not in data["delta_T"].dims:
         raise checks.InputError(
             "data.delta_T has no probes: SINDy needs shells of oxide around the core beside it; describe them as "

@@ -143,19 +143,8 @@ def _model(found: Array, scale: Array, power_unit: float, unit: float, name: str
             H[:, j, j] = column / scale[j] ** 2
         elif j < k == n:
             G[:, j] = column / (scale[j] * power_unit)
-    try:
-        return Quadratic(
-            A=rows[:, :n] / scale,
-            H=H,
-            G=G,
-            B=rows[:, n] / power_unit,
-            C=np.eye(n)[0],
-            inputs=(name,),
-            outputs=(name,),
-            largest_rise=largest,
-        )
-    except checks.InputError as error:
-        raise checks.InputError(f"the identified network is refused: {error}") from None
+    A, B, C = rows[:, :n] / scale, rows[:, n] / power_unit, np.eye(n)[0]
+    return Quadratic(A, H, G, B, C, inputs=(name,), outputs=(name,), largest_rise=largest)
 
 
 def _gate(model: Quadratic, static: float, power: float, settled: float) -> None:

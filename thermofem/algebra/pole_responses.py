@@ -82,7 +82,6 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
     Returns [shape (m, n), J]
     Raises InputError: a negative or non-finite time; a function of time that is negative or cannot be resolved.
     """
-    checks.has("wave", wave, "breakpoints", hint="give a waveform; a function f of time is thermofem.Function(f)")
     t = checks.array("times", times)
     if t.min() < 0:
         raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")

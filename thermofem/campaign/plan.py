@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -102,9 +101,7 @@ class Campaign:
         """InputError where two names are equal, or one is that of a variable of the index."""
         taken = {*INDEX, *(f"{kind}_{d.name}" for d in self.drives for kind in ("time", "power", "delta_T"))}
         for what, items in (("drive", self.drives), ("vary", self.variations)):
-            for name, count in Counter(item.name for item in items).items():
-                if count > 1:
-                    raise InputError(f"{what} name = {name!r} is given twice")
+            checks.unique(f"{what} names", [item.name for item in items])
         for variation in self.variations:
             own = known(variation.name)
             if variation.name in taken or (own and own.unit != variation.unit):
@@ -139,8 +136,6 @@ class Campaign:
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:
         """Text of the geometry file with these values."""
-        if len(values) != len(self.variations):
-            raise InputError(f"values holds {len(values)} values; {len(self.variations)} vary")
         table = json.loads(json.dumps(self._table))
         for variation, value in zip(self.variations, values, strict=True):
             for path in variation.paths:

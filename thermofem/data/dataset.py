@@ -92,7 +92,6 @@ def build(
     Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform;
         more than one period where ``periodic``.
     """
-    checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
     read = checks.instances("read", read, str)
     times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):

@@ -97,8 +97,6 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    hint = "th.strip_ring() or th.CrossSection.from_toml(path) makes one"
-    checks.instance("geometry", geometry, CrossSection, hint=hint)
     return meshed(geometry, checks.finite("accuracy", accuracy))[0]
 
 

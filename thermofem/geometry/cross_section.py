@@ -245,7 +245,6 @@ class CrossSection:
         (3e-06, True)
         """
         values = {} if values is None else values
-        checks.has("values", values, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
         table = geometry_file.table_of(self)
         parameters.change_values(table, {**values, **more})
         return self.from_toml_text(files.to_toml(table))
