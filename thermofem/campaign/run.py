@@ -90,7 +90,7 @@ def run(
     ------
     InputError
         no drive; the folder cannot be written or is in use; a base geometry that cannot be solved; an executor that
-        breaks. What is finished stays.
+        breaks. Finished results are kept.
     MissingLibraryError
         meshes must be made and gmsh cannot be loaded.
     """

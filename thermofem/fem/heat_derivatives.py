@@ -139,9 +139,8 @@ class ModalDerivative:
 
 Parameter = str | Sequence[str]
 
-SETTLED = (
-    1e-7  # change of a derivative over two rounds, relative to the largest over times; 1e-9 is then left (measured)
-)
+# change of a derivative over two rounds, relative to its largest over times; 1e-9 is then left (measured)
+SETTLED = 1e-7
 FEWEST, ROUNDS = 8, 24  # of the Krylov space: the derivative errs like the field, so more than for the response itself
 
 
@@ -251,7 +250,7 @@ def _responses(
         space.grow()
         projected = project(tangents, channel, free, space.V)
         before, found = found, _Answer.of(space, space.order, projected, b, c, t, f)
-        if space.order == size or found.near(before):
+        if space.order == size or found.settled(before):
             break
     return found.resistance, found.step, found.impedance
 
@@ -283,8 +282,8 @@ class _Answer:
         step = None if t is None else modal.step_response(t)
         return cls(modal.resistance(), step, None if f is None else modal.impedance(f))
 
-    def near(self, other: _Answer) -> bool:
-        """Whether nothing changed from the other one."""
+    def settled(self, other: _Answer) -> bool:
+        """Whether every derivative differs from the other's by less than `SETTLED` of its largest."""
         for now, before in ((self.step, other.step), (self.impedance, other.impedance)):
             if now is not None and before is not None:
                 size = np.abs(now).max(axis=1, keepdims=True)

@@ -168,7 +168,7 @@ def build(
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
     basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
     both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
-    stiffness = both.real  # places are found once for two
+    stiffness = both.real  # one sparsity pattern for both
     if surfaces.any:
         stiffness = stiffness + surface_terms(basis, conductivity, surfaces)
     return Discretization(

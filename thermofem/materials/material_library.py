@@ -312,7 +312,7 @@ def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
 
 
 def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
-    """A property's table, in texts, with another value; the law stays, so that a table of temperatures is scaled."""
+    """A property's table, in texts, with another value; the law is kept, so that a table of temperatures is scaled."""
     rest = {name: one for name, one in given.items() if name not in ("value", "r")}
     if "values" not in rest:
         return {**rest, "value": text}

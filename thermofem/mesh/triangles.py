@@ -19,7 +19,7 @@ from ..data import files
 
 LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
-ROUND_OFF = 1e-9  # of the size of a mesh: places this close are one
+ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
 
 _COUNT = re.compile(rb"(?<!\S)[0-9]{9,}(?!\S)")  # memory that meshio takes before it knows that the numbers are there
 _log = logging.getLogger("thermofem")

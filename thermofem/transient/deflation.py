@@ -120,7 +120,7 @@ class FieldIntegrator:
     ) -> tuple[Array, FieldState, Array]:
         """Advance from ``state`` to the last of ``times``.
 
-        state: at ``times[0]``; it stays as it is.
+        state: at ``times[0]``; not changed.
         waves [one Waveform for each input]
         times [s]: where the outputs are read, increasing.
         keep [s]: where the whole field is kept, increasing, within the window.
@@ -145,7 +145,7 @@ class FieldIntegrator:
             t = begin + done * h
             step = self._step(fast, state, t, h)
             if step is None:
-                if count > 4**20:  # 20: rungs of 4 below a window before it is given up
+                if count > 4**20:  # 20 levels of 4 below a window before it is given up
                     raise checks.InputError(
                         f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?",
                         self.stepper.doubt(state.r),

@@ -176,7 +176,7 @@ class FastPart:
 
 
 def _followed(z: Array, decay: Array, forcing: Array) -> Array:
-    """z_0 = z, z_(k+1) = decay_k z_k + drive_k."""
+    """z_0 = z, z_(k+1) = decay_k z_k + forcing_k, shape (intervals + 1, k)."""
     values = np.empty((len(decay) + 1, z.size))
     values[0] = z
     for k in range(len(decay)):
