@@ -24,7 +24,7 @@ from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import read_toml
 
 from .affine_grid import NotAffineError

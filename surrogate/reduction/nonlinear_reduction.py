@@ -44,7 +44,7 @@ from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import other_geometry, responses_of, warn_of
 from thermofem.models import HasModel, NonlinearSystem, check_single
-from thermofem.transient.curvature import cubic_form, operators
+from thermofem.transient.nonlinear import cubic_form, operators
 
 from .reduce import Reduction, reduce
 

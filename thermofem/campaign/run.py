@@ -21,7 +21,7 @@ from ..fem.assembly import assemble_like
 from ..geometry import CrossSection
 from ..solving import solve, solve_periodic
 from .collection import NUMBERS, Folder, Row, write_collections
-from .workers import completed
+from .stored_tasks import completed
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case

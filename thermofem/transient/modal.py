@@ -42,9 +42,7 @@ EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # rounds before the first comparison, and before the integrator takes over
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
 STORED = 4.0  # the same of the stored heat, of which less is left at the end than at its largest
-LOUDER = (
-    10.0  # times all power before it: the heat before then hides nothing behind such a breakpoint, so the shifts follow
-)
+LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such a breakpoint
 WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
 MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
 
