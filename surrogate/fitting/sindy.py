@@ -143,7 +143,9 @@ def fit_sindy(
     parameters = {f"A_{i + 1}_{j + 1}": float(A[i, j]) for i in range(n) for j in range(n)}
     parameters |= {f"b_{i + 1}": float(b[i]) for i in range(n)}
     misfit = poles.response(wave, times) - rise[:, 0]
-    return fitted(model, _equations(A, b, names), parameters, misfit, rise[:, 0], [wave], data.attrs.get("geometry"))
+    seen = np.where(np.abs(b) > 1e-9 * np.abs(b).max(), b, 0.0)
+    equations = _equations(names, [*(f"T[{name}]" for name in names), "P"], np.column_stack([A, seen]))
+    return fitted(model, equations, parameters, misfit, rise[:, 0], [wave], data.attrs.get("geometry"))
 
 
 def half_width(window: float | None, times: Array) -> float:
@@ -246,12 +248,9 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
     return times, rise, responses[0].wave, names
 
 
-def _equations(A: Array, b: Array, names: tuple[str, ...]) -> tuple[str, ...]:
-    """The equations of the network as text."""
-    lines = []
-    for row, gain, name in zip(A, b, names, strict=True):
-        terms = [f"{a:+.4g} T[{other}]" for a, other in zip(row, names, strict=True) if a != 0]
-        if abs(gain) > 1e-9 * np.abs(b).max():
-            terms.append(f"{gain:+.4g} P")
-        lines.append(f"dT[{name}]/dt = {' '.join(terms)}")
-    return tuple(lines)
+def _equations(names: tuple[str, ...], terms: Sequence[str], table: Array) -> tuple[str, ...]:
+    """The equations of a network as text, from the coefficient of each term (columns) in each equation (rows)."""
+    return tuple(
+        f"dT[{name}]/dt = " + " ".join(f"{c:+.4g} {term}" for c, term in zip(row, terms, strict=True) if c)
+        for name, row in zip(names, table, strict=True)
+    )

@@ -98,7 +98,10 @@ def fit_sindy_quadratic(
     geometries = {d.attrs.get("geometry") for d in datasets}
     geometry = geometries.pop() if len(geometries) == 1 else None
     rises = np.concatenate([r[1][:, 0] for r in read])
-    return fitted(model, _equations(model, names), _parameters(model), misfit, rises, [r[2] for r in read], geometry)
+    terms = [*(f"T[{name}]" for name in names), *(f"T[{name}]^2" for name in names), "P", f"T[{names[0]}] P"]
+    table = np.column_stack([model.A, np.einsum("ijj->ij", model.H), model.B, model.G[:, 0]])
+    equations = _equations(names, terms, table)
+    return fitted(model, equations, _parameters(model), misfit, rises, [r[2] for r in read], geometry)
 
 
 def _products(n: int) -> list[tuple[int, int]]:
@@ -165,14 +168,3 @@ def _parameters(model: Quadratic) -> dict[str, float]:
         for at, value in np.ndenumerate(array)
         if value != 0
     }
-
-
-def _equations(model: Quadratic, names: tuple[str, ...]) -> tuple[str, ...]:
-    """The equations of the network as text."""
-    n = len(names)
-    terms = [f"T[{name}]" for name in names] + [f"T[{name}]^2" for name in names] + ["P", f"T[{names[0]}] P"]
-    table = np.column_stack([model.A, np.stack([model.H[:, j, j] for j in range(n)], axis=1), model.B, model.G[:, 0]])
-    return tuple(
-        f"dT[{name}]/dt = " + " ".join(f"{c:+.4g} {term}" for c, term in zip(row, terms, strict=True) if c)
-        for name, row in zip(names, table, strict=True)
-    )

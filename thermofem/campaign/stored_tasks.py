@@ -1,8 +1,9 @@
 """Long jobs: tasks in worker processes, and a store of their finished results in one folder.
 
 A store holds a file for each key, and its hash in ``results.sha256``. Campaigns, maps, families and the paper keep
-their results so. A file appears under its name when it is complete, its hash afterwards; a killed job goes on with what has
-both, and a damaged file is computed again. A worker that dies costs its task one more try, alone; the others go on.
+their results so. A file appears under its name when it is complete, its hash afterwards; a killed job goes on with
+what has both, and a damaged file is computed again. A worker that dies costs its task one more try, alone; the others
+go on.
 """
 
 from __future__ import annotations
