@@ -17,8 +17,7 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
-from ..fitting.sindy import fit_sindy
-from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..fitting.sindy import fit_sindy, fit_sindy_quadratic
 from ..reduction.balanced import balanced_truncation
 from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce

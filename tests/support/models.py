@@ -119,7 +119,7 @@ def identified_network() -> th.models.network.Network:
 @cache
 def identified_quadratic():
     """A fit of a polynomial network to a chain whose conductances depend on temperature."""
-    return surrogate.fitting.sindy_quadratic.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
+    return surrogate.fitting.sindy.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
 
 
 @cache

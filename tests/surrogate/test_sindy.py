@@ -174,7 +174,7 @@ def test_unusable_data_are_named(change, reason):
         surrogate.fit_sindy(change(data), [7000.0, 7000.0])
 
 
-@pytest.mark.parametrize("fit", [surrogate.fit_sindy, surrogate.fitting.sindy_quadratic.fit_sindy_quadratic])
+@pytest.mark.parametrize("fit", [surrogate.fit_sindy, surrogate.fitting.sindy.fit_sindy_quadratic])
 @pytest.mark.parametrize("samples", [1e-3, 0.9, 1e6])
 def test_windows_of_no_sample_and_of_all_are_refused(fit, samples):
     """One below a sample ended in pysindy's ValueError."""
