@@ -295,6 +295,8 @@ class Chirp(Steps):
         _time("last", self.last)
         _time("duration", self.duration, 1e6 * min(self.first, self.last))
         checks.between("duty", self.duty, 1e-3, 0.999, hint="the duty cycle is the fraction of the period that is on")
+        if self.first == self.last:
+            raise InputError(f"first = last = {self.first:g} s do not differ", "take a SquareWave")
 
     def _words(self) -> str:
         return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"

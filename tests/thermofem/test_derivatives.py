@@ -264,7 +264,6 @@ def test_the_step_response_ends_at_the_resistance_and_times_scale():
         ("boundary.top.convection", "top is insulated"),
         ("material.air.conductivity", "no layer or part is made of it"),
         ("width", "leads nowhere"),
-        ([], "empty"),
         (["part.core.width", "part.core.width"], "twice"),
         ([("part.core.width", "material.Si.density")], "different units"),
     ],
