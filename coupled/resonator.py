@@ -15,8 +15,7 @@ from thermofem import checks
 from thermofem.data import dataset, files
 
 from . import ring_toml
-from .carriers.lifetime import ConstantLifetime
-from .carriers.shockley_read_hall import ShockleyReadHall
+from .carriers import ConstantLifetime, ShockleyReadHall
 
 _RATE_HINT = "amplitude rates are in 1/s (did you mean 43e9?)"
 DERIVED = ("eta_fca", "eta_tpa", "g_tpa", "kerr_shift", "thermal_shift")

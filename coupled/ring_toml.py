@@ -43,8 +43,7 @@ from thermofem.data import files, quantity
 from thermofem.data.files import ANY, TABLE, TABLES, TEXT, read_table
 from thermofem.errors import one_line
 
-from .carriers.lifetime import ConstantLifetime
-from .carriers.shockley_read_hall import ShockleyReadHall
+from .carriers import ConstantLifetime, ShockleyReadHall
 
 SILICON = (3.0, 4.0)  # refractive index near 1.55 um: a smaller one is that of a mode or of another material
 log = logging.getLogger("thermofem")

@@ -103,7 +103,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     decay: from `carrier_decay`.
     """
     dims = dict.fromkeys(("time", "carriers", "lifetime"), "time")
-    decay = contents("decay", decay, dims, what="a Dataset of coupled.carriers.pump_probe.carrier_decay", fewest=2)
+    decay = contents("decay", decay, dims, what="a Dataset of coupled.carriers.carrier_decay", fewest=2)
     if axes is None:
         _, axes = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = axes
