@@ -36,7 +36,7 @@ def wheel(tmp_path_factory):
 
 def test_the_wheel_holds_the_packages_and_nothing_else(wheel):
     names = zipfile.ZipFile(wheel).namelist()
-    packages = ("thermofem", "surrogate", "coupled")
+    packages = ("thermofem", "surrogate", "coupled", "thermofem_cli")
     found = [p for package in packages for p in (ROOT / package).rglob("*")]
     paths = [p for p in found if p.is_file() and p.parent.name != "__pycache__"]  # byte code, Python's and numba's
     files = {str(p.relative_to(ROOT)) for p in paths}
