@@ -17,12 +17,11 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
-from ..algebra.poles import pole_responses
+from ..algebra.pole_responses import pole_responses
 from ..arrays import Array
 from ..checks import InputError
 from ..waveforms import Constant, Pulse, Waveform
 from . import dataset, files, quantity
-from .clipping import clipping
 from .column_units import (
     BRACKETS,
     IMPEDANCE,
@@ -36,6 +35,7 @@ from .column_units import (
     unit_of,
     units_above,
 )
+from .data_doubts import clipping
 from .number_table import NumberTable, number_table, text_of
 from .sampled_power import sampled_power
 
