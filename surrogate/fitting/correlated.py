@@ -18,9 +18,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from thermofem.algebra.autocorrelation import autocorrelation
 from thermofem.arrays import Array
 
-FEWEST = 50  # samples from which an autocorrelation is estimated; fewer count as white
 FREE = 5  # samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
 SEEN = 1e-6  # share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
 
@@ -61,23 +61,10 @@ def _own(left: Array, part: Array) -> tuple[Array, float, int]:
 
 def _lags(left: Array, part: Array) -> Array:
     """U_k^T (R - 1) U_k, shape (p, p), with the correlations R between the samples of one trace."""
-    rho = _autocorrelation(left)
+    rho = autocorrelation(left)
     if not rho.size:
         return np.zeros((part.shape[1], part.shape[1]))
     circle = np.zeros((2 * left.size, 1))  # R - 1, a Toeplitz matrix, as a circulant one of twice the size
     circle[1 : rho.size + 1, 0], circle[-rho.size :, 0] = rho, rho[::-1]
     spectrum = np.fft.rfft(circle, axis=0) * np.fft.rfft(part, 2 * left.size, axis=0)
     return np.asarray(part.T @ np.fft.irfft(spectrum, axis=0)[: left.size])
-
-
-def _autocorrelation(left: Array) -> Array:
-    """rho_1, rho_2, .. of the residuals of one trace, as far as they differ from noise."""
-    n = left.size
-    square = float(left @ left)
-    if n < FEWEST or not square > 0:
-        return np.empty(0)
-    spectrum = np.fft.rfft(left, 2 * n)
-    rho = np.fft.irfft(np.abs(spectrum) ** 2)[: n // 2 * 2] / square
-    pairs = rho[0::2] + rho[1::2]
-    last = np.flatnonzero(pairs <= 0)
-    return np.asarray(rho[1 : 2 * (last[0] if last.size else pairs.size)])

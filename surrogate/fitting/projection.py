@@ -25,6 +25,7 @@ from itertools import combinations
 import numpy as np
 
 from thermofem import checks
+from thermofem.algebra.autocorrelation import FEWEST, independent
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
 from thermofem.data import quantity
@@ -55,6 +56,7 @@ class Optimum:
         an end of its range.
     offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
     noise: whether the misfit is noise, see `is_noise`.
+    independent: number of samples, less where their misfits follow each other.
     """
 
     log_rate: Array
@@ -67,6 +69,7 @@ class Optimum:
     offset: Array
     offset_error: Array
     noise: bool
+    independent: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,6 +306,7 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
         offset=offset[:, 0],
         offset_error=offset[:, 1],
         noise=all(is_noise(d, left * d.swing) for d, left in zip(problem.responses, parts, strict=True)),
+        independent=sum(independent(left) for left in parts),
     )
 
 
@@ -321,7 +325,8 @@ def _offset(response: Response, log_rate: Array, gain: Array, shift: float, cova
 def is_noise(response: Response, left: Array) -> bool:
     """Whether a misfit in K is no larger than the rows at rest scatter; without such rows, whether it is white.
 
-    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n).
+    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n). Noise that
+    stays for some rows, as behind a filter, is white in the means of more of them; a misfit of the model is not.
     """
     n, square = left.size, float(left @ left)
     if square <= n * (ROUND_OFF * response.swing) ** 2:
@@ -329,4 +334,8 @@ def is_noise(response: Response, left: Array) -> bool:
     if np.isfinite(response.rest_noise):
         rows = min(n, max(response.rest_rows, 2.0))
         return bool(np.sqrt(square / n) <= response.rest_noise * (1 + SIGMAS / np.sqrt(2 * rows)))
-    return bool(abs(left[1:] @ left[:-1]) <= SIGMAS / np.sqrt(n) * square)
+    while abs(left[1:] @ left[:-1]) > SIGMAS / np.sqrt(left.size) * (left @ left):
+        if left.size < 2 * FEWEST:
+            return False
+        left = left[: left.size // 2 * 2].reshape(-1, 2).mean(axis=1)
+    return True

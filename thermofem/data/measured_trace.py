@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
+from ..algebra.autocorrelation import independent
 from ..algebra.poles import pole_responses
 from ..arrays import Array
 from ..checks import InputError
@@ -546,7 +547,7 @@ def _baseline(rows: Rows, start: float, sampled: bool, unit: str, said: list[str
         said.append(
             f"baseline {sign * level:.4g} {unit}, the mean of {before.size} rows before the {where}, is subtracted"
         )
-        return level, float(before.size)
+        return level, independent(before - level)
     first = int(np.searchsorted(t, start))
     quiet = rows.noise < NOTHING * float(np.ptp(y)) and 0 <= t[first] - start < 1e-6 * rows.step
     level = float(y[first]) if quiet else _misfit(rows.thin(), start)[1]  # at its start a rise is zero
