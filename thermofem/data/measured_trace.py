@@ -37,7 +37,7 @@ from .column_units import (
     unit_of,
     units_above,
 )
-from .number_table import NumberTable, number_table, text_of
+from .number_table import NumberTable, number_table
 from .sampled_power import sampled_power
 
 LARGEST = 400_000_000  # bytes of a table
@@ -142,10 +142,8 @@ def read_trace(
     content = files.read_bytes(path, "table", most=LARGEST)
     digest = hashlib.sha256(content).hexdigest()
     try:
-        text = text_of(content)
+        table = number_table(content)
         del content
-        table = number_table(text)
-        del text
         said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
         places, given = _columns(table, columns, time, temperature, power), _units(units)
         t = _times(table, places[0], given.get("time") or _named_unit(table, time), said)
