@@ -187,6 +187,11 @@ class RingResonator:
         return self._given("thermal_shift", self.index_rate * self.thermo_optic)
 
     @property
+    def shift_per_kelvin(self) -> float:
+        """Wavelength of the resonance over temperature in m/K: lambda thermal_shift / omega."""
+        return c / self.frequency * self.thermal_shift / self.omega
+
+    @property
     def eta_fca(self) -> float:
         """c sigma_FCA/n_g, times G where it is given, in m^3/s: amplitude loss rate for a unit carrier density."""
         share = 1.0 if self.index_confinement is None else self.index_confinement

@@ -212,3 +212,24 @@ def _radiated(mode: Mode) -> float:
         )
     rate = math.pi * c / mode.wavelength / quality
     return rate if rate > 1e5 else 0.0
+
+
+def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str | None = None) -> dict[str, float]:
+    """Thermal tuning of a ring by one channel of a thermal model.
+
+        shift_per_kelvin (m/K),   shift_per_watt = shift_per_kelvin R_th (m/W)
+        pi_power = pi c/(n_g L thermal_shift R_th) (W), where the model's file records the geometry
+
+    pi_power moves the resonance by half a free spectral range c/(n_g L), with the round trip L of the heated part.
+    """
+    part = heated or model.inputs[0]
+    several = len(model.inputs) > 1 or len(model.outputs) > 1
+    R = float((model.channel(part, read or part) if several else model).thermal_resistance)
+    numbers = {"shift_per_kelvin": ring.shift_per_kelvin, "shift_per_watt": ring.shift_per_kelvin * R}
+    text = (getattr(model, "origin", None) or {}).get("geometry")
+    section = th.CrossSection.from_toml_text(text) if text else None
+    cores = [one for one in section.parts if one.name == part] if section and section.kind == "ring" else []
+    if cores and R > 0:
+        length = math.pi * (cores[-1].inner_radius + cores[-1].outer_radius)
+        numbers["pi_power"] = math.pi * c / (ring.group_index * length * ring.thermal_shift * R)
+    return numbers

@@ -15,10 +15,10 @@ from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
 from ..contradictions import check_geometry
-from ..heaters import power_of
+from ..heaters import heater_powers, power_of
+from ..inputs import attribute, spans
 from ..resonator import RingResonator
-from ..runs.driven import attribute, spans
-from ..runs.record import heater_powers, provenance, traces
+from ..runs.record import provenance, traces
 from ..runs.window import Window
 from ..states import State
 from ..thermal import Compact, compact

@@ -18,7 +18,7 @@ import surrogate
 import thermofem as th
 from surrogate.family.affine_matrices import AffineEngine
 from surrogate.family.parameter_box import Box
-from surrogate.family.projection import MemberMatrices, MemberModes, MovedMeshEngine
+from surrogate.family.projected_matrices import MemberMatrices, MemberModes, MovedMeshEngine
 from surrogate.family.snapshots import Solver
 from surrogate.family.train_family import _without_effect
 from thermofem.campaign import Variation

@@ -18,12 +18,11 @@ import xarray as xr
 
 from .. import checks
 from ..algebra.autocorrelation import independent
-from ..algebra.poles import pole_responses
+from ..algebra.pole_responses import pole_responses
 from ..arrays import Array
 from ..checks import InputError
 from ..waveforms import Constant, Pulse, Waveform
 from . import dataset, files, quantity
-from .clipping import clipping
 from .column_units import (
     BRACKETS,
     IMPEDANCE,
@@ -37,6 +36,7 @@ from .column_units import (
     unit_of,
     units_above,
 )
+from .data_doubts import clipping
 from .number_table import NumberTable, number_table
 from .sampled_power import sampled_power
 
