@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
-from thermofem.data.variables import in_si, takes
+from thermofem.data.variables import in_si
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -237,7 +237,6 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     from scipy.optimize import least_squares
 
     checks.instance("material", material, ShockleyReadHall, hint="coupled.borghi2021().carriers is one")
-    takes("data", data, "time", "carriers", what="a Dataset of carriers (1/m^3) over time (s)")
     data = in_si("data", data)
     t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
     N = checks.array("data.carriers", data["carriers"].values)

@@ -11,7 +11,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.models import Foster, ThermalModel
-from thermofem.models.lumped import second_order_parameters, second_order_poles
+from thermofem.models.foster import second_order_parameters, second_order_poles
 
 from .carriers import ShockleyReadHall
 from .kernel.units import internal_rates

@@ -19,9 +19,7 @@ def heat():
 
 
 def pole_derivatives(heat):
-    return surrogate.reduction.pole_derivatives.pole_derivatives(
-        heat, surrogate.reduce(heat.system), "part.core.radius"
-    )
+    return surrogate.reduction.reduce.pole_derivatives(heat, surrogate.reduce(heat.system), "part.core.radius")
 
 
 def chirped(heat):

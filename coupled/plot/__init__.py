@@ -11,7 +11,7 @@ import numpy as np
 
 from thermofem.checks import InputError, choice, finite, mapping, numbers
 from thermofem.data.variables import contents
-from thermofem.plot import GREEN, INK, PURPLE, WIDTH, takes
+from thermofem.plot import GREEN, INK, PURPLE, WIDTH
 from thermofem.plot import axes as new_axes
 
 from .axes import HEAT, LIGHT, dbm, draw_stability
@@ -42,7 +42,6 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     found: from `identify`.
     axes: one for each trace; a new column of them by default.
     """
-    takes("found", found, "cycles", "residuals", what="the result of coupled.identify")
     cycles, errors = found.cycles, found.residuals
     n, given = cycles.sizes["trace"], str(cycles["drop"].attrs.get("units", "W"))
     unit, label = (1e3, "drop power (mW)") if given == "W" else (1.0, f"drop signal ({given})")
@@ -73,7 +72,7 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     reference [J/K]: heat capacity m c_p to divide by; without it the axis is in pJ/K.
     """
     what = "a Dataset of coupled.identification.newton_traces.fit_newton_per_trace"
-    dims = dict.fromkeys(("tau_th", "heat_capacity", "period"), "trace")
+    dims = ("tau_th", "heat_capacity", "period")
     found = contents("found", found, dims, what=what)
     slope, intercept, correlation = (_known(found, name) for name in ("slope", "intercept", "correlation"))
     ax = new_axes(ax, (4.6, 3.4))
@@ -102,8 +101,8 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
 
     decay: from `carrier_decay`.
     """
-    dims = dict.fromkeys(("time", "carriers", "lifetime"), "time")
-    decay = contents("decay", decay, dims, what="a Dataset of coupled.carriers.carrier_decay", fewest=2)
+    dims = ("time", "carriers", "lifetime")
+    decay = contents("decay", decay, dims, what="a Dataset of coupled.carriers.carrier_decay")
     if axes is None:
         _, axes = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = axes
@@ -143,8 +142,8 @@ def plot_transmission(
         "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
     }
     choice("show", show, labels)
-    dims = dict.fromkeys(("detuning", "power", "regime", show), "point")
-    curve = contents("curve", curve, dims, what="a Dataset of coupled.transmission", fewest=2, words=("regime",))
+    dims = ("detuning", "power", "regime", show)
+    curve = contents("curve", curve, dims, what="a Dataset of coupled.transmission")
     for variable in ("detuning", "power", show):
         numbers(f"curve[{variable!r}]", curve[variable].values)
     if np.ptp(curve["detuning"].values) == 0 == np.ptp(curve["power"].values):
@@ -170,10 +169,8 @@ def plot_transmission(
 def _swept(name: str, run: Any, by: str, show: str) -> tuple[np.ndarray, np.ndarray]:
     """Power or detuning (``by``) of a run and what is shown of it, in SI; `simulate` calls the power input_power."""
     what = f"a Dataset of `sweep` or `simulate` whose {by} varies, as that of the curve does"
-    takes(name, run, "variables", show, what=what)
     own = [one for one in (by, f"input_{by}") if one in run.variables]
-    shape = " ".join(map(str, run[show].dims))
-    run = contents(name, run, {(own or [by])[0]: shape, show: shape}, what=what)
+    run = contents(name, run, ((own or [by])[0], show), what=what)
     return run[own[0]].values, run[show].values
 
 

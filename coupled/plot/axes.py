@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem.checks import InputError
 from thermofem.data.variables import contents
 from thermofem.plot import BLUE as LIGHT
 from thermofem.plot import VERMILION as HEAT
@@ -41,15 +40,10 @@ def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     return values, unit
 
 
-def curves_over(name: str, given: Any, dims: Mapping[str, str], *, what: str, words: Sequence[str] = ()) -> list[Any]:
-    """Curves that are drawn over a figure, in SI; one alone counts as a list of one.
-
-    The other arguments are those of `contents`.
-    """
+def curves_over(name: str, given: Any, needed: Sequence[str], *, what: str) -> list[Any]:
+    """Curves that are drawn over a figure, in SI, each with the needed variables; one alone counts as a list of one."""
     several = [given] if hasattr(given, "variables") else given
-    if not isinstance(several, list | tuple):
-        raise InputError(f"{name} is {type(given).__name__}; this function takes {what}, or a list of them")
-    return [contents(f"{name}[{k}]", curve, dims, what=what, words=words) for k, curve in enumerate(several)]
+    return [contents(f"{name}[{k}]", curve, needed, what=what) for k, curve in enumerate(several)]
 
 
 def joined(part: np.ndarray) -> np.ndarray:

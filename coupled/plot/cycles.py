@@ -8,7 +8,7 @@ import numpy as np
 
 from thermofem.checks import text
 from thermofem.data.variables import contents
-from thermofem.plot import INK, axes, takes
+from thermofem.plot import INK, axes
 
 from .axes import HEAT, draw_stability, readable
 
@@ -29,17 +29,14 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     ax: drawn into; a new figure by default.
     fixed: from `transmission` over the same parameter: the fixed points, drawn below the cycles.
     """
-    takes("branch", branch, "stability", what=BRANCH)
     name = text("branch.attrs['parameter']", branch.attrs.get("parameter"))
-    dims = dict.fromkeys((name, "drop_high", "drop_low", "stability", "special"), "point")
-    branch = contents("branch", branch, dims, what=BRANCH, words=("stability", "special"))
+    dims = (name, "drop_high", "drop_low", "stability", "special")
+    branch = contents("branch", branch, dims, what=BRANCH)
     ax = axes(ax, (5.6, 3.6))
     factor, label = _axis(branch, name)
     if fixed is not None:
-        shape = dict.fromkeys((name, "drop", "regime"), "point")
-        fixed = contents(
-            "fixed", fixed, shape, what=f"a Dataset of coupled.transmission over {name}", words=("regime",)
-        )
+        shape = (name, "drop", "regime")
+        fixed = contents("fixed", fixed, shape, what=f"a Dataset of coupled.transmission over {name}")
         stable = fixed["regime"].values == "stable"
         labels = ("fixed point, stable", "fixed point, unstable")
         draw_stability(ax, fixed[name].values * factor, fixed["drop"].values * 1e3, stable, color=INK, labels=labels)
