@@ -20,7 +20,7 @@ from thermofem.checks import InputError
 from thermofem.data import quantity
 
 from . import ring_toml
-from .carriers.lifetime import ConstantLifetime
+from .carriers import ConstantLifetime
 from .parameters.borghi2021 import borghi2021
 from .resonator import PUBLISHED, RingResonator
 

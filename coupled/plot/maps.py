@@ -15,7 +15,7 @@ from thermofem.data.variables import contents
 from thermofem.plot import INK, WIDTH
 from thermofem.plot import axes as new_axes
 
-from .axes import LIGHT, curves_over, dbm, joined, readable
+from .curves import LIGHT, curves_over, dbm, joined, readable
 
 if TYPE_CHECKING:
     import xarray as xr

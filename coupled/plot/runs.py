@@ -11,7 +11,7 @@ from thermofem.checks import InputError, choice, numbers
 from thermofem.data.variables import contents
 from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes
 
-from .axes import HEAT, LIGHT, readable
+from .curves import HEAT, LIGHT, readable
 
 if TYPE_CHECKING:
     import xarray as xr

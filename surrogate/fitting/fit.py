@@ -217,22 +217,25 @@ def fit_foster(
 
 
 def _smallest_order(training: Training) -> int:
-    """The smallest number of poles that leaves only noise, n ln(misfit^2) + 2 order ln(n) at its least."""
-    samples, best, least, worse = training.problem.weight.size, 1, np.inf, 0
+    """The smallest number of poles that leaves only noise: a further one lowers n ln(misfit^2) + 2 order ln(n) no more.
+
+    n is the number of independent samples; noise that stays for several rows is not taken for poles.
+    """
+    samples, before = training.problem.weight.size, np.inf
     for order in range(1, min(12, samples // 3) + 1):
         found = optimum(training.problem, order)
         deviation = np.sqrt(np.maximum(found.covariance.diagonal()[:order], 0))
         tau, (shortest, longest) = np.exp(-found.log_rate), training.problem.span
         unseen = np.any(found.gain == 0) or deviation.max() > UNSEEN or tau.max() > OUTSIDE * longest
         if order > 1 and (unseen or tau.min() < shortest / OUTSIDE):
+            return order - 1
+        misfit, n = max(found.relative_residual, ROUND_OFF), max(found.independent, np.e)
+        if order > 1 and n * np.log(before / misfit) < np.log(n):
+            return order - 1
+        if misfit == ROUND_OFF:
             break
-        criterion = 2 * samples * np.log(max(found.relative_residual, ROUND_OFF)) + 2 * order * np.log(samples)
-        worse = 0 if criterion < least else worse + 1
-        if criterion < least:
-            best, least = order, criterion
-        if worse or found.relative_residual < ROUND_OFF:
-            break
-    return best
+        before = misfit
+    return order
 
 
 @dataclass(frozen=True, eq=False)

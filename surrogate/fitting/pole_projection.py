@@ -34,6 +34,7 @@ from itertools import combinations
 import numpy as np
 
 from thermofem import checks
+from thermofem.algebra.autocorrelation import FEWEST, autocorrelation, independent
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data import quantity
@@ -78,26 +79,13 @@ def _own(left: Array, part: Array) -> tuple[Array, float, int]:
 
 def _lags(left: Array, part: Array) -> Array:
     """U_k^T (R - 1) U_k, shape (p, p), with the correlations R between the samples of one trace."""
-    rho = _autocorrelation(left)
+    rho = autocorrelation(left)
     if not rho.size:
         return np.zeros((part.shape[1], part.shape[1]))
     circle = np.zeros((2 * left.size, 1))  # R - 1, a Toeplitz matrix, as a circulant one of twice the size
     circle[1 : rho.size + 1, 0], circle[-rho.size :, 0] = rho, rho[::-1]
     spectrum = np.fft.rfft(circle, axis=0) * np.fft.rfft(part, 2 * left.size, axis=0)
     return np.asarray(part.T @ np.fft.irfft(spectrum, axis=0)[: left.size])
-
-
-def _autocorrelation(left: Array) -> Array:
-    """rho_1, rho_2, .. of the residuals of one trace, as far as they differ from noise."""
-    n = left.size
-    square = float(left @ left)
-    if n < 50 or not square > 0:  # 50 samples from which an autocorrelation is estimated; fewer count as white
-        return np.empty(0)
-    spectrum = np.fft.rfft(left, 2 * n)
-    rho = np.fft.irfft(np.abs(spectrum) ** 2)[: n // 2 * 2] / square
-    pairs = rho[0::2] + rho[1::2]
-    last = np.flatnonzero(pairs <= 0)
-    return np.asarray(rho[1 : 2 * (last[0] if last.size else pairs.size)])
 
 
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
@@ -121,6 +109,7 @@ class Optimum:
         an end of its range.
     offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
     noise: whether the misfit is noise, see `is_noise`.
+    independent: number of samples, less where their misfits follow each other.
     """
 
     log_rate: Array
@@ -133,6 +122,7 @@ class Optimum:
     offset: Array
     offset_error: Array
     noise: bool
+    independent: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,6 +360,7 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
         offset=offset[:, 0],
         offset_error=offset[:, 1],
         noise=all(is_noise(d, left * d.swing) for d, left in zip(problem.responses, parts, strict=True)),
+        independent=sum(independent(left) for left in parts),
     )
 
 
@@ -388,7 +379,8 @@ def _offset(response: Response, log_rate: Array, gain: Array, shift: float, cova
 def is_noise(response: Response, left: Array) -> bool:
     """Whether a misfit in K is no larger than the rows at rest scatter; without such rows, whether it is white.
 
-    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n).
+    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n). Noise that
+    stays for some rows, as behind a filter, is white in the means of more of them; a misfit of the model is not.
     """
     n, square = left.size, float(left @ left)
     if square <= n * (ROUND_OFF * response.swing) ** 2:
@@ -396,4 +388,8 @@ def is_noise(response: Response, left: Array) -> bool:
     if np.isfinite(response.rest_noise):
         rows = min(n, max(response.rest_rows, 2.0))
         return bool(np.sqrt(square / n) <= response.rest_noise * (1 + SIGMAS / np.sqrt(2 * rows)))
-    return bool(abs(left[1:] @ left[:-1]) <= SIGMAS / np.sqrt(n) * square)
+    while abs(left[1:] @ left[:-1]) > SIGMAS / np.sqrt(left.size) * (left @ left):
+        if left.size < 2 * FEWEST:
+            return False
+        left = left[: left.size // 2 * 2].reshape(-1, 2).mean(axis=1)
+    return True
