@@ -12,7 +12,7 @@ import numpy as np
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem.mesh_division import PERFECT
-from thermofem.geometry.parameters import Change, change
+from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_library import Material
 
 MOST = 2**24  # members at once: half a gigabyte of parameters

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
-from thermofem.models.network import STATIC
+from thermofem.models.identified_network import STATIC
 
 if TYPE_CHECKING:
     import xarray as xr

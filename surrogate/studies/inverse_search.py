@@ -11,7 +11,7 @@ import numpy as np
 from thermofem import Campaign, CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.campaign import Variation
-from thermofem.geometry.parameters import change
+from thermofem.geometry.parameter_paths import change
 
 from ..export.poles import poles_of
 from ..family import Family, train_family

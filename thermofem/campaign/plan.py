@@ -20,14 +20,14 @@ from .. import checks, waveforms
 from ..data import files
 from ..data.variables import known
 from ..errors import InputError
-from ..geometry.parameters import check_once, place
+from ..geometry.parameter_paths import check_once, place
 from ..mesh.element_sizes import sizes
 from ..version import __version__
 from . import campaign_file
 from .campaign_file import Drive, Value, Variation
 
 if TYPE_CHECKING:
-    from .run import Summary
+    from .campaign_run import Summary
 
 LARGEST = 1_000_000  # geometries of one campaign
 # names of variables and dimensions of the index and of the training collection
@@ -170,6 +170,6 @@ class Campaign:
         report: Callable[[Summary], None] | None = None,
     ) -> Summary:
         """Compute every geometry that the folder does not hold yet; see `run.run`."""
-        from .run import run
+        from .campaign_run import run
 
         return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError
 from ..geometry.cross_section import CrossSection
-from ..geometry.rings import strip_ring
+from ..geometry.ring_sections import strip_ring
 from ..mesh import find_committed, make, mesh_for
 from ..mesh.element_sizes import sizes
 from ..mesh.gmsh_mesher import read_committed

@@ -2,7 +2,7 @@
 
 The facets of a side are drawn outwards in steps that grow by `STEP`, each with the material beside it, and the other
 sides go on. The new ends are open: at `FAR` times the size of the domain little is left of what 1/d does not describe
-(`parts.Boundary`). The mesh of the domain itself is unchanged, and so is what is heated and read. Measured on
+(`section_parts.Boundary`). The mesh of the domain itself is unchanged, and so is what is heated and read. Measured on
 slabs and anisotropic substrates, and on 16 random stacks with closed and with open sides, against domains of 2 to 3 mm:
 the change of R_th within 3 % from 5e-4 of R_th on; what is less drowns in the difference of the meshes.
 

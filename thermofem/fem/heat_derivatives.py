@@ -29,7 +29,7 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.dataset import describe
-from ..geometry.parameters import Change, change
+from ..geometry.parameter_paths import Change, change
 from .shape_derivatives import Tangent, tangent, vertex_velocities
 
 if TYPE_CHECKING:

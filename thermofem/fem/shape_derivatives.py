@@ -25,7 +25,7 @@ from .weak_forms import assembled, maps, properties, reference
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..geometry.parameters import Change
+    from ..geometry.parameter_paths import Change
     from ..mesh import Mesh
     from .heat_problem import HeatProblem
 

@@ -24,7 +24,7 @@ from .mesh_division import beside, contacts
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..geometry.parameters import Change
+    from ..geometry.parameter_paths import Change
     from ..mesh import Mesh
     from .heat_problem import HeatProblem
 
@@ -129,7 +129,7 @@ class Surfaces:
 
     held: at the ambient temperature; where a part with a resistance R lies there, `convection` has it with 1/R.
     convection [dict from h in W/(m^2 K) to an array of int]
-    open: beyond which the material goes on, see `parts.Boundary`.
+    open: beyond which the material goes on, see `section_parts.Boundary`.
     source [shape (2,), m]: place (r, z) of the heat, from which the open sides are seen; r = 0 for a ring.
     length [m]: of the line source in a straight section; None for 1/d.
     contacts [dict from resistance in m^2 K/W to two arrays of int]: facets that lie on each other, both in the same

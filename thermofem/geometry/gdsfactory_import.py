@@ -12,7 +12,7 @@ from typing import Any
 
 from .. import checks
 from .cross_section import CrossSection
-from .parts import Boundary, Layer, Part, ring
+from .section_parts import Boundary, Layer, Part, ring
 
 UM = 1e-6
 THIN = 1e-4  # um; levels closer than this touch

@@ -20,7 +20,7 @@ from .. import checks
 from ..algebra.factor import factorize
 from ..arrays import Array
 from ..checks import InputError
-from ..geometry.parameters import Change, change
+from ..geometry.parameter_paths import Change, change
 from .reading import containing
 from .space import Space
 from .window import UM
