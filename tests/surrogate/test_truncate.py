@@ -75,7 +75,9 @@ def test_between_two_parts_nothing_depends_on_the_units_of_B_and_C():
 )
 def test_what_has_no_matrices_of_heat_flow_is_refused(model):
     for make in (surrogate.reduce, lambda m: surrogate.balanced_truncation(m, 2)):
-        with pytest.raises(th.InputError, match=f"system is a {type(model).__name__}; the StateSpace of a heat problem"):
+        with pytest.raises(
+            th.InputError, match=f"system is a {type(model).__name__}; the StateSpace of a heat problem"
+        ):
             make(model)
 
 

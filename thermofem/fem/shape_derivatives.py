@@ -16,9 +16,11 @@ import numpy as np
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
+from ..geometry.guides import LIGHT
 from ..geometry.outline_motion import CornerMotion
 from ..geometry.regions import nearest
 from ..mesh.triangles import radii
+from ..optics.shape import light_slope
 from .probe_means import FINENESS, Cut, cut_shell, shell_integral
 from .surfaces import surface_tangent
 from .weak_forms import assembled, maps, properties, reference
@@ -199,6 +201,8 @@ def _properties(heat: HeatProblem, change: Change) -> tuple[Array, Array]:
 def _mean(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
     """Derivative of the volume mean over a region or a shell."""
     basis, mesh = heat.discretization.basis, heat.mesh
+    if name == LIGHT and heat.light is not None:
+        return light_slope(heat.light, basis, change)
     if name not in mesh.region_names:
         return _probe(heat, change, moved, name)
     inside = mesh.region == mesh.region_names.index(name)
