@@ -187,6 +187,11 @@ class RingResonator:
         return self._given("thermal_shift", self.index_rate * self.thermo_optic)
 
     @property
+    def shift_per_kelvin(self) -> float:
+        """Wavelength of the resonance over temperature in m/K: lambda thermal_shift / omega."""
+        return c / self.frequency * self.thermal_shift / self.omega
+
+    @property
     def eta_fca(self) -> float:
         """c sigma_FCA/n_g, times G where it is given, in m^3/s: amplitude loss rate for a unit carrier density."""
         share = 1.0 if self.index_confinement is None else self.index_confinement
@@ -268,20 +273,10 @@ class RingResonator:
             Q_L not below Q_i, a number of buses other than 1 and 2, one of perimeter and mode_area alone, or both for a
             base whose rates are set and would not follow the new volume.
         """
-        frequency = checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
-        loaded_q = checks.between("loaded_q", loaded_q, 10, 1e10)
-        intrinsic_q = checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
-        absorbed_fraction = checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
         checks.instance("base", base, RingResonator, hint="coupled.borghi2021() is one")
-        buses = checks.integer("buses", buses, 1, 2)
-        if loaded_q >= intrinsic_q:
-            raise checks.InputError(
-                f"loaded_q = {loaded_q:g} must be smaller than intrinsic_q = {intrinsic_q:g}: "
-                "coupling to the bus adds loss"
-            )
+        found: dict[str, Any] = ring_toml.rates_of(frequency, loaded_q, intrinsic_q, buses, absorbed_fraction)
         if (perimeter is None) != (mode_area is None):
             raise checks.InputError("perimeter and mode_area make a volume together; give both or none")
-        volumes: dict[str, Any] = {}
         if perimeter is not None and mode_area is not None:
             fixed = sorted(dict(base.rates).keys() & {"eta_tpa", "g_tpa", "kerr_shift"})
             if fixed:
@@ -291,19 +286,9 @@ class RingResonator:
                 )
             perimeter = checks.between("perimeter", perimeter, 1e-7, 1, unit="m", hint="did you mean 50e-6?")
             mode_area = checks.between("mode_area", mode_area, 1e-15, 1e-10, unit="m^2", hint="0.1 um^2 is 1e-13 m^2")
-            volumes = {"tpa_volume": perimeter * mode_area, "fca_volume": perimeter * mode_area}
-        whole, own = math.pi * frequency / loaded_q, math.pi * frequency / intrinsic_q
-        bus = (whole - own) / buses
-        return replace(
-            base,
-            name=name,
-            frequency=frequency,
-            bus_rate=bus,
-            drop_rate=bus if buses == 2 else 0.0,
-            loss_rate=absorbed_fraction * own,
-            scattering_rate=(1 - absorbed_fraction) * own,
-            **volumes,
-        )
+            found |= {"tpa_volume": perimeter * mode_area, "fca_volume": perimeter * mode_area}
+        ring_toml.tell_base(base.name, base, found)
+        return replace(base, name=name, **found)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> RingResonator:

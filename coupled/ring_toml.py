@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -119,7 +119,7 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
     found = read_table(table, _FIELDS | _MEASURED | _OTHERS, "the ring file")
     base = published[checks.choice("base", found["base"], published)]() if "base" in found else None
     fields = {key: value for key, value in found.items() if key not in _OTHERS}
-    _resolve(fields, base or next(iter(published.values()))(), None if base is None else base.frequency)
+    _resolve(fields, None if base is None else base.frequency)
     fields["name"] = found.get("name", base.name if base else "ring")
     if "dispersion" in found:
         terms = [read_table(t, _DISPERSION, f"[[dispersion]] {n}", required=tuple(_DISPERSION))
@@ -146,10 +146,10 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
     return ring(**fields)
 
 
-def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> None:
+def _resolve(values: dict[str, Any], frequency: float | None) -> None:
     """Replace wavelength, quality factors and perimeter by the fields that they determine.
 
-    ``template`` is any ring; only its method `from_quality_factors` is used. ``frequency`` is that of the base ring.
+    ``frequency`` is that of the base ring.
     """
     if "wavelength" in values:
         if "frequency" in values:
@@ -166,12 +166,9 @@ def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> 
         frequency = values.get("frequency", frequency)
         if frequency is None:
             raise InputError("frequency or wavelength is missing; quality factors need it")
-        rates = type(template).from_quality_factors(
-            template, name="", frequency=frequency, loaded_q=values.pop("loaded_q"),
-            intrinsic_q=values.pop("intrinsic_q"), buses=int(buses), absorbed_fraction=1.0 if share is None else share,
-        )  # fmt: skip
-        for key in ("frequency", "bus_rate", "drop_rate", "loss_rate", "scattering_rate"):
-            values[key] = getattr(rates, key)
+        values |= rates_of(
+            frequency, values.pop("loaded_q"), values.pop("intrinsic_q"), int(buses), 1.0 if share is None else share
+        )
     elif share is not None:
         raise InputError("absorbed_fraction goes with loaded_q and intrinsic_q; else give scattering_rate")
     elif buses == 1 and values.setdefault("drop_rate", 0.0):
@@ -179,6 +176,30 @@ def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> 
     if "perimeter" in values:
         volume = values.pop("perimeter") * values.pop("mode_area")
         values["tpa_volume"] = values["fca_volume"] = volume
+
+
+def rates_of(
+    frequency: float, loaded_q: float, intrinsic_q: float, buses: int, absorbed_fraction: float
+) -> dict[str, float]:
+    """The frequency and the amplitude rates of a ring with these quality factors, by field."""
+    frequency = checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
+    loaded_q = checks.between("loaded_q", loaded_q, 10, 1e10)
+    intrinsic_q = checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
+    absorbed_fraction = checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
+    buses = checks.integer("buses", buses, 1, 2)
+    if loaded_q >= intrinsic_q:
+        raise InputError(
+            f"loaded_q = {loaded_q:g} must be smaller than intrinsic_q = {intrinsic_q:g}: coupling to the bus adds loss"
+        )
+    whole, own = pi * frequency / loaded_q, pi * frequency / intrinsic_q
+    bus = (whole - own) / buses
+    return {
+        "frequency": frequency,
+        "bus_rate": bus,
+        "drop_rate": bus if buses == 2 else 0.0,
+        "loss_rate": absorbed_fraction * own,
+        "scattering_rate": (1 - absorbed_fraction) * own,
+    }
 
 
 def _shift(given: Any, frequency: float | None) -> float:
@@ -201,7 +222,12 @@ def _check_base(name: str, base: Any, fields: dict[str, Any]) -> None:
             "give that of the material, 3.48, not the effective index of the mode; a core of another material needs "
             "its own numbers and no base",
         )
-    taken = [key for key in (*_FIELDS, "fcd", "carriers") if key not in fields and getattr(base, key) is not None]
+    tell_base(name, base, fields)
+
+
+def tell_base(name: str, base: Any, own: Container[str]) -> None:
+    """Log what a ring takes from a base: all fields but its own."""
+    taken = [key for key in (*_FIELDS, "fcd", "carriers") if key not in own and getattr(base, key) is not None]
     log.warning("ring: taken from base %s: %s", name, ", ".join(taken))
 
 

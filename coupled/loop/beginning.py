@@ -105,6 +105,8 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     power[-1] = power[0]
     wave = Cubic(time, power, CubicSpline(time, power, bc_type="periodic")(time, 1))
     period, basis, C = float(time[-1]), fem.basis, fem.linear.C
+    if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
+        raise checks.InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")
     E = fem.linear.E
     z = cubic_pole_responses(basis.rate, *wave.pieces(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
     field = basis.vectors @ z

@@ -11,6 +11,7 @@ import numpy as np
 from thermofem import Foster, OutputMap, checks
 from thermofem.arrays import Array, ArrayLike
 
+from ..export.poles import poles_of
 from ..family import Family
 
 Model = Foster | OutputMap
@@ -102,15 +103,35 @@ def time_constant(model: Model) -> float:
     return _reaches(model, -np.expm1(-1.0))
 
 
+def channel_steps(model: Any) -> list[dict[str, Any]] | None:
+    """R_th (K/W) and rise time (s) of every channel of a linear model, with its ``heated`` and ``read``; outputs first.
+
+    None where the model has no independent poles.
+    """
+    try:
+        found = poles_of(getattr(model, "linear", model))
+    except checks.InputError:
+        return None
+    rows = []
+    for read, C in zip(model.outputs, np.atleast_2d(found.C), strict=True):
+        for heated, B in zip(model.inputs, found.B.T, strict=True):
+            R, tau = C * B / found.rate, 1 / found.rate
+            rise = _after(0.9, R, tau) - _after(0.1, R, tau)
+            rows.append({"heated": heated, "read": read, "thermal_resistance": float(R.sum()), "rise_time": rise})
+    return rows
+
+
 def _reaches(model: Model, share: float) -> float:
+    linear = model.linear if isinstance(model, OutputMap) else model  # at small power
+    return _after(share, np.asarray(linear.R), np.asarray(linear.tau))
+
+
+def _after(share: float, R: Array, tau: Array) -> float:
+    """Time in s after which a step has reached a share of its static rise."""
     from scipy.optimize import brentq
 
-    linear = model.linear if isinstance(model, OutputMap) else model  # at small power
-    R, tau = np.asarray(linear.R), np.asarray(linear.tau)
-    total = R.sum()
-
     def missing(t: float) -> float:
-        return float(-np.expm1(-t / tau) @ R / total - share)
+        return float(-np.expm1(-t / tau) @ R / R.sum() - share)
 
     return float(brentq(missing, 1e-4 * tau.min(), 50 * tau.max(), xtol=1e-16, rtol=1e-12))
 

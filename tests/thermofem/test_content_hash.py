@@ -15,7 +15,7 @@ from commands import thermofem
 import surrogate
 import thermofem as th
 from thermofem.campaign import Drive
-from thermofem_cli.results.show_command import show
+from thermofem_cli.show_command import show
 
 TIMES = np.linspace(0, 10e-6, 50)
 WORDS = "changed after thermofem wrote it"

@@ -195,8 +195,8 @@ class Light:
         share = mode.confinement[self.part] / mode.confinement[mode.core_material]
         if share < RIDGE:
             log.warning(
-                "%s: %r is %.0f %% of the %s that guides %s: volumes and confinements are of all of it; the mean over it "
-                "is not the temperature that the light sees; read 'light'",
+                "%s: %r is %.0f %% of the %s that guides %s: volumes and confinements are of all of it; the mean over "
+                "the part is not the temperature that the light sees; read 'light'",
                 self.geometry.name, self.part, 100 * share, mode.core_material, mode.name,
             )  # fmt: skip
         reach, leaks = (self.reach(mode.n_eff, tail) for tail in (REACHES, LEAKS))

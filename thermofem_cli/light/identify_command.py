@@ -40,11 +40,7 @@ def identify(
     output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path(
         "identified.toml"
     ),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
     seed: options.Seed = 1,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Find parameters of a ring, its carriers and its heat from drop traces at known power and detuning.
 

@@ -18,17 +18,10 @@ from ..console import say, working, wrote
 
 def modes(
     geometry: options.Geometry = None,
-    wavelength: Annotated[
-        str | None, typer.Option(help="Vacuum wavelength; default: that of [light] in the geometry, or 1550 nm.")
-    ] = None,
+    wavelength: options.Wavelength = None,
     part: Annotated[str | None, typer.Option(help="Part that guides; default: that of [light], or core.")] = None,
     accuracy: options.Accuracy = 1e-3,
     figure: options.Figure = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Compute the guided modes of one geometry on the mesh of its heat problem.
 

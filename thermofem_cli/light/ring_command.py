@@ -18,10 +18,7 @@ from .modes_command import wavelength_of
 
 def ring(
     geometry: options.Geometry = None,
-    wavelength: Annotated[
-        str | None,
-        typer.Option(help="The resonance next to it is taken; default: that of [light] in the geometry, or 1550 nm."),
-    ] = None,
+    wavelength: options.Wavelength = None,
     loss: Annotated[
         str | None, typer.Option(help="Power loss of the guide, which heats; default: that of [light], or 2 dB/cm.")
     ] = None,
@@ -40,11 +37,6 @@ def ring(
         str | None, typer.Option(help="Guided mode, such as TM0; default: that of [light], or TE0.")
     ] = None,
     output: options.Output = Path("ring.toml"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Compute the ring of one geometry, and write its file with the origin beside every number.
 
@@ -80,7 +72,6 @@ def ring(
         f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {made.mode.thermo_optic * length / 1e-12:.3g} pm/K"
     )
     say(f"bus: {made.origins['bus_rate']}")
-    say("from the base, not from this geometry: " + ", ".join(n for n, o in made.origins.items() if "base" in o.origin))
     wrote(output)
     origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in made.origins.items()}
     return {"loaded_q": found.loaded_q, "intrinsic_q": found.intrinsic_q, "origins": origins, "wrote": [output]}

@@ -14,8 +14,7 @@ from thermofem.errors import InputError
 
 from .. import options
 from ..command_files import check_outputs, section_of
-from ..console import say, working, wrote
-from .step_numbers import channels, say_channels
+from ..console import say, working, written, wrote
 
 
 def reduce(
@@ -33,11 +32,6 @@ def reduce(
         Path | None, typer.Option(help="Centres of many such rings: a table 'x (um),y (um)'; makes an array.")
     ] = None,
     output: options.Output = Path("model.json"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
     import surrogate
@@ -60,8 +54,10 @@ def reduce(
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
     say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
-    rows = channels(rom.model) or []
-    say_channels(rows)
+    rows = surrogate.studies.targets.channel_steps(rom.model) or []
+    for row in rows:
+        of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
+        say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")
     wrote(output)
     return {
         "unknowns": heat.unknowns,

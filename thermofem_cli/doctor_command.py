@@ -15,17 +15,10 @@ from rich.text import Text
 from thermofem import strip_ring
 from thermofem.mesh import find_committed, gmsh_problem
 
-from .. import options
-from ..console import show
+from .console import show
 
 
-def doctor(
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
-) -> dict[str, Any]:
+def doctor() -> dict[str, Any]:
     """Say what works on this machine, and what is missing for what does not."""
     checks: dict[str, Any] = {}
     table = Table("check", "", "what was found", box=None)

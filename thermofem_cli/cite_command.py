@@ -13,9 +13,8 @@ from thermofem.data import files
 from thermofem.errors import InputError, one_line
 from thermofem.version import __version__
 
-from .. import options
-from ..command_files import expect
-from ..console import say
+from .command_files import expect
+from .console import say
 
 _SPECIAL = {c: f"\\{c}" for c in "{}%#&_$"} | {"\\": "\\textbackslash{}", "^": "\\^{}", "~": "\\~{}"}
 _LATEX = str.maketrans(_SPECIAL)
@@ -69,11 +68,6 @@ def cite(
         Path | None, typer.Argument(help="Data (netCDF) or model (JSON); default: the software alone.")
     ] = None,
     bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Print what to cite for a result: the software, the paper, and the sources of its materials."""
     try:

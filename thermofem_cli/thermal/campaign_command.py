@@ -14,7 +14,6 @@ from thermofem.errors import InputError
 from .. import options
 from ..command_files import expect
 from ..console import bar, note, say, settings, wrote
-from ..executors import executor_of
 
 if TYPE_CHECKING:
     from thermofem.campaign import Summary
@@ -26,11 +25,6 @@ def campaign(
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take geometries that failed again.")] = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Solve many geometries: one netCDF file for each, one index, one training collection.
 
@@ -41,7 +35,7 @@ def campaign(
     expect(file, "campaign")
     plan = th.Campaign.from_toml(file)
     count = workers if workers is not None or scheduler else settings.threads
-    with executor_of(scheduler) as executor, bar("geometries") as progress:
+    with options.executor_of(scheduler) as executor, bar("geometries") as progress:
 
         def report(summary: Summary) -> None:
             rate = f"{summary.finished / summary.seconds:.1f}/s" if summary.seconds else ""

@@ -15,7 +15,7 @@ from thermofem.errors import InputError
 from .. import options
 from ..command_files import about, expect, kind_of
 from ..console import say, working, written
-from .family_parameters import units_of
+from .family_options import units_of
 
 
 def calibrate(
@@ -24,11 +24,6 @@ def calibrate(
     noise: Annotated[
         str | None, typer.Option(help="Standard deviation of a sample, e.g. '10 mK'; a number alone is in K.")
     ] = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Find the ring of a family that explains thermal traces best, with standard errors."""
     import surrogate

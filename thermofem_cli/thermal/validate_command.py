@@ -10,7 +10,6 @@ import typer
 from rich.table import Table
 
 import thermofem as th
-from surrogate.judging.ladder import verdict
 from surrogate.judging.validate import valid_range
 from thermofem import checks
 from thermofem.data import quantity
@@ -24,9 +23,7 @@ from ..console import say, show, working, wrote
 if TYPE_CHECKING:
     import xarray as xr
 
-TRAINED = ("Newton", "second order", "Foster, trained (3)", "Foster, trained (5)", "SINDy")
-NAMES = (*TRAINED, "certified reduction (0.0001)")
-ENDS = 0.5e-3, 50e-3, 9  # W, first and last power over which linear models are compared with k(T), and their number
+SAME = "no material depends on temperature: the same at every power"
 
 
 def validate(
@@ -44,11 +41,6 @@ def validate(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Curves (.nc); for a geometry also the figure (.png).")
     ] = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
@@ -133,8 +125,7 @@ def _geometry(
     read: str | None,
 ) -> dict[str, Any]:
     """Train the usual kinds of model on a geometry and judge them by its FEM, with k(T) at the power given."""
-    import surrogate
-    from thermofem.models import NonlinearSystem
+    from surrogate.judging.ladder import judge_geometry, verdict
 
     check_outputs([*figures, curves], images=figures, inputs=[path])
     expect(path, "geometry")
@@ -143,19 +134,13 @@ def _geometry(
         heat = th.assemble(geometry, accuracy)
         heated = checks.choice("--heated", heated or heat.heated[0], heat.heated)
         read = checks.choice("--read", read or heated, heat.readable)
-        ladder = surrogate.train_all(heat, power=power, duty=duty, hot=0, names=NAMES, heated=heated, read=read)
-        models, reference, system = dict(ladder.models), ladder.reference, heat.model(heated, read)
-        hot = isinstance(system, NonlinearSystem)
-        if isinstance(system, NonlinearSystem):
-            models["output map"] = surrogate.output_map(system, power)
-            models["quadratic reduction"] = surrogate.reduce_quadratic(system, power)
-            reference = system
-        errors = surrogate.judge(models, reference, powers=[power], periods=periods, duty=duty)
+        channel = {"heated": heated, "read": read}
+        ladder, errors = judge_geometry(heat, power=power, periods=periods, duty=duty, **channel)
         lines = [verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
-        lines += _against_power(system) if hot else ["no material depends on temperature: the same at every power"]
+        lines += _against_power(ladder.reference) if heat.nonlinear else [SAME]
     whole = errors.squeeze("power").rename(period_error="relative_error")
     found = {name: whole.sel(model=name) for name in whole["model"].values.tolist()}
-    by = "its FEM with k(T)" if hot else "its FEM"
+    by = "its FEM with k(T)" if heat.nonlinear else "its FEM"
     of = f"{geometry.name}: square waves of {power * 1e3:g} mW, {duty:.0%} duty, against {by}"
     for figure in figures:
         _draw(found, figure, of)
@@ -173,24 +158,17 @@ def _against_power(system: Any) -> list[str]:
     """Up to which power the steady rise of linear models and of an output map is within 1 and 10 % of k(T)."""
     import numpy as np
 
-    import surrogate
+    from surrogate.judging.ladder import linear_reach
 
-    found: list[tuple[float, float]] = []
-    for power in np.geomspace(*ENDS):
-        try:
-            found.append((float(power), float(system.steady_rise(power)[0])))
-        except InputError:  # no steady state: the conductivity has gone
-            break
-    power, rise = np.array(found).T
-    mapped = surrogate.output_map(system, float(power[-1]))
-    off, lines = np.abs(system.thermal_resistance * power / rise - 1), []
+    found, lines = linear_reach(system), []
+    power, rise, off = found["power"].values, found["rise"].values, np.abs(found["linear_error"].values)
     for share in (0.01, 0.1):
         crossing = min(share, float(off[-1]))  # off grows with power
         at, warm = float(np.interp(crossing, off, power)), float(np.interp(crossing, off, rise))
         end = " and beyond" if at >= power[-1] else "; above, take an output map or a quadratic reduction"
         reach = f"up to {at * 1e3:.3g} mW, a rise of {warm:.3g} K"
         lines.append(f"k(T): the steady rise of linear models is within {100 * share:g} % {reach}{end}")
-    error = float(np.max(np.abs(np.array([mapped.steady_rise(p) for p in power]) / rise - 1)))
+    error = float(abs(found["map_error"]).max())
     reach = f"within {100 * error:.2g} % up to {power[-1] * 1e3:.3g} mW, {rise[-1]:.3g} K"
     return [*lines, f"k(T): the steady rise of a linear model with output map is {reach}"]
 

@@ -14,8 +14,7 @@ from .. import options
 from ..command_files import check_outputs, ring_of
 from ..console import note, say, working, written, wrote
 from ..drive_texts import grid
-from .family_parameters import fixed_of, optics_of, spreads_of, units_of
-from .ring_quantities import cycle_property, pulsing_points
+from .family_options import cycle_property, fixed_of, optics_of, pulsing_points, spreads_of, units_of
 
 
 def uncertainty(
@@ -27,7 +26,7 @@ def uncertainty(
     map_: Annotated[
         Path | None, typer.Option("--map", help="Probability of self-pulsing over power and detuning, into this file.")
     ] = None,
-    points: Annotated[str, typer.Option(help="Number of powers and of detunings of --map.")] = "15, 31",
+    points: options.Points = "15, 31",
     samples: Annotated[int, typer.Option(help="Base samples, a power of two.")] = 1024,
     interpolate: Annotated[
         int | None, typer.Option(help="Compute this number of members only and interpolate.")
@@ -36,11 +35,7 @@ def uncertainty(
     ring: options.FamilyRing = options.REFERENCE_RING,
     power: options.FamilyPower = "8 dBm",
     detuning: options.FamilyDetuning = "0 GHz",
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
     seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Propagate normally distributed fabrication tolerances to R_th, the settled period or the self-pulsing map, with
     Sobol indices.
@@ -60,9 +55,9 @@ def uncertainty(
     spreads, fixed = spreads_of(found, spread), fixed_of(found, fix)
     what: Any = "thermal_resistance"
     if map_:
-        what = pulsing_points(ring, *grid(ring_of(ring), power, detuning, points))
+        what = pulsing_points(found, ring, *grid(ring_of(ring), power, detuning, points))
     elif period:
-        what = cycle_property("period", ring, power, detuning)
+        what = cycle_property("period", found, ring, power, detuning)
     both = next((name for name in fixed if name in spreads), None)
     if both is not None:
         raise InputError(f"--fix and --spread are both given for {both!r}; leave one of the two out")

@@ -16,11 +16,8 @@ from thermofem.checks import between
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
-from .. import options
-from ..command_files import expect, in_volts, kind_of
-from ..console import say
-from ..light.tuning_numbers import shift_per_kelvin
-from ..models.step_numbers import channels
+from .command_files import expect, in_volts, kind_of
+from .console import say
 
 # what follows from the fields of a ring -> its SI unit
 DERIVED = {
@@ -38,11 +35,6 @@ LARGEST = 1e9  # of a misfit, in K or in the swing: beyond, the file is damaged
 
 def show(
     file: Annotated[Path, typer.Argument(help="Thermal model (JSON), ring or geometry (TOML).")],
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Print the card of a model (kind, R_th, rise time, all poles, error bound, training), or the numbers of a ring.
 
@@ -79,7 +71,7 @@ def _ring(path: Path) -> dict[str, Any]:
     }
     units = {**UNITS, **DERIVED}
     numbers |= {name: getattr(ring, name) for name in DERIVED}
-    numbers |= {"wavelength": c / ring.frequency, "shift_per_kelvin": shift_per_kelvin(ring)}
+    numbers |= {"wavelength": c / ring.frequency, "shift_per_kelvin": ring.shift_per_kelvin}
     origins = _origins(path)
     for name, value in numbers.items():
         unit = units.get(name, "m" if name == "wavelength" else "")
@@ -102,6 +94,8 @@ def _origins(path: Path) -> dict[str, str]:
 
 def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
     """The numbers on the card."""
+    from surrogate.studies.targets import channel_steps
+
     numbers: dict[str, Any] = {
         "kind": type(model).__name__,
         "heated": list(model.inputs),
@@ -109,7 +103,7 @@ def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
         "states": getattr(model, "order", None),
         "thermal_resistance": _resistance(model),
         "poles": _poles(model),
-        "rise_times": None if (rows := channels(model)) is None else [row["rise_time"] for row in rows],
+        "rise_times": None if (rows := channel_steps(model)) is None else [row["rise_time"] for row in rows],
         "error_bound": _number("error_bound", provenance.get("error_bound"), WIDEST),
         "residual": _number("residual_K", provenance.get("residual_K"), LARGEST),
         "relative_residual": _number("relative_residual", provenance.get("relative_residual"), LARGEST),

@@ -33,12 +33,8 @@ def fit(
         str | None, typer.Option(help="Number of poles of a Foster network; default auto: what noise allows.")
     ] = None,
     power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
-    pulse: Annotated[
-        str | None, typer.Option(help="Length of the heating pulse in a table, e.g. '4 us'; default: a step.")
-    ] = None,
-    square: Annotated[
-        str | None, typer.Option(help="Period of the square wave, from rest, that heated in a table.")
-    ] = None,
+    pulse: options.Pulse = None,
+    square: options.Square = None,
     duty: options.Duty = None,
     time: Annotated[str | None, typer.Option(help="Column with the time, e.g. 'X (us)'; of two the first.")] = None,
     temperature: Annotated[str | None, typer.Option(help="Column with the temperature or its voltage.")] = None,
@@ -61,13 +57,8 @@ def fit(
     phase: Annotated[
         str | None, typer.Option(help="Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; default 1 rad/K.")
     ] = None,
-    figure: Annotated[Path | None, typer.Option(help="Data, model and residual; .png, .pdf or .svg.")] = None,
+    figure: options.Figure = None,
     output: options.Output = Path("model.json"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Train a compact model on heat data or on a measured trace and write it as JSON.
 

@@ -12,8 +12,7 @@ from thermofem.errors import InputError
 
 from .. import options
 from ..console import note, say, working, written
-from .family_parameters import fixed_of, optics_of, units_of
-from .ring_quantities import cycle_property, pulsing_range
+from .family_options import cycle_property, fixed_of, optics_of, pulsing_range, units_of
 
 
 def design(
@@ -31,18 +30,15 @@ def design(
     ring: options.FamilyRing = options.REFERENCE_RING,
     power: options.FamilyPower = "8 dBm",
     detuning: options.FamilyDetuning = "0 GHz",
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
     seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
     import surrogate
 
     if not (period or swing or range_):
         options.unused(context, "goes with --period, --swing or --range", "power", "detuning", "optics", "ring")
-    found, drive = surrogate.load_family(file), (ring, power, detuning)
+    found = surrogate.load_family(file)
+    drive = (found, ring, power, detuning)
     asked: list[tuple[str, str | None, str, Callable[[], Any]]] = [
         ("--resistance", resistance, "K/W", lambda: "thermal_resistance"),
         ("--rise-time", rise_time, "s", lambda: "rise_time"),

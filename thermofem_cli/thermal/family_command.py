@@ -12,7 +12,6 @@ from thermofem.data import quantity
 from .. import options
 from ..command_files import check_outputs, expect
 from ..console import say, working, wrote
-from ..executors import executor_of
 
 
 def family(
@@ -27,11 +26,7 @@ def family(
     power: Annotated[
         str | None, typer.Option(help="Largest absorbed power, e.g. '2 mW'; for conductivities k(T).")
     ] = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
     seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Train one thermal model for all rings in the ranges of a campaign."""
     import surrogate
@@ -39,7 +34,7 @@ def family(
     check_outputs([output], inputs=[file])
     expect(file, "campaign")
     hot = None if power is None else quantity.parse(power, "W", name="--power")
-    with executor_of(scheduler, workers if workers > 1 else None) as executor, working("training"):
+    with options.executor_of(scheduler, workers if workers > 1 else None) as executor, working("training"):
         found = surrogate.train_family(file, tolerance, seed=seed, executor=executor, folder=folder, power=hot)
     found.save(output)
     error = {"worst": found.error.worst, "median": found.error.median, "count": found.error.count}

@@ -12,8 +12,8 @@ import typer
 import thermofem
 from thermofem.checks import InputError
 
-from .. import options
-from ..console import settings, terminal
+from . import options
+from .console import settings, terminal
 
 
 def reproduce(
@@ -21,11 +21,6 @@ def reproduce(
     quick: Annotated[
         bool, typer.Option("--quick", help="The one-minute version: no maps, no FEM in the loop.")
     ] = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Reproduce the paper from our own FEM, in a checkout: report.html with every figure and number, and their data.
 

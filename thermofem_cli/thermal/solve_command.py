@@ -27,8 +27,8 @@ def solve(
     context: typer.Context,
     geometry: options.Geometry = None,
     power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
-    pulse: Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'.")] = None,
-    square: Annotated[str | None, typer.Option(help="Square wave of this period, e.g. '1 us'.")] = None,
+    pulse: options.Pulse = None,
+    square: options.Square = None,
     duty: options.Duty = None,
     periodic: Annotated[
         bool, typer.Option("--periodic", help="One period of the periodic state, not a start from rest.")
@@ -38,19 +38,14 @@ def solve(
     heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
     read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
     accuracy: options.Accuracy = 1e-3,
-    rtol: Annotated[float, typer.Option(help="Relative error of the time integration.")] = 1e-4,
-    figure: Annotated[Path | None, typer.Option(help="Also draw the response into this image.")] = None,
+    rtol: options.Rtol = 1e-4,
+    figure: options.Figure = None,
     preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
     no_solve: Annotated[bool, typer.Option("--no-solve", help="Only draw the --preview.")] = False,
     field_times: options.FieldTimes = None,
     paraview: options.Paraview = None,
     animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
     output: options.NetCDF = Path("heat.nc"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Solve the heat equation of one geometry and write training data (netCDF).
 

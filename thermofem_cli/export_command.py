@@ -16,9 +16,9 @@ from thermofem import StateSpace, checks
 from thermofem.data import quantity
 from thermofem.errors import InputError
 
-from .. import drive_texts, options
-from ..command_files import check_outputs, expect, ring_of
-from ..console import note, working, wrote
+from . import drive_texts, options
+from .command_files import check_outputs, expect, ring_of
+from .console import note, working, wrote
 
 RING = "Ring file (TOML), borghi2021, borghi2021-lumped or vanvaerenbergh2012: write its light and carriers, too."
 OUTPUT = "File to write; default: the model's name, with the ending of --to, if no other file has it."
@@ -36,11 +36,6 @@ def export(
     fmi: Annotated[int, typer.Option(help="Version of FMI for fmu: 2 or 3.")] = 2,
     platforms: Annotated[str, typer.Option(help=PLATFORMS)] = "",
     output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers."""
     import coupled
