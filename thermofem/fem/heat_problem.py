@@ -22,6 +22,7 @@ from ..arrays import Array, ArrayLike, NDArray
 from ..geometry.guides import LIGHT
 from ..materials.laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
+from ..optics.modes import Light
 from ..optics.reading import light_integral
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
@@ -123,9 +124,7 @@ class HeatProblem:
     @cached_property
     def lit(self) -> HeatProblem:
         """`with_light` of the mode that [light] of the geometry names; the problem itself where there is no [light]."""
-        from ..optics import light
-
-        return self if self.geometry.light is None or self.light else self.with_light(light(self).mode())
+        return self if self.geometry.light is None or self.light else self.with_light(Light.of(self).mode())
 
     @property
     def judged(self) -> tuple[tuple[str, str], ...]:

@@ -26,7 +26,6 @@ LEAKS = 1e-6  # of the power: where so much of the mode reaches a substrate its 
 LEAK = 0.01  # dB/cm
 RIDGE = 0.9  # of dn_eff/dn of the core's material: a part with less is the ridge of a rib, or the rim of a disc
 HELD = 0.4  # of the energy, in the core's material over the core's width: less is no mode of this guide
-DRAWN = 1e-3  # accuracy of the heat mesh that `light` makes for a geometry
 
 log = logging.getLogger("thermofem")
 
@@ -41,6 +40,23 @@ class Light:
     part: str
     element_order: int
     accuracy: float
+
+    @classmethod
+    def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
+        """Those on the mesh of a heat problem, see `lighting.light`."""
+        geometry, given = heat.geometry, heat.geometry.light
+        if given is not None:
+            wavelength, part = wavelength or given.wavelength, part or given.part
+        if wavelength is None:
+            raise InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
+        hint = "wavelengths are in m (did you mean 1.55e-6?)"
+        wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
+        default = "core" if any(one.name == "core" for one in geometry.parts) else geometry.heated[0]
+        found = cls(
+            geometry, heat.mesh, wavelength, part or default, checks.integer("order", order, 2, 3), heat.accuracy
+        )
+        found.core_index, found._part  # noqa: B018 - both are checked now
+        return found
 
     @cached_property
     def _part(self) -> Part:
@@ -213,50 +229,3 @@ class Light:
                     "%s: %s leaks into %r, %.3g um away: %.2g dB/cm; that loss heats nothing in the core",
                     self.geometry.name, mode.name, name, away * UM, mode.substrate_loss,
                 )  # fmt: skip
-
-
-def light(
-    section: CrossSection | HeatProblem, *, wavelength: float | None = None, part: str | None = None, order: int = 2
-) -> Light:
-    """The guided modes of a cross-section.
-
-    Parameters
-    ----------
-    section : CrossSection or HeatProblem
-        of a heat problem its mesh is taken, cut to a window about the part; of a geometry that of `assemble`. Where the
-        heat has no triangles (air above the stack, voids) a mesh is drawn.
-    wavelength : float, m
-        default that of [light] in the geometry.
-    part : str
-        the core; default that of [light], or "core", or the first heated part.
-    order : int
-        of the elements, 2 or 3. On the mesh for 1e-3 of the heat n_eff and n_g are within 2e-4 (order 2) and 2e-5 (3).
-
-    Raises
-    ------
-    InputError
-        no guided mode; a material without an index in its reach; a wavelength outside an index law's range.
-
-    >>> import thermofem as th
-    >>> mode = th.light(th.strip_ring(), wavelength=1.55e-6).mode("TE0")
-    >>> round(mode.n_eff, 2), round(mode.n_g, 2)
-    (2.36, 4.29)
-    """
-    from ..fem import HeatProblem
-    from ..fem.assembly import meshed
-    from ..geometry import CrossSection
-
-    hint = "th.strip_ring() is a geometry, th.assemble(geometry) a heat problem"
-    checks.instance("section", section, CrossSection, HeatProblem, hint=hint)
-    heat = section if isinstance(section, HeatProblem) else meshed(section, DRAWN)[0]
-    geometry, given = heat.geometry, heat.geometry.light
-    if given is not None:
-        wavelength, part = wavelength or given.wavelength, part or given.part
-    if wavelength is None:
-        raise InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
-    hint = "wavelengths are in m (did you mean 1.55e-6?)"
-    wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
-    default = "core" if any(one.name == "core" for one in geometry.parts) else geometry.heated[0]
-    found = Light(geometry, heat.mesh, wavelength, part or default, checks.integer("order", order, 2, 3), heat.accuracy)
-    found.core_index, found._part  # noqa: B018 - both are checked now
-    return found

@@ -24,6 +24,7 @@ from ..checks import InputError
 from ..geometry.guides import LIGHT
 from ..geometry.parameters import Change, change
 from ..materials.index_laws import constant, constant_index
+from ..mesh.mesh_motion import vertex_velocities
 from .reading import containing, light_integral
 from .window import UM, Window
 
@@ -159,8 +160,6 @@ class Variation:
 
 def variations(mode: Mode, changes: Sequence[Change]) -> list[Variation]:
     """The variation of every change of the mode's geometry."""
-    from ..fem.shape_derivatives import vertex_velocities
-
     light: Light = mode.light  # type: ignore[assignment]
     roles = (*light.geometry.heated, light.part)
     velocities = vertex_velocities(light.geometry, light.mesh, changes, roles=roles)
