@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermofem import Foster, StateSpace, checks
-from thermofem.algebra.smooth_poles import cubic_pole_responses
+from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare

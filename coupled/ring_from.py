@@ -24,7 +24,7 @@ from thermofem.geometry.parameters import change
 from thermofem.optics.shape import ABOUT, Variation, numbers, variations
 
 from . import ring_toml
-from .carriers.lifetime import ConstantLifetime
+from .carriers import ConstantLifetime
 from .parameters.borghi2021 import borghi2021
 from .resonator import PUBLISHED, RingResonator
 

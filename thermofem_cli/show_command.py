@@ -51,7 +51,7 @@ def show(
             say(line)
         return {"geometry": section.to_toml()}
     expect(file, "model")
-    loaded, provenance = surrogate.load_model(file), th.models.files.load_provenance(file)
+    loaded, provenance = surrogate.load_model(file), th.models.model_files.load_provenance(file)
     numbers = _numbers(loaded, provenance)
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
     _say(file, numbers)
@@ -94,7 +94,7 @@ def _origins(path: Path) -> dict[str, str]:
 
 def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
     """The numbers on the card."""
-    from surrogate.studies.targets import channel_steps
+    from surrogate.studies.inverse_search import channel_steps
 
     numbers: dict[str, Any] = {
         "kind": type(model).__name__,

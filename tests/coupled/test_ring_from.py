@@ -12,7 +12,7 @@ import thermofem as th
 from coupled.contradictions import check_geometry
 from coupled.cycles.derivatives import cycle_derivatives
 from coupled.ring_from import chain
-from surrogate.reduction.pole_derivatives import pole_derivatives
+from surrogate.reduction.reduce import pole_derivatives
 from thermofem.fem.heat_problem import on_mesh
 from thermofem.mesh.mesh_motion import moved
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .. import checks
-from ..materials.library import VOID
+from ..materials.material_library import VOID
 from .parts import length
 
 if TYPE_CHECKING:

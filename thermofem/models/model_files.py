@@ -26,16 +26,13 @@ from ..data import files
 from ..data.files import digest_tree, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
-from .foster import Foster
+from .foster import Foster, OutputMap
 from .network import Network
-from .output_map import OutputMap
-from .quadratic import Quadratic
+from .nonlinear_models import Quadratic
 from .state_space import StateSpace
 
 FORMAT = "thermofem thermal model"
 SCHEMA = 1
-AGREEMENT = 1e-9  # of R_th with what is stated: 17 digits are written, a person may keep 10
-OF_NETWORK = 1e-3  # the same of a `Network`, see `gate`
 HASH = "content_hash"  # in the provenance
 CLAIMS = ("error_bound", "static_error", "residual_K", "relative_residual")  # of the provenance: how good the model is
 _log = logging.getLogger("thermofem")
@@ -136,7 +133,9 @@ def _check_static(stated: Any, found: float | None, kind: str) -> None:
     if stated is None or found is None:
         return
     stated = checks.positive("thermal_resistance", stated, unit="K/W")
-    if abs(stated - found) > (OF_NETWORK if kind == "Network" else AGREEMENT) * stated:
+    # 1e-9 of R_th with what is stated: 17 digits are written, a person may keep 10
+    # 1e-3: the same of a `Network`, see `gate`
+    if abs(stated - found) > (1e-3 if kind == "Network" else 1e-9) * stated:
         raise checks.InputError(
             f"thermal_resistance = {stated:.10g} K/W, but the model's own numbers make it {found:.10g}; was a "
             "number edited or lost?"

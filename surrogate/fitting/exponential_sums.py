@@ -1,25 +1,34 @@
-"""Sums of exponentials fitted to a cooling curve, as in the paper's Fig. 5(a)."""
+"""Sums of exponentials: a few fitted to a cooling curve (the paper's Fig. 5(a)), and a spectrum on a grid.
+
+The spectrum of time constants is always stable and passive:
+
+    dT = sum_i R_i psi(t; tau_i),  R_i >= 0,  tau_i on a logarithmic grid,  sum_i R_i = R_th where it is known
+
+There is nothing to search: the problem is convex and its optimum has few nonzero R_i.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import Foster, checks
 from thermofem.arrays import Array, ArrayLike
+from thermofem.data import quantity
 
-from .correlated import noise_along
-from .notes import EXPLAINED, cancelling, unseen_times
-from .projection import CUT
+from .fit import Fit, Training
+from .fit_result import EXPLAINED, cancelling, unseen_times
+from .pole_projection import CUT, noise_along
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
-RANKED = 200  # samples by which they are compared
 FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
-STEEPEST = 100.0  # largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
-FALLEN = 0.99  # of the largest rise: what does not end below is no cooling curve
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 
 
@@ -80,15 +89,16 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
             f"times begins at {t[0]:g} s and lasts {span:g} s; 0 is the end of the power: subtract that moment"
         )
     y = y / size  # SciPy's tolerance of the gradient is absolute
-    if np.abs(y[-1]) > FALLEN:
+    if np.abs(y[-1]) > 0.99:  # 0.99 of the largest rise: what does not end below is no cooling curve
         raise checks.InputError(f"rise ends at {size * y[-1]:.3g} K of at most {size:.3g} K; a cooling curve falls")
 
     def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
         columns = np.exp(-t[few, None] / np.exp(log_tau))
         return y[few] - columns @ np.linalg.lstsq(columns, y[few], rcond=None)[0]
 
-    few = slice(None, None, max(1, t.size // RANKED))
-    low = np.log(max(float(np.diff(t).min()) / FASTER, abs(float(t[0])) / STEEPEST, np.finfo(float).tiny))
+    few = slice(None, None, max(1, t.size // 200))  # 200 samples by which they are compared
+    # 100.0: largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
+    low = np.log(max(float(np.diff(t).min()) / FASTER, abs(float(t[0])) / 100.0, np.finfo(float).tiny))
     high = np.log(SLOWER * span)
     grid = np.linspace(low, high, GRID + 2)[1:-1]
     ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))
@@ -127,3 +137,77 @@ def _notes(t: Array, tau: Array, amplitude: Array, left: Array, size: float) -> 
     deviation = np.sqrt(np.maximum((back @ noise @ back.T).diagonal()[: tau.size], 0))
     said = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
     return (*said, *cancelling(amplitude * size, "K"))
+
+
+MARGIN = 10.0  # the grid reaches this factor beyond the times that the data show
+SLOW, BEYOND = 3.0, 0.1  # share of the resistance in poles so many times slower than the data that is worth a note
+
+
+def fit_spectrum(
+    data: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    per_decade: int = 8,
+    thermal_resistance: float | None = None,
+) -> Fit:
+    """Fit the spectrum of time constants.
+
+    Parameters
+    ----------
+    data : Dataset or list of them
+        each is weighted by its swing.
+    per_decade : int, 2 to 40
+        time constants of the grid in each decade.
+    thermal_resistance : float, K/W
+        static gain to impose; default the Datasets' own, where they carry it.
+
+    Returns
+    -------
+    Fit
+        a Foster network of typically 15 to 30 poles; ``standard_errors`` are nan, as the grid is not fitted.
+
+    Raises
+    ------
+    InputError
+        data without power or rise, or that no heating pole fits.
+    """
+    checks.between("per_decade", per_decade, 2, 40)
+    training = Training.of(data, thermal_resistance=thermal_resistance, impose=True)
+    problem = training.problem
+    shortest, longest = problem.span
+    low, high = shortest / MARGIN, longest * (MARGIN if problem.thermal_resistance is not None else 1)
+    tau = np.geomspace(low, high, int(np.ceil(per_decade * np.log10(high / low))) + 1)
+    phi = problem.columns(-np.log(tau))
+    gain = problem.gains(phi)
+    kept = gain > 0
+    if not kept.any():
+        raise checks.InputError("no pole of the spectrum heats; do power and delta_T belong together?")
+    R = (gain * tau)[kept]
+    if problem.thermal_resistance is not None:
+        R = R * problem.thermal_resistance / R.sum()
+    misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    training.check_explained(float(np.sqrt(np.mean(misfit**2))))
+    count = R.size
+    names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
+    fit = Fit(
+        model=Foster(R=R, tau=tau[kept], **training.parts),
+        parameters=dict(zip(names, [*R.tolist(), *tau[kept].tolist()], strict=True)),
+        standard_errors=dict.fromkeys(names, float("nan")),
+        correlations=np.full((2 * count, 2 * count), np.nan),
+        residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
+        relative_residual=float(np.sqrt(np.mean(misfit**2))),
+        training=training.names,
+        notes=(*training.doubts, *_beyond(R, tau[kept], longest)),
+        geometry=training.geometry,
+    )
+    return replace(fit, model=replace(fit.model, origin=fit.provenance))
+
+
+def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
+    """A sentence where much of the thermal resistance lies in poles that the data are too short to show."""
+    share = float(R[tau > SLOW * longest].sum() / R.sum())
+    if share <= BEYOND:
+        return []
+    return [
+        f"{share:.0%} of the thermal resistance lies in poles slower than {quantity.rounded(SLOW * longest, 's')}, "
+        "which the data are too short to show: only the stated thermal_resistance says so"
+    ]

@@ -18,7 +18,6 @@ from ..arrays import Array, ArrayLike
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
 QUIET = np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
-STEEPEST = 10.0  # 1/K, 1/K^2, ...: of a coefficient; T^3 about 1 K has 3, and far more keeps steps from converging
 
 
 class Law(Protocol):
@@ -83,7 +82,12 @@ class Polynomial:
         hint = "a table of temperature and values takes more"
         coefficients = checks.array("polynomial", self.coefficients, hint=hint)
         checks.between(
-            "polynomial: largest coefficient", np.abs(coefficients).max(), 0, STEEPEST, unit="1/K, 1/K^2, ..."
+            # 10.0: 1/K, 1/K^2, ...: of a coefficient; T^3 about 1 K has 3, and far more keeps steps from converging
+            "polynomial: largest coefficient",
+            np.abs(coefficients).max(),
+            0,
+            10.0,
+            unit="1/K, 1/K^2, ...",
         )
         object.__setattr__(self, "coefficients", tuple(map(float, coefficients)))
         checks.between("reference", self.reference, 1, 3000, unit="K")

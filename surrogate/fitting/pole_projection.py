@@ -14,6 +14,15 @@ baseline b, the mean of n rows at rest, is one more linear unknown, known from t
     rise = b + sum_i g_i phi_i,    0 = sqrt(n) b,
 
 and is eliminated first. A shift of the start is searched with the rates.
+
+Errors. With residuals r_k of trace k, of variance sigma_k^2 and autocorrelation rho_k, and the Jacobian J = U S V^T,
+
+    covariance = V S^-1 (U^T N U) S^-1 V^T,        N = sigma_k^2 rho_k,|i-j| for samples i, j of trace k, else 0
+
+which for white noise of one variance is the usual (J^T J)^-1 variance. rho is cut where its sums over pairs of lags end
+to be positive (Geyer, Statist. Sci. 7, 473 (1992), Section 3.3; unequal variances: White, Econometrica 48, 817 (1980)).
+A fit carries the noise of each trace into the residuals of the others, along the columns of J: where there are several
+traces, these are taken out of each before its variance and rho are read.
 """
 
 from __future__ import annotations
@@ -25,20 +34,65 @@ from itertools import combinations
 import numpy as np
 
 from thermofem import checks
-from thermofem.algebra.poles import pole_responses
+from thermofem.algebra.autocorrelation import FEWEST, autocorrelation, independent
+from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data import quantity
 from thermofem.data.dataset import Response
 
-from .correlated import noise_along
 
-STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
+def noise_along(
+    residuals: Sequence[Array], U: Array, variance: float, *, alike: bool = False, rest: Sequence[int] = ()
+) -> Array:
+    """U^T N U, shape (p, p), at least that of white noise in every direction.
+
+    residuals: of each trace, in the order of the rows of U.
+    U [shape (rows, p)]: orthonormal columns that span those of the Jacobian.
+    variance: of all residuals together, that of a single trace and of rows that are no samples.
+    alike: whether every trace has this variance.
+    rest: the trace to which each of the rows after the samples belongs; rows beyond them belong to none.
+    """
+    ends = np.cumsum([left.size for left in residuals])
+    parts = np.split(U[: ends[-1]], ends[:-1])
+    each = np.full(len(parts), variance)
+    if len(parts) > 1:
+        residuals, shown, freedom = zip(*map(_own, residuals, parts), strict=True)
+        # 5 samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
+        least = np.where(np.array(freedom) < 5, variance, 0.0)
+        each = each if alike else np.maximum(shown, least)
+    other = np.append(each[list(rest)], np.full(len(U) - ends[-1] - len(rest), variance))
+    scaled = U * np.sqrt(np.append(np.repeat(each, [left.size for left in residuals]), other))[:, None]
+    total = sum(own * _lags(left, part) for own, left, part in zip(each, residuals, parts, strict=True))
+    value, vector = np.linalg.eigh((total + total.T) / 2)
+    return np.asarray(scaled.T @ scaled + (vector * np.maximum(value, 0)) @ vector.T)
+
+
+def _own(left: Array, part: Array) -> tuple[Array, float, int]:
+    """Residuals of one trace without what the parameters explain of them, their variance and degrees of freedom."""
+    along, size, _ = np.linalg.svd(part, full_matrices=False)
+    # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
+    along = along[:, size > 1e-6]
+    left = left - along @ (along.T @ left)
+    free = left.size - along.shape[1]
+    return left, float(left @ left) / max(free, 1), free
+
+
+def _lags(left: Array, part: Array) -> Array:
+    """U_k^T (R - 1) U_k, shape (p, p), with the correlations R between the samples of one trace."""
+    rho = autocorrelation(left)
+    if not rho.size:
+        return np.zeros((part.shape[1], part.shape[1]))
+    circle = np.zeros((2 * left.size, 1))  # R - 1, a Toeplitz matrix, as a circulant one of twice the size
+    circle[1 : rho.size + 1, 0], circle[-rho.size :, 0] = rho, rho[::-1]
+    spectrum = np.fft.rfft(circle, axis=0) * np.fft.rfft(part, 2 * left.size, axis=0)
+    return np.asarray(part.T @ np.fft.irfft(spectrum, axis=0)[: left.size])
+
+
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
 UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
 CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
 AT_END = 0.999  # of the range of a shift, from which on it counts as held there
 ROUND_OFF, SIGMAS = 1e-9, 3.0  # of the swing; of the noise: below these a misfit counts as noise
-SCANNED = 3  # up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +109,7 @@ class Optimum:
         an end of its range.
     offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
     noise: whether the misfit is noise, see `is_noise`.
+    independent: number of samples, less where their misfits follow each other.
     """
 
     log_rate: Array
@@ -67,6 +122,7 @@ class Optimum:
     offset: Array
     offset_error: Array
     noise: bool
+    independent: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +143,8 @@ class FitProblem:
         weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.responses])
         target = self._off_baseline(np.concatenate([d.rise / d.swing for d in self.responses])[:, None])[:, 0]
         if self.thermal_resistance is not None:
-            target = np.append(target, STATIC_WEIGHT * np.sqrt(target.size))
+            # 1e3: weight of the static-gain row over all samples together; the last 1e-6 are rescaled away
+            target = np.append(target, 1e3 * np.sqrt(target.size))
         object.__setattr__(self, "weight", weight)
         object.__setattr__(self, "target", target)
         shortest, longest = self.span
@@ -239,7 +296,7 @@ def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
 def _starts(problem: FitProblem, order: int) -> list[Array]:
     """For few poles the best set of grid rates, by trying all; for more, log-spaced rates over several spans."""
     shortest, longest = problem.span
-    if order <= SCANNED:
+    if order <= 3:  # 3: up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
         grid = np.log(np.geomspace(0.3 / longest, 0.3 / shortest, 14))
         return [grid[_best_columns(problem.columns(grid), problem.target, order)]]
     slow, fast = np.log(1 / longest), np.log(1 / shortest)
@@ -303,6 +360,7 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
         offset=offset[:, 0],
         offset_error=offset[:, 1],
         noise=all(is_noise(d, left * d.swing) for d, left in zip(problem.responses, parts, strict=True)),
+        independent=sum(independent(left) for left in parts),
     )
 
 
@@ -321,7 +379,8 @@ def _offset(response: Response, log_rate: Array, gain: Array, shift: float, cova
 def is_noise(response: Response, left: Array) -> bool:
     """Whether a misfit in K is no larger than the rows at rest scatter; without such rows, whether it is white.
 
-    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n).
+    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n). Noise that
+    stays for some rows, as behind a filter, is white in the means of more of them; a misfit of the model is not.
     """
     n, square = left.size, float(left @ left)
     if square <= n * (ROUND_OFF * response.swing) ** 2:
@@ -329,4 +388,8 @@ def is_noise(response: Response, left: Array) -> bool:
     if np.isfinite(response.rest_noise):
         rows = min(n, max(response.rest_rows, 2.0))
         return bool(np.sqrt(square / n) <= response.rest_noise * (1 + SIGMAS / np.sqrt(2 * rows)))
-    return bool(abs(left[1:] @ left[:-1]) <= SIGMAS / np.sqrt(n) * square)
+    while abs(left[1:] @ left[:-1]) > SIGMAS / np.sqrt(left.size) * (left @ left):
+        if left.size < 2 * FEWEST:
+            return False
+        left = left[: left.size // 2 * 2].reshape(-1, 2).mean(axis=1)
+    return True

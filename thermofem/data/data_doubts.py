@@ -1,4 +1,4 @@
-"""The thermal resistance that a Dataset states, held against its own temperatures.
+"""What makes a Dataset doubtful: it contradicts the thermal resistance that it states, or its trace was clipped.
 
 A Dataset that was scaled, shifted or stored in another unit contradicts the ``thermal_resistance`` beside it. Where
 no property depends on temperature, these hold for every geometry, the last where the heated part is read:
@@ -9,6 +9,10 @@ no property depends on temperature, these hold for every geometry, the last wher
     the step response of a heated part is concave       dT(t0) >= dT(t) t0 / t under constant power, t0 < t
 
 What is left after a settled step has no such bound: a pole much slower than the record is possible. It is noted.
+
+A trace is clipped where its instrument ran out of range at one end. In a settled trace, too, many rows hold the very
+same extreme value, where noise is below the resolution. So they count as clipped only if the noise exceeds the
+resolution, or if the trace came to them so fast that a sum of decays could not have stopped there.
 """
 
 from __future__ import annotations
@@ -27,11 +31,10 @@ from . import quantity
 
 if TYPE_CHECKING:
     import xarray as xr
+from numpy.typing import NDArray
 
-RTOL = 1e-3  # of data that do not state the rtol of their solver
-ROUNDS = 10.0  # errors of the solver add up to a few rtol
-SIGMAS = 6.0  # of the noise of one sample: 1e-9 a sample
-OCTAVES = 20.0  # a rise that goes with log t gains as much in every octave; a million times longer are 20
+from ..arrays import runs_of
+
 WRONG = "is a unit, a scale or an offset of delta_T, power or thermal_resistance wrong?"
 
 
@@ -54,7 +57,8 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         solver, of the sampling and of the noise. Not where conductivity or specific heat depend on temperature.
     """
     swing = float(np.ptp(rise))
-    noise = SIGMAS * float(np.median(np.abs(np.diff(rise, 2)))) / (0.6745 * np.sqrt(6)) if rise.size > 4 else 0.0
+    # 6 sigmas of the noise of one sample: 1e-9 a sample
+    noise = 6.0 * float(np.median(np.abs(np.diff(rise, 2)))) / (0.6745 * np.sqrt(6)) if rise.size > 4 else 0.0
     R = static_gain(data)
     notes = [] if periodic else _before_heat(wave, times, rise, noise + _rtol(data) * swing)
     if not periodic and data.attrs.get("heated") in (None, data.attrs.get("read")):
@@ -62,7 +66,7 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
     if R is None or _varies(data):
         return tuple(notes)
     pieces = wave.pieces(float(times[0]), float(times[-1]))
-    most, slack = R * bounds(pieces)[1], ROUNDS * _rtol(data)
+    most, slack = R * bounds(pieces)[1], 10.0 * _rtol(data)  # 10 rtol: errors of the solver add up to a few rtol
     if rise.max() > most * (1 + slack) + noise:
         raise InputError(
             f"delta_T reaches {rise.max():.4g} K, but thermal_resistance = {R:.5g} K/W allows {most:.4g} K at this "
@@ -134,7 +138,8 @@ def _settled(wave: Waveform, times: Array, rise: Array, R: float, tolerance: flo
         tolerance += float(np.ptp(rise)) * float(np.diff(times).max()) / period
     else:
         return []
-    if due - late <= OCTAVES * abs(late - early) + tolerance:
+    # 20.0: a rise that goes with log t gains as much in every octave; a million times longer are 20
+    if due - late <= 20.0 * abs(late - early) + tolerance:
         return []
     return [
         f"delta_T has settled at {late:.4g} K, but thermal_resistance = {R:.5g} K/W ends at {due:.4g} K: only a pole "
@@ -144,7 +149,7 @@ def _settled(wave: Waveform, times: Array, rise: Array, R: float, tolerance: flo
 
 def _rtol(data: xr.Dataset) -> float:
     """Relative error of the solver, as the Dataset states it."""
-    stated: Any = data.attrs.get("rtol", RTOL)
+    stated: Any = data.attrs.get("rtol", 1e-3)  # 1e-3 for data that do not state the rtol of their solver
     return checks.between("data.attrs['rtol']", np.asarray(stated).tolist(), 0.0, 1.0)
 
 
@@ -158,3 +163,86 @@ def _varies(data: xr.Dataset) -> bool:
     except InputError:
         return False  # of a newer version
     return any(geometry.material_of(name).varies for name in geometry.region_names)
+
+
+FEWEST = 12  # rows at the extreme value
+UNEVEN = 0.1  # differences of the steps in time, over their mean: larger ones bend what is a decay
+DRIVEN = 0.3  # change of the power over that of the trace, both of their swing, from which the power made the gain
+
+
+def clipping(y: Array, unit: str = "K", *, times: Array | None = None, power: Array | None = None) -> str:
+    """A sentence where the largest or the smallest of the values looks clipped; else no text.
+
+    y [shape (n,), unit]
+    times, power [shape (n,)]: of the rows, and what drove them; without, rows are even and the power is constant.
+    """
+    swing = float(np.ptp(y)) if y.size else 0.0
+    if swing <= 0:
+        return ""
+    y = np.round(y / swing, 9)  # 9 digits of the swing, to which values are told apart
+    levels = np.unique(y)
+    if levels.size < 3:
+        return ""
+    step = np.ones(y.size - 1) if times is None else np.diff(times)
+    power = np.zeros_like(y) if power is None else power / (float(np.ptp(power)) or 1.0)
+    resolution = float(np.min(np.diff(levels)))
+    for extreme, beside, end in ((levels[-1], levels[-2], "largest"), (levels[0], levels[1], "smallest")):
+        at = y == extreme
+        piled = _piled(y, power, at, int(np.sum(y == beside)), resolution)
+        if piled or _sudden(y, step, power, *_longest(at), resolution):
+            return (
+                f"{int(at.sum())} rows hold the {end} value, {extreme * swing:.6g} {unit}: the trace looks clipped; if "
+                "it is, what is fitted to it is wrong: take a wider range of the instrument"
+            )
+    return ""
+
+
+def _piled(y: Array, power: Array, at: NDArray[np.bool_], beside: int, resolution: float) -> bool:
+    """Whether many rows stand at an end though noise exceeds the resolution: it would scatter them over values.
+
+    at: which rows stand there.
+    beside: how many rows have the value next to it.
+    """
+    if at.sum() < max(FEWEST, 3 * beside):  # 3 times the rows of the value next to it: noise leaves fewer at an end
+        return False
+    step, free = np.diff(y), ~at[1:] & ~at[:-1] & (np.abs(np.diff(power)) <= DRIVEN)
+    each = free[1:] & free[:-1]  # neighbouring steps, of which neither is made by an edge of the power
+    if each.sum() < FEWEST:
+        return False
+    turns = np.mean(step[1:][each] * step[:-1][each] < 0)
+    # 0.25: share of the steps that go back: of noise two thirds, of a smooth trace none
+    return bool(turns > 0.25 and np.median(np.abs(np.diff(step)[each])) / (0.6745 * np.sqrt(6)) > resolution)
+
+
+def _longest(wanted: NDArray[np.bool_]) -> tuple[int, int]:
+    """First row of the longest run of true values, and the row after its last."""
+    return max(runs_of(wanted), key=lambda run: run[1] - run[0])
+
+
+def _sudden(y: Array, step: Array, power: Array, first: int, stop: int, resolution: float) -> bool:
+    """Whether what the trace gained before a run, continued as a decay, leads further than the run is.
+
+    Gains that the power made by its own change tell nothing, nor do those between uneven rows.
+    """
+    most = min((stop - first) // 2, (first - 1) // 3) - 1
+    # 50: resolutions of the swing, below which steps tell nothing of decays
+    if stop - first < FEWEST or 50 * resolution > 1 or most < 1:
+        return False
+    # 60: lengths of the gains that are looked at
+    for rows in np.unique(np.geomspace(1, most, 60).astype(int)).tolist():
+        begin = first - 1 - 3 * rows
+        early, before, last = np.diff(y[begin:first:rows]) * np.sign(y[first] - y[first - 1])
+        # 8: resolutions: a gain of so many rows that it shows how fast the trace decays
+        if last < 8 * resolution or np.ptp(power[begin : first + 1]) > DRIVEN * last:
+            continue
+        if np.ptp(step[begin:first]) > UNEVEN * np.mean(step[begin:first]):
+            continue
+        part = max(1, rows // 4)
+        slow = abs(y[first - 1] - y[first - 1 - part]) + resolution < last * part / rows / 2
+        off = 2 * resolution  # of a gain, at most
+        # a ratio of two gains of 0.999 at most
+        ratio = float(min((last - off) / (max(before, 0.0) + off), (before - off) / (max(early, 0.0) + off), 0.999))
+        ahead = last * ratio / (1 - ratio) - abs(y[first] - y[first - 1])
+        # 0.01 of the swing: what a trace must have had ahead when it stopped
+        return not slow and bool(ahead > max(4 * resolution, 0.01))  # 4 resolutions, and 0.01
+    return False
