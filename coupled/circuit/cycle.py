@@ -17,8 +17,8 @@ from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
 from .circuit import Circuit
-from .fixed_points import autonomous
 from .run import run_circuit
+from .stationary import autonomous
 from .system import System
 
 RTOL = 1e-10  # of the flow over a period

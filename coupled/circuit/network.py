@@ -22,8 +22,7 @@ from thermofem.arrays import Array, Complex, NDArray
 
 from ..kernel import units as eq
 from ..kernel.integrator import LOOPS, ORDERED, Network
-from .circuit import Circuit
-from .parts import Waveguide
+from .circuit import Circuit, Waveguide
 
 SINGULAR = 1e-8  # smallest pivot of 1 - C S over the largest, below which a loop without delay counts as lossless
 NOTHING = 1e-14  # of the largest entry of M: round-off

@@ -22,10 +22,9 @@ from ..kernel.tableaus import Method
 from ..states import check_same_heat
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .drive import beat_of, corners, warn_of_fast_streams
 from .heat import RingHeat
 from .network import NOTHING, Light, check_delays
-from .system import System, system_of
+from .system import System, beat_of, system_of, warn_of_fast_streams
 
 NAMES = {
     "output": ("W", "power at the ports"),
@@ -65,7 +64,7 @@ def run_circuit(
         circuit, thermal, power=power, heaters=heaters, detuning=detuning, duration=duration, rtol=rtol, before=before
     )
     warn_of_fast_streams(circuit, power)
-    light, corner = system.light, corners(circuit, system.light)
+    light, corner = system.light, system.corner
     wanted = np.empty(0) if times is None else check_times(times, duration)
     asked, kept = dense_times(thermal, wanted, duration)
     alone = len(circuit.names) == 1 and not circuit.waveguides
@@ -122,16 +121,10 @@ def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner:
     further = rows[:, 1 + 4 * n :]
     waves = (further[:, : 2 * Q : 2] + 1j * further[:, 1 : 2 * Q : 2]).T * eq.UW**0.5 if further.size else None
     waves = system.waves(fields, time) if waves is None else waves
-    power, energy = np.abs(waves) ** 2, np.abs(fields) ** 2
-    loss, fca, tpa = system.rings.modes[:, 0, 1:4].T[:, :, None]
-    heating = 2 * (loss + fca * states[:, :, 2].T + tpa * energy / eq.FJ) * energy / eq.FJ * eq.UW
-    of_rings = {
-        "energy": energy,
-        "carriers": states[:, :, 2].T * eq.DENSITY,
-        "delta_T": states[:, :, 3].T,
-        "absorbed": heating,
-        "scattered": 2 * np.array([ring.scattering_rate for ring in circuit.resonators])[:, None] * energy,
-    }
+    power = np.abs(waves) ** 2
+    of_rings = system.by_ring(fields / eq.FJ**0.5, states[:, :, 2].T, states[:, :, 3].T)
+    scattering = np.array([ring.scattering_rate for ring in circuit.resonators])[:, None]
+    of_rings["scattered"] = 2 * scattering * of_rings["energy"]
     shown, seen = power[D : D + ports], slice(D, D + ports)
     variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
     variables["output"] = (("port", "time"), shown, described("output"))

@@ -13,7 +13,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
-from ..circuit.fixed_points import circuit_steady_states
+from ..circuit.stationary import circuit_steady_states
 from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.units import internal_detuning, internal_pump
@@ -67,7 +67,7 @@ def steady_states(
         part; 0 if it is real) and regime:
         "stable", no growing mode; "saddle", an odd number of them, as on the middle branch of a bistability;
         "unstable focus", two or more and the fastest of them oscillates; "unstable node", it does not.
-        Of a circuit what `circuit.fixed_points` returns: over state, by ring and port.
+        Of a circuit what `circuit.stationary` returns: over state, by ring and port.
 
     Raises
     ------

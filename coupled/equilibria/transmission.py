@@ -15,7 +15,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
-from ..circuit.low_power import low_power_transmission
+from ..circuit.stationary import low_power_transmission
 from ..contradictions import check_geometry
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator

@@ -1,4 +1,4 @@
-"""Fixed points of a circuit under constant light, and their stability: Newton from many starts, dense eigenvalues."""
+"""Circuits at rest: fixed points under constant light and their stability, and the transmission at low power."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import dataset
 
+from ..arguments import check_axis
+from ..heaters import heater_power
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
 from ..thermal import trusted
 from .circuit import Circuit
+from .network import light_of
 from .run import described
 from .system import System, system_of
 
@@ -26,6 +29,8 @@ CLOSED = 1e-11  # relative size of the last Newton correction
 SAME = 1e-6  # relative difference of the states of two fixed points that count as one
 ITERATIONS, SWEEPS, RAMP = 60, 40, 30
 LINES = 5.0  # half widths of a resonance beyond which light hardly heats
+WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
+RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
 
 
 def circuit_steady_states(
@@ -76,11 +81,11 @@ def circuit_steady_states(
     system = autonomous(circuit, thermal, power, heaters, detuning)
     problem = system.problem(Method.RODAS5P)
     found: list[Array] = []
+    n = len(circuit.names)
     for guess in _guesses(system, starts, seed):
         y = _newton(system, problem, guess)
-        if y is not None and not any(_same(y, other, len(circuit.names)) for other in found):
+        if y is not None and all(_distance(y[: 3 * n], other[: 3 * n]) > SAME for other in found):
             found.append(y)
-    n = len(circuit.names)
     found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
     states = _described(system, problem, found)
     trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
@@ -91,16 +96,15 @@ def autonomous(
     circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
     """A circuit under constant light, or InputError."""
-    checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
     heaters = checks.mapping("heaters", heaters)
-    for what, values in (("power", power), ("heaters", heaters), ("detuning", {"": detuning})):
-        checks.has(what, values, "items", hint="give numbers by name, {'in': 1e-3}")
-        for name, value in values.items():
-            if not isinstance(value, int | float | np.number):
-                named = f"{what}[{name!r}]" if name else what
-                raise checks.InputError(
-                    f"{named} is a {type(value).__name__}; fixed points and limit cycles belong to a number"
-                )
+    given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
+    numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
+    for name, value in numbers.items():
+        if not isinstance(value, int | float | np.number):
+            kind = type(value).__name__
+            raise checks.InputError(f"{name} is a {kind}; fixed points and limit cycles belong to a number")
+    for heater, watts in heaters.items():
+        heater_power(heater, watts)
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
     lit = [laser for laser in circuit.lasers if power.get(laser.name, 0.0) > 0] or list(circuit.lasers)
@@ -178,9 +182,9 @@ def _state_at(system: System, D: Array) -> Array:
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
 
 
-def _same(y: Array, other: Array, rings: int) -> bool:
-    light, before = y[: 3 * rings], other[: 3 * rings]
-    return bool(np.linalg.norm(light - before) <= SAME * np.linalg.norm(light))
+def _distance(light: Array, other: Array) -> float:
+    """Relative difference of fields and carriers."""
+    return float(np.linalg.norm(light - other) / np.linalg.norm(light))
 
 
 def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
@@ -188,23 +192,15 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     circuit = system.circuit
     n, K = system.heat.gain.shape
     y = np.array(found).reshape(len(found), 3 * n + n * K)
-    field = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3]
-    N, x = y[:, 2 : 3 * n : 3], y[:, 3 * n :].reshape(len(y), n, K)
-    U = np.abs(field) ** 2
+    field, x = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3], y[:, 3 * n :].reshape(len(y), n, K)
     own = np.einsum("iik,sik->si", system.heat.read, x)
     rises = np.einsum("ijk,sjk->si", system.heat.read, x) + system.heat.curvature * own**2
     rises = rises + np.array([float(offset(0.0)) for offset in system.offsets])
-    absorbed, fca, tpa = system.rings.modes[:, 0, 1:4].T
     waves = system.waves(field.T * eq.FJ**0.5, np.zeros(len(y)))[: len(circuit.ports)].T
     values = [np.linalg.eigvals(problem.slopes(one)[1]) for one in y]
     first = [v[np.argmax(v.real)] for v in values]
-    by_ring = {
-        "energy": U * eq.FJ,
-        "carriers": N * eq.DENSITY,
-        "delta_T": rises,
-        "absorbed": 2 * (absorbed + fca * N + tpa * U) * U * eq.UW,
-    }
-    variables: dict[str, Any] = {k: (("state", "ring"), v, described(k)) for k, v in by_ring.items()}
+    by_ring = system.by_ring(field.T, y[:, 2 : 3 * n : 3].T, rises.T)
+    variables: dict[str, Any] = {k: (("state", "ring"), v.T, described(k)) for k, v in by_ring.items()}
     variables["output"] = (("state", "port"), np.abs(waves) ** 2, described("output"))
     rate = np.array([v.real / eq.NS for v in first])
     turn = np.array([abs(v.imag) / (2 * np.pi * eq.NS) for v in first])
@@ -215,3 +211,76 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     coordinates = {"ring": list(circuit.names), "port": list(circuit.ports)}
     attrs = dataset.stamp("fixed points of a circuit") | {"circuit": circuit.name, "detuning": system.detuning or 0.0}
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+
+
+def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:
+    """Transmission from one laser to every port at low power.
+
+        [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
+
+    Parameters
+    ----------
+    circuit : Circuit
+    detuning : array, shape (n,), Hz
+        increasing; laser minus the circuit's reference frequency.
+    power : mapping of laser name to float, W, optional
+        which laser is lit, by at most 1 uW; default the first one. Its offset counts.
+
+    Returns
+    -------
+    xarray.Dataset
+        transmission (power at the port per power of the laser) and phase (rad) by port, and energy (J per W) by ring,
+        over detuning.
+
+    Raises
+    ------
+    InputError
+        detunings that do not increase, a resonance of a loop of waveguides without loss, a name that is no laser, or
+        more than low power.
+
+    >>> import coupled
+    >>> at = coupled.transmission(coupled.bus(coupled.borghi2021()), detuning=[0.0])
+    >>> at.transmission.sel(port="drop 1").round(4).values
+    array([0.8834])
+    """
+    nu = check_axis("detuning", detuning)
+    names = [one.name for one in circuit.lasers]
+    lit = [name for name, value in checks.mapping("power", power).items() if value > 0]
+    for name in lit:
+        checks.choice("power", name, names)
+    if len(lit) > 1 or max((dict(power or {})[name] for name in lit), default=0.0) > WEAK:
+        raise checks.InputError(
+            f"power = {power!r} must hold one laser of at most {WEAK:g} W: the transmission of a circuit is that of "
+            "low power; steady_states finds fixed points at more"
+        )
+    k = names.index(lit[0]) if lit else 0
+    rings, ports, D = circuit.resonators, circuit.ports, sum(w.delay > 0 for w in circuit.waveguides)
+    seen, fields = np.empty((len(ports), nu.size), dtype=complex), np.empty((len(rings), nu.size), dtype=complex)
+    for m, detuning in enumerate(nu + circuit.lasers[k].offset):
+        light = light_of(circuit, float(detuning))
+        turn = np.array([2 * np.pi * (float(circuit.frequency or 0) + detuning - ring.frequency) for ring in rings])
+        own = np.diag([ring.linear_rate for ring in rings] + 1j * turn)
+        # waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u
+        A, B, P = light.seen_ring[:D], light.seen_laser[:D, k], light.seen_delay[:D]
+        around = np.eye(D) - P
+        if D and np.linalg.norm(around, -2) * RESONANT < 1:
+            what = f"detuning[{m}] = {nu[m]:g} Hz is a resonance of a loop of waveguides without loss"
+            raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
+        late = np.linalg.inv(around)
+        matrix = own - light.between - 1j * light.from_delay @ late @ A
+        a = np.linalg.solve(matrix, 1j * (light.from_laser[:, k] + light.from_delay @ late @ B))
+        u = late @ (A @ a + B)
+        waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
+        seen[:, m], fields[:, m] = waves[D : D + len(ports)], a
+    return xr.Dataset(
+        {
+            "transmission": (("port", "detuning"), np.abs(seen) ** 2, {"units": "1", "long_name": "transmission"}),
+            "phase": (("port", "detuning"), np.angle(seen), {"units": "rad", "long_name": "phase"}),
+            "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
+        },
+        coords={
+            "port": list(ports),
+            "ring": list(circuit.names),
+            "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
+        },
+    )
