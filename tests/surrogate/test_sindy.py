@@ -147,11 +147,11 @@ def test_the_global_random_state_is_left_alone(five):
 )
 def test_the_gate_refuses_with_its_reason(A, b, static, reason):
     with pytest.raises(th.InputError, match=reason):
-        th.models.network.gate(A, b, static)
+        th.models.gate(A, b, static)
 
 
 def test_the_gate_passes_a_sound_network():
-    passed = th.models.network.gate([[-2.0, 1.0], [1.0, -2.0]], [1.0, 0.0], 2 / 3)
+    passed = th.models.gate([[-2.0, 1.0], [1.0, -2.0]], [1.0, 0.0], 2 / 3)
     assert pytest.approx([1 / 6, 1 / 2]) == passed.R
     assert passed.tau == pytest.approx([1 / 3, 1])
 
