@@ -64,7 +64,8 @@ def _checked_poles(poles: Foster) -> Foster:
             f"model is a system of {poles.order} states, at most {LARGEST} can be integrated with the optics; "
             "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
         )
-    if not poles.passive or poles.thermal_resistance <= 0:
+    own = poles.inputs == poles.outputs  # what another part reads, or the light, may have poles of either sign
+    if (own and not poles.passive) or poles.thermal_resistance <= 0:
         raise checks.InputError(
             f"model has R = {np.min(poles.R):g} K/W; a passive network has none below 0, and R_th = "
             f"{poles.thermal_resistance:g} K/W must be positive; refit it with fewer poles"

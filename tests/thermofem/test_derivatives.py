@@ -12,8 +12,8 @@ from skfem.quadrature import get_quadrature
 import thermofem as th
 from thermofem.data.files import to_toml
 from thermofem.fem.heat_problem import on_mesh
-from thermofem.fem.shape_derivatives import vertex_velocities
 from thermofem.geometry.parameters import change, place
+from thermofem.mesh.mesh_motion import vertex_velocities
 
 STRIP = th.assemble(th.strip_ring())
 TIMES = np.array([1e-9, 1e-7, 1e-5, 1e-3])

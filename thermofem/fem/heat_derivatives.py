@@ -30,7 +30,8 @@ from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.dataset import describe
 from ..geometry.parameters import Change, change
-from .shape_derivatives import Tangent, tangent, vertex_velocities
+from ..mesh.mesh_motion import vertex_velocities
+from .shape_derivatives import Tangent, tangent
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,9 +19,11 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
+from ..geometry.guides import LIGHT
 from ..materials.property_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
-from ..optics.reading import LIGHT, light_integral
+from ..optics.modes import Light
+from ..optics.reading import light_integral
 from ..transient.integration import Ledger
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
@@ -117,6 +119,11 @@ class HeatProblem:
         integral = light_integral(mode, self.discretization.basis)
         means = {**self.discretization.means, LIGHT: integral / integral.sum()}
         return replace(self, light=mode, discretization=replace(self.discretization, means=means))
+
+    @cached_property
+    def lit(self) -> HeatProblem:
+        """`with_light` of the mode that [light] of the geometry names; the problem itself where there is no [light]."""
+        return self if self.geometry.light is None or self.light else self.with_light(Light.of(self).mode())
 
     @property
     def judged(self) -> tuple[tuple[str, str], ...]:

@@ -2,10 +2,11 @@
 
 from .cross_section import CrossSection
 from .gdsfactory_import import from_gdsfactory
+from .guides import Bus, Guide
 from .parts import Boundary, Interface, Layer, Part, Probe
 from .rings import disc, heated_ring, rib_ring, straight_guide, strip_ring
 
 __all__ = [
-    "Boundary", "CrossSection", "Interface", "Layer", "Part", "Probe", "disc", "from_gdsfactory", "heated_ring",
-    "rib_ring", "straight_guide", "strip_ring",
+    "Boundary", "Bus", "CrossSection", "Guide", "Interface", "Layer", "Part", "Probe", "disc", "from_gdsfactory",
+    "heated_ring", "rib_ring", "straight_guide", "strip_ring",
 ]  # fmt: skip
