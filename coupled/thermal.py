@@ -12,6 +12,8 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
 
+from .resonator import RingResonator, origin
+
 Compact = Foster | OutputMap | Quadratic
 
 LARGEST_QUADRATIC = 60  # states
@@ -139,6 +141,11 @@ def attributes(model: Compact) -> dict[str, Any]:
     if isinstance(model, OutputMap):
         return attributes(model.linear) | {"model_coefficient": float(model.coefficient)}
     return {"model_R": np.asarray(model.R), "model_tau": np.asarray(model.tau)}
+
+
+def provenance(kind: str, ring: RingResonator, model: Compact) -> dict[str, Any]:
+    """Attributes of a Dataset: its kind, the ring and the thermal network."""
+    return origin(kind, ring) | attributes(model)
 
 
 def long_enough(model: ThermalModel) -> float:

@@ -13,11 +13,10 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..contradictions import check_geometry
-from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from . import branch
 from .closing import nontrivial
 from .guess import from_guess

@@ -22,11 +22,10 @@ from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
-from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from .guess import from_guess
 from .measures import ENERGY, HEAT, measure
 from .orbit import CycleProblem, Orbit, problem, settle

@@ -11,7 +11,7 @@ and the real part leaves one real equation over the plane of U and w,
 
     D = Im A/Im B,      (Im A)^2 - Im A Im B Re B + (Im B)^2 Re A = 0,
 
-whose zero contours are found on a lattice (`lattice`) and refined by Newton's method in (log U, D, log w). Where Im A
+whose zero contours are found on a lattice (`contours`) and refined by Newton's method in (log U, D, log w). Where Im A
 and Im B vanish, contours of two different D cross: they are cut there, and joined to the nearest end.
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
@@ -35,10 +35,9 @@ from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, energy, farthest_s, internal_ring
-from .lattice import Segment, joined, one_sign, refined
-from .lyapunov import first_lyapunov
+from .contours import Segment, intervals_in_window, joined, one_sign, refined, zeros
+from .onset import first_lyapunov
 from .spectrum import jacobians, secular, states
-from .zeros import intervals_in_window, zeros
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window

@@ -19,7 +19,7 @@ from ..circuit.stationary import low_power_transmission
 from ..contradictions import check_geometry
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import NEEDED, trusted
+from ..thermal import provenance, trusted
 from .balance import (
     InternalRing,
     absorbable,
@@ -31,9 +31,9 @@ from .balance import (
     internal_ring,
     tilted,
 )
-from .observables import observables, provenance
+from .contours import equidistant, intervals_in_window
 from .spectrum import eigenvalues
-from .zeros import equidistant, intervals_in_window
+from .steady_states import observables
 
 POINTS = 600  # of a curve
 HALVINGS = 10  # of a step of a sweep, until it is clear which fixed point follows on which
@@ -85,7 +85,6 @@ def transmission(
     if isinstance(ring, Circuit):
         return low_power_transmission(ring, detuning, power)
     check_ring(ring)
-    checks.has("model", model, "dynamics", hint=NEEDED)
     doubts = check_geometry(ring, model)
     P, nu = _ends("power", power), _ends("detuning", detuning)
     at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
@@ -140,21 +139,12 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     Raises
     ------
     InputError
-        a drop power that is not positive, a detuning or a model as for `steady_states`, shapes that do not go
-        together.
+        a drop power that is not positive, a detuning or a model as for `steady_states`.
     """
     check_ring(ring)
-    lights = checks.numbers("drop", drop), checks.numbers("detuning", detuning)
-    try:
-        wanted, nu = np.broadcast_arrays(*lights)
-    except ValueError:
-        shapes = f"{lights[0].shape} and {lights[1].shape}"
-        raise checks.InputError(f"drop and detuning have shapes {shapes}, which do not go together") from None
-    if not wanted.size:
-        rule = "one value or more is needed"
-        raise checks.InputError(f"drop and detuning of shape {wanted.shape} hold {wanted.size} values; {rule}")
-    if not (np.all(wanted > 0) and np.all(wanted < 1)):
-        raise checks.InputError(f"drop = {np.min(wanted):g} .. {np.max(wanted):g} W must lie between 0 and 1 W")
+    wanted, nu = np.broadcast_arrays(checks.numbers("drop", drop), checks.numbers("detuning", detuning))
+    for value in (wanted.min(), wanted.max()):
+        check_power(value, "drop")
     check_detuning(float(nu.ravel()[np.abs(nu).argmax()]))
     if ring.drop_bus_rate == 0:
         raise checks.InputError(f"ring {ring.name!r} has no drop port")
@@ -245,10 +235,6 @@ def _in_range(
     """The part of a curve within the range of its power or detuning (``row``), both ends of the range included."""
     grid = np.linspace(low, high, POINTS)
     parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
-    if not parts:  # between two neighbouring floats
-        name, unit = ("power", "W") if row == 2 else ("detuning", "Hz")
-        span = f"{ends[0]:.17g} to {ends[1]:.17g} {unit}"
-        raise checks.InputError(f"{name} = {span} is narrower than round-off; widen it")
     points = equidistant(lambda s: np.array(curve(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
     values = list(curve(np.concatenate(points)))
     stops = np.cumsum([s.size for s in points])
