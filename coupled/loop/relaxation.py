@@ -130,7 +130,7 @@ class Relaxation:
                     f"corrector.advance returned an array of shape {rise.shape} for {run.time.size} times; "
                     "one temperature each is needed"
                 )
-            self._check_start(start, passes, float(rise[0]))
+            self._check_start(start, float(rise[0]))
             change = float(np.abs(rise - run.delta_T).max())
             if not np.isfinite(change):
                 return None, f"the corrector's temperature is not finite (pass {passes})"
@@ -193,22 +193,18 @@ class Relaxation:
     def _asked(self, way: Callable[[Array, Cubic], Any], run: Window) -> Array:
         """The corrector's temperature under the absorbed power of a run."""
         clock = process_time()
-        rise = _answer(way(run.time.copy(), Cubic(run.time, run.absorbed, run.absorbed_slope)))
+        rise = np.array(way(run.time.copy(), Cubic(run.time, run.absorbed, run.absorbed_slope)), dtype=float)
         self.seconds["corrector"] += process_time() - clock
         return rise
 
-    def _check_start(self, start: float, passes: int, first: float) -> None:
+    def _check_start(self, start: float, first: float) -> None:
         """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
         if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan has its own error
             return
-        if start == 0 and passes == 1 and not self.abandoned and not self.accepted:
-            raise checks.InputError(
-                f"corrector.advance returned {first:.6g} K at t = 0, before anything is heated; it must return the "
-                "rise over ambient temperature, which starts at 0 K"
-            )
         raise checks.InputError(
-            f"corrector.advance returned {first:.6g} K at t = {start:g} s, where the accepted window ended at "
-            f"{self.accepted:.6g} K; each call must start from the accepted state, which only accept() moves"
+            f"corrector.advance returned {first:.6g} K at t = {start:g} s, where the accepted state has "
+            f"{self.accepted:.6g} K",
+            "it must return the rise over ambient, 0 K at first, and start from what accept() kept last",
         )
 
     def _guess(self, start: float, stop: float) -> Any:
@@ -234,19 +230,6 @@ class Relaxation:
             self.index, self.level = 2 * self.index, self.level + 1
         elif found.passes <= FEW and found.run.time.size <= ROWS and self.index % 2 == 0 and self.level > 0:
             self.index, self.level = self.index // 2, self.level - 1
-
-
-def _answer(rise: Any) -> Array:
-    """A copy of the array that a corrector returned, which the corrector may reuse; checked."""
-    try:
-        if np.iscomplexobj(rise) or np.ma.is_masked(rise):
-            raise TypeError
-        return np.array(rise, dtype=float)
-    except (TypeError, ValueError):
-        raise checks.InputError(
-            f"corrector.advance returned a {type(rise).__name__} that is no array of real numbers; "
-            "one temperature in K is needed for each time"
-        ) from None
 
 
 def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
