@@ -18,9 +18,10 @@ from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
-from thermofem.piecewise import bounds, hermite
+from thermofem.piecewise import hermite
 
-from .inputs import Pieces, add, pieces
+from .arguments import power_in_time
+from .inputs import Pieces, add
 from .resonator import RingResonator
 from .thermal import Compact, compact, moderate
 
@@ -123,12 +124,9 @@ def heating(found: Channels, heaters: Mapping[str, Any] | None, duration: float,
 
 def power_of(name: str, value: Any, duration: float) -> Pieces:
     """The power of a heater in W; InputError where it is negative or too large."""
-    found = pieces(f"heaters[{name!r}]", value, 0.0, float(duration))
-    low, high = bounds(found)
     hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
-    checks.between(f"heaters[{name!r}]", low if low < -1e-6 * high else 0.0, 0, LARGEST_POWER, unit="W", hint=hint)
-    checks.between(f"heaters[{name!r}]", high, 0, LARGEST_POWER, unit="W", hint=hint)
-    return found
+    found = power_in_time(value, duration, f"heaters[{name!r}]", LARGEST_POWER, hint)
+    return Pieces.constant(0.0, float(duration), found) if isinstance(found, float) else found
 
 
 def states_of(rate: Array, power: Pieces, times: Array, begin: Array | None = None) -> Array:

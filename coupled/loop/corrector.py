@@ -252,7 +252,7 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
     if not isinstance(corrector, FEM):
         if initial is not None:
             raise checks.InputError(
-                "initial goes with a HeatProblem or matrices; a corrector of your own keeps its state"
+                "initial goes with a HeatProblem or matrices; another corrector keeps its own state"
             )
         return Beginning(State.cold(model.order), 0.0)
     if initial is None:

@@ -13,7 +13,7 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
-from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
+from ..arguments import check_run, detuning_in_time, power_in_time
 from ..contradictions import check_geometry
 from ..heaters import heater_powers, power_of
 from ..inputs import attribute, spans
@@ -35,7 +35,6 @@ NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
 FIRST = 0.25e-6  # s, about the first window
 
 
-@one_laser
 def cosimulate(
     ring: RingResonator,
     heat: HeatProblem | StateSpace | NonlinearSystem | Corrector,
