@@ -20,7 +20,7 @@ from thermofem import checks
 from thermofem.checks import InputError
 from thermofem.data import quantity
 from thermofem.geometry import Bus
-from thermofem.geometry.parameters import change
+from thermofem.geometry.parameter_paths import change
 from thermofem.optics.shape import ABOUT, Variation, numbers, variations
 
 from . import ring_toml

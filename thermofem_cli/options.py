@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from thermofem.campaign.workers import processes
+from thermofem.campaign.stored_tasks import processes
 from thermofem.errors import InputError, MissingLibraryError
 
 from . import console

@@ -413,7 +413,7 @@ def step_rise(heat):
 
 def test_coupling_and_its_derivatives():
     """Against supermodes solved anew on meshes whose vertices moved, and the values of an independent code."""
-    from thermofem.geometry.parameters import change
+    from thermofem.geometry.parameter_paths import change
     from thermofem.optics.coupler import coupling, supermodes
     from thermofem.optics.shape import variations
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError
 from ..geometry.cross_section import CrossSection
-from ..geometry.rings import strip_ring
+from ..geometry.ring_sections import strip_ring
 from ..mesh import find_committed, make, mesh_for
 from ..mesh.element_sizes import sizes
 from ..mesh.gmsh_mesher import read_committed
@@ -99,8 +99,6 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    hint = "th.strip_ring() or th.CrossSection.from_toml(path) makes one"
-    checks.instance("geometry", geometry, CrossSection, hint=hint)
     return meshed(geometry, checks.finite("accuracy", accuracy))[0].lit
 
 

@@ -10,7 +10,7 @@ are the matrices at the ambient temperature T0, and `HeatProblem.model` is the n
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -113,7 +113,6 @@ class HeatProblem:
         >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 2)
         1.0
         """
-        checks.has("mode", mode, "thermal_density", hint='th.light(heat, wavelength=1.55e-6).mode("TE0") is one')
         if LIGHT in self.regions or any(probe.name == LIGHT for probe in self.geometry.probes):
             raise checks.InputError(f"{self.geometry.name!r} has a region or probe called 'light'; rename it")
         integral = light_integral(mode, self.discretization.basis)
@@ -292,12 +291,10 @@ class HeatProblem:
     def estimate(self, *channels: tuple[str, str]) -> Estimate:
         """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`.
 
-        InputError: a channel that is no pair of a heated part and a readable one.
+        InputError: a channel of a part that is not heated, or of what cannot be read.
         """
-        for channel in channels:
-            if not isinstance(channel, tuple) or len(channel) != 2:
-                raise checks.InputError(f"channel {checks.shown(channel)} is no pair such as ('core', 'core')")
-            self._channel(*channel)
+        for heated, read in channels:
+            self._channel(heated, read)
         found = self._mesh_error.estimate(channels or self.judged)
         self._estimated.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
         return found
@@ -395,8 +392,6 @@ def _names(
     argument: str, given: str | Sequence[str] | None, known: Sequence[str], default: Sequence[str]
 ) -> tuple[str, ...]:
     """One or several names, each checked against the known ones."""
-    if not isinstance(given, str | Iterable | None):
-        raise checks.InputError(f"{argument} = {given!r} is no name; give one or several of {', '.join(known)}")
     each = default if given is None else (given,) if isinstance(given, str) else given
     names = checks.instances(argument, each, str)
     if not names:

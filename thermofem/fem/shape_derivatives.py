@@ -24,7 +24,7 @@ from .surfaces import surface_tangent
 from .weak_forms import assembled, maps, properties, reference
 
 if TYPE_CHECKING:
-    from ..geometry.parameters import Change
+    from ..geometry.parameter_paths import Change
     from .heat_problem import HeatProblem
 
 

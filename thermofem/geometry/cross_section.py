@@ -23,10 +23,23 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..data import files
 from ..materials.material_library import VOID, Material, find
-from . import geometry_file, parameters
+from . import geometry_file, parameter_paths
 from .guides import Bus, Guide, check_guides
-from .parts import INSULATED, ISOTHERMAL, OPEN, SAME, THINNEST, Boundary, Interface, Layer, Part, Probe, images, length
 from .regions import Subdivision, check_held, check_places, subdivide
+from .section_parts import (
+    INSULATED,
+    ISOTHERMAL,
+    OPEN,
+    SAME,
+    THINNEST,
+    Boundary,
+    Interface,
+    Layer,
+    Part,
+    Probe,
+    images,
+    length,
+)
 
 KINDS = ("ring", "straight")
 
@@ -225,7 +238,7 @@ class CrossSection:
         return self.subdivision.on_side(side, r, z)
 
     def opened(self) -> CrossSection:
-        """The stack continued beyond its bottom and outer side (`parts.Boundary`, "open").
+        """The stack continued beyond its bottom and outer side (`section_parts.Boundary`, "open").
 
         >>> strip_ring().opened().bottom.kind
         'open'
@@ -253,9 +266,8 @@ class CrossSection:
         (3e-06, True)
         """
         values = {} if values is None else values
-        checks.has("values", values, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
         table = geometry_file.table_of(self)
-        parameters.change_values(table, {**values, **more})
+        parameter_paths.change_values(table, {**values, **more})
         return self.from_toml_text(files.to_toml(table))
 
     @classmethod

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from .. import checks
 from ..materials.material_library import VOID
-from .parts import length
+from .section_parts import length
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection

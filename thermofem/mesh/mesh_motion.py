@@ -31,7 +31,7 @@ from .triangles import Mesh, signed_areas
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..geometry.parameters import Change
+    from ..geometry.parameter_paths import Change
     from ..geometry.regions import Face
 
 NEAR = 1e-9  # of the largest coordinate: a vertex this near to an edge lies on it
@@ -95,7 +95,7 @@ class Motion:
 
     @cached_property
     def _weights(self) -> Array:
-        """W, shape (2, places, c): how far r and z of each vertex go when that of one corner goes by one."""
+        """W, shape (2, vertices, c): derivative of r and z of each vertex by that of each corner."""
         stiffness = _stiffness(self._once)
         weights = np.zeros((2, *self._shares.shape))
         for axis, held in enumerate(self._held.T):

@@ -22,7 +22,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
-from ..geometry.parameters import Change, change
+from ..geometry.parameter_paths import Change, change
 from .shape import Variation, index_slope, variations
 from .space import Space, eigenpairs
 from .window import UM, Window, drawn

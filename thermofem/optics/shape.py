@@ -22,7 +22,7 @@ from ..algebra.factor import factorize
 from ..arrays import Array
 from ..checks import InputError
 from ..geometry.guides import LIGHT
-from ..geometry.parameters import Change, change
+from ..geometry.parameter_paths import Change, change
 from ..materials.index_laws import constant, constant_index
 from ..mesh.mesh_motion import vertex_velocities
 from .reading import containing, light_integral

@@ -24,13 +24,13 @@ from ..materials.material_library import with_value
 from ..materials.property_laws import Law, PowerLaw
 from . import geometry_file as geometry_file
 from .guides import BUSES, LIGHT
-from .parts import SAME, Boundary, images
 from .regions import outlines
+from .section_parts import SAME, Boundary, images
 
 if TYPE_CHECKING:
     from ..materials.material_library import Material
     from .cross_section import CrossSection
-    from .parts import Part
+    from .section_parts import Part
 
 _NAMED = {
     "part": "name",

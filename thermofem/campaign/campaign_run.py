@@ -22,7 +22,7 @@ from ..geometry import CrossSection
 from ..geometry.guides import LIGHT
 from ..solving import solve, solve_periodic
 from .collection import NUMBERS, Folder, Row, write_collections
-from .workers import completed
+from .stored_tasks import completed
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case
@@ -91,7 +91,7 @@ def run(
     ------
     InputError
         no drive; the folder cannot be written or is in use; a base geometry that cannot be solved; an executor that
-        breaks. What is finished stays.
+        breaks. Finished results are kept.
     MissingLibraryError
         meshes must be made and gmsh cannot be loaded.
     """
