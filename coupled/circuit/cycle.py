@@ -44,17 +44,15 @@ def circuit_limit_cycle(
 
         phi_T(y) = y,    f(y) . dy = 0 in every Newton step,    multipliers = eig(d phi_T/dy)
 
-    A run of the length ``settle`` leads to its neighbourhood; Newton's method closes it. The derivatives of the flow
-    are central differences. Only a cycle that attracts is found; `limit_cycle` has more for a ring alone.
+    A run of the length ``settle`` leads to its neighbourhood; Newton's method closes it. Only a cycle that attracts is
+    found; `limit_cycle` has more for a ring alone.
 
     Parameters
     ----------
     circuit, thermal, power, heaters, detuning
         as for `steady_states`.
-    settle : float, s
-        long against the slowest time scale of the heat.
-    samples : int
-        times in the period, its two ends included.
+    settle : float, s, long against the slowest time scale of the heat.
+    samples : int, times in the period, its two ends included.
 
     Returns
     -------
@@ -85,23 +83,25 @@ def circuit_limit_cycle(
     run = run_to(duration=settle, rtol=1e-6, times=None, initial=None)
     guess, units = _period(run, settle), eq.units(system.heat.gain.shape[1], len(system.circuit.names))
     start = np.asarray(run.attrs["final_state"]) / units
-    for laps in LAPS:
-        closed = _closed(system, start, laps * guess * 1e9)
-        if closed is not None:
-            break
-    else:
-        raise checks.InputError(
-            f"settle = {settle:g} s leads to no cycle that repeats within {LAPS[-1]} pulses",
-            "lengthen it, unless the pulses die away or never repeat",
-        )
-    y, period, multipliers = closed
+    y, period, multipliers = _repeating(system, start, guess * 1e9, settle)
     begin = xr.Dataset(attrs=run.attrs | {"final_state": y * units})
-    duration = period * 1e-9
-    times = np.linspace(0.0, duration, int(samples))
-    cycle = run_to(duration=duration, rtol=1e-9, times=times, initial=begin)
+    times = np.linspace(0.0, period * 1e-9, int(samples))
+    cycle = run_to(duration=times[-1], rtol=1e-9, times=times, initial=begin)
     cycle["multipliers"] = ("multiplier", multipliers, {"units": "1", "long_name": "Floquet multipliers"})
-    cycle.attrs["period"] = duration
+    cycle.attrs["period"] = float(times[-1])
     return cycle
+
+
+def _repeating(system: System, start: Array, pulse: float, settle: float) -> tuple[Array, float, Any]:
+    """The cycle of the fewest pulses of ``pulse`` ns that Newton's method closes."""
+    for laps in LAPS:
+        closed = _closed(system, start, laps * pulse)
+        if closed is not None:
+            return closed
+    raise checks.InputError(
+        f"settle = {settle:g} s leads to no cycle that repeats within {LAPS[-1]} pulses",
+        "lengthen it, unless the pulses die away or never repeat",
+    )
 
 
 def _period(run: xr.Dataset, settle: float) -> float:

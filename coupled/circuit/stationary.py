@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from thermofem import checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, Complex
 from thermofem.data import dataset
 
 from ..arguments import check_axis
@@ -254,24 +254,8 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
             "low power; steady_states finds fixed points at more"
         )
     k = names.index(lit[0]) if lit else 0
-    rings, ports, D = circuit.resonators, circuit.ports, sum(w.delay > 0 for w in circuit.waveguides)
-    seen, fields = np.empty((len(ports), nu.size), dtype=complex), np.empty((len(rings), nu.size), dtype=complex)
-    for m, detuning in enumerate(nu + circuit.lasers[k].offset):
-        light = light_of(circuit, float(detuning))
-        turn = np.array([2 * np.pi * (float(circuit.frequency or 0) + detuning - ring.frequency) for ring in rings])
-        own = np.diag([ring.linear_rate for ring in rings] + 1j * turn)
-        # waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u
-        A, B, P = light.seen_ring[:D], light.seen_laser[:D, k], light.seen_delay[:D]
-        around = np.eye(D) - P
-        if D and np.linalg.norm(around, -2) * RESONANT < 1:
-            what = f"detuning[{m}] = {nu[m]:g} Hz is a resonance of a loop of waveguides without loss"
-            raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
-        late = np.linalg.inv(around)
-        matrix = own - light.between - 1j * light.from_delay @ late @ A
-        a = np.linalg.solve(matrix, 1j * (light.from_laser[:, k] + light.from_delay @ late @ B))
-        u = late @ (A @ a + B)
-        waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
-        seen[:, m], fields[:, m] = waves[D : D + len(ports)], a
+    responses = [_response(circuit, float(one), k) for one in nu + circuit.lasers[k].offset]
+    seen, fields = (np.array(columns).T for columns in zip(*responses, strict=True))
     return xr.Dataset(
         {
             "transmission": (("port", "detuning"), np.abs(seen) ** 2, {"units": "1", "long_name": "transmission"}),
@@ -279,8 +263,27 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
             "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
         },
         coords={
-            "port": list(ports),
+            "port": list(circuit.ports),
             "ring": list(circuit.names),
             "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
         },
     )
+
+
+def _response(circuit: Circuit, detuning: float, k: int) -> tuple[Complex, Complex]:
+    """Waves at the ports and fields of the rings for a unit wave of laser ``k``, at low power.
+
+    Waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u.
+    """
+    light, late = light_of(circuit, detuning), slice(0, sum(w.delay > 0 for w in circuit.waveguides))
+    A, B, around = light.seen_ring[late], light.seen_laser[late, k], np.eye(late.stop) - light.seen_delay[late]
+    if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
+        what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"
+        raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
+    back = light.from_delay @ np.linalg.inv(around)
+    turn = 2 * np.pi * np.array([float(circuit.frequency or 0) + detuning - r.frequency for r in circuit.resonators])
+    own = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * turn)
+    a = np.linalg.solve(own - light.between - 1j * back @ A, 1j * (light.from_laser[:, k] + back @ B))
+    u = np.linalg.solve(around, A @ a + B)
+    waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
+    return waves[late.stop : late.stop + len(circuit.ports)], np.asarray(a)

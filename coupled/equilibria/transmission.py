@@ -86,35 +86,42 @@ def transmission(
     check_ring(ring)
     doubts = check_geometry(ring, model)
     P, nu = _ends("power", power), _ends("detuning", detuning)
-    at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
-    if (P.size, nu.size) == (1, 2):
-        pump = internal_pump(ring, P[0])
-        end = farthest_s(2 * np.pi * NS * float(np.abs(nu).max()), pump, at)
-
-        def curve(s: Array) -> tuple[Array, ...]:
-            U, D, shift, _ = tilted(s, pump, at)
-            return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS)
-
-        U, D, powers, detunings = _in_range(curve, -end, end, 3, nu)
-    elif (P.size, nu.size) == (2, 1):
-        shift_0 = 2 * np.pi * NS * nu[0]
-        weak, strong = (internal_pump(ring, p) for p in P)
-        high = float(np.log(energy(0.0, strong, at)))
-        low = float(np.log(energy(farthest_s(abs(shift_0), weak, at), weak, at)))
-
-        def curve(s: Array) -> tuple[Array, ...]:
-            here = balance(np.exp(s), at)
-            D = here.shift - shift_0
-            powers = np.exp(s) * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2
-            return np.exp(s), D, powers, np.full(s.size, nu[0])
-
-        U, D, powers, detunings = _in_range(curve, low, high, 2, P)
-    else:
+    if {P.size, nu.size} != {1, 2}:
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
+    at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
+    U, D, powers, detunings = (_at_one_power if P.size == 1 else _at_one_detuning)(ring, at, P, nu)
     found = _dataset(ring, at, U, D, powers, detunings)
     _trust(model, at, found)
     found.attrs |= provenance("transmission", ring, at.model) | doubts
     return found
+
+
+def _at_one_power(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Array, ...]:
+    """U, D, power and detuning along the tilted resonance within a range of detunings."""
+    pump = internal_pump(ring, P[0])
+    end = farthest_s(2 * np.pi * NS * float(np.abs(nu).max()), pump, at)
+
+    def curve(s: Array) -> tuple[Array, ...]:
+        U, D, shift, _ = tilted(s, pump, at)
+        return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS)
+
+    return _in_range(curve, -end, end, 3, nu)
+
+
+def _at_one_detuning(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Array, ...]:
+    """U, D, power and detuning along the energies of one detuning within a range of powers."""
+    shift_0 = 2 * np.pi * NS * nu[0]
+    weak, strong = (internal_pump(ring, p) for p in P)
+    high = float(np.log(energy(0.0, strong, at)))
+    low = float(np.log(energy(farthest_s(abs(shift_0), weak, at), weak, at)))
+
+    def curve(s: Array) -> tuple[Array, ...]:
+        here = balance(np.exp(s), at)
+        D = here.shift - shift_0
+        powers = np.exp(s) * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2
+        return np.exp(s), D, powers, np.full(s.size, nu[0])
+
+    return _in_range(curve, low, high, 2, P)
 
 
 def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
