@@ -266,7 +266,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
 
 def _least_squares(t: Array, N: Array, b: float) -> Any:
-    """The best of the searches for ln(N0, tau0, tau_high); they begin at the smallest misfits on a grid of lifetimes."""
+    """The best search for ln(N0, tau0, tau_high) of those that begin at the smallest misfits on a grid of lifetimes."""
 
     def misfit(x: Array) -> Array:
         N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
