@@ -54,9 +54,7 @@ class State:
     @classmethod
     def end_of(cls, run: xr.Dataset) -> State:
         """Where a run of `simulate` ended."""
-        if "final_state" not in getattr(run, "attrs", {}):
-            raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate, or a State")
-        return cls.from_array(checks.array("initial.attrs['final_state']", run.attrs["final_state"]))
+        return cls.from_array(final_state(run))
 
     @classmethod
     def from_array(cls, values: Array) -> State:
@@ -100,6 +98,18 @@ def starting_point(
                 "temperature would jump; go on with that model, or give a coupled.State"
             )
     return state
+
+
+def final_state(run: xr.Dataset, tau: ArrayLike | None = None, size: int | None = None) -> Array:
+    """The state at the end of a run in SI; InputError where it has none, or is not of this size and these poles."""
+    if "final_state" not in getattr(run, "attrs", {}):
+        raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate, or a State")
+    values = checks.array("initial.attrs['final_state']", run.attrs["final_state"])
+    if size not in (None, values.size):
+        raise checks.InputError(f"initial has {values.size} states and not {size}; go on with the same rings and model")
+    if tau is not None:
+        check_same_heat(run.attrs.get("model_tau"), tau)
+    return values
 
 
 def check_same_heat(before: ArrayLike | None, tau: ArrayLike) -> None:

@@ -146,9 +146,8 @@ def heater_offsets(
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given:
-        if not heat.heaters:
-            raise checks.InputError(f"heaters has {name!r}, and the thermal model has no heaters among its inputs")
-        checks.choice("a name in heaters", name, heat.heaters)
+        hint = "" if heat.heaters else "the thermal model has no heaters among its inputs"
+        checks.choice("a name in heaters", name, heat.heaters, hint=hint)
     powers = {name: power_of(name, value, duration) for name, value in given.items()}
     sizes = [rate.size for rate, *_ in heat.heaters.values()]
     if before is not None and before.size != sum(sizes):

@@ -152,8 +152,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     for value in (wanted.min(), wanted.max()):
         check_power(value, "drop")
     check_detuning(float(nu.ravel()[np.abs(nu).argmax()]))
-    if ring.drop_bus_rate == 0:
-        raise checks.InputError(f"ring {ring.name!r} has no drop port")
+    checks.positive("drop_rate of the ring", ring.drop_bus_rate, unit="1/s", hint="it has no drop port")
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / FJ
     rates, _ = internal_rates(ring)
     N = carriers(U, rates)[0]

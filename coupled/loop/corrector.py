@@ -101,12 +101,10 @@ class FEM:
         names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs
         self.heaters = checks.mapping("heaters", heaters, hint="e.g. {'heater': th.Constant(5e-3)}")
         self.heated = checks.choice("heated", heated, names, default=names[0])
-        for name, wave in self.heaters.items():
+        for name in self.heaters:
             checks.choice("heaters", name, names)
             if name == self.heated:
                 raise checks.InputError(f"heaters holds {name!r}, which the light heats; give the power of other parts")
-            if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
-                raise checks.InputError(f"heaters[{name!r}] = {wave!r} is no waveform; e.g. th.Constant(5e-3)")
         kept = checks.array("field_times", field_times, increasing=True, empty=True)
         if kept.size and self.problem is None:
             raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")

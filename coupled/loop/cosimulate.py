@@ -112,8 +112,8 @@ def cosimulate(
     )
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     kept = checks.array("field_times", field_times, increasing=True, empty=True)
-    if kept.size and not 0 <= kept[0] <= kept[-1] <= duration:
-        raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")
+    for time in kept[[0, -1]] if kept.size else ():
+        checks.between("field_times", time, 0, duration, unit="s", hint="they lie between 0 and the duration")
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
         known = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
         known = {name: _over(name, power, duration) for name, power in known.items()}

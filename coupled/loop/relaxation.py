@@ -125,11 +125,7 @@ class Relaxation:
         for passes in range(1, MOST_PASSES + 1):
             rise = self._asked(self.corrector.advance, run)
             self.passes += 1
-            if rise.shape != run.time.shape:
-                raise checks.InputError(
-                    f"corrector.advance returned an array of shape {rise.shape} for {run.time.size} times; "
-                    "one temperature each is needed"
-                )
+            checks.shape("the answer of corrector.advance", rise, run.time.shape)
             self._check_start(start, float(rise[0]))
             change = float(np.abs(rise - run.delta_T).max())
             if not np.isfinite(change):

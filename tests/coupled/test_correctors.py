@@ -112,7 +112,7 @@ def test_a_corrector_with_too_few_answers_is_named():
         def advance(self, times, power):
             return super().advance(times, power)[1:]
 
-    with pytest.raises(th.InputError, match="one temperature each"):
+    with pytest.raises(th.InputError, match="has shape"):
         coupled.cosimulate(RING, Short(NETWORK), power=MW, duration=1e-9)
 
 
