@@ -277,7 +277,7 @@ class Circuit:
 
     @cached_property
     def outputs(self) -> dict[str, str]:
-        """Name and terminal of every detector, those of free terminals included; not of couplers that do not couple."""
+        """Terminal of every detector by name, and of every free terminal; drop ports that stay dark are left out."""
         used = {w.start for w in self.waveguides} | {d.start for d in self.detectors}
         known = {d.name: d.start for d in self.detectors}
         return known | {exit: exit for exit in self.exits if exit not in used and not self._dark(exit)}

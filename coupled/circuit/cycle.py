@@ -133,7 +133,7 @@ def _problem(system: System, period: float) -> Problem:
 
 
 def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any] | None:
-    """State, period in ns and multipliers of the cycle that Newton's method finds, or None."""
+    """Newton's method for phi_T(y) = y: state, period in ns and multipliers, or None where it does not converge."""
     n = len(system.circuit.names)
     x = np.abs(y[3 * n :])
     light = np.repeat(np.abs(y[0 : 3 * n : 3] + 1j * y[1 : 3 * n : 3]), 3).reshape(n, 3)

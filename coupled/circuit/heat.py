@@ -31,7 +31,7 @@ NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 @dataclass(frozen=True, eq=False)
 class RingHeat:
-    """Thermal states of N rings in SI, K for each, those that a ring lacks without gain.
+    """Heat of N rings in SI with K states each; a ring with fewer has the others at zero gain.
 
         dx_jk/dt = gain_jk P_j - rate_jk x_jk,    dT_i = sum_jk read_ijk x_jk
 
@@ -57,7 +57,7 @@ class RingHeat:
 
 
 def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
-    """Read a thermal model for the rings of these names.
+    """Heat of the rings of these names under a thermal model.
 
     thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: with one input and output, it serves every
         ring and no heat goes between them; a StateSpace with as many outputs as rings has the rings first among its
@@ -78,7 +78,7 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
 
 
 def _by_name(model: StateSpace, names: Sequence[str]) -> StateSpace:
-    """The model with its rings in the order of ``names``, where it has those names; otherwise as it is."""
+    """The model with its rings sorted as ``names`` where it has these names, otherwise unchanged."""
     own = [*model.inputs[: len(names)]]
     if own != [*model.outputs] or {*own} != {*names}:
         if own != [f"ring {k + 1}" for k in range(len(names))]:

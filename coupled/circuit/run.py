@@ -161,7 +161,7 @@ def described(name: str) -> dict[str, str]:
 
 
 def varies(system: System, duration: float) -> dict[str, str]:
-    """When which input varies at each ring: lasers whose light reaches it, heaters, lasers that beat in it.
+    """Intervals in which inputs of each ring vary: lasers whose light reaches it, heaters, lasers that beat in it.
 
     The attribute that `driven.varies_in` reads. Where heat goes from ring to ring, what drives one drives all.
     """
@@ -182,7 +182,7 @@ def varies(system: System, duration: float) -> dict[str, str]:
 
 
 def reached(light: Light) -> Any:
-    """Which lasers' light comes to which rings, on any way, shape (N, L)."""
+    """Whether light of each laser reaches each ring, directly or through others, shape (N, L)."""
 
     def some(matrix: Any) -> Any:  # more than round-off
         return np.abs(matrix) > NOTHING * np.abs(matrix).max(initial=0.0)

@@ -94,7 +94,7 @@ def circuit_steady_states(
 def autonomous(
     circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
-    """A circuit under constant light, or InputError."""
+    """The system of a circuit under constant light of one frequency; InputError for any other."""
     heaters = checks.mapping("heaters", heaters)
     given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
     numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}

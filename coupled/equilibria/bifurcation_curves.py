@@ -95,7 +95,7 @@ def hopf_curves(
 
 
 def unwatched(plane: Plane) -> list[xr.Dataset]:
-    """The `hopf_curves`, whatever the training of the thermal model."""
+    """`hopf_curves` without the warning about the training of the thermal model."""
     curves = []
     for U, D, omega, leading, growth in _hopf(plane):
         curve = _dataset(plane, "Hopf curve", U, D, omega)
@@ -171,7 +171,7 @@ def _trusted(model: ThermalModel, plane: Plane, curves: list[xr.Dataset]) -> lis
 
 
 def _frequencies(plane: Plane) -> Array:
-    """From far below the slowest thermal pole to above the beat of laser and resonance, in rad/ns."""
+    """Frequencies of the lattice in rad/ns, from far below the slowest thermal pole to above the beat of the laser."""
     here = balance(plane.energies, plane.at)
     highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
     return np.geomspace(1e-4 * plane.at.heat.slowest, 2 * highest, FREQUENCIES)

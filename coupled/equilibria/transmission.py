@@ -266,7 +266,7 @@ def _branches(ring: RingResonator, U: Array, D: Array, P: Array, nu: Array, at: 
 
 
 def _ends(name: str, value: float | ArrayLike) -> Array:
-    """One number, or an increasing pair."""
+    """A power or detuning that is one number or an increasing pair, as an array."""
     ends = checks.array(name, value)
     if ends.size > 2 or (ends.size == 2 and ends[0] >= ends[1]):
         raise checks.InputError(f"{name} = {value!r} must be one number or a pair (first, last) with first < last")

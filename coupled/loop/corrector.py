@@ -240,7 +240,7 @@ class Beginning(NamedTuple):
 
 
 def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beginning:
-    """Put the corrector where the run begins.
+    """Set the corrector to the initial state of a run and return that of light, carriers and predictor.
 
     Raises
     ------

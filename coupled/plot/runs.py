@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.checks import InputError, choice, numbers
+from thermofem.checks import InputError, choice
 from thermofem.data.variables import contents
 from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes
 
@@ -123,9 +123,6 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     """
     choice("show", show, OUTPUTS)
     run = contents("run", run, ("time", "drop", show), what=RUN)
-    for name in ("detuning", "input_power", show):
-        if name in run:
-            numbers(f"run[{name!r}]", run[name].values)
     swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]
     if not swept:
         raise InputError("run has a constant laser; a sweep needs a detuning or power that varies")
