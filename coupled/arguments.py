@@ -15,7 +15,6 @@ from .resonator import RingResonator
 
 LONGEST = 1.0  # s, of a run
 MOST_POINTS = 1_000_000  # of a map, a spectrum or a sweep: a point takes some 50 us, one of a circuit ten times that
-SHORTEST = 1e-15  # s; the equations hold for the envelope of the field, so not within an optical cycle
 
 ROUND_OFF = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
 WATT = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
@@ -99,8 +98,9 @@ def check_times(times: ArrayLike, duration: float) -> Array:
 
 def check_duration(duration: float) -> float:
     """Return a duration in s, or raise InputError unless it lies between a cycle of the light and a second."""
+    # 1e-15 s; the equations hold for the envelope of the field, so not within an optical cycle
     return checks.between(
-        "duration", duration, SHORTEST, LONGEST, unit="s", hint="times are in s (did you mean 20e-6 for 20 us?)"
+        "duration", duration, 1e-15, LONGEST, unit="s", hint="times are in s (did you mean 20e-6 for 20 us?)"
     )
 
 

@@ -26,7 +26,6 @@ from .resonator import RingResonator
 from .thermal import Compact, compact, moderate
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
-SMALLEST = 0.1  # K; errors of a smaller rise are relative to this
 LARGEST_POWER = 10.0  # W
 
 
@@ -147,7 +146,8 @@ def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | N
     """
     edges = power.edges
     x = states_of(rate, power, edges, begin)
-    allowed = 384 * SHARE * rtol * np.maximum(np.abs(x @ gain.T).max(axis=0), SMALLEST)
+    # errors of a rise below 0.1 K are relative to that
+    allowed = 384 * SHARE * rtol * np.maximum(np.abs(x @ gain.T).max(axis=0), 0.1)
     slope = x[:-1]
     for k, factor in enumerate((1.0, 1.0, 2.0, 6.0)):  # the derivatives, up to the fourth
         slope = factor * power.coefficients[:, [k]] - rate * slope

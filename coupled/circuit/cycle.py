@@ -21,13 +21,8 @@ from .run import run_circuit
 from .stationary import autonomous
 from .system import System
 
-RTOL = 1e-10  # of the flow over a period
-CLOSED = 1e-7  # relative distance of the two ends of a cycle
 LAPS = (1, 2, 3, 4)  # pulses in one period, tried in turn
-ITERATIONS = 12
 SWING = 1e-3  # relative, below which a state counts as at rest
-# difference from 1 of the multiplier of a shift in time; differences of steep pulses leave 5e-6 (measured)
-TURNED = 0.01
 
 
 def circuit_limit_cycle(
@@ -142,20 +137,23 @@ def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any]
         np.concatenate([light.ravel(), x]),
         np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(x.size, 1e-3 * x.max())]),
     )
-    for _ in range(ITERATIONS):
+    for _ in range(12):
         problem = _problem(system, period)
-        run = problem.integrate(y, rtol=RTOL, times=np.array([period]), keep_steps=True)
+        # to 1e-10 of the flow over a period
+        run = problem.integrate(y, rtol=1e-10, times=np.array([period]), keep_steps=True)
         end = run.y
         missed = (end - y) / scale
         if not np.linalg.norm(missed) < 10.0 * np.sqrt(y.size):  # nan too
             return None
         M = problem.follow(y, run.steps, np.diag(scale))[1] / scale[:, None]
-        if np.linalg.norm(missed) < CLOSED * np.sqrt(y.size):
+        # a closed cycle: its ends are 1e-7 apart
+        if np.linalg.norm(missed) < 1e-7 * np.sqrt(y.size):
             values = np.linalg.eigvals(M)
             moves = (
                 np.linalg.norm(problem.slopes(y)[0] / scale) * period > SWING
             )  # at a fixed point every period closes
-            if not moves or np.abs(values - 1).min() > TURNED:
+            # 0.01 from 1: the multiplier of a shift in time, which is right to 5e-6 (measured)
+            if not moves or np.abs(values - 1).min() > 0.01:
                 return None
             return y, period, values[np.argsort(-np.abs(values))]
         along, leaving = problem.slopes(end)[0] / scale, problem.slopes(y)[0] / scale

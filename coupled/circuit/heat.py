@@ -25,7 +25,6 @@ from ..thermal import check_resistance, compact
 log = logging.getLogger("thermofem")
 
 MOST = 20_000  # states: their matrices are dense
-FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 
@@ -110,7 +109,8 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
         used = residue > NOTHING * scale
         parts.append((rate[used], B[used, j], C[:, used]))
     most = max(len(part[0]) for part in parts[:rings])
-    most = most if most < FEW else -(-most // 4) * 4
+    # from 8 states on a multiple of 4, the numbers that a processor adds at once
+    most = most if most < 8 else -(-most // 4) * 4
     gain, rates, read = np.zeros((rings, most)), np.full((rings, most), rate.max()), np.zeros((rings, rings, most))
     for j, (own_rate, own_gain, own_read) in enumerate(parts[:rings]):
         k = len(own_rate)

@@ -24,7 +24,6 @@ from ..kernel import units as eq
 from ..kernel.integrator import LOOPS, ORDERED, Network
 from .circuit import Circuit, Waveguide
 
-SINGULAR = 1e-8  # smallest pivot of 1 - C S over the largest, below which a loop without delay counts as lossless
 NOTHING = 1e-14  # of the largest entry of M: round-off
 
 
@@ -86,7 +85,8 @@ def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
         pivots = np.abs(factors.U.diagonal())
     except RuntimeError:  # exactly singular
         pivots = np.zeros(1)
-    if pivots.min() < SINGULAR * pivots.max() or not pivots.max():
+    # pivots of 1 - C S below 1e-8 of the largest: a loop without delay and without loss
+    if pivots.min() < 1e-8 * pivots.max() or not pivots.max():
         raise checks.InputError(
             "the waveguides form a loop without delay and without loss in which light piles up; "
             "give one of them a delay, a loss or another phase"

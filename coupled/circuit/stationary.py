@@ -24,10 +24,8 @@ from .network import light_of
 from .run import described
 from .system import System, system_of
 
-CLOSED = 1e-11  # relative size of the last Newton correction
 SAME = 1e-6  # relative difference of the states of two fixed points that count as one
 ITERATIONS, SWEEPS, RAMP = 60, 40, 30
-LINES = 5.0  # half widths of a resonance beyond which light hardly heats
 WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
 RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
 
@@ -126,7 +124,8 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
             step = np.linalg.solve(J, -rate)
             scale = np.maximum(np.abs(y), least)
             size = float(np.linalg.norm(step / scale))
-            if size < CLOSED * np.sqrt(y.size):
+            # the last correction is below 1e-11
+            if size < 1e-11 * np.sqrt(y.size):
                 y = y + step
                 return y if np.all(y[2 : 3 * n : 3] >= -least[2]) else None
             damping = 1.0
@@ -154,7 +153,8 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     rng = np.random.default_rng(checks.seed(seed))
     for _ in range(starts):
         u = rng.uniform(-1, 1, n)
-        yield _state_at(system, LINES * system.rings.modes[:, 0, 0] * u * np.abs(u))
+        # within five half widths of the resonance; beyond light hardly heats
+        yield _state_at(system, 5.0 * system.rings.modes[:, 0, 0] * u * np.abs(u))
 
 
 def _state_at(system: System, D: Array) -> Array:

@@ -19,7 +19,6 @@ from thermofem.arrays import Array, NDArray, runs_of
 
 DEEP = 0.9  # a dip is followed where the parabola through it falls below this share of its lowest point
 Curve = Callable[[Array], Array]  # of the parameter, shape (n,); coordinates, shape (m, n)
-ROUNDS = 3
 WIDE = 12  # cells: a contour that is as wide in both directions is resolved
 LINES = 16  # through the place of a small one
 FINEST = 1e-3  # distance of lines, in logarithms: a thousandth of U and w
@@ -107,7 +106,7 @@ def refined(values: Callable[[Array, Array], tuple[Array, Array, Array]], x: Arr
 
     values: the function whose contours are wanted, and two others; where all three vanish, two contours cross.
     """
-    for _ in range(ROUNDS):
+    for _ in range(3):
         z, *both = values(x, y)
         boxes = [*_dips(z), *_small(z), *_crossings(z, both)]
         wider = _with_lines(x, [box[:2] for box in boxes]), _with_lines(y, [box[2:] for box in boxes])

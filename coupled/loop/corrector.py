@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PERIODS = 6  # of the FEM alone, at most
-ENOUGH = 0.3  # of the largest discrepancy, that the temperature may still change in a period
 KINDS = "a run of coupled.cosimulate with the same heat, or a cycle of coupled.limit_cycle"
 SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
 
@@ -306,6 +305,7 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
         end = fem.tried
         change = end - field
         field = end + basis.vectors @ (shrink / (1 - shrink) * (basis.vectors.T @ (E @ change)))
-        if np.abs(C @ change).max() <= ENOUGH * fem.max_discrepancy:
+        # the temperature may still change by 0.3 of the largest discrepancy in a period
+        if np.abs(C @ change).max() <= 0.3 * fem.max_discrepancy:
             break
     return np.asarray(field)

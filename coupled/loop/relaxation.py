@@ -33,10 +33,7 @@ from .corrector import FEM, Corrector
 
 MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
-ROWS = 1000  # steps of the light beyond which a window does not double
-SHORTEST = 1e-12  # s; windows below are given up
 STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
-HOTTEST = 1e5  # K; no solid is
 CLOSE = 0.05  # of the largest discrepancy: what the FEM's temperature may still move, since later windows magnify it
 KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
@@ -111,7 +108,8 @@ class Relaxation:
                 self._accept(found)
                 return found
             self.abandoned += 1
-            if (stop - start) / 2 < SHORTEST:
+            # a window below 1 ps is given up
+            if (stop - start) / 2 < 1e-12:
                 raise checks.InputError(
                     f"the co-simulation stops at t = {start:g} s: {reason} even in a window of {stop - start:g} s; "
                     "does the corrector return the same result for the same power?"
@@ -130,7 +128,8 @@ class Relaxation:
             change = float(np.abs(rise - run.delta_T).max())
             if not np.isfinite(change):
                 return None, f"the corrector's temperature is not finite (pass {passes})"
-            if np.abs(rise).max() > HOTTEST:
+            # no solid is at 1e5 K
+            if np.abs(rise).max() > 1e5:
                 return (
                     None,
                     f"the corrector says {rise[np.abs(rise).argmax()]:.3g} K (a rise in K is needed; pass {passes})",
@@ -224,7 +223,8 @@ class Relaxation:
             self.rest -= float(self.background(np.array([self.time]))[0])
         if found.passes > MANY:
             self.index, self.level = 2 * self.index, self.level + 1
-        elif found.passes <= FEW and found.run.time.size <= ROWS and self.index % 2 == 0 and self.level > 0:
+        # of more than 1000 steps of the light a window does not double
+        elif found.passes <= FEW and found.run.time.size <= 1000 and self.index % 2 == 0 and self.level > 0:
             self.index, self.level = self.index // 2, self.level - 1
 
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate"
-SWITCHING = 1e-3  # of a run: its first share, in which the light that was switched on rings
 OTHERS = (GREEN, PURPLE, ORANGE)
 OUTPUTS = {
     "drop": "drop power",
@@ -75,7 +74,8 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def _switched(t: np.ndarray) -> int:
     """Number of the first sample after the light has been switched on; 0 of samples that are too coarse to show it."""
     with np.errstate(invalid="ignore"):  # times of any origin: at least two samples are left
-        return max(int(np.argmax(t - t[0] >= SWITCHING * (t[-1] - t[0]))) - 1, 0)
+        # in the first thousandth of a run the light that was switched on rings
+        return max(int(np.argmax(t - t[0] >= 1e-3 * (t[-1] - t[0]))) - 1, 0)
 
 
 def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
