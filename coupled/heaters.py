@@ -61,13 +61,16 @@ def channels(
     for name in names:
         checks.choice("heaters", name, system.inputs)
     own = checks.choice("heated", heated, system.inputs, default=(free or system.inputs)[0])
-    if own in names:
-        raise checks.InputError(f"heaters holds {own!r}, which the light heats; give the power of other parts")
-    if read is None and own not in system.outputs:
-        raise checks.InputError(f"model does not read {own!r}; say with read= which of {system.outputs} detunes it")
-    out = checks.choice("read", read, system.outputs, default=own)
+    check_unlit(names, own)
+    out = checks.choice("read", read, system.outputs, default=own, hint="it is the output that detunes the light")
     small = compact(system.channel(own, out))
     return Channels(small, {name: moderate(system.channel(name, out).dynamics) for name in names})
+
+
+def check_unlit(heaters: Mapping[str, Any], lit: str) -> None:
+    """InputError where the part that the light heats is among the heaters."""
+    if lit in heaters:
+        raise checks.InputError(f"heaters holds {lit!r}, which the light heats; give the power of other parts")
 
 
 def _single(model: ThermalModel, names: Mapping[str, Any], heated: str | None, read: str | None) -> Compact:

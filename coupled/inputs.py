@@ -75,12 +75,11 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     if isinstance(value, Pieces):
         return _window(name, value, start, stop)
     if hasattr(value, "c") and hasattr(value, "x"):
-        if not isinstance(value, PPoly):  # such as BPoly, whose coefficients are those of Bernstein polynomials
+        # coefficients of a BPoly are those of Bernstein polynomials
+        if not isinstance(value, PPoly) or np.ndim(value.c) != 2 or len(value.c) > DEGREE + 1:
             hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
-            raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed", hint)
+            raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed, at most cubic", hint)
         c = checks.numbers(f"{name}: coefficients", value.c)
-        if c.ndim != 2 or len(c) > DEGREE + 1:
-            raise checks.InputError(f"{name} is a polynomial with coefficients {c.shape}; at most cubic, and scalar")
         coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
         return _window(name, Pieces(np.asarray(value.x, dtype=float), coefficients), start, stop)
     if isinstance(value, Waveform):

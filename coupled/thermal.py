@@ -88,10 +88,8 @@ def moderate(poles: Foster) -> Foster:
 
 def check_resistance(value: float) -> None:
     """Raise InputError for a resistance that no ring has; a run would take steps without end."""
-    if not value <= HIGHEST:
-        raise checks.InputError(
-            f"model has R_th = {value:g} K/W, which is above {HIGHEST:g}; resistances are in K/W (2 K/mW is 2e3)"
-        )
+    hint = "resistances are in K/W (2 K/mW is 2e3)"
+    checks.between("R_th of the model", value, -HIGHEST, HIGHEST, unit="K/W", hint=hint)
 
 
 def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:

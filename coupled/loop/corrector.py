@@ -43,6 +43,7 @@ from thermofem.solving import check_fields, mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
 from thermofem.waveforms import Cubic, Waveform, to_json
 
+from ..heaters import check_unlit
 from ..states import State
 from ..thermal import Compact
 
@@ -102,8 +103,7 @@ class FEM:
         self.heated = checks.choice("heated", heated, names, default=names[0])
         for name in self.heaters:
             checks.choice("heaters", name, names)
-            if name == self.heated:
-                raise checks.InputError(f"heaters holds {name!r}, which the light heats; give the power of other parts")
+        check_unlit(self.heaters, self.heated)
         kept = checks.array("field_times", field_times, increasing=True, empty=True)
         if kept.size and self.problem is None:
             raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
