@@ -47,7 +47,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -277,7 +277,7 @@ class Circuit:
 
     @cached_property
     def outputs(self) -> dict[str, str]:
-        """Name and terminal of every detector, those of free terminals included; not of couplers that do not couple."""
+        """Terminal of every detector by name, and of every free terminal; drop ports that stay dark are left out."""
         used = {w.start for w in self.waveguides} | {d.start for d in self.detectors}
         known = {d.name: d.start for d in self.detectors}
         return known | {exit: exit for exit in self.exits if exit not in used and not self._dark(exit)}
@@ -330,32 +330,30 @@ class Circuit:
         return files.read_toml(path, "circuit", lambda text: cls(**_fields(text, folder)))
 
 
-_RING = {"name": TEXT, "base": TEXT, "file": TEXT, "shift": "Hz"}
 _KINDS: dict[str, tuple[type, dict[str, str]]] = {
     "waveguide": (Waveguide, {"start": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "delay": "s"}),
     "splitter": (Splitter, {"name": TEXT, "cross": NUMBER}),
     "laser": (LaserPort, {"name": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "offset": "Hz"}),
     "detector": (Detector, {"name": TEXT, "start": TEXT, "bandwidth": "Hz"}),
 }
-_NEEDED = {"ring": ("name",), "waveguide": ("start", "stop"), "splitter": ("name",), "laser": ("name", "stop"),
-           "detector": ("name", "start")}  # fmt: skip
-_TOP = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *_KINDS], TABLES)}
 
 
 def _fields(text: str, folder: Path | None = None) -> dict[str, Any]:
     """The fields of the `Circuit` that the text of a circuit file describes; ring files are in ``folder``."""
-    top = read_table(files.from_toml(text), _TOP, "the circuit file")
-    tables = _tables(top, "ring", _RING)
-    checks.unique("list of ring names", [table["name"] for table in tables])
-    rings = {table["name"]: _ring(table, folder) for table in tables}
-    parts = {f"{kind}s": tuple(make(**v) for v in _tables(top, kind, keys)) for kind, (make, keys) in _KINDS.items()}
-    return {"rings": rings, **parts, "frequency": top.get("frequency"), "name": top.get("name", "circuit")}
+    keys = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *_KINDS], TABLES)}
+    top = read_table(files.from_toml(text), keys, "the circuit file")
 
+    def tables(kind: str, keys: dict[str, str], required: Sequence[str]) -> list[dict[str, Any]]:
+        several = enumerate(top.get(kind, []), 1)
+        return [read_table(item, keys, f"{kind} number {k}", required=required) for k, item in several]
 
-def _tables(top: dict[str, Any], kind: str, keys: dict[str, str]) -> list[dict[str, Any]]:
-    """The values of all tables of one kind in SI."""
-    tables = enumerate(top.get(kind, []), 1)
-    return [read_table(item, keys, f"{kind} number {k}", required=_NEEDED[kind]) for k, item in tables]
+    several = tables("ring", {"name": TEXT, "base": TEXT, "file": TEXT, "shift": "Hz"}, ["name"])
+    checks.unique("list of ring names", [table["name"] for table in several])
+    found: dict[str, Any] = {"rings": {table["name"]: _ring(table, folder) for table in several}}
+    for kind, (make, units) in _KINDS.items():
+        needed = [one.name for one in fields(make) if one.default is MISSING]
+        found[f"{kind}s"] = tuple(make(**values) for values in tables(kind, units, needed))
+    return found | {"frequency": top.get("frequency"), "name": top.get("name", "circuit")}
 
 
 def _ring(values: dict[str, Any], folder: Path | None) -> RingResonator:

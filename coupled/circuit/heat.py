@@ -25,13 +25,12 @@ from ..thermal import check_resistance, compact
 log = logging.getLogger("thermofem")
 
 MOST = 20_000  # states: their matrices are dense
-FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 
 @dataclass(frozen=True, eq=False)
 class RingHeat:
-    """Thermal states of N rings in SI, K for each, those that a ring lacks without gain.
+    """Heat of N rings in SI with K states each; a ring with fewer has the others at zero gain.
 
         dx_jk/dt = gain_jk P_j - rate_jk x_jk,    dT_i = sum_jk read_ijk x_jk
 
@@ -57,7 +56,7 @@ class RingHeat:
 
 
 def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
-    """Read a thermal model for the rings of these names.
+    """Heat of the rings of these names under a thermal model.
 
     thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: with one input and output, it serves every
         ring and no heat goes between them; a StateSpace with as many outputs as rings has the rings first among its
@@ -78,7 +77,7 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
 
 
 def _by_name(model: StateSpace, names: Sequence[str]) -> StateSpace:
-    """The model with its rings in the order of ``names``, where it has those names; otherwise as it is."""
+    """The model with its rings sorted as ``names`` where it has these names, otherwise unchanged."""
     own = [*model.inputs[: len(names)]]
     if own != [*model.outputs] or {*own} != {*names}:
         if own != [f"ring {k + 1}" for k in range(len(names))]:
@@ -110,7 +109,8 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
         used = residue > NOTHING * scale
         parts.append((rate[used], B[used, j], C[:, used]))
     most = max(len(part[0]) for part in parts[:rings])
-    most = most if most < FEW else -(-most // 4) * 4
+    # from 8 states on a multiple of 4, the numbers that a processor adds at once
+    most = most if most < 8 else -(-most // 4) * 4
     gain, rates, read = np.zeros((rings, most)), np.full((rings, most), rate.max()), np.zeros((rings, rings, most))
     for j, (own_rate, own_gain, own_read) in enumerate(parts[:rings]):
         k = len(own_rate)
@@ -146,9 +146,8 @@ def heater_offsets(
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given:
-        if not heat.heaters:
-            raise checks.InputError(f"heaters has {name!r}, and the thermal model has no heaters among its inputs")
-        checks.choice("a name in heaters", name, heat.heaters)
+        hint = "" if heat.heaters else "the thermal model has no heaters among its inputs"
+        checks.choice("a name in heaters", name, heat.heaters, hint=hint)
     powers = {name: power_of(name, value, duration) for name, value in given.items()}
     sizes = [rate.size for rate, *_ in heat.heaters.values()]
     if before is not None and before.size != sum(sizes):

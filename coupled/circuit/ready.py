@@ -112,8 +112,7 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     every = _several(rings)
     n, quarter = len(every), -math.pi / 2
     for k, ring in enumerate(every, 1):
-        if not ring.drop_bus_rate:
-            raise checks.InputError(f"ring {k} has no second coupler (drop_rate = 0), by which it would reach the next")
+        checks.positive(f"drop_rate of ring {k}", ring.drop_bus_rate, hint="a second coupler leads to the next ring")
     ways = _chain(n, "drop", "in", 0.0, quarter) + _chain(n, "through", "add", 0.0, quarter, back=True)
     detectors = (Detector("through", "ring 1.through"), Detector("drop", f"ring {n}.drop"))
     return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="crow")
@@ -140,8 +139,7 @@ def delay_loop(ring: RingResonator, delay: float, *, loss: float = 3.0, phase: f
     >>> coupled.circuit.delay_loop(coupled.borghi2021(), delay=1e-9).ports
     ('drop',)
     """
-    if not ring.drop_bus_rate:
-        raise checks.InputError("ring has no second coupler (drop_rate = 0), by which the light could come back")
+    checks.positive("drop_rate", ring.drop_bus_rate, hint="the light comes back by a second coupler")
     loop = Waveguide("ring 1.through", "ring 1.add", loss, phase, delay)
     return Circuit([ring], (loop,), (LaserPort("in", "ring 1.in"),), (Detector("drop", "ring 1.drop"),), name="loop")
 

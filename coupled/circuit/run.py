@@ -19,7 +19,7 @@ from ..heaters import heater_powers
 from ..inputs import Spans, attribute, beats, changes, pieces, spans
 from ..kernel import units as eq
 from ..kernel.tableaus import Method
-from ..states import check_same_heat
+from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
 from .heat import RingHeat
@@ -101,15 +101,7 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
         return np.zeros(n * (3 + K))
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
-    if "final_state" not in getattr(initial, "attrs", {}):
-        raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate")
-    values = checks.array("initial.attrs['final_state']", initial.attrs["final_state"])
-    if values.size != n * (3 + K):
-        raise checks.InputError(
-            f"initial has {values.size} states and this circuit {n * (3 + K)}; go on with the same circuit and model"
-        )
-    check_same_heat(initial.attrs.get("model_tau"), 1 / heat.rate)
-    return np.asarray(values / eq.units(K, n))
+    return np.asarray(final_state(initial, 1 / heat.rate, n * (3 + K)) / eq.units(K, n))
 
 
 def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner: Array, average: bool) -> xr.Dataset:
@@ -169,7 +161,7 @@ def described(name: str) -> dict[str, str]:
 
 
 def varies(system: System, duration: float) -> dict[str, str]:
-    """When which input varies at each ring: lasers whose light reaches it, heaters, lasers that beat in it.
+    """Intervals in which inputs of each ring vary: lasers whose light reaches it, heaters, lasers that beat in it.
 
     The attribute that `driven.varies_in` reads. Where heat goes from ring to ring, what drives one drives all.
     """
@@ -190,7 +182,7 @@ def varies(system: System, duration: float) -> dict[str, str]:
 
 
 def reached(light: Light) -> Any:
-    """Which lasers' light comes to which rings, on any way, shape (N, L)."""
+    """Whether light of each laser reaches each ring, directly or through others, shape (N, L)."""
 
     def some(matrix: Any) -> Any:  # more than round-off
         return np.abs(matrix) > NOTHING * np.abs(matrix).max(initial=0.0)

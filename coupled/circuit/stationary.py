@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from thermofem import checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, Complex
 from thermofem.data import dataset
 
 from ..arguments import check_axis
@@ -24,11 +24,8 @@ from .network import light_of
 from .run import described
 from .system import System, system_of
 
-LARGEST = 500  # states; the Jacobian is dense
-CLOSED = 1e-11  # relative size of the last Newton correction
 SAME = 1e-6  # relative difference of the states of two fixed points that count as one
 ITERATIONS, SWEEPS, RAMP = 60, 40, 30
-LINES = 5.0  # half widths of a resonance beyond which light hardly heats
 WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
 RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
 
@@ -69,7 +66,7 @@ def circuit_steady_states(
     Raises
     ------
     InputError
-        powers that vary, lasers of different frequency, delays, or more than 500 states.
+        powers that vary, lasers of different frequency, or delays.
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
@@ -95,7 +92,7 @@ def circuit_steady_states(
 def autonomous(
     circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
-    """A circuit under constant light, or InputError."""
+    """The system of a circuit under constant light of one frequency; InputError for any other."""
     heaters = checks.mapping("heaters", heaters)
     given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
     numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
@@ -113,12 +110,8 @@ def autonomous(
     for name in power:
         checks.choice("a name in power", name, [laser.name for laser in circuit.lasers])
     own = {laser.name: power.get(laser.name, 0.0) for laser in lit}
-    system = system_of(
-        replace(circuit, lasers=lit), thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6
-    )
-    if system.size > LARGEST:
-        raise checks.InputError(f"the circuit has {system.size} states, more than {LARGEST}; reduce its heat further")
-    return system
+    alone = replace(circuit, lasers=lit)
+    return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6)
 
 
 def _newton(system: System, problem: Problem, y: Array) -> Array | None:
@@ -131,7 +124,8 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
             step = np.linalg.solve(J, -rate)
             scale = np.maximum(np.abs(y), least)
             size = float(np.linalg.norm(step / scale))
-            if size < CLOSED * np.sqrt(y.size):
+            # the last correction is below 1e-11
+            if size < 1e-11 * np.sqrt(y.size):
                 y = y + step
                 return y if np.all(y[2 : 3 * n : 3] >= -least[2]) else None
             damping = 1.0
@@ -159,7 +153,8 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     rng = np.random.default_rng(checks.seed(seed))
     for _ in range(starts):
         u = rng.uniform(-1, 1, n)
-        yield _state_at(system, LINES * system.rings.modes[:, 0, 0] * u * np.abs(u))
+        # within five half widths of the resonance; beyond light hardly heats
+        yield _state_at(system, 5.0 * system.rings.modes[:, 0, 0] * u * np.abs(u))
 
 
 def _state_at(system: System, D: Array) -> Array:
@@ -254,24 +249,8 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
             "low power; steady_states finds fixed points at more"
         )
     k = names.index(lit[0]) if lit else 0
-    rings, ports, D = circuit.resonators, circuit.ports, sum(w.delay > 0 for w in circuit.waveguides)
-    seen, fields = np.empty((len(ports), nu.size), dtype=complex), np.empty((len(rings), nu.size), dtype=complex)
-    for m, detuning in enumerate(nu + circuit.lasers[k].offset):
-        light = light_of(circuit, float(detuning))
-        turn = np.array([2 * np.pi * (float(circuit.frequency or 0) + detuning - ring.frequency) for ring in rings])
-        own = np.diag([ring.linear_rate for ring in rings] + 1j * turn)
-        # waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u
-        A, B, P = light.seen_ring[:D], light.seen_laser[:D, k], light.seen_delay[:D]
-        around = np.eye(D) - P
-        if D and np.linalg.norm(around, -2) * RESONANT < 1:
-            what = f"detuning[{m}] = {nu[m]:g} Hz is a resonance of a loop of waveguides without loss"
-            raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
-        late = np.linalg.inv(around)
-        matrix = own - light.between - 1j * light.from_delay @ late @ A
-        a = np.linalg.solve(matrix, 1j * (light.from_laser[:, k] + light.from_delay @ late @ B))
-        u = late @ (A @ a + B)
-        waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
-        seen[:, m], fields[:, m] = waves[D : D + len(ports)], a
+    responses = [_response(circuit, float(one), k) for one in nu + circuit.lasers[k].offset]
+    seen, fields = (np.array(columns).T for columns in zip(*responses, strict=True))
     return xr.Dataset(
         {
             "transmission": (("port", "detuning"), np.abs(seen) ** 2, {"units": "1", "long_name": "transmission"}),
@@ -279,8 +258,27 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
             "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
         },
         coords={
-            "port": list(ports),
+            "port": list(circuit.ports),
             "ring": list(circuit.names),
             "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
         },
     )
+
+
+def _response(circuit: Circuit, detuning: float, k: int) -> tuple[Complex, Complex]:
+    """Waves at the ports and fields of the rings for a unit wave of laser ``k``, at low power.
+
+    Waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u.
+    """
+    light, late = light_of(circuit, detuning), slice(0, sum(w.delay > 0 for w in circuit.waveguides))
+    A, B, around = light.seen_ring[late], light.seen_laser[late, k], np.eye(late.stop) - light.seen_delay[late]
+    if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
+        what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"
+        raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
+    back = light.from_delay @ np.linalg.inv(around)
+    turn = 2 * np.pi * np.array([float(circuit.frequency or 0) + detuning - r.frequency for r in circuit.resonators])
+    own = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * turn)
+    a = np.linalg.solve(own - light.between - 1j * back @ A, 1j * (light.from_laser[:, k] + back @ B))
+    u = np.linalg.solve(around, A @ a + B)
+    waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
+    return waves[late.stop : late.stop + len(circuit.ports)], np.asarray(a)

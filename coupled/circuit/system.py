@@ -23,7 +23,6 @@ from .network import Light, light_of, network_of
 
 log = logging.getLogger("thermofem")
 
-ECHO = 1e-7  # of the light: breakpoints that come back weaker are left to the error control
 HAIR = 1e-13  # of a run: nearer breakpoints are one; sums of hundreds of delays differ by less
 MOST_EDGES = 5_000_000  # 40 MB
 
@@ -199,7 +198,8 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
     gain = float(np.abs(passing).sum(axis=1).max(initial=0.0))
     found = newest = edges
     generation = 0
-    while delays.size and newest.size and gain ** max(generation - 1, 0) > ECHO:
+    # breakpoints that come back with less than 1e-7 of the light are left to the error control
+    while delays.size and newest.size and gain ** max(generation - 1, 0) > 1e-7:
         later = np.add.outer(newest, delays).ravel()
         together = _apart(np.concatenate([found, later[later < duration]]), duration)
         found, newest = together, np.setdiff1d(together, found)

@@ -11,7 +11,7 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring, one_laser
+from ..arguments import check_detuning, check_power, check_ring
 from ..contradictions import check_geometry
 from ..heaters import constant
 from ..resonator import RingResonator
@@ -35,7 +35,6 @@ MOST = 100_000  # cycles of a branch
 SAME_RISE = 1e-6  # of a rise by heaters: what one model makes of equal powers
 
 
-@one_laser
 def continue_cycle(
     ring: RingResonator,
     model: ThermalModel,

@@ -19,7 +19,6 @@ from thermofem.arrays import Array, NDArray, runs_of
 
 DEEP = 0.9  # a dip is followed where the parabola through it falls below this share of its lowest point
 Curve = Callable[[Array], Array]  # of the parameter, shape (n,); coordinates, shape (m, n)
-ROUNDS = 3
 WIDE = 12  # cells: a contour that is as wide in both directions is resolved
 LINES = 16  # through the place of a small one
 FINEST = 1e-3  # distance of lines, in logarithms: a thousandth of U and w
@@ -103,11 +102,11 @@ class Segment(NamedTuple):
 
 
 def refined(values: Callable[[Array, Array], tuple[Array, Array, Array]], x: Array, y: Array) -> tuple[Array, Array]:
-    """The lines x and y with others between them.
+    """Insert lattice lines where contours are small, nearly touch or cross.
 
     values: the function whose contours are wanted, and two others; where all three vanish, two contours cross.
     """
-    for _ in range(ROUNDS):
+    for _ in range(3):
         z, *both = values(x, y)
         boxes = [*_dips(z), *_small(z), *_crossings(z, both)]
         wider = _with_lines(x, [box[:2] for box in boxes]), _with_lines(y, [box[2:] for box in boxes])
@@ -129,7 +128,7 @@ def _around(z: Array) -> Array:
 
 
 def _reach(z: Array) -> Array:
-    """By how much parabolas through the nine points about each inner one come nearer to zero than it does, at most."""
+    """Bound on |z| at each inner point minus its minimum between lines, by parabolas through nine points."""
     nine = np.abs(_around(z))
     total = np.abs(nine[..., 2, 2] - nine[..., 2, 0] - nine[..., 0, 2] + nine[..., 0, 0]) / 4
     for before, after in ((nine[..., 1, 0], nine[..., 1, 2]), (nine[..., 0, 1], nine[..., 2, 1])):
@@ -156,7 +155,7 @@ def _crossings(z: Array, both: Sequence[Array]) -> Iterator[Box]:
 
 
 def _small(z: Array) -> Iterator[Box]:
-    """The places of closed contours that are few cells wide, with a cell on either side."""
+    """Boxes around closed contours that are less than `WIDE` cells wide, with a cell on either side."""
     for line in contourpy.contour_generator(z=z).lines(0.0):
         low, high = np.floor(np.min(line, axis=0)).astype(int), np.ceil(np.max(line, axis=0)).astype(int)
         if np.min(high - low) < WIDE and np.array_equal(line[0], line[-1]):
@@ -165,7 +164,7 @@ def _small(z: Array) -> Iterator[Box]:
 
 
 def _with_lines(x: Array, spans: Sequence[tuple[int, int]]) -> Array:
-    """The lines with others in the ``spans`` that hold few."""
+    """The lines x with `LINES` of them in each of the ``spans`` that has fewer."""
     new = [np.linspace(x[a], x[b], LINES) for a, b in set(spans) if b - a < LINES and x[b] - x[a] > FINEST * LINES]
     if not new:
         return x
@@ -175,7 +174,7 @@ def _with_lines(x: Array, spans: Sequence[tuple[int, int]]) -> Array:
 
 
 def joined(pieces: list[Segment], place: Callable[[Array], Array], farthest: float) -> list[Array]:
-    """Join pieces that were cut, each end with the nearest other one; ``place`` is where distances are measured."""
+    """Join segments at their cut ends, the nearest pair first; ``place`` maps points to the space of the distances."""
     lines = list(pieces)
     while True:
         at = {(k, e): place(piece.points[:, -e]) for k, piece in enumerate(lines) for e in (0, 1) if piece.cut[e]}

@@ -101,8 +101,6 @@ def van_vaerenbergh_q(ring: RingResonator, model: ThermalModel, *, carriers: flo
     check_ring(ring)
     N = checks.positive("carriers", carriers, unit="1/m^3", at_most=1e28, hint="1e17 cm^-3 is 1e23")
     turned = abs(ring.thermal_shift / ring.index_rate)  # dn/dT, also where the shift was set by with_rates
-    if turned == 0:
-        raise checks.InputError("heat does not shift the ring (thermo_optic = 0): it has no weight, and q is infinite")
     dispersion = abs(sum(coefficient * N ** (exponent - 1) for coefficient, exponent in ring.fcd))
     R = float(compact(model).thermal_resistance)
     return math.sqrt(dispersion * float(ring.carriers.lifetime(N))) / (R * turned)

@@ -20,8 +20,7 @@ from thermofem.data import dataset
 from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
-from ..arguments import check_duration, one_laser
-from ..bar import bar
+from ..arguments import bar, check_duration
 from ..contradictions import check_geometry
 from ..cycles.orbit import check_carriers, has_carriers
 from ..heaters import constant
@@ -57,7 +56,6 @@ class _Cell(NamedTuple):
     reason: str
 
 
-@one_laser
 def pulsing_map(
     ring: RingResonator,
     model: ThermalModel,

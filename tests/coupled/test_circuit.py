@@ -403,7 +403,7 @@ CASES = [
     (lambda: coupled.Circuit([3], (), [coupled.LaserPort("in", "ring 1.in")]), "is a int; it must be a RingResonator"),
     (lambda: coupled.Waveguide("ring 1.through", "ring 2.in", loss=-1), "loss = -1 must lie.*no gain"),
     (lambda: coupled.Waveguide("a", "b", delay=1), "did you mean 1e-9"),
-    (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "ring 1 has no second coupler"),
+    (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "drop_rate of ring 1 = 0 must be positive"),
     (lambda: light_of(looped()), "light piles up"),
     (lambda: run(coupled.circuit.delay_loop(RING, 1e-15)), "shorter than 0.01 of the rings' photon lifetime"),
     (lambda: run(coupled.bus(RING), inputs={"inn": 1e-3}), "did you mean 'in'"),

@@ -137,6 +137,22 @@ def test_power_sweeps_too():
     assert down / low == pytest.approx(0.97, abs=0.04)
 
 
+def test_a_bistability_between_two_steps_is_a_jump():
+    """Just below the cusp three points exist in 5 % of the power: the ring jumps there, whatever the steps."""
+    folds = max(
+        coupled.fold_curves(RING, EXPERIMENT, np.geomspace(1e-4, 1e-2, 9), [-60e9, 0.0]), key=lambda c: c.sizes["point"]
+    )
+    cusp = int(folds.detuning.values.argmax())
+    nu = float(folds.detuning[cusp]) - 1e9
+    below, above = float(folds.power[cusp]) * np.array([0.8, 1.25])
+    counts = [coupled.steady_states(RING, EXPERIMENT, power=p, detuning=nu).sizes["branch"] for p in (below, above)]
+    between = np.linspace(below, above, 200)
+    assert counts == [1, 1]
+    assert 3 in {coupled.steady_states(RING, EXPERIMENT, power=p, detuning=nu).sizes["branch"] for p in between}
+    loop = coupled.equilibria.transmission.sweep(RING, EXPERIMENT, power=[below, above, below], detuning=nu)
+    assert loop.jumped.values.tolist() == [False, True, True]
+
+
 def test_figure_labels_itself():
     curve = coupled.transmission(RING, EXPERIMENT, power=5e-3, detuning=(-60e9, 20e9))
     loop = coupled.equilibria.transmission.sweep(RING, EXPERIMENT, power=5e-3, detuning=np.linspace(20e9, -60e9, 41))
