@@ -42,5 +42,4 @@ class _Listed(_ModuleType):
         return materials_card([find(name) for name in self])
 
 
-# as Python's data model describes it: "customizing module attribute access"
-_sys.modules[__name__].__class__ = _Listed
+_sys.modules[__name__].__class__ = _Listed  # Python's data model: "customizing module attribute access"

@@ -247,7 +247,7 @@ def _pipe_signal() -> Iterator[None]:
     if number is None:  # Windows
         yield
         return
-    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig  # unlike signal.signal, in any thread
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig  # gmsh resets SIGPIPE, in any thread
     get.argtypes, get.restype = [ctypes.c_int], ctypes.c_void_p
     put.argtypes, put.restype = [ctypes.c_int, ctypes.c_void_p], ctypes.c_void_p
     before = get(number)
