@@ -101,6 +101,17 @@ def test_no_circles_between_rooms(package):
     assert list(graphlib.TopologicalSorter(graph).static_order())
 
 
+def test_the_table_of_folders_is_the_tree():
+    tables = (ROOT / "CONTRIBUTING.md").read_text().partition("## Where things are")[2].partition("\n## ")[0]
+    rows = [line.split("|")[1:3] for line in tables.splitlines() if line.startswith("| `")]
+    named = {name for cell, _ in rows for name in re.findall(r"`([\w/]+)`", cell)}
+    folders = {path.parent.relative_to(ROOT).as_posix() for path in (*SOURCES, *(ROOT / "paper").rglob("*.py"))}
+    assert named == {folder for folder in folders if "/" in folder}
+    paths = re.findall(r"`(\w+/[\w/.]+)`", tables)
+    assert len(paths) > 40
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
 @pytest.mark.parametrize(
     "name", [m for m in MODULES if not m.startswith("thermofem_cli") and not m.endswith("__main__")]
 )

@@ -117,29 +117,6 @@ def test_a_corrector_with_too_few_answers_is_named():
 
 
 @pytest.mark.parametrize(
-    "answer",
-    [None, "hot", ["hot"], [[1.0], [1.0, 2.0]], 1j, np.array([1j])],
-    ids=["none", "text", "texts", "ragged", "complex", "complexes"],
-)
-def test_a_corrector_without_real_numbers_is_named(answer):
-    class Odd(Exact):
-        def advance(self, times, power):
-            return answer
-
-    with pytest.raises(th.InputError, match=r"no array of real numbers|one temperature each"):
-        coupled.cosimulate(RING, Odd(NETWORK), power=MW, duration=1e-9)
-
-
-def test_a_corrector_that_masks_a_temperature_is_named():
-    class Masked(Exact):
-        def advance(self, times, power):
-            return np.ma.array(super().advance(times, power), mask=np.arange(times.size) == times.size - 1)
-
-    with pytest.raises(th.InputError, match="no array of real numbers"):
-        coupled.cosimulate(RING, Masked(NETWORK), power=MW, duration=1e-9)
-
-
-@pytest.mark.parametrize(
     ("said", "message"),
     [
         ([1, 2], "returned a list"),
@@ -157,21 +134,3 @@ def test_a_summary_that_no_file_can_hold_is_named(said, message):
 
     with pytest.raises(th.InputError, match=message):
         coupled.cosimulate(RING, Talkative(NETWORK), predictor=NETWORK, power=MW, duration=1e-9)
-
-
-def test_a_corrector_may_use_its_arrays_again():
-    """One that answers in the same memory each time, and shifts the times it is given to its own clock."""
-
-    class Thrifty(Exact):
-        memory = np.empty(100_000)
-
-        def advance(self, times, power):
-            answer = self.memory[: times.size]
-            answer[:] = super().advance(times, power)
-            times -= times[0]
-            return answer
-
-    arguments = {"power": MW, "duration": 2e-6, "predictor": NETWORK}
-    run = coupled.cosimulate(RING, Exact(NETWORK), **arguments)
-    assert run.window.size > 1
-    assert coupled.cosimulate(RING, Thrifty(NETWORK), **arguments).delta_T.identical(run.delta_T)
