@@ -106,7 +106,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
     if not provenance.get("geometry"):
         return {}
     from thermofem.geometry import CrossSection
-    from thermofem.materials.library import VOID, find
+    from thermofem.materials.material_library import VOID, find
 
     section = CrossSection.from_toml_text(str(provenance["geometry"]))
     names = dict.fromkeys([layer.material for layer in section.layers] + [part.material for part in section.parts])

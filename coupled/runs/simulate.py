@@ -18,15 +18,14 @@ from ..arguments import check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
 from ..contradictions import check_geometry
-from ..heaters import channels, heating
-from ..inputs import Input
+from ..heaters import channels, heater_powers, heating
+from ..inputs import Input, attribute, spans
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import Compact, attributes, dense_times, trusted
-from .driven import attribute, spans
 from .lasers import Laser, check_lasers, further_fields, run_several, variables_of, varying
-from .record import heater_powers, provenance, traces
+from .record import provenance, traces
 from .resting import rest_near
 from .window import NO_TIMES, Event, Window, advance
 

@@ -18,8 +18,7 @@ from rich.console import Console
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign.store import Store
-from thermofem.campaign.workers import completed
+from thermofem.campaign.stored_tasks import Store, completed
 from thermofem.data import files
 
 from .page import page

@@ -17,14 +17,12 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
-from ..fitting.sindy import fit_sindy
-from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..fitting.sindy import fit_sindy, fit_sindy_quadratic
 from ..reduction.balanced import balanced_truncation
-from ..reduction.output_map import output_map
-from ..reduction.quadratic_reduction import reduce_quadratic
+from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
 from .temperature_swing import swings
-from .validate import PERIODS, check_models, error_curve, widest_range
+from .validate import PERIODS, error_curve, widest_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
 TIMES = np.arange(20_000) * 2e-9  # s, of the telegraphs
-REFERENCE = 1e-6  # certificate of what the others are judged by
 WARM = np.geomspace(0.5e-3, 50e-3, 9)  # W, over which linear models are compared with k(T)
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
@@ -96,11 +93,10 @@ def train_all(
         a power or duty out of range, a name that is none of the models', of no heated part, of nothing that is read.
     """
     power = checks.power("power", power)
-    checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
     part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = part if read is None else checks.text("read", read)
     system = heat.channels(part, read)
-    fine = reduce(system, REFERENCE)
+    fine = reduce(system, 1e-6)  # 1e-6: certificate of what the others are judged by
     exact: Foster = fine.model  # type: ignore[assignment]  # one channel
     periodic, step = training_data(exact, power, duty, {"heated": part, "read": read})
     makers: dict[str, Callable[[], ThermalModel]] = {
@@ -240,8 +236,6 @@ def judge(
     """
     import xarray as xr
 
-    check_models(models)
-    check_models({"reference": reference})
     periods = checks.array("periods", periods, increasing=True)
     watts = checks.array("powers", powers, increasing=True)
     checks.unique("powers", watts.tolist())
@@ -343,9 +337,8 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
         no Dataset of `judge`, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
-    dims = {"model": "model", "power": "power", "period": "period", "states": "model"}
-    dims["period_error"] = "model power period"
-    judged = contents("judged", judged, dims, what="a Dataset of surrogate.judge", words=("model",))
+    needed = ("model", "power", "period", "states", "period_error")
+    judged = contents("judged", judged, needed, what="a Dataset of surrogate.judge")
     lines = []
     low, high = float(judged["period"][0]), float(judged["period"][-1])
     for power in judged["power"].values:

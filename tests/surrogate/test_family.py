@@ -11,7 +11,7 @@ import pytest
 import surrogate
 import thermofem as th
 from surrogate.family.parameter_box import Box
-from surrogate.family.projection import MemberModes, difference
+from surrogate.family.projected_matrices import MemberModes, difference
 from thermofem.campaign import Drive, Variation
 
 STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
@@ -154,8 +154,6 @@ def test_members_outside_the_box_and_wrong_names_are_refused(family):
         family.model(radius=np.nan, width=500e-9, box=2e-6)
     with pytest.raises(th.InputError, match="one number for each parameter"):
         family.model(radius=[6e-6, 7e-6], width=500e-9, box=2e-6)
-    with pytest.raises(th.InputError, match="do not fit together"):
-        family.thermal_resistance(radius=np.full(2, 7e-6), width=np.full(3, 500e-9), box=2e-6)
 
 
 @pytest.mark.slow

@@ -132,8 +132,3 @@ def test_the_verdict_gives_the_range_of_its_own_limit():
         surrogate.judging.ladder.verdict(judged, within=-1)
     with pytest.raises(th.InputError, match=r"powers holds 0\.001 twice"):
         surrogate.judge({"fast": fast}, slow, powers=[1e-3, 1e-3])
-
-
-def test_nothing_to_judge_is_refused():
-    with pytest.raises(th.InputError, match="at least 1 are needed"):
-        surrogate.judge({}, th.Foster(R=[1.0], tau=[1e-6]))

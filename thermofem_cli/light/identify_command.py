@@ -96,9 +96,9 @@ def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     """Drop over time (s) of a table; its unit W, or another that is an arbitrary one."""
     import xarray as xr
 
-    from thermofem.data.number_table import number_table, text_of
+    from thermofem.data.number_table import number_table
 
-    table = number_table(text_of(path.read_bytes()))
+    table = number_table(path.read_bytes())
     try:
         places = [table.columns.index(int(text)) for text in columns.split(",")]
         first, second = places

@@ -212,7 +212,7 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
 
     kelvin: "K", or "V" where volts count as kelvin.
     """
-    from surrogate.studies.targets import rise_time
+    from surrogate.studies.inverse_search import rise_time
 
     for equation in getattr(found, "equations", ()):
         say(equation)

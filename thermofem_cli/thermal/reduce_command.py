@@ -54,7 +54,7 @@ def reduce(
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
     say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
-    rows = surrogate.studies.targets.channel_steps(rom.model) or []
+    rows = surrogate.studies.inverse_search.channel_steps(rom.model) or []
     for row in rows:
         of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
         say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")
