@@ -1,9 +1,7 @@
 """Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
 
 from . import noise  # noqa: F401 - as coupled.noise
-from .carriers import pump_probe  # noqa: F401 - as coupled.carriers.pump_probe
-from .carriers.lifetime import ConstantLifetime
-from .carriers.shockley_read_hall import ShockleyReadHall
+from .carriers import ConstantLifetime, ShockleyReadHall
 from .circuit import (
     Circuit,
     Detector,

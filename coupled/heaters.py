@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermofem import Foster, StateSpace, checks
-from thermofem.algebra.smooth_poles import cubic_pole_responses
+from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
@@ -220,3 +220,12 @@ def heater_power(name: str, value: Any) -> float:
     """A constant power of a heater in W; InputError where it is no number or out of range."""
     hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
     return checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
+
+
+def heater_powers(powers: Mapping[str, Any], time: Array) -> dict[str, Any]:
+    """The variable heater_power over heater and time, and its coordinate; ``powers`` are functions of time."""
+    if not powers:
+        return {}
+    about = {"units": "W", "long_name": "power of a heater"}
+    rows = np.array([wave(time) for wave in powers.values()])
+    return {"heater_power": (("heater", "time"), rows, about), "heater": ("heater", np.array(list(powers)), {})}

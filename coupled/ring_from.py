@@ -8,7 +8,6 @@ Heat: (dn/dT) G = dn_eff/dT, so that w0 G/n_g (dn/dT) T is the shift by the temp
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,7 +20,7 @@ from thermofem.checks import InputError
 from thermofem.data import quantity
 
 from . import ring_toml
-from .carriers.lifetime import ConstantLifetime
+from .carriers import ConstantLifetime
 from .parameters.borghi2021 import borghi2021
 from .resonator import PUBLISHED, RingResonator
 
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from thermofem.geometry import CrossSection
     from thermofem.optics.modes import Mode
 
-log = logging.getLogger("thermofem")
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed
 
 
@@ -155,6 +153,7 @@ def ring_from(
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
     others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")
     of = next((name for name, one in PUBLISHED.items() if one() == base), base.name)
+    ring_toml.tell_base(of, base, fields)
     rest = {name: Origin(getattr(ring, name), f"base {of}") for name in others}
     return MadeRing(ring, values | rest, found)
 
@@ -215,30 +214,22 @@ def _radiated(mode: Mode) -> float:
     return rate if rate > 1e5 else 0.0
 
 
-def check_geometry(ring: RingResonator, model: Any) -> None:
-    """Log where the volumes of a ring contradict the geometry that its thermal model was made from.
+def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str | None = None) -> dict[str, float]:
+    """Thermal tuning of a ring by one channel of a thermal model.
 
-    Raises InputError: the numbers of a silicon ring for a core of another material.
+        shift_per_kelvin (m/K),   shift_per_watt = shift_per_kelvin R_th (m/W)
+        pi_power = pi c/(n_g L thermal_shift R_th) (W), where the model's file records the geometry
+
+    pi_power moves the resonance by half a free spectral range c/(n_g L), with the round trip L of the heated part.
     """
+    part = heated or model.inputs[0]
+    several = len(model.inputs) > 1 or len(model.outputs) > 1
+    R = float((model.channel(part, read or part) if several else model).thermal_resistance)
+    numbers = {"shift_per_kelvin": ring.shift_per_kelvin, "shift_per_watt": ring.shift_per_kelvin * R}
     text = (getattr(model, "origin", None) or {}).get("geometry")
-    if not text:
-        return
-    section = th.CrossSection.from_toml_text(text)
-    core = "core" if "core" in section.heated else section.heated[0]
-    material, (low, high) = section.material_of(core), ring_toml.SILICON
-    own = None if material.index is None else material.index.index(c / ring.frequency)
-    if own is not None and not low < own < high and low < ring.refractive_index < high and ring.tpa_coefficient:
-        raise InputError(
-            f"ring {ring.name!r} has the numbers of silicon, and {core!r} of {section.name!r} is {material.name}",
-            "`thermofem ring` makes the ring of a geometry",
-        )
-    ratio = ring.tpa_volume / section.volumes()[core]
-    if not 0.3 < ratio < 4 and section.kind == "ring":
-        log.warning(
-            "ring %r: tpa_volume is %.3g um^3, %.2g times the volume of %r in the geometry of the model; give "
-            "perimeter and mode_area, or make the ring with `thermofem ring`",
-            ring.name,
-            ring.tpa_volume * 1e18,
-            ratio,
-            core,
-        )
+    section = th.CrossSection.from_toml_text(text) if text else None
+    cores = [one for one in section.parts if one.name == part] if section and section.kind == "ring" else []
+    if cores and R > 0:
+        length = math.pi * (cores[-1].inner_radius + cores[-1].outer_radius)
+        numbers["pi_power"] = math.pi * c / (ring.group_index * length * ring.thermal_shift * R)
+    return numbers

@@ -11,9 +11,9 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.models import Foster, ThermalModel
-from thermofem.models.lumped import second_order_parameters, second_order_poles
+from thermofem.models.foster import second_order_parameters, second_order_poles
 
-from .carriers.shockley_read_hall import ShockleyReadHall
+from .carriers import ShockleyReadHall
 from .kernel.units import internal_rates
 from .parameters import borghi2021 as published
 from .resonator import RingResonator

@@ -16,8 +16,7 @@ from typing import Any
 
 from thermofem.data import quantity
 from thermofem.geometry import geometry_file as geometry_file
-from thermofem.materials import library as materials
-from thermofem.materials import property_toml
+from thermofem.materials import material_library as materials
 
 DOCS = Path(__file__).resolve().parent
 
@@ -172,7 +171,7 @@ def geometry_reference() -> str:
             raise SystemExit(f"docs/generate.py: {table} has keys without words: {set(keys) ^ set(WORDS[table])}")
         text += f"\n## {'Top of ' if table == 'the file' else ''}{_code(table)}\n\n| key | value | |\n|---|---|---|\n"
         text += "".join(f"| `{key}` | {_kind(kind)} | {WORDS[table][key]} |\n" for key, kind in keys.items())
-    laws = [line.strip() for line in (property_toml.__doc__ or "").splitlines() if line.startswith("    ")]
+    laws = [line.strip() for line in (materials.__doc__ or "").splitlines() if line.startswith("    ")]
     text += LAWS.format("\n".join(laws))
     for name, m in materials.LIBRARY.items():
         along = f"{m.conductivity:g}" + (f" (r), {m.conductivity_z:g} (z)" if m.conductivity_z is not None else "")

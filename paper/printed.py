@@ -14,7 +14,7 @@ from thermofem.plot import BLUE, GREEN, INK, PURPLE, SKY, VERMILION
 HEATING = 2e-3  # W, in Figs. 5 and 7
 CENTRE = (8.0, 0.0)  # dBm and GHz, of Fig. 5(b)
 MARKED = ((7.0, -10.0), CENTRE, (8.0, 20.0))  # dBm and GHz: (1), (2), (3), whose places the paper only draws
-HEAT_CAPACITY = th.models.lumped.BORGHI2021_HEAT_CAPACITY  # J/K, 1.09e-14 kg of silicon at 700 J/(kg K), Table 2
+HEAT_CAPACITY = th.models.BORGHI2021_HEAT_CAPACITY  # J/K, 1.09e-14 kg of silicon at 700 J/(kg K), Table 2
 SECOND_ORDER_FEM = {"kappa": 8.87e5, "tau_f": 55.8e-9, "tau_s": 1200e-9, "eta": 0.31}  # caption of Fig. 5
 SECOND_ORDER_EXPERIMENT = {"kappa": 7.45e5, "tau_f": 71e-9, "tau_s": 1030e-9, "eta": 0.29}  # Section 5
 POWERS, DETUNINGS = 1e-3 * 10 ** np.linspace(0.3, 1.0, 29), np.linspace(-30e9, 30e9, 36)  # W and Hz, of the maps

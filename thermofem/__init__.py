@@ -11,7 +11,7 @@ from .data import (
 from .data.dataset import load, save
 from .data.measured_trace import read_trace
 from .fem import assemble
-from .fem.derivatives import derivatives
+from .fem.heat_derivatives import derivatives
 from .geometry import (
     Boundary,
     CrossSection,

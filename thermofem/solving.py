@@ -15,8 +15,7 @@ from . import checks
 from .data import dataset
 from .fem.heat_problem import HeatProblem
 from .models import StateSpace
-from .transient.integration import integrate, integrate_periodic
-from .transient.trajectory import Trajectory
+from .transient.integration import Trajectory, integrate, integrate_periodic
 from .waveforms import Waveform, check_heating, period_times
 
 if TYPE_CHECKING:

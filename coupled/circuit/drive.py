@@ -12,10 +12,9 @@ from thermofem import Symbols, checks
 from thermofem.arrays import Array
 
 from ..arguments import detuning_in_time, power_in_time
-from ..inputs import Pieces, add, bounds, joint, pieces
+from ..inputs import Pieces, add, bounds, integral, joint, largest, pieces, table
 from ..kernel import units as eq
 from ..kernel.integrator import Drive, Polynomials
-from ..runs.window import integral, largest, table
 from .circuit import Circuit
 from .network import Light
 

@@ -15,11 +15,10 @@ from thermofem.arrays import Array
 from thermofem.data import dataset
 
 from ..arguments import check_duration, check_times
-from ..inputs import pieces
+from ..heaters import heater_powers
+from ..inputs import Spans, attribute, beats, changes, pieces, spans
 from ..kernel import units as eq
 from ..kernel.tableaus import Method
-from ..runs.driven import Spans, attribute, beats, changes, spans
-from ..runs.record import heater_powers
 from ..states import check_same_heat
 from ..thermal import dense_times, trusted
 from .circuit import Circuit

@@ -10,11 +10,10 @@ import numpy as np
 
 from thermofem.arrays import Array
 
-from ..inputs import Input, Pieces
+from ..inputs import Input, Pieces, values
 from ..kernel import units as eq
 from ..kernel.integrator import Drive, PoleHeat, Problem, Rings
 from ..kernel.tableaus import Method
-from ..runs.window import values
 from .circuit import Circuit
 from .drive import HAIR, detunings_of, drive_of, powers_of
 from .heat import RingHeat, heater_offsets, ring_heat

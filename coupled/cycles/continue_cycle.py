@@ -12,6 +12,7 @@ from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
+from ..contradictions import check_geometry
 from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
@@ -101,6 +102,7 @@ def continue_cycle(
     4.598 GHz; ends in a Hopf point
     """
     check_ring(ring)
+    doubts = check_geometry(ring, model)
     points = checks.integer("points", points, 1, MOST)
     warm = constant(model, heaters, heated, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
@@ -121,7 +123,7 @@ def continue_cycle(
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)
-    path = _dataset(family, found, why).assign_attrs(warm.attributes)
+    path = _dataset(family, found, why).assign_attrs(warm.attributes | doubts)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path
 

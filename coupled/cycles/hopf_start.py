@@ -51,7 +51,7 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
     if np.ndim(guess["power"] if "power" in getattr(guess, "variables", {}) else 0.0) != 0:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
     what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
-    contents("guess", guess, dict.fromkeys(("power", "detuning", "energy", "frequency"), ""), what=what)
+    contents("guess", guess, ("power", "detuning", "energy", "frequency"), what=what)
     for name, unit in (("energy", "J"), ("frequency", "Hz")):
         checks.positive(f"guess[{name!r}]", guess[name].item(), unit=unit, hint=what)
     power = check_power(guess["power"].item(), "guess['power']")

@@ -14,6 +14,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.fixed_points import circuit_steady_states
+from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
@@ -92,6 +93,7 @@ def steady_states(
     if isinstance(ring, Circuit):
         return circuit_steady_states(ring, model, power, detuning, heaters, starts, seed)
     check_ring(ring)
+    doubts = check_geometry(ring, model)
     power = check_power(power)
     detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
@@ -103,5 +105,5 @@ def steady_states(
     return xr.Dataset(
         {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},
         attrs=provenance("steady states", ring, at.model)
-        | {"input_power": float(power), "detuning": float(detuning), **warm.attributes},
+        | {"input_power": float(power), "detuning": float(detuning), **warm.attributes, **doubts},
     )

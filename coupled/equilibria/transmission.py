@@ -16,6 +16,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.low_power import low_power_transmission
+from ..contradictions import check_geometry
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
 from ..thermal import NEEDED, trusted
@@ -85,6 +86,7 @@ def transmission(
         return low_power_transmission(ring, detuning, power)
     check_ring(ring)
     checks.has("model", model, "dynamics", hint=NEEDED)
+    doubts = check_geometry(ring, model)
     P, nu = _ends("power", power), _ends("detuning", detuning)
     at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
     if (P.size, nu.size) == (1, 2):
@@ -113,7 +115,7 @@ def transmission(
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
     found = _dataset(ring, at, U, D, powers, detunings)
     _trust(model, at, found)
-    found.attrs |= provenance("transmission", ring, at.model)
+    found.attrs |= provenance("transmission", ring, at.model) | doubts
     return found
 
 

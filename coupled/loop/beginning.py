@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from thermofem import Quadratic, checks
-from thermofem.algebra.smooth_poles import cubic_pole_responses
+from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.data.variables import contents, in_si
 from thermofem.solving import mesh_hash
@@ -73,8 +73,7 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         corrector.begin(field)
         states = None
     elif "pulses" in attrs and "final_state" in attrs:
-        dims = {"absorbed": "time", "time": "time"}
-        initial = contents("initial", initial, dims, what=KINDS, attrs=("period",))
+        initial = contents("initial", initial, ("absorbed", "time"), what=KINDS)
         first = State.end_of(initial).as_array()
         light, states = first[:3], first[3:]
         corrector.begin(_lifted(initial, corrector))
@@ -105,6 +104,8 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     power[-1] = power[0]
     wave = Cubic(time, power, CubicSpline(time, power, bc_type="periodic")(time, 1))
     period, basis, C = float(time[-1]), fem.basis, fem.linear.C
+    if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
+        raise checks.InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")
     E = fem.linear.E
     z = cubic_pole_responses(basis.rate, *wave.pieces(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
     field = basis.vectors @ z

@@ -14,10 +14,11 @@ from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
-from ..heaters import power_of
+from ..contradictions import check_geometry
+from ..heaters import heater_powers, power_of
+from ..inputs import attribute, spans
 from ..resonator import RingResonator
-from ..runs.driven import attribute, spans
-from ..runs.record import heater_powers, provenance, traces
+from ..runs.record import provenance, traces
 from ..runs.window import Window
 from ..states import State
 from ..thermal import Compact, compact
@@ -108,6 +109,7 @@ def cosimulate(
     680 ns, 5.87 K
     """
     duration, rtol = check_run(ring, duration, rtol)
+    doubts = check_geometry(ring, heat)
     max_discrepancy = checks.between(
         "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
     )
@@ -144,7 +146,7 @@ def cosimulate(
         parts.append(loop.advance())
         if progress:
             progress(loop.time)
-    data = _dataset(ring, light, loop, parts, duration)
+    data = _dataset(ring, light, loop, parts, duration).assign_attrs(doubts)
     return data if initial is None else data.assign_attrs(initial="given")
 
 

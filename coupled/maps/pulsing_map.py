@@ -22,6 +22,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_duration, one_laser
 from ..bar import bar
+from ..contradictions import check_geometry
 from ..cycles.orbit import check_carriers, has_carriers
 from ..equilibria.observables import provenance
 from ..heaters import constant
@@ -138,6 +139,7 @@ def pulsing_map(
     """
     warm = constant(model, heaters, heated, read)
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
+    doubts = check_geometry(ring, model)
     if settled is None:
         settled = duration is None and follow is None and has_carriers(ring)
     elif checks.flag("settled", settled) and not (duration is None and follow is None):
@@ -186,7 +188,7 @@ def pulsing_map(
     variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
     pulses = np.array(columns["regime"]) == str(Regime.SELF_PULSING)
     trusted_map(model, small, grid, np.where(pulses, columns["swing"], np.nan))
-    return xr.Dataset(variables, grid.coordinates(), attrs)
+    return xr.Dataset(variables, grid.coordinates(), attrs | doubts)
 
 
 def overlap(first: xr.Dataset, second: xr.Dataset) -> float:

@@ -10,7 +10,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
 from thermofem.data.variables import contents, label
-from thermofem.plot import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes, takes
+from thermofem.plot import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,7 +27,6 @@ _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "o
 
 def plot_circuit(circuit: Circuit, ax: Axes | None = None) -> Axes:
     """The circuit as a drawing: rings in a row on their two buses, arrows for light from terminal to terminal."""
-    takes("circuit", circuit, "names", "splitters", "waveguides", what="a coupled.Circuit")
     ax = axes(ax, (max(WIDTH, 1.2 * (len(circuit.names) + len(circuit.splitters)) + 2.1), 2.4))
     at: dict[str, tuple[float, float]] = {}
     for k, name in enumerate(circuit.names):
@@ -78,15 +77,14 @@ def _outside(ax: Axes, name: str, place: tuple[float, float], colour: str, *, in
 
 def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -> Axes:
     """One quantity of every ring against time (us): a panel for each, or all in given Axes."""
-    takes("run", run, "time", "ring", "data_vars", what=RUN)
     choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
-    run = contents("run", run, {"time": "time", "ring": "ring", name: "ring time"}, what=RUN, words=("ring",))
+    run = contents("run", run, ("time", "ring", name), what=RUN)
     return _lines(ax, run[name], "ring", label(run[name], name))
 
 
 def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Power (mW) at every port against time (us): a panel for each, or all in given Axes."""
-    run = contents("run", run, {"time": "time", "port": "port", "output": "port time"}, what=RUN, words=("port",))
+    run = contents("run", run, ("time", "port", "output"), what=RUN)
     return _lines(ax, run["output"] * 1e3, "port", "power (mW)")
 
 

@@ -11,7 +11,7 @@ from thermofem.checks import InputError, choice, numbers
 from thermofem.data.variables import contents
 from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes
 
-from .axes import HEAT, LIGHT, readable
+from .curves import HEAT, LIGHT, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,7 +39,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax: drawn into, without panels below; a new figure by default.
     Returns: the one with the drop power.
     """
-    run = contents("run", run, dict.fromkeys(("time", "drop", "delta_T"), "time"), what=RUN, fewest=2)
+    run = contents("run", run, ("time", "drop", "delta_T"), what=RUN)
     t, time_unit = readable(run["time"].values, "s")
     drop, power_unit = readable(run["drop"].values, "W")
     if ax is None:
@@ -122,7 +122,7 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     Raises InputError: nothing is swept, or an unknown name.
     """
     choice("show", show, OUTPUTS)
-    run = contents("run", run, dict.fromkeys(("time", "drop", show), "time"), what=RUN, fewest=2)
+    run = contents("run", run, ("time", "drop", show), what=RUN)
     for name in ("detuning", "input_power", show):
         if name in run:
             numbers(f"run[{name!r}]", run[name].values)

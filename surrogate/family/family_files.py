@@ -21,7 +21,7 @@ from .affine_grid import Axis, CellGrid
 from .affine_matrices import Cells, Coefficients
 from .interpolation import OutputMaps
 from .parameter_box import Box
-from .projection import AffineMembers, MovedMeshEngine, MovedMeshMembers
+from .projected_matrices import AffineMembers, MovedMeshEngine, MovedMeshMembers
 from .snapshots import pack, unpack
 from .surface_weights import SampledWeights, SurfacePoints
 

@@ -12,13 +12,11 @@ import numpy as np
 
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.fem.contacts import PERFECT
+from thermofem.fem.mesh_division import PERFECT
 from thermofem.geometry.parameters import Change, change
-from thermofem.materials.library import Material
+from thermofem.materials.material_library import Material
 
-LOOSE = 1e-9  # of the range, by which a value may leave the box: round-off of units
 MOST = 2**24  # members at once: half a gigabyte of parameters
-CORNERS = 64  # corners of the box whose geometry is made and checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +106,7 @@ class Box:
         shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))
         return self.at(shares[:count])
 
-    def corners(self, most: int = CORNERS) -> Array:
+    def corners(self, most: int = 64) -> Array:  # 64: corners of the box whose geometry is made and checked
         """Corners of the box, all of them or ``most`` different ones drawn at random, shape (n, p)."""
         every = 2**self.size
         picked = np.arange(every) if every <= most else np.random.default_rng(0).choice(every, most, replace=False)
@@ -165,7 +163,7 @@ class Box:
             raise checks.InputError(f"{', '.join(missing)} missing; the family has {', '.join(self.names)}")
         columns = [checks.numbers(name, values[name]) for name in self.names]
         for name, unit, column, low, high in zip(self.names, self.units, columns, self.low, self.high, strict=True):
-            slack = LOOSE * (high - low)
+            slack = 1e-9 * (high - low)  # 1e-9 of the range, by which a value may leave the box: round-off of units
             out = column[(column < low - slack) | (column > high + slack)]
             if out.size:
                 raise checks.InputError(

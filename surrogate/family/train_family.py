@@ -32,7 +32,7 @@ from .affine_matrices import AffineEngine
 from .family import Family, HeldOut, coarse_difference
 from .interpolation import OutputMaps, interpolate_output_maps
 from .parameter_box import Box
-from .projection import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
+from .projected_matrices import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
 from .snapshots import FINEST, Member, Solver, certified_modes, extend_basis, fine_member, snapshot_of
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
@@ -190,9 +190,6 @@ class Trainer:
 
 log = logging.getLogger("thermofem")
 
-MESH = 0.5  # accuracy of the first reference mesh over the tolerance
-MESHES = 3  # reference meshes tried
-HELD_OUT = 8  # members
 NOTHING = 1e-9  # relative change of a response over the range of a parameter that does nothing
 SAFETY = 1.5  # on floor and factor of the predicted error
 
@@ -202,7 +199,7 @@ def train_family(
     tolerance: float = 1e-3,
     *,
     seed: int = 0,
-    held_out: int = HELD_OUT,
+    held_out: int = 8,  # 8 members
     report: Callable[[str], None] | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
@@ -368,8 +365,8 @@ def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
 ) -> tuple[AffineEngine | MovedMeshEngine, list[MemberModes]]:
     """Choose the engine, and a mesh whose error at held-out members is below `SHARE`; and these members on it."""
-    accuracy = MESH * tolerance
-    for _ in range(MESHES):
+    accuracy = 0.5 * tolerance  # 0.5: accuracy of the first reference mesh over the tolerance
+    for _ in range(3):  # 3: reference meshes tried
         engine: AffineEngine | MovedMeshEngine
         try:
             engine = AffineEngine(box, accuracy)

@@ -21,8 +21,8 @@ from thermofem.arrays import Array
 from thermofem.data.dataset import Response, responses_of
 from thermofem.waveforms import period_times
 
-from .correlated import noise_along
 from .fit_result import Fit
+from .pole_projection import noise_along
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -37,7 +37,6 @@ log = logging.getLogger("thermofem")
 
 OTHER = 0.05  # relative difference of static gains that is told
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
-DOMAINS = 400  # test functions, at random places
 SEED = 0
 UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 
@@ -217,7 +216,8 @@ def regress(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pysindy warns of its own array bookkeeping; the gate judges the result
-            library = pysindy.WeakPDELibrary(terms, spatiotemporal_grid=times, K=DOMAINS, p=4, H_xt=[half])
+            # 400: test functions, at random places
+            library = pysindy.WeakPDELibrary(terms, spatiotemporal_grid=times, K=400, p=4, H_xt=[half])
             sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer).fit(list(states), times, u=u)
     except np.linalg.LinAlgError:
         raise checks.InputError("the regression is singular: do power and static gains belong to the data?") from None

@@ -29,8 +29,6 @@ from .sindy import UNIT, SindyFit, fitted, half_width, read_probes, regress
 if TYPE_CHECKING:
     import xarray as xr
 
-REACH = 2  # linear couplings reach the next but one shell: one leaves 5 % of the swing, all of them are not passive
-
 
 def fit_sindy_quadratic(
     data: xr.Dataset | Sequence[xr.Dataset],
@@ -113,7 +111,8 @@ def _present(n: int) -> NDArray[np.bool_]:
     pairs = _products(n)
     return np.array(
         [
-            [abs(i - j) <= REACH for j in range(n)]
+            # 2: linear couplings reach the next but one shell: one leaves 5 % of the swing, all of them are not passive
+            [abs(i - j) <= 2 for j in range(n)]
             + [i == 0]
             + [(j == k < n and abs(i - j) <= 1) or (i == j == 0 and k == n) for j, k in pairs]
             for i in range(n)

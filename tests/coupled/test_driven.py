@@ -11,8 +11,7 @@ from rings import RING
 
 import coupled
 import thermofem as th
-from coupled.inputs import pieces
-from coupled.runs.driven import ATTRIBUTE, changes
+from coupled.inputs import ATTRIBUTE, changes, pieces
 
 HEAT = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
 OTHER = replace(RING, frequency=RING.frequency + 1.5e12)

@@ -14,7 +14,7 @@ from browser import opened, run_in_a_shell, settled
 import coupled
 import surrogate
 import thermofem as th
-from thermofem_cli.light.explore_command import models_of_geometry, trained
+from thermofem_cli.light.explore_command import models_of_geometry
 
 pytestmark = pytest.mark.slow
 
@@ -53,7 +53,8 @@ class Oxide:
 def family_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("oxide") / "ring.html"
     family = Oxide()
-    coupled.explore(coupled.borghi2021(), trained(family.model(box=2e-6)), path, family=family)
+    models = surrogate.judging.ladder.fit_usual(family.model(box=2e-6))
+    coupled.explore(coupled.borghi2021(), models, path, family=family)
     return path
 
 

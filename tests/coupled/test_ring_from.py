@@ -7,8 +7,9 @@ import pytest
 from scipy.constants import c
 
 import coupled
+import surrogate
 import thermofem as th
-from coupled.ring_from import check_geometry
+from coupled.contradictions import check_geometry
 
 
 def nitride():
@@ -136,9 +137,61 @@ def test_a_file_takes_the_rest_from_its_base_in_one_line(caplog):
     assert "frequency" not in line
 
 
-def test_a_ring_that_contradicts_its_geometry(caplog):
-    wide = th.Foster(R=[1e4], tau=[1e-6], origin={"geometry": th.strip_ring(radius=40e-6, width=2e-6).to_toml()})
-    check_geometry(coupled.borghi2021(), wide)
-    assert "tpa_volume" in caplog.text
+LIGHT = {"power": 1e-3, "detuning": 0.0}
+AXES = {"powers": [1e-3, 2e-3], "detunings": [-1e9, 1e9]}
+ROUTES = {
+    "simulate": lambda ring, model, heat: coupled.simulate(ring, model, **LIGHT, duration=1e-7),
+    "simulate a circuit": lambda ring, model, heat: coupled.simulate(
+        coupled.bus([ring]), model, power={"in": 1e-3}, duration=1e-8
+    ),
+    "steady_states": lambda ring, model, heat: coupled.steady_states(ring, model, **LIGHT),
+    "transmission": lambda ring, model, heat: coupled.transmission(ring, model, power=1e-3, detuning=(-1e9, 1e9)),
+    "stability_map": lambda ring, model, heat: coupled.stability_map(ring, model, **AXES),
+    "pulsing_map": lambda ring, model, heat: coupled.pulsing_map(ring, model, **AXES),
+    "limit_cycle": lambda ring, model, heat: coupled.limit_cycle(ring, model, power=6.31e-3, detuning=0.0),
+    "cosimulate": lambda ring, model, heat: coupled.cosimulate(ring, heat, **LIGHT, duration=1e-8),
+    "explore": lambda ring, model, heat: coupled.explore(ring, model),
+}
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A strip of a fifth of the paper's perimeter, with the paper's heat."""
+    heat = th.assemble(th.strip_ring(radius=1.591e-6, outer_radius=20e-6))
+    law = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
+    return heat, replace(law, origin={"geometry": heat.geometry.to_toml()})
+
+
+@pytest.mark.parametrize("route", ROUTES)
+def test_a_ring_that_contradicts_its_geometry(route, small, caplog):
+    """5.35 um^3 of the paper over 2 pi 1.591 um x 450 nm x 220 nm = 0.9897 um^3."""
+    heat, model = small
+    found = ROUTES[route](coupled.borghi2021(), model, heat)
+    (said,) = (line for line in caplog.messages if "tpa_volume" in line)
+    assert "5.41 times" in said
+    if route not in ("simulate a circuit", "explore"):
+        assert found.attrs["warning"] == said
+
+
+@pytest.mark.parametrize("route", ROUTES)
+def test_a_silicon_ring_over_another_core(route, small):
+    heat, model = small
+    section = nitride()
+    other = replace(model, origin={"geometry": section.to_toml()})
     with pytest.raises(th.InputError, match="silicon"):
-        check_geometry(coupled.borghi2021(), replace(wide, origin={"geometry": nitride().to_toml()}))
+        ROUTES[route](coupled.borghi2021(), other, replace(heat, geometry=section))
+
+
+def test_the_papers_ring_agrees_with_the_papers_strip(caplog):
+    model = th.Foster(R=[1e4], tau=[1e-6], origin={"geometry": th.strip_ring().to_toml()})
+    assert check_geometry(coupled.borghi2021(), model) == {}
+    assert not caplog.messages
+
+
+def test_python_lists_what_a_base_gives_too(caplog):
+    coupled.RingResonator.from_quality_factors(
+        coupled.borghi2021(), name="rib", frequency=193e12, loaded_q=1e4, intrinsic_q=1e5
+    )
+    (line,) = caplog.messages
+    assert "carriers" in line
+    assert "bus_rate" not in line

@@ -37,7 +37,7 @@ def described(module: Any) -> str:
 
 READERS: dict[str, Reader] = {
     "model": as_file(surrogate.load_model, "model.json"),
-    "provenance": as_file(th.models.files.load_provenance, "model.json"),
+    "provenance": as_file(th.models.load_provenance, "model.json"),
     "geometry": as_file(th.CrossSection.from_toml, "geometry.toml"),
     "campaign": as_file(Campaign.from_toml, "campaign.toml"),
     "ring": as_file(coupled.RingResonator.from_toml, "laser.toml"),

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 import surrogate
 import thermofem as th
-from surrogate.arrays.channel_pairs import FLOOR
+from surrogate.arrays.ring_pairs import FLOOR
 from thermofem.fem import domain_truncation
 
 PITCH = 20e-6
@@ -211,7 +211,7 @@ def test_an_array_of_more_than_500_states_is_saved(tmp_path):
 def test_the_array_itself_is_saved_and_exported(array, tmp_path):
     """As a fit or a reduction is; a source for each share that is not zero, and no others."""
     surrogate.save_model(array, tmp_path / "array.json")
-    assert th.models.files.load_provenance(tmp_path / "array.json")["positions"] == array.positions.tolist()
+    assert th.models.load_provenance(tmp_path / "array.json")["positions"] == array.positions.tolist()
     for to, mark in (("spice", "E1_"), ("verilog-a", "z__0 =")):
         text = surrogate.export_model(array, tmp_path / "array.txt", to=to).read_text()
         assert f"below {array.error_bound:.1e} of the thermal resistance" in text

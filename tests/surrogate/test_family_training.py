@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 import multiprocessing
 import os
@@ -18,7 +19,7 @@ import surrogate
 import thermofem as th
 from surrogate.family.affine_matrices import AffineEngine
 from surrogate.family.parameter_box import Box
-from surrogate.family.projection import MemberMatrices, MemberModes, MovedMeshEngine
+from surrogate.family.projected_matrices import MemberMatrices, MemberModes, MovedMeshEngine
 from surrogate.family.snapshots import Solver
 from surrogate.family.train_family import _without_effect
 from thermofem.campaign import Variation
@@ -145,8 +146,9 @@ def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_too_few_members_for_the_tolerance_are_said(caplog, monkeypatch):
-    monkeypatch.setattr("surrogate.family.train_family.MOST_BATCHES", 1)
-    monkeypatch.setattr("surrogate.family.train_family.Trainer._first", lambda self: self.box.middle[None])
+    training = importlib.import_module("surrogate.family.train_family")
+    monkeypatch.setattr(training, "MOST_BATCHES", 1)
+    monkeypatch.setattr(training.Trainer, "_first", lambda self: self.box.middle[None])
     radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=20e-6)
     with caplog.at_level(logging.WARNING):
         family = surrogate.train_family(campaign(radius, BOX), 1e-3, held_out=2)

@@ -10,7 +10,7 @@ from models import MODELS
 
 import surrogate
 import thermofem as th
-from thermofem.models.files import KINDS
+from thermofem.models.model_files import KINDS
 
 PAPER = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
 
@@ -52,7 +52,7 @@ def test_state_space_survives_exactly(tmp_path):
 
 
 def test_provenance_travels_with_the_model(saved):
-    assert th.models.files.load_provenance(saved) == {"training": ["square wave"], "power": 2e-3}
+    assert th.models.load_provenance(saved) == {"training": ["square wave"], "power": 2e-3}
 
 
 ONE_OF_EACH = ("second order", "Cauer ladder", "SINDy network", "output map", "quadratic", "state space, small")
@@ -101,7 +101,7 @@ def test_an_unusable_file_is_refused_with_the_reason(saved, fields, reason):
 def test_provenance_that_is_no_object_is_refused(saved):
     path = edited(saved, provenance=3)
     with pytest.raises(th.InputError, match="provenance"):
-        th.models.files.load_provenance(path)
+        th.models.load_provenance(path)
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.3, 0.9])

@@ -11,8 +11,7 @@ from surrogate_systems import discretized, geometries, strip
 
 import surrogate
 import thermofem as th
-from surrogate.reduction.certified_space import CertifiedSpace
-from surrogate.reduction.error_bound import PER_DECADE, ROUND_OFF, certify
+from surrogate.reduction.certified_space import PER_DECADE, ROUND_OFF, CertifiedSpace, certify
 from surrogate.reduction.reduce import _parts
 from thermofem.algebra.krylov import orthonormal
 from thermofem.models import foster
@@ -177,7 +176,7 @@ def test_for_several_ports_a_finer_sampling_finds_nothing_higher(monkeypatch):
     """That the bound is smooth between samples is proved for one port and assumed for several: checked here."""
     system = discretized(heater=True, smallest=0.2).state_space(("core", "heater"), ("core", "heater"))
     coarse = surrogate.reduce(system, 1e-3)
-    monkeypatch.setattr("surrogate.reduction.error_bound.PER_DECADE", 20 * PER_DECADE)
+    monkeypatch.setattr("surrogate.reduction.certified_space.PER_DECADE", 20 * PER_DECADE)
     fine = surrogate.reduce(system, 1e-3)
     assert fine.order == coarse.order
     assert fine.bound.max() > coarse.bound.max()  # there is something between the samples

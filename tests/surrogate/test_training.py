@@ -109,7 +109,7 @@ def test_data_from_elsewhere_train_like_our_own():
 
 def test_mapping_of_the_second_order_equation():
     """Eq. 3 itself: its transfer function (kappa + eta s)/(m c_p)/((s + 1/tau_f)(s + 1/tau_s)) at any frequency."""
-    model, capacity = surrogate.second_order(**TRUE), th.models.lumped.BORGHI2021_HEAT_CAPACITY
+    model, capacity = surrogate.second_order(**TRUE), th.models.BORGHI2021_HEAT_CAPACITY
     f = np.array([0, 1e4, 1e6, 3e7])
     s = 2j * np.pi * f
     equation = (TRUE["kappa"] + TRUE["eta"] * s) / capacity / ((s + 1 / TRUE["tau_f"]) * (s + 1 / TRUE["tau_s"]))

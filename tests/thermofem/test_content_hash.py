@@ -15,7 +15,7 @@ from commands import thermofem
 import surrogate
 import thermofem as th
 from thermofem.campaign import Drive
-from thermofem_cli.results.show_command import show
+from thermofem_cli.show_command import show
 
 TIMES = np.linspace(0, 10e-6, 50)
 WORDS = "changed after thermofem wrote it"
@@ -123,7 +123,7 @@ def test_a_changed_model_keeps_no_certificate(change, reduced, caplog):
     assert card["error_bound"] is card["residual"] is None
     assert "proven" not in card["trusted"]
     surrogate.save_model(model, reduced)  # nor once it is written again
-    assert "error_bound" not in th.models.files.load_provenance(reduced)
+    assert "error_bound" not in th.models.load_provenance(reduced)
 
 
 def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
@@ -132,7 +132,7 @@ def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
     tree["provenance"]["mine"] = "chip 7"
     reduced.write_text(json.dumps(tree, sort_keys=True).replace("000.0", "000"))
     surrogate.save_model(surrogate.load_model(reduced), reduced)
-    found = th.models.files.load_provenance(reduced)
+    found = th.models.load_provenance(reduced)
     assert (found["error_bound"], found["mine"], "content_hash" in found) == (1e-4, "chip 7", False)
     assert "proven" in show(reduced)["trusted"]
     del tree["provenance"]["content_hash"]  # of an earlier version, or of another program

@@ -307,7 +307,7 @@ def test_poles_of_a_reduction_move_as_those_of_a_moved_mesh():
 
     path = "layer.box.thickness"
     found = surrogate.reduce(STRIP.system, 1e-4)
-    d = surrogate.reduction.pole_derivatives.pole_derivatives(STRIP, found, [path])
+    d = surrogate.reduction.reduce.pole_derivatives(STRIP, found, [path])
     velocity = vertex_velocities(STRIP.geometry, STRIP.mesh, [change(STRIP.geometry, path)], roles=("core",))[0]
     step = 1e-4 * 2e-6
     pair = []
@@ -334,6 +334,4 @@ def test_a_reduction_of_another_mesh_of_equal_size_is_refused():
     other = th.assemble(th.strip_ring(radius=5e-6))
     assert other.unknowns == STRIP.unknowns
     with pytest.raises(th.InputError, match="of another heat problem"):
-        surrogate.reduction.pole_derivatives.pole_derivatives(
-            other, surrogate.reduce(STRIP.system, 1e-3), "layer.box.thickness"
-        )
+        surrogate.reduction.reduce.pole_derivatives(other, surrogate.reduce(STRIP.system, 1e-3), "layer.box.thickness")

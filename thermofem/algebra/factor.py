@@ -15,10 +15,7 @@ from .. import checks
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
-SYMMETRY = 1e-9  # of the largest entry, in which round-off may leave a matrix asymmetric
-ONCE = 20_000  # unknowns; beyond, `solve_once` keeps nothing
 SINGULAR = "a matrix of the heat problem is singular; is a boundary held, and every heat capacity positive?"
-CACHE = 24  # factorizations that a Pencil keeps
 PATIENCE = (
     4  # times a shift is factorized in the shared place before it gets its own: numbers alone cost 1/5 (measured)
 )
@@ -31,7 +28,8 @@ def check_symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
         mirrored = mirrored.asformat(matrix.format)
         if np.array_equal(matrix.indptr, mirrored.indptr) and np.array_equal(matrix.indices, mirrored.indices):
             matrix, mirrored = matrix.data, mirrored.data  # the same places: a third of the time of sparse arithmetic
-    if not abs(matrix - mirrored).max() <= SYMMETRY * abs(matrix).max() < np.inf:
+    # 1e-9 of the largest entry, in which round-off may leave a matrix asymmetric
+    if not abs(matrix - mirrored).max() <= 1e-9 * abs(matrix).max() < np.inf:
         raise checks.InputError(f"{name} is not symmetric", hint)
 
 
@@ -87,7 +85,7 @@ def solve_once(matrix: Any, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
 
     n = matrix.shape[0]
     qdldl = _qdldl(n)
-    if qdldl is None or n > ONCE:
+    if qdldl is None or n > 20_000:  # 20_000: unknowns; beyond, `solve_once` keeps nothing
         return factorize(matrix)(rhs)
     upper = csc_matrix(triu(matrix, format="csc"))
     last = getattr(_thread, "last", None)
@@ -240,7 +238,7 @@ class Pencil:
 
     def _keep(self, key: tuple[float, float], matrix: Any) -> Solve:
         """A factorization of its own."""
-        if len(self._own) >= CACHE:
+        if len(self._own) >= 24:  # 24: factorizations that a Pencil keeps
             del self._own[next(iter(self._own))]
         if self._spare:
             solver = self._spare.pop()

@@ -25,12 +25,11 @@ from ..geometry.parameters import check_once, place
 from ..mesh.element_sizes import sizes
 from ..version import __version__
 from . import campaign_file
-from .variations import Drive, Value, Variation
+from .campaign_file import Drive, Value, Variation
 
 if TYPE_CHECKING:
     from .run import Summary
 
-FORMAT = 2  # of the result files; it enters the hash of every geometry
 LARGEST = 1_000_000  # geometries of one campaign
 # names of variables and dimensions of the index and of the training collection
 INDEX = ("case", "key", "status", "reason", "probe", "thermal_resistance", "unknowns", "discretization_error",
@@ -157,7 +156,8 @@ class Campaign:
         drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
         base = files.to_toml(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
         names = [v.name for v in self.variations]  # which the results hold
-        shared = (FORMAT, __version__, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
+        # version 2 of the result files; it enters the hash of every geometry
+        shared = (2, __version__, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
         seen: dict[str, Case] = {}
         for values in self._values():
             content = json.dumps((self.geometry_of(values), *shared))

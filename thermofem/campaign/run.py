@@ -97,7 +97,7 @@ def run(
     if not campaign.drives:
         raise InputError(f"campaign {campaign.name!r} has no drive", "add a [[drive]] table (a family needs none)")
     report = report or (lambda summary: None)
-    folder, cases = Folder(Path(directory)), campaign.cases()
+    folder, cases = Folder(Path(directory).absolute()), campaign.cases()  # workers have other working folders
     with folder.opened():
         folder.write_plan(campaign, cases)
         there = folder.store.intact([case.key for case in cases])

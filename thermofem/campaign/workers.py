@@ -14,8 +14,6 @@ from typing import Any, TypeVar
 from loky import ProcessPoolExecutor
 
 T = TypeVar("T")
-FOREIGN = 64  # tasks under way in a caller's executor, whose number of workers is unknown
-IDLE = 10  # s: a worker that hears nothing ends, also where its parent was killed
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
@@ -34,7 +32,8 @@ def completed(
     """
     waiting = deque(tasks)
     if executor is not None:
-        yield from _windowed(executor, function, waiting, FOREIGN)
+        # 64: tasks under way in a caller's executor, whose number of workers is unknown
+        yield from _windowed(executor, function, waiting, 64)
         return
     count = min(workers or os.cpu_count() or 1, len(waiting))
     while waiting:
@@ -61,7 +60,8 @@ def _in_pool(count: int, function: Callable[[T], Any], waiting: deque[T]) -> Ite
 @contextlib.contextmanager
 def processes(count: int | None = None) -> Iterator[Executor]:
     """Worker processes as an Executor, one for each CPU by default; they end with the block, at once after an error."""
-    pool = ProcessPoolExecutor(count or os.cpu_count(), timeout=IDLE, env=ONE_THREAD, initializer=_begin)
+    # 10 s: a worker that hears nothing ends, also where its parent was killed
+    pool = ProcessPoolExecutor(count or os.cpu_count(), timeout=10, env=ONE_THREAD, initializer=_begin)
     try:
         yield pool
     except BaseException:

@@ -20,11 +20,10 @@ from ..geometry.cross_section import CrossSection
 from ..geometry.rings import strip_ring
 from ..mesh import find_committed, make, mesh_for
 from ..mesh.element_sizes import sizes
+from ..mesh.gmsh_mesher import read_committed
 from ..mesh.mesh_motion import Motion, quality
-from ..mesh.triangles import trusted
-from .contacts import split
 from .heat_problem import HeatProblem, adapted, on_mesh, resistances
-from .mesh_refinement import divided
+from .mesh_division import divided, split
 
 if TYPE_CHECKING:
     from ..mesh import Mesh
@@ -108,7 +107,7 @@ def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
     sizes(accuracy)
     committed = find_committed(geometry, accuracy)
     if committed:
-        return adapted(geometry, trusted(committed), accuracy)
+        return adapted(geometry, read_committed(committed), accuracy)
     leader = _strip(accuracy) if _like_a_strip(geometry) else None
     found = leader and leader.follow(geometry)
     return found or adapted(geometry, make(geometry, accuracy), accuracy)
@@ -151,5 +150,5 @@ def _strip(accuracy: float) -> Leader | None:
     if accuracy not in kept:
         geometry = strip_ring()
         there = [find_committed(geometry, a) for a in COMMITTED if a <= accuracy <= COARSER * a]
-        kept[accuracy] = Leader(geometry, trusted(there[0]), accuracy) if there and there[0] else None
+        kept[accuracy] = Leader(geometry, read_committed(there[0]), accuracy) if there and there[0] else None
     return kept[accuracy]

@@ -26,7 +26,7 @@ import numpy as np
 from ..algebra.factor import solve_once
 from ..arrays import Array, NDArray
 from ..mesh import Mesh
-from .contacts import beside, contacts, resistances
+from .mesh_division import beside, contacts, resistances
 from .surfaces import Surfaces, exchanged, line_source, surface_terms
 from .weak_forms import build, capacity, properties
 
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from .weak_forms import Discretization
 
 FAR = 50.0  # sizes of the domain to which it goes on; squared where much is left beyond
-LEFT = 2e-4  # of R_th, beyond that end: a solid leaves less, along a plate R_th grows with the logarithm of the size
 STEP = 1.6  # ratio of the distances of neighbouring layers of elements
 
 
@@ -218,7 +217,8 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
         return 0.0
     here = heat.thermal_resistance(heated, read)
     there, left = heat.wider.resistance(heat, heated, read)
-    if left <= LEFT * here or (farther := wider(heat, FAR**2)) is None:
+    # 2e-4 of R_th, beyond that end: a solid leaves less, along a plate R_th grows with the logarithm of the size
+    if left <= 2e-4 * here or (farther := wider(heat, FAR**2)) is None:
         return abs(there - here) / here
     there, left = farther.resistance(heat, heated, read)
     return (abs(there - here) + left) / here

@@ -19,16 +19,15 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
-from ..materials.laws import Law, is_constant
+from ..materials.property_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.reading import LIGHT, light_integral
+from ..transient.integration import Ledger
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
-from ..transient.trajectory import Ledger
-from .contacts import resistances, split
 from .domain_truncation import Wider, domain_error, warn_of_domain, wider
 from .error_estimate import Estimate, MeshError
-from .mesh_refinement import divided
+from .mesh_division import divided, resistances, split
 from .probe_means import probe_mean
 from .surfaces import Surfaces, surfaces_of
 from .weak_forms import Discretization, build, capacity, conduction, discretize, properties
@@ -337,7 +336,7 @@ class HeatProblem:
 def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
 
-    The log says so where `ROUNDS`, `LARGEST` or `mesh_refinement.FINEST` end that before.
+    The log says so where `ROUNDS`, `LARGEST` or `mesh_division.FINEST` end that before.
     """
     resistance, finer = resistances(geometry), mesh
     for _ in range(ROUNDS):
@@ -376,7 +375,7 @@ def _corner(heat: HeatProblem, estimate: Estimate) -> str:
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
-    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`contacts.split`)."""
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`mesh_division.split`)."""
     mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))

@@ -20,15 +20,13 @@ import numpy as np
 
 from ..arrays import Array, ArrayLike, NDArray
 from ..mesh.triangles import radii
-from .contacts import beside, contacts
+from .mesh_division import beside, contacts
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.parameters import Change
     from ..mesh import Mesh
     from .heat_problem import HeatProblem
-
-ZERO = 1e-9  # a function below this at all points of an edge vanishes there
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,8 @@ def _tables(element: Any) -> tuple[NDArray[np.intp], Array, Array, Array]:
     for a, b in elem.refdom.facets:
         X = corners[:, a, None] * (1 - at) + corners[:, b, None] * at
         values = np.array([elem.lbasis(X, k)[0] for k in range(len(elem.doflocs))])
-        there = np.flatnonzero(np.abs(values).max(axis=1) > ZERO)
+        # 1e-9: a function below this at all points of an edge vanishes there
+        there = np.flatnonzero(np.abs(values).max(axis=1) > 1e-9)
         numbers.append(there)
         shapes.append([values[there], values[there][:, ::-1]])
     return np.array(numbers), np.array(shapes), at, weight

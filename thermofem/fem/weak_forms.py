@@ -12,15 +12,15 @@ import numpy as np
 from .. import checks
 from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, NDArray
-from ..materials.laws import Law, check_positive
+from ..materials.property_laws import Law, check_positive
 from ..mesh.triangles import radii
 from ..models import StateSpace
-from ..transient.trajectory import Ledger
+from ..transient.integration import Ledger
 from .surfaces import Surfaces, surface_terms
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..materials.library import Material
+    from ..materials.material_library import Material
     from ..mesh import Mesh
     from ..mesh.triangles import Grid
 

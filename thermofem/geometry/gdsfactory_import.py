@@ -16,7 +16,6 @@ from .parts import Boundary, Layer, Part, ring
 
 UM = 1e-6
 THIN = 1e-4  # um; levels closer than this touch
-SAME = 0.01  # of the length of a loop, which polygons on a grid of 1 nm change by 1e-3
 BACKGROUND = ("substrate", "box", "clad")
 MATERIALS = {"si": "Si", "sio2": "SiO2", "sin": "Si3N4", "tin": "TiN", "aluminum": "Al", "al": "Al", "air": "air"}
 
@@ -75,7 +74,8 @@ def from_gdsfactory(
         raise checks.InputError(f"cross_section of the component has no section on level {core!r}, drawn on {drawn}")
     length = _loop(component, guides[0])
     radius = _equivalent_radius(gf, settings)
-    if abs(length * UM - 2 * math.pi * radius) > SAME * length * UM:
+    # 0.01 of the length of a loop, which polygons on a grid of 1 nm change by 1e-3
+    if abs(length * UM - 2 * math.pi * radius) > 0.01 * length * UM:
         raise checks.InputError(
             f"component holds a loop of {length:.4g} um, but its settings make a ring of "
             f"{2 * math.pi * radius / UM:.4g} um; build this CrossSection from th.Part"

@@ -16,8 +16,7 @@ from ..checks import InputError
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.index_laws import read_index, write_index
-from ..materials.library import LIBRARY, Material
-from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
+from ..materials.material_library import LAW_KEYS, LIBRARY, PROPERTIES, Material, read_property, write_property
 from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
 
 if TYPE_CHECKING:

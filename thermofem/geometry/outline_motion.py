@@ -16,7 +16,7 @@ import numpy as np
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
-from ..materials.library import VOID
+from ..materials.material_library import VOID
 from .regions import GRID, distance, outlines
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
 
-PARALLEL = 1e-6  # singular value, of unit normals, below which edges count as parallel
 AGREE = 1e-6  # of the largest velocity: two velocities of one edge that differ by less are the same
 
 
@@ -130,7 +129,7 @@ class CornerMotion:
             wanted = np.array([speed for _, speed in rows])
             inside = normals @ free
             u, s, vt = np.linalg.svd(inside)
-            rank = int((s > PARALLEL).sum())
+            rank = int((s > 1e-6).sum())  # 1e-6: singular value, of unit normals, below which edges count as parallel
             missing = wanted - normals @ velocity
             step = vt[:rank].T @ ((u[:, :rank].T @ missing) / s[:rank])
             velocity = velocity + free @ step

@@ -19,14 +19,14 @@ from .. import checks
 from ..arrays import Array
 from ..checks import InputError
 from ..data import quantity
-from ..materials.laws import Law, PowerLaw
-from ..materials.property_toml import with_value
+from ..materials.material_library import with_value
+from ..materials.property_laws import Law, PowerLaw
 from . import geometry_file as geometry_file
 from .parts import SAME, Boundary, images
 from .regions import outlines
 
 if TYPE_CHECKING:
-    from ..materials.library import Material
+    from ..materials.material_library import Material
     from .cross_section import CrossSection
     from .parts import Part
 

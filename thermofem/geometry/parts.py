@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import check_name
 from ..data import quantity
-from ..materials.library import VOID
+from ..materials.material_library import VOID
 
 VERTICAL = math.pi / 2
 SAME = 2e-15  # m; places this close are one (two steps of the grid on which outlines are cut)
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
-_BEYOND = 1e300  # m; no hint repairs it
 _LONGEST = 0.1  # m; nothing on a chip is longer
 
 
@@ -274,7 +273,7 @@ def _not_below_an_atom(name: str, value: float) -> float:
 
 def slip(value: float | None, typical: float, at_most: float = _LONGEST) -> checks.Hint:
     """Hint with the length in m that was probably meant."""
-    if not (isinstance(value, int | float) and at_most < abs(value) < _BEYOND):
+    if not (isinstance(value, int | float) and at_most < abs(value) < 1e300):  # 1e300 m; no hint repairs it
         return checks.Hint("lengths are in metres")
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
     power = 3 * math.floor(math.log10(abs(meant)) / 3)

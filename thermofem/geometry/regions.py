@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, NDArray
-from ..materials.library import VOID
+from ..materials.material_library import VOID
 from .parts import THINNEST
 
 if TYPE_CHECKING:

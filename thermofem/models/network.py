@@ -12,9 +12,8 @@ from .. import checks
 from ..arrays import Array, ArrayLike
 from ..checks import check_names
 from ..waveforms import Waveform
-from .contract import Delegates, warn_beyond
+from .contract import Delegates, names, parts, reader, table, warn_beyond
 from .foster import Foster
-from .json_fields import names, parts, reader, table
 
 STATIC = 1e-3  # largest error of the static gain that passes
 

@@ -17,9 +17,8 @@ from ..checks import check_names
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
-from .contract import at_times, check_single
+from .contract import at_times, check_single, names, parts, reader, table
 from .foster import Foster, check_residues
-from .json_fields import names, parts, reader, table
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix

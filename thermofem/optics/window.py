@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Array, NDArray
 from ..checks import InputError
 from ..geometry.regions import Face, outlines
-from ..materials.library import VOID, Material, find
+from ..materials.material_library import VOID, Material, find
 from ..mesh.element_sizes import size_function, sizes
 
 if TYPE_CHECKING:

@@ -29,23 +29,18 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import Basis
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import Basis, LinearSystem
 from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
 from .curvature import Curvature, curvature, flow_of
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
-from .fast_part import FastPart, Piece
-from .field_state import Advanced, FieldState, Inside
-from .integration import between
+from .fast_part import Advanced, FastPart, FieldState, Inside, Piece
+from .integration import Ledger, between
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
-from .trajectory import Ledger
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
-SLOWER = 1 / 8  # with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
-FINEST = 20  # rungs of 4 below a window before it is given up
 ROUNDS = 4  # of dz/dt = dw/dt - e'(z) dz/dt; each leaves a share of c_p's relative change
 SETTLED = 1e-3  # of the tolerance, that the iteration of the fast part may leave
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
@@ -150,7 +145,7 @@ class FieldIntegrator:
             t = begin + done * h
             step = self._step(fast, state, t, h)
             if step is None:
-                if count > 4**FINEST:
+                if count > 4**20:  # 20: rungs of 4 below a window before it is given up
                     raise checks.InputError(
                         f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?",
                         self.stepper.doubt(state.r),
@@ -288,7 +283,8 @@ class FieldIntegrator:
         step, apart = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
         if not max(missed, step, apart) <= 1:
             return None
-        error = max(missed, step, apart * (1.0 if self.newton is None else SLOWER))
+        # 1 / 8: with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
+        error = max(missed, step, apart * (1.0 if self.newton is None else (1 / 8)))
         out = float(self.direct @ piece.energy)
         if self.newton is not None and self.ledger:
             out += self.ledger.outflow(h, WEIGHTS, z @ V.T + rests, slopes)

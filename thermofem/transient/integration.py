@@ -18,19 +18,71 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import LinearSystem
 from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
-from .trajectory import Ledger, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger:
+    """Closes the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt + direct P.
+
+    ``direct`` is the share of the power that enters at held unknowns, where a heated part touches a held boundary.
+    """
+
+    storage: Array
+    drain_A: Array
+    drain_E: Array
+    direct: float = 0.0
+
+    def content(self, x: Array) -> float:
+        """Heat in the field in J."""
+        return float(self.storage @ x)
+
+    def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
+        """Heat in J that left during one step."""
+        return h * float(weights @ (states @ self.drain_A + slopes @ self.drain_E))
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The result of a transient.
+
+    times [shape (n,), s]
+    outputs [shape (n, outputs), K]
+    final [shape (states,), K]
+    snapshots [shape (snapshots, states), K]
+    heat_in, heat_stored, heat_out [J]: exact energy delivered, energy now in the field above the start, energy that
+        left; nan without a ledger.
+    steps, rejected, factorizations, solves: steps of the integrator, or straight pieces of the power in closed form.
+    method: "stepping" (`transient.integration`) or "closed form" (`transient.modal`).
+    """
+
+    times: Array
+    outputs: Array
+    final: Array
+    snapshots: Array
+    heat_in: float
+    heat_stored: float
+    heat_out: float
+    steps: int
+    rejected: int
+    factorizations: int
+    solves: int
+    method: str = "stepping"
+
+    @property
+    def imbalance(self) -> float:
+        """(in - stored - out) relative to the largest of the three."""
+        scale = max(abs(self.heat_in), abs(self.heat_stored), abs(self.heat_out))
+        return (self.heat_in - self.heat_stored - self.heat_out) / scale if scale else 0.0
+
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
-RELAXATION = 1 / 1.149  # middle of the interval 1..1.298 of the corrected period map
 PASSES = 30
-EDGE_GAIN = 4**1.5  # of a first step's error from rung to rung: behind an edge the rise is t - a t^1.5 (measured)
-FLOOR = 1e-6  # of the static rise at the peak of a smooth power: errors in its early tail are measured against it
 FINEST = 40  # rungs below the length of a piece before a run is given up
 
 
@@ -118,7 +170,8 @@ def integrate_periodic(
     plan, end = _plan(stepper, control, edges, times, x, progress)
     for k in range(1, PASSES + 1):
         defect = end - x
-        correction = RELAXATION * (defect + stepper.static(stepper.E @ defect) / period)
+        # 1 / 1.149: middle of the interval 1..1.298 of the corrected period map
+        correction = (1 / 1.149) * (defect + stepper.static(stepper.E @ defect) / period)
         x = x + correction
         record = _Record(stepper, times, np.empty(0), ledger, x, progress, k * period)
         end = _march(stepper, plan, x, record)
@@ -172,7 +225,8 @@ def _cross(
                     stepper.doubt(x),
                 )
             stepper.rejected += 1
-            down = int(np.ceil(np.log(error) / np.log(EDGE_GAIN))) if not taken and np.isfinite(error) else 1
+            # 4**1.5 of a first step's error from rung to rung: behind an edge the rise is t - a t^1.5 (measured)
+            down = int(np.ceil(np.log(error) / np.log(4**1.5))) if not taken and np.isfinite(error) else 1
             done, rung = 4**down * done, rung + down
             continue
         record.add(t, h, slopes, states)
@@ -222,7 +276,8 @@ class _Control:
 
     def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
         self.stepper, self.rtol = stepper, rtol
-        floor = max(FLOOR * stepper.smooth_peak, stepper.least)
+        # 1e-6 of the static rise at the peak of a smooth power: errors in its early tail are measured against it
+        floor = max(1e-6 * stepper.smooth_peak, stepper.least)
         self.outputs = np.maximum(np.abs(stepper.C @ x), floor * np.abs(stepper.C @ stepper.steady))
         self.field = max(stepper.norm(x), floor * stepper.norm(stepper.steady))
         self.first_step = np.inf

@@ -25,15 +25,13 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import Basis, Rounds, rates
-from ..algebra.poles import pole_responses
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import Basis, LinearSystem, Rounds, rates
+from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, check_wave, linear_pieces
 from .esdirk import FAR
-from .integration import check_run
+from .integration import Ledger, Trajectory, check_run
 from .nonlinear import NonlinearLedger
-from .trajectory import Ledger, Trajectory
 
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
@@ -49,7 +47,6 @@ STORED = 4.0  # the same of the stored heat, of which less is left at the end th
 LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such an edge, so the shifts follow
 WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
 MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
-STALLED = 1e-2  # of the tolerance: below it a change counts as none, however slowly the changes fall
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +149,8 @@ class Modal:
             answers = [*answers[-2:], Answer(basis, z, z @ basis.read(watched).T)]
             if len(answers) >= -back:
                 before, last = last, _moved(answers[back], answers[-1], watched, space, shown, len(content)) / rtol
-                if max(before, last) <= 1 and last <= max(before / 2, STALLED):
+                # 1e-2 of the tolerance: below it a change counts as none, however slowly the changes fall
+                if max(before, last) <= 1 and last <= max(before / 2, 1e-2):
                     break
         else:
             return None

@@ -26,9 +26,7 @@ from .nonlinear import NodalOperator, NonlinearEquations, factorize_general
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
 ITERATIONS = 10  # per stage, before the factors are renewed
-PATIENCE = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which they are renewed at once
-ROUND_OFF = 1e-12  # K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
 SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
 # value at each stage of the polynomial through the stages before it
@@ -68,7 +66,8 @@ class NewtonStepper(Stepper):
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
         self._weight = self.E.diagonal()
         steady = self._measure(self.steady)
-        self.least = ROUND_OFF / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
+        # 1e-12 K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
+        self.least = 1e-12 / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
         self._scale = self.least * steady
         self._rate = 0.0  # of convergence, per K of the largest rise: it grows with the rise
         self._at: Array | None = None  # where the renewed factors belong; None: the linear ones serve
@@ -189,7 +188,8 @@ class NewtonStepper(Stepper):
                     break
                 rate = size / last if k else min(self._rate * self.rise, STALLED)
                 last = size
-                if k >= PATIENCE and rate > STALLED:
+                # 3: iterations before their rate is judged: a good guess makes the first ratios large
+                if k >= 3 and rate > STALLED:
                     break
                 if size * rate <= self.tolerance * (1 - rate) and (k or rate > 0 or size <= self.tolerance):
                     if k and self.rise:

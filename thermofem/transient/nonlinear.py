@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, NDArray
-from ..materials.laws import Law, check_positive
+from ..materials.property_laws import Law, check_positive
 
 
 @dataclass(frozen=True, eq=False)

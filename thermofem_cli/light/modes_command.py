@@ -17,15 +17,10 @@ from ..console import say, working, wrote
 
 def modes(
     geometry: options.Geometry = None,
-    wavelength: Annotated[str, typer.Option(help="Vacuum wavelength.")] = "1550 nm",
+    wavelength: options.Wavelength = "1550 nm",
     part: Annotated[str | None, typer.Option(help="Part that guides; default: core.")] = None,
     accuracy: options.Accuracy = 1e-3,
     figure: options.Figure = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Compute the guided modes of one geometry on the mesh of its heat problem.
 

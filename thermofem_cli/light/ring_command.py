@@ -17,7 +17,7 @@ from ..console import say, working, wrote
 
 def ring(
     geometry: options.Geometry = None,
-    wavelength: Annotated[str, typer.Option(help="The resonance next to it is taken.")] = "1550 nm",
+    wavelength: options.Wavelength = "1550 nm",
     loss: Annotated[str, typer.Option(help="Power loss of the guide, which heats.")] = "2 dB/cm",
     gap: Annotated[str | None, typer.Option(help="Gap to each bus, e.g. '250 nm'.")] = None,
     coupling: Annotated[
@@ -28,11 +28,6 @@ def ring(
     base: Annotated[str | None, typer.Option(help="Ring that gives carriers and sigmas; default: by material.")] = None,
     mode: Annotated[str, typer.Option(help="Guided mode, such as TM0.")] = "TE0",
     output: options.Output = Path("ring.toml"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Compute the ring of one geometry, and write its file with the origin beside every number.
 
@@ -62,7 +57,6 @@ def ring(
         f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {made.mode.thermo_optic * length / 1e-12:.3g} pm/K"
     )
     say(f"bus: {made.origins['bus_rate']}")
-    say("from the base, not from this geometry: " + ", ".join(n for n, o in made.origins.items() if "base" in o.origin))
     wrote(output)
     origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in made.origins.items()}
     return {"loaded_q": found.loaded_q, "intrinsic_q": found.intrinsic_q, "origins": origins, "wrote": [output]}
