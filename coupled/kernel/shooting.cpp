@@ -13,7 +13,8 @@
 
 constexpr double SMALLEST = 0.02;  // relative range of N, in proportion to which they are stricter
 constexpr double NEAR = 1e-3;      // relative step of Newton's method from which traces are fine
-constexpr double CLOSED = 30, SAME = 10;  // tolerances: last step, error of the T it foretold
+constexpr double CLOSED = 30;      // tolerances that the last step is
+constexpr double SAME = 4e-7;      // error of the T that it foretold
 constexpr double MOVED = 2e-3;                // since M was computed, after which it is again
 constexpr double LARGEST = 0.3, LONGER = 2.5; // step; T, of the one at the beginning
 constexpr int TURNS = 14;
@@ -153,7 +154,7 @@ EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, do
       size = newton.step(M, warmest);
     }
     if (!(size < 1e3)) return EVENT;
-    const bool last = near && size < CLOSED * fine && fabs(T - expected_T) < SAME * fine * T;
+    const bool last = near && size < CLOSED * fine && fabs(T - expected_T) < SAME * T;
     const double share = fmin(1, LARGEST / size);
     double *b = newton.b, *next = newton.expected;
     expected_T = T;

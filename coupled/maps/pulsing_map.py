@@ -23,7 +23,6 @@ from thermofem.models import ThermalModel
 from ..arguments import check_duration, one_laser
 from ..bar import bar
 from ..contradictions import check_geometry
-from ..cycles.orbit import check_carriers, has_carriers
 from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
@@ -141,11 +140,14 @@ def pulsing_map(
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
     doubts = check_geometry(ring, model)
     if settled is None:
-        settled = duration is None and follow is None and has_carriers(ring)
+        settled = duration is None and follow is None and ring.g_tpa > 0
     elif checks.flag("settled", settled) and not (duration is None and follow is None):
         raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
-    elif settled:
-        check_carriers(ring)
+    elif settled and not ring.g_tpa > 0:
+        raise checks.InputError(
+            "ring has no two-photon absorption and so no free carriers, by which a map follows settled cycles; give a "
+            "duration for a map of traces"
+        )
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
