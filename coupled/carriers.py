@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+import xarray as xr
+from scipy.optimize import least_squares
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
+from thermofem.data import dataset
 from thermofem.data.variables import in_si
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
 FEWEST = 8  # samples of a decay
@@ -165,10 +165,6 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
     >>> print([f"{v * 1e9:.1f} ns" for v in found["lifetime"].values])
     ['57.3 ns', '57.0 ns', '40.9 ns']
     """
-    import xarray as xr
-
-    from thermofem.data import dataset
-
     hint = "densities are in 1/m^3 (1e17 cm^-3 is 1e23)"
     N0 = checks.positive("initial", initial, unit="1/m^3", at_most=1e28, hint=hint)
     checks.has("carriers", carriers, "tau0", "lifetime", hint="the .carriers of a ring are needed")
@@ -234,8 +230,6 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Fig. 3(b) and Appendix B, whose E_t is a fit as well.
     """
-    from scipy.optimize import least_squares
-
     checks.instance("material", material, ShockleyReadHall, hint="coupled.borghi2021().carriers is one")
     data = in_si("data", data)
     t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
@@ -245,29 +239,17 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
             f"data has {N.size} densities from {np.min(N):g} 1/m^3 on at {t.size} times; at least {FEWEST}, all above 0"
         )
 
-    def misfit(x: Array) -> Array:
-        N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
-        with np.errstate(all="ignore"):
-            off = np.log(_density(t - t[0], N0, low, high / low * material.b, material.b) / N)
-        return np.nan_to_num(off, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
-
-    starts = _starts(misfit, t, N)
-    tries = [least_squares(misfit, x, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac") for x in starts]
-    best = min(tries, key=lambda one: float(one.cost))
+    best = _least_squares(t, N, material.b)
     N0, low, high = np.exp(best.x)
-    if np.linalg.matrix_rank(best.jac) < 3:
-        raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
     covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
     held = material.trap_energy
     tau_n, tau_p, rows = _lifetimes(material, held, low, high)
-    energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
-    possible = _intervals(energies, np.array([min(_lifetimes(material, E, low, high)[:2]) > 0 for E in energies]))
+    possible = _possible(material, low, high)
     if min(tau_n, tau_p) <= 0:
         ranges = " and ".join(f"{first:.3g} to {last:.3g}" for first, last in possible)
-        said = f"only {ranges} eV do" if possible else "no trap energy does"
         raise checks.InputError(
             f"trap_energy = {held:g} eV gives no positive lifetimes for this decay (tau0 = {low:.3g} s, tau_high = "
-            f"{high:.3g} s); {said}"
+            f"{high:.3g} s); {f'only {ranges} eV do' if possible else 'no trap energy does'}"
         )
     scale = np.diag([N0, low, high])
     absolute = scale @ covariance @ scale  # of N0, tau0, tau_high
@@ -283,18 +265,30 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     )
 
 
-def _starts(misfit: Any, t: Array, N: Array) -> list[Array]:
-    """The logarithms (N0, tau0, tau_high) with the smallest misfits on a grid, where searches begin."""
-    span = t[-1] - t[0]
-    tau = np.log(span * np.geomspace(1e-4, 1e4, GRID))
+def _least_squares(t: Array, N: Array, b: float) -> Any:
+    """The best search for ln(N0, tau0, tau_high) of those that begin at the smallest misfits on a grid of lifetimes."""
+
+    def misfit(x: Array) -> Array:
+        N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
+        with np.errstate(all="ignore"):
+            off = np.log(_density(t - t[0], N0, low, high / low * b, b) / N)
+        return np.nan_to_num(off, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
+
+    tau = np.log((t[-1] - t[0]) * np.geomspace(1e-4, 1e4, GRID))
     grid = [np.array([np.log(N[0]), low, high]) for low in tau for high in tau]
-    costs = [float(np.sum(misfit(x) ** 2)) for x in grid]
-    return [grid[k] for k in np.argsort(costs)[:SEARCHES]]
+    starts = sorted(grid, key=lambda x: float(np.sum(misfit(x) ** 2)))[:SEARCHES]
+    tries = [least_squares(misfit, x, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac") for x in starts]
+    best = min(tries, key=lambda one: float(one.cost))
+    if np.linalg.matrix_rank(best.jac) < 3:
+        raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
+    return best
 
 
-def _intervals(values: Array, holds: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """First and last of each run of values for which something holds."""
-    return [(float(values[a]), float(values[b - 1])) for a, b in runs_of(holds)]
+def _possible(material: ShockleyReadHall, low: float, high: float) -> list[tuple[float, float]]:
+    """Ranges of trap energies in the band gap, eV, at which tau0 and tau_high belong to positive lifetimes."""
+    energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
+    holds = np.array([min(_lifetimes(material, E, low, high)[:2]) > 0 for E in energies])
+    return [(float(energies[a]), float(energies[b - 1])) for a, b in runs_of(holds)]
 
 
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:

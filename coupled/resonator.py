@@ -116,9 +116,7 @@ class RingResonator:
         checks.instance("carriers", self.carriers, ShockleyReadHall, ConstantLifetime, hint=hint)
         for name, value in self.rates:
             checks.choice("rates", name, ring_toml.RATES)
-            checks.finite(f"rates {name}", value)
-            if name != "thermal_shift" and value < 0:
-                raise checks.InputError(f"rates {name} = {value:g} must not be negative")
+            checks.between(f"rates {name}", value, -math.inf if name == "thermal_shift" else 0, math.inf)
         _check_dispersion(self.fcd)
 
     @property
@@ -248,8 +246,8 @@ class RingResonator:
         """
         checks.instance("base", base, RingResonator, hint="coupled.borghi2021() is one")
         found: dict[str, Any] = ring_toml.rates_of(frequency, loaded_q, intrinsic_q, buses, absorbed_fraction)
-        if (perimeter is None) != (mode_area is None):
-            raise checks.InputError("perimeter and mode_area make a volume together; give both or none")
+        given = {"perimeter": perimeter, "mode_area": mode_area}
+        ring_toml.check_determined({k for k, v in given.items() if v is not None}, tuple(given), ())
         if perimeter is not None and mode_area is not None:
             fixed = sorted(dict(base.rates).keys() & {"eta_tpa", "g_tpa", "kerr_shift"})
             if fixed:

@@ -160,10 +160,10 @@ def _resolve(values: dict[str, Any], rates: dict[str, float], frequency: float |
 
     ``frequency`` is that of the base ring.
     """
-    _determines(values, ("wavelength",), ("frequency",))
-    _determines(values, ("loaded_q", "intrinsic_q"), ("bus_rate", "drop_rate", "loss_rate", "scattering_rate"))
-    _determines(values, ("perimeter", "mode_area"), ("tpa_volume", "fca_volume"))
-    _determines(values | rates, ("resonance_shift",), ("thermal_shift",))
+    check_determined(values, ("wavelength",), ("frequency",))
+    check_determined(values, ("loaded_q", "intrinsic_q"), ("bus_rate", "drop_rate", "loss_rate", "scattering_rate"))
+    check_determined(values, ("perimeter", "mode_area"), ("tpa_volume", "fca_volume"))
+    check_determined(values | rates, ("resonance_shift",), ("thermal_shift",))
     if "wavelength" in values:
         hint = "1550 nm is 1.55e-6"
         values["frequency"] = c / checks.between(
@@ -188,7 +188,7 @@ def _resolve(values: dict[str, Any], rates: dict[str, float], frequency: float |
         rates["thermal_shift"] = _shift(values.pop("resonance_shift"), frequency)
 
 
-def _determines(values: Mapping[str, Any], given: tuple[str, ...], fields: tuple[str, ...]) -> None:
+def check_determined(values: Container[str], given: tuple[str, ...], fields: tuple[str, ...]) -> None:
     """Raise InputError where keys that belong together are not all there, or stand beside what they determine."""
     there = [key for key in given if key in values]
     if there and len(there) < len(given):

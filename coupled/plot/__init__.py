@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.checks import finite
 from thermofem.data.variables import contents
 from thermofem.plot import INK, WIDTH
 from thermofem.plot import axes as new_axes
@@ -74,7 +73,7 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     what = "a Dataset of coupled.identification.newton_traces.fit_newton_per_trace"
     dims = ("tau_th", "heat_capacity", "period")
     found = contents("found", found, dims, what=what)
-    slope, intercept, correlation = (_known(found, name) for name in ("slope", "intercept", "correlation"))
+    slope, intercept, correlation = (found.attrs[name] for name in ("slope", "intercept", "correlation"))
     ax = new_axes(ax, (4.6, 3.4))
     unit = reference or 1e-12
     tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
@@ -88,12 +87,6 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     if np.isfinite(correlation):
         ax.set_title(f"correlation {correlation:.2f}", fontsize="small", loc="left")
     return ax
-
-
-def _known(found: xr.Dataset, name: str) -> float:
-    """An attribute that must be a number; nan where too few traces pulse for a line."""
-    value = found.attrs.get(name)
-    return float("nan") if isinstance(value, float) and np.isnan(value) else finite(f"found.attrs[{name!r}]", value)
 
 
 def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) -> np.ndarray:

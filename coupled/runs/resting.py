@@ -17,7 +17,7 @@ from thermofem.checks import InputError
 
 from ..carriers import ConstantLifetime, ShockleyReadHall
 from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
-from ..equilibria.observables import observables
+from ..equilibria.steady_states import observables
 from ..heaters import turned_by
 from ..inputs import varies_in
 from ..kernel.tableaus import Method

@@ -234,7 +234,7 @@ def test_what_one_bus_leaves_no_room_for_is_not_dropped_silently(line, message):
         ({"scattering_rate": float("nan")}, "not finite"),
         ({"kerr_coefficient": 4.5e-14}, "4.5e-18"),
         ({"rates": (("eta_tpaa", 1.0),)}, "did you mean 'eta_tpa'"),
-        ({"rates": (("eta_tpa", -1.0),)}, "negative"),
+        ({"rates": (("eta_tpa", -1.0),)}, "rates eta_tpa = -1 must"),
     ],
 )
 def test_slips_in_a_ring_are_named(change, message):

@@ -23,7 +23,7 @@ from surrogate.family.projected_matrices import MemberMatrices, MemberModes, Mov
 from surrogate.family.snapshots import Solver
 from surrogate.family.train_family import _without_effect
 from thermofem.campaign import Variation
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
