@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from time import process_time
@@ -367,13 +366,3 @@ def test_a_corrector_that_breaks_its_contract_is_named(broken, message):
     """Once they were believed: 293 K, and 7.38 K where 3.68 K is right."""
     with pytest.raises(th.InputError, match=message):
         coupled.cosimulate(RING, broken(NETWORK), power=MW, duration=1e-6)
-
-
-def test_a_copy_of_no_predictor_is_none():
-    """A copy was refused as a network of R_th = 0."""
-    options = {"power": 1e-3, "duration": 2e-8}
-    runs = [
-        coupled.cosimulate(RING, coarse_fem(), predictor=one, **options)
-        for one in (coupled.loop.cosimulate.NO_PREDICTOR, deepcopy(coupled.loop.cosimulate.NO_PREDICTOR))
-    ]
-    np.testing.assert_array_equal(runs[0]["delta_T"].values, runs[1]["delta_T"].values)
