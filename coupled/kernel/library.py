@@ -27,11 +27,11 @@ def compiler() -> list[str]:
     """
     if os.environ.get("CXX"):
         return os.environ["CXX"].split()
+    if importlib.util.find_spec("ziglang"):  # clang, as for wheels: derivatives take a third of the time of g++
+        return [sys.executable, "-m", "ziglang", "c++"]
     for name in ("c++", "clang++", "g++"):
         if shutil.which(name):
             return [name]
-    if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "c++"]
     raise RuntimeError(NO_COMPILER)
 
 

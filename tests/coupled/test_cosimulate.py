@@ -19,7 +19,8 @@ from scipy.sparse import bmat, diags
 import coupled
 import surrogate
 import thermofem as th
-from coupled.kernels import equations as eq
+from coupled.kernel import units as eq
+from coupled.kernel.tableaus import Method
 from thermofem.transient import integrate
 from thermofem.waveforms import Cubic
 
@@ -72,20 +73,19 @@ def _monolithic():
     light and carriers see their sum. The Jacobian is an arrow.
     """
     system, times = coarse_fem(), np.linspace(0, 0.2e-6, 101)
-    rates, fcd = eq.internal_rates(RING)
-    drive, n = eq.internal_pump(RING, 20e-3), system.order
+    n, unit_gain = system.order, th.Foster(R=[1 / (eq.UW * eq.NS)], tau=[1.0])  # dx/dt = P - 1e-9 x
+    light = eq.single_ring(RING, unit_gain, 20e-3, 0.0, 1e-9, Method.RODAS4)
     rate, modes = eigh(-system.A.toarray(), system.E.toarray())
     decay, c = -rate * eq.NS, system.C[0] @ modes
     b = modes.T @ system.B[:, 0] * eq.UW * eq.NS
 
     def right(t, y):
-        ar, ai, N, dT = (*y[:3], c @ y[3:])
-        *light, heat = eq.optics(ar, ai, N, dT, eq.dispersion(N, fcd)[0], drive, 0.0, rates)
-        return np.concatenate([light, decay * y[3:] + b * heat])
+        rise = c @ y[3:]
+        slopes = light.slopes(np.append(y[:3], rise))[0]
+        return np.concatenate([slopes[:3], decay * y[3:] + b * (slopes[3] + 1e-9 * rise)])
 
     def jacobian(t, y):
-        ar, ai, N, dT = (*y[:3], c @ y[3:])
-        J = np.array(eq.optics_jacobian(ar, ai, N, dT, *eq.dispersion(N, fcd), 0.0, rates))
+        J = light.slopes(np.append(y[:3], c @ y[3:]))[1]
         return bmat([[J[:3, :3], np.outer(J[:3, 3], c)], [np.outer(b, J[3, :3]), diags(decay)]], format="csc")
 
     def solved(rtol):

@@ -22,7 +22,7 @@ POWER, DETUNING = 1e-3, -477464829.275686
 
 def energies(times):
     """Energy in J by SciPy: light and heat turn the resonance, heat by -(w0/n0) dn/dT dT."""
-    from coupled.kernels import equations as eq
+    from coupled.kernel import units as eq
 
     rates, _ = eq.internal_rates(RING)
     per_kelvin = 2 * np.pi * RING.frequency / RING.refractive_index * RING.thermo_optic * eq.NS
