@@ -1,4 +1,4 @@
-"""Laser power and detuning as piecewise cubics of time; the integration ends a step at every edge.
+"""Laser power and detuning as piecewise cubics of time, and when they vary; a step ends at every breakpoint.
 
 An input of a ring is a number, a waveform (`th.Function` for any function of time), a piecewise polynomial, or a
 list of these, which add: a bias with a pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
@@ -6,11 +6,14 @@ list of these, which add: a bias with a pulse on it is ``[2e-3, th.Pulse(power=1
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
@@ -18,9 +21,18 @@ from thermofem.piecewise import Pieces as Pieces
 from thermofem.piecewise import bounds as bounds
 from thermofem.waveforms import Samples, Waveform
 
+from .kernel.integrator import Polynomials
+from .kernel.units import NS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
-DEEPEST = 10  # lists in lists
+ATTRIBUTE = "varying"
+HAIR = 1e-9  # of the largest value: what a fit of cubics to a constant leaves
+GAP = 1 / 50  # of a run; shorter pauses between two changes are not kept
+Spans = list[list[float]]  # from when to when, s
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,33 +69,22 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     Raises InputError: another type, or a function that does not cover the whole window.
     """
     if isinstance(value, list | tuple) and not isinstance(value, Pieces):
-        if name.count("[") >= DEEPEST:  # such as a list that holds itself
-            raise checks.InputError(f"{name} is a list in lists; at most {DEEPEST} deep are added")
         if not value:
             raise checks.InputError(f"{name} is an empty list; give a number, a waveform, or a list of them, which add")
         return add([pieces(f"{name}[{k}]", item, start, stop) for k, item in enumerate(value)])
-    whole = np.array([start, stop])
     if isinstance(value, Pieces):
         return _window(name, value, start, stop)
     if hasattr(value, "c") and hasattr(value, "x"):
-        c = _powers(name, value)
-        if c.ndim != 2 or len(c) > DEGREE + 1:
-            raise checks.InputError(f"{name} is a polynomial with coefficients {c.shape}; at most cubic, and scalar")
+        # coefficients of a BPoly are those of Bernstein polynomials
+        if not isinstance(value, PPoly) or np.ndim(value.c) != 2 or len(value.c) > DEGREE + 1:
+            hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
+            raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed, at most cubic", hint)
+        c = checks.numbers(f"{name}: coefficients", value.c)
         coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
         return _window(name, Pieces(np.asarray(value.x, dtype=float), coefficients), start, stop)
     if isinstance(value, Waveform):
         return value.pieces(start, stop)
-    return Pieces(whole, np.array([[checks.finite(name, value), 0.0, 0.0, 0.0]]))
-
-
-def _powers(name: str, value: Any) -> Array:
-    """Coefficients of a piecewise polynomial of SciPy, highest power first."""
-    from scipy.interpolate import PPoly
-
-    if not isinstance(value, PPoly):  # such as BPoly, whose coefficients are those of Bernstein polynomials
-        hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
-        raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed", hint)
-    return checks.numbers(f"{name}: coefficients", value.c)
+    return Pieces.constant(start, stop, checks.finite(name, value))
 
 
 def add(parts: list[Pieces]) -> Pieces:
@@ -109,3 +110,91 @@ def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
         )
     inside = edges[(edges > start + 1e-6 * slack) & (edges < stop - 1e-6 * slack)]
     return function.on(np.concatenate([[start], inside, [stop]]))
+
+
+def values(functions: Polynomials, times: Array) -> Array:
+    """Values of the kernel's functions at times in s, shape (functions, m)."""
+    t = times / NS
+    k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
+    u = (t - functions.edges[k])[:, None] ** np.arange(functions.coefficients.shape[2])
+    return np.asarray(np.einsum("mft,mt->fm", functions.coefficients[k], u))
+
+
+def integral(rates: Polynomials) -> Polynomials:
+    """The integrals of functions from the first edge on."""
+    c, h = rates.coefficients, np.diff(rates.edges)
+    n = np.arange(1, c.shape[2] + 1)
+    ends = np.cumsum((c / n * h[:, None, None] ** n).sum(axis=2), axis=0)
+    starts = np.vstack([np.zeros(c.shape[1]), ends[:-1]])
+    return Polynomials(rates.edges, np.concatenate([starts[:, :, None], c / n], axis=2))
+
+
+def largest(power: Pieces) -> float:
+    """Largest power at the breakpoints; above 0 in the dark, too."""
+    return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power.ends[-1])), 1e-300)
+
+
+def table(functions: Sequence[Pieces]) -> Polynomials:
+    """Functions of time in s as the kernel's polynomials of time in ns, on their joint edges."""
+    edges = joint(*functions)
+    coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
+    return Polynomials(edges / NS, coefficients * NS ** np.arange(coefficients.shape[2]))
+
+
+def changes(function: Pieces) -> Spans:
+    """From when to when a piecewise cubic changes; a jump begins and ends at once."""
+    a, edges = function.coefficients, function.edges
+    hair = HAIR * np.abs(a[:, 0]).max()
+    moves = np.any(np.abs(a[:, 1:]) * np.diff(edges)[:, None] ** np.arange(1, 4) > hair, axis=1)
+    jumps = edges[1:-1][np.abs(a[1:, 0] - function.ends[:-1]) > hair]
+    begin, end = np.concatenate([edges[:-1][moves], jumps]), np.concatenate([edges[1:][moves], jumps])
+    return _merged(begin, end, GAP * (edges[-1] - edges[0]))
+
+
+def beats(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> Spans:
+    """From when to when two lasers of different frequencies are on at once, on one window."""
+    begin, end, length = [], [], 0.0
+    for i, j in combinations(range(len(powers)), 2):
+        edges = joint(powers[i], powers[j], frequencies[i], frequencies[j])
+        apart = add([frequencies[i], frequencies[j].times(-1.0)]).on(edges).coefficients
+        both = [np.any(powers[k].on(edges).coefficients, axis=1) for k in (i, j)]
+        largest = max(np.abs(frequencies[k].coefficients[:, 0]).max() for k in (i, j))
+        at = both[0] & both[1] & (np.abs(apart).max(axis=1) > HAIR * largest)
+        begin.append(edges[:-1][at])
+        end.append(edges[1:][at])
+        length = edges[-1] - edges[0]
+    return _merged(np.concatenate(begin), np.concatenate(end), GAP * length) if begin else []
+
+
+def _merged(begin: Array, end: Array, gap: float) -> Spans:
+    """Spans in order, of which those that are less than ``gap`` apart are one; times to six digits."""
+    if begin.size == 0:
+        return []
+    order = np.argsort(begin, kind="stable")
+    begin, end = begin[order], np.maximum.accumulate(end[order])
+    apart = np.flatnonzero(begin[1:] > end[:-1] + gap)
+    pairs = np.column_stack([begin[np.append(0, apart + 1)], end[np.append(apart, begin.size - 1)]])
+    return [[float(f"{t:.6g}") for t in pair] for pair in pairs]
+
+
+def spans(inputs: Mapping[str, Any], duration: float) -> dict[str, Spans]:
+    """When each of some inputs varies: numbers, waveforms or `Pieces`, by name; what never does is left out."""
+    given = {name: value for name, value in inputs.items() if not isinstance(value, float)}
+    found = {name: changes(pieces(name, value, 0.0, duration)) for name, value in given.items()}
+    return {name: when for name, when in found.items() if when}
+
+
+def attribute(varying: Mapping[str, Any]) -> dict[str, str]:
+    """The attribute of a run: when what varies, by name, or of a circuit by ring and name; JSON."""
+    return {ATTRIBUTE: json.dumps(varying)}
+
+
+def varies_in(run: xr.Dataset, begin: float, end: float = np.inf) -> str | None:
+    """Names of the inputs that vary between two times in s, joined by "and"; None where attributes do not tell them."""
+    try:
+        found = json.loads(run.attrs[ATTRIBUTE])
+        if "ring" in getattr(run, "coords", {}):
+            found = found[str(run["ring"].values)]
+        return " and ".join(name for name, when in found.items() if any(a < end and b > begin for a, b in when))
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+        return None  # a measured trace, or attributes that another program wrote

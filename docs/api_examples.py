@@ -78,7 +78,7 @@ th.campaign.open_campaign("widths").thermal_resistance
 import surrogate
 
 newton, second = surrogate.fit_newton(square), surrogate.fit_second_order(square)
-newton.parameters["heat_capacity"] / th.models.lumped.BORGHI2021_HEAT_CAPACITY, second.residual
+newton.parameters["heat_capacity"] / th.models.BORGHI2021_HEAT_CAPACITY, second.residual
 
 # %% surrogate.fit_foster surrogate.fit_spectrum
 import numpy as np
@@ -99,7 +99,7 @@ rom.error_bound
 
 # %% surrogate.save_model surrogate.load_model surrogate.export_model
 surrogate.save_model(rom, "model.json")
-surrogate.load_model("model.json").thermal_resistance, th.models.files.load_provenance("model.json")["method"]
+surrogate.load_model("model.json").thermal_resistance, th.models.load_provenance("model.json")["method"]
 surrogate.export_model(rom.model, "ring.cir", to="spice")
 
 # %% surrogate.cauer
@@ -120,7 +120,7 @@ judged = surrogate.judge(ladder_of_models.models, ladder_of_models.reference, pe
 print(surrogate.judging.ladder.verdict(judged))
 
 # %% surrogate.fit_sindy
-poles = th.models.network.gate([[-1e6]], [7e9], static=7e3)
+poles = th.models.gate([[-1e6]], [7e9], static=7e3)
 shells = th.solve(heat, th.SquareWave(2e-3, 1e-6, 1 / 3), np.linspace(0, 4e-6, 1201), read=("core", "box"))
 network = surrogate.fit_sindy(shells, [heat.thermal_resistance("core", name) for name in ("core", "box")]).model
 

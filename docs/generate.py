@@ -16,8 +16,7 @@ from typing import Any
 
 from thermofem.data import quantity
 from thermofem.geometry import geometry_file as geometry_file
-from thermofem.materials import library as materials
-from thermofem.materials import property_toml
+from thermofem.materials import material_library as materials
 
 DOCS = Path(__file__).resolve().parent
 
@@ -36,6 +35,8 @@ WORDS: dict[str, dict[str, str]] = {
         "probe": "what can be read besides layers and parts",
         "boundary": "what the sides do",
         "material": "`[material.NAME]`: changes or adds a material",
+        "light": "what guides, and at which wavelength; `light` can then be read like a part",
+        "bus": "one or two straight buses beside the ring",
     },
     "[[layer]]": {
         "name": "**required**; layers and parts share one set of names",
@@ -72,6 +73,18 @@ WORDS: dict[str, dict[str, str]] = {
         "top": "`insulated` (default), `isothermal` or `{ convection = ... }`: whatever faces up, ridges included",
         "outer": "`insulated` (default), `isothermal`, `open` or `{ convection = ... }`",
     },
+    "[light]": {
+        "wavelength": "**required**; in vacuum",
+        "part": "the core; default `core`, or the first heated part",
+        "polarisation": "`TE` (default) or `TM`: its fundamental mode is taken",
+        "loss": 'power loss of the guide, which heats; also `"7 dB/cm"`',
+    },
+    "[[bus]]": {
+        "name": "default `bus` and `drop`; a campaign varies `bus.NAME.gap`",
+        "gap": "**required**; between the walls of ring and bus at half height",
+        "straight": "length of the straight section over which a racetrack couples; default 0",
+        "width": "default that of the ring's guide; another one is refused",
+    },
     "{ convection }": {"convection": "**required**; heat transfer coefficient"},
     "[material.NAME]": {
         "conductivity": "text with a unit or a table, see below; required for a new material",
@@ -91,6 +104,8 @@ SCHEMA: dict[str, dict[str, str]] = {
     "[[interface]]": geometry_file._INTERFACE,
     "[[probe]]": geometry_file._PROBE,
     "[boundary]": geometry_file._BOUNDARY,
+    "[light]": geometry_file._LIGHT,
+    "[[bus]]": geometry_file._BUS,
     "{ convection }": geometry_file._COEFFICIENT,
     "[material.NAME]": geometry_file._MATERIAL,
 }
@@ -172,7 +187,7 @@ def geometry_reference() -> str:
             raise SystemExit(f"docs/generate.py: {table} has keys without words: {set(keys) ^ set(WORDS[table])}")
         text += f"\n## {'Top of ' if table == 'the file' else ''}{_code(table)}\n\n| key | value | |\n|---|---|---|\n"
         text += "".join(f"| `{key}` | {_kind(kind)} | {WORDS[table][key]} |\n" for key, kind in keys.items())
-    laws = [line.strip() for line in (property_toml.__doc__ or "").splitlines() if line.startswith("    ")]
+    laws = [line.strip() for line in (materials.__doc__ or "").splitlines() if line.startswith("    ")]
     text += LAWS.format("\n".join(laws))
     for name, m in materials.LIBRARY.items():
         along = f"{m.conductivity:g}" + (f" (r), {m.conductivity_z:g} (z)" if m.conductivity_z is not None else "")

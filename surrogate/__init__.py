@@ -2,27 +2,23 @@
 
 from thermofem.models import load_model, save_model
 from thermofem.models.cauer import cauer
-from thermofem.models.lumped import newton, second_order
+from thermofem.models.foster import newton, second_order
 
 from .arrays.array_reduction import reduce_array
 from .export import export_model
 from .family import load_family, train_family
-from .fitting import sindy_quadratic  # noqa: F401 - as surrogate.fitting.sindy_quadratic
-from .fitting.decay import fit_decay
+from .fitting.exponential_sums import fit_decay, fit_spectrum
 from .fitting.fit import fit_foster, fit_newton, fit_second_order
 from .fitting.sindy import fit_sindy
-from .fitting.spectrum import fit_spectrum
 from .judging.ladder import judge, train_all
 from .judging.validate import compare, period_error, square_waves
-from .reduction import pole_derivatives  # noqa: F401 - as surrogate.reduction.pole_derivatives
 from .reduction.balanced import balanced_truncation
-from .reduction.output_map import output_map
-from .reduction.quadratic_reduction import reduce_quadratic
+from .reduction.nonlinear_reduction import output_map, reduce_quadratic
 from .reduction.reduce import reduce
 from .studies import pareto  # noqa: F401 - as surrogate.studies.pareto
 from .studies.calibrate import calibrate
 from .studies.design import design
-from .studies.targets import Optics
+from .studies.inverse_search import Optics
 from .studies.uncertainty import uncertainty
 
 __all__ = [

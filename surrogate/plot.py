@@ -16,7 +16,7 @@ from thermofem import checks
 from thermofem.data.column_units import unit_of
 from thermofem.data.dataset import response_of
 from thermofem.data.variables import contents
-from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, takes, time_unit
+from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, time_unit
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
 
@@ -27,9 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from .arrays.array_reduction import ArrayReduction
-    from .reduction.reduce import Reduction
 
-CURVES = "a mapping from names to Datasets of surrogate.period_error"
 CURVE = "Datasets of surrogate.period_error"
 
 
@@ -42,9 +40,8 @@ def plot_period_error(
     within: half width of the band.
     absolute: T - T_model itself, as the paper's solid line.
     """
-    takes("curves", curves, "items", "values", what=CURVES)
-    dims = dict.fromkeys(("period", "relative_error", *(("error",) if absolute else ())), "period")
-    curves = {name: contents("curve", curve, dims, what=CURVE) for name, curve in curves.items()}
+    needed = ("period", "relative_error", *(("error",) if absolute else ()))
+    curves = {name: contents("curve", curve, needed, what=CURVE) for name, curve in curves.items()}
     ax = _axes(ax)
     periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
     band = within * (periods if absolute else 100 * np.ones_like(periods))
@@ -109,8 +106,8 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
 
     comparison: from `surrogate.compare`.
     """
-    dims = {"model": "model", "states": "model", "rms_relative": "model drive"}
-    comparison = contents("comparison", comparison, dims, what="a Dataset of surrogate.compare", words=("model",))
+    needed = ("model", "states", "rms_relative")
+    comparison = contents("comparison", comparison, needed, what="a Dataset of surrogate.compare")
     ax = _axes(ax)
     states = checks.numbers("comparison['states']", comparison["states"].values)
     error = 100 * checks.numbers("comparison['rms_relative']", comparison["rms_relative"].values)
@@ -130,24 +127,11 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
     return ax
 
 
-def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
-    """Guaranteed error of a one-channel reduction (relative to R_th) against frequency, and its tolerance."""
-    takes("rom", rom, "bound", "error_bound", what="a reduction of surrogate.reduce")
-    ax = _axes(ax)
-    shown = rom.bound > 1e-4 * rom.error_bound
-    ax.loglog(rom.frequency[shown], rom.bound[shown], color=BLUE, label=f"bound, {rom.order} states")
-    ax.axhline(rom.tolerance, color=INK, linewidth=0.8, linestyle="--", label="tolerance")
-    ax.set(xlabel="frequency (Hz)", ylabel="error over $R_\\mathrm{th}$")
-    ax.legend(frameon=False, fontsize="small")
-    return ax
-
-
 def _cycle(count: int) -> Sequence[str]:
     """Enough colours, repeated where there are more lines than colours."""
     return [CYCLE[i % len(CYCLE)] for i in range(count)]
 
 
-RATIOS = 5  # times the median gap: the mean gap beyond which samples are in equal ratios
 FINE = 4001  # samples of a period, between which a periodic state is a straight line
 
 
@@ -158,8 +142,7 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_trace`.
     ax: for the traces and for the residual.
     """
-    model = takes("fit", getattr(fit, "model", fit), "response", what="a fit, a reduction or a thermal model")
-    takes("data", data, "time", "delta_T", what="a Dataset of th.solve or th.read_trace, with time and delta_T")
+    model = getattr(fit, "model", fit)
     response = response_of(data)
     if response.periodic:
         times = period_times(response.wave, FINE)
@@ -176,7 +159,8 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
     gaps = np.diff(t)
-    if not response.periodic and gaps.mean() > RATIOS * np.median(gaps):
+    # 5 times the median gap: the mean gap beyond which samples are in equal ratios
+    if not response.periodic and gaps.mean() > 5 * np.median(gaps):
         upper.set(xscale="log")
         lower.set(xscale="log")
     rise_label = "temperature rise (K)" if rise_unit == "K" else "rise of the voltage (V)"
@@ -195,7 +179,6 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
 
 def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     """Steady rise of every ring (rows) per watt in every input (columns), in K/mW, colours logarithmic."""
-    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
     ax = _axes(ax)
     matrix = array.crosstalk / 1e3
     picture = ax.imshow(matrix, cmap="magma_r", norm=LogNorm(vmin=matrix.min() / 2, vmax=matrix.max()), aspect="equal")
@@ -213,7 +196,6 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
 
 def plot_time_scales(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     """Step of every pair against time (us), relative to its own end; dots where half of it is reached."""
-    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
     ax = _axes(ax)
     between = np.linalg.norm(array.positions[:, None] - array.positions, axis=-1)
     first = np.unique(np.round(between, 12), return_index=True)[1]

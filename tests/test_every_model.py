@@ -18,7 +18,7 @@ import coupled
 import surrogate
 import thermofem as th
 from thermofem.models import HasModel
-from thermofem.models.files import KINDS
+from thermofem.models.model_files import KINDS
 
 POWER = 2e-3  # W
 SHORT = {"power": POWER, "detuning": -2e9, "duration": 0.5e-6}
@@ -39,7 +39,7 @@ def drive_everything(model):
         "transmission": lambda: coupled.transmission(RING, model, power=POWER, detuning=np.array(detunings)),
         "cosimulate": lambda: coupled.cosimulate(RING, coarse_fem(), predictor=model, **SHORT),
         "identify": lambda: coupled.unknowns.unknowns(RING, ["bus_rate"], model),
-        "van_vaerenbergh_q": lambda: coupled.equilibria.van_vaerenbergh.van_vaerenbergh_q(RING, model),
+        "van_vaerenbergh_q": lambda: coupled.equilibria.onset.van_vaerenbergh_q(RING, model),
     }
 
 
@@ -61,7 +61,7 @@ def test_a_model_file_says_where_the_model_comes_from(name, tmp_path):
     given = {"method": "by hand", "geometry": "name = 'a ring'", "poles": [1, 2.5]}
     once = surrogate.save_model(MODELS[name](), tmp_path / "once.json", provenance=given)
     twice = surrogate.save_model(surrogate.load_model(once), tmp_path / "twice.json")
-    assert th.models.files.load_provenance(twice) == given
+    assert th.models.load_provenance(twice) == given
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from .data import (
 from .data.dataset import load, save
 from .data.measured_trace import read_trace
 from .fem import assemble
-from .fem.derivatives import derivatives
+from .fem.heat_derivatives import derivatives
 from .geometry import (
     Boundary,
     CrossSection,
@@ -26,9 +26,9 @@ from .geometry import (
     straight_guide,
     strip_ring,
 )
+from .lighting import light
 from .materials import Material
 from .models import Foster, OutputMap, Quadratic, StateSpace
-from .optics import light
 from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
 from .version import __version__ as __version__

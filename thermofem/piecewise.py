@@ -10,9 +10,6 @@ import numpy as np
 from .arrays import Array, ArrayLike, NDArray
 from .errors import InputError
 
-LEVELS = 13  # a stretch without breakpoints is sampled in 2^13 cells: a pulse of 1e-4 of it is seen
-FEWEST_LEVELS = 6  # where there are many stretches
-BUDGET = 2**17  # cells of all stretches together
 MOST_LEVELS = 22  # where a time scale requires more; 4 million cells take a second
 MOST_PIECES = 200_000
 SHORTEST = 1e-12  # of a stretch: a shorter cell that does not fit contains a jump that is no breakpoint
@@ -140,7 +137,9 @@ def fitted(function: Sides, marks: Array, tolerance: float) -> Pieces:
 def _levels(function: Sides, marks: Array) -> list[int]:
     """Halvings of every stretch down to the cells that are checked."""
     lengths = np.diff(marks)
-    shared = int(np.clip(np.log2(BUDGET / lengths.size), FEWEST_LEVELS, LEVELS))
+    # 13: a stretch without breakpoints is sampled in 2^13 cells: a pulse of 1e-4 of it is seen
+    # 2**17: cells of all stretches together
+    shared = int(np.clip(np.log2(2**17 / lengths.size), 6, 13))  # 6: where there are many stretches
     scale = function.time_scale
     asked = np.ceil(np.log2(lengths / scale)) if scale else np.zeros(lengths.size)
     if asked.max() > MOST_LEVELS:

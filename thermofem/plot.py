@@ -18,9 +18,9 @@ from matplotlib.tri import Triangulation
 
 from . import checks
 from .checks import InputError, choice, positive
-from .data.fields import FIELDS, check_field
+from .data.fields import check_field
 from .data.files import check_image, check_target, write_whole
-from .data.variables import contents, takes
+from .data.variables import contents
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from .optics import Mode
 
 DATA = "a Dataset of th.solve, with time and delta_T"
-GEOMETRY, MESH = "a th.CrossSection, such as th.strip_ring()", "the mesh of th.assemble(geometry).mesh"
 _MATERIALS = {
     "Si": "#7d8ea3",
     "SiO2": "#e6edf3",
@@ -44,8 +43,6 @@ _MATERIALS = {
 _UNMESHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "#c3c8ce", "hatch": "///", "linewidth": 0}
 LINE = 0.08  # of the height of an axes: a line of small text
 _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
-MODEL = "a thermal model, such as th.Foster or the .model of a fit or a reduction"
-MOST_DECADES = 6  # with a number at the axis of a panel
 SHARES = (0.01, 0.99)  # of the steady rise, between which a step response is drawn, with a decade on either side
 
 # Okabe and Ito: apart for every kind of colour vision, and in grey
@@ -61,7 +58,7 @@ def axes(ax: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
     """``ax``, or the Axes of a new figure."""
     if ax is None:
         _, ax = plt.subplots(figsize=size, layout="constrained")
-    return takes("ax", ax, "plot", what="matplotlib Axes, or nothing for a new figure")
+    return ax
 
 
 def time_unit(longest: float) -> tuple[float, str]:
@@ -77,7 +74,7 @@ def time_unit(longest: float) -> tuple[float, str]:
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
     """Temperature rise (K) against time (us); several probes give one line each."""
-    data = contents("data", data, {"time": "time", "delta_T": "time [probe]"}, what=DATA)
+    data = contents("data", data, ("time", "delta_T"), what=DATA)
     ax = axes(ax)
     time, rise = data["time"].values * 1e6, data["delta_T"]
     if "probe" in rise.dims:
@@ -101,7 +98,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     at: which of the kept times.
     half_width [m]: of the window drawn.
     """
-    data = check_field(takes("data", data, "data_vars", what=FIELDS))
+    data = check_field(data)
     ax = axes(ax, size=(4.2, 3.4))
     field, r, z = data["field"].isel(field_time=at).values, data["r"].values * 1e6, data["z"].values * 1e6
     hottest, half = int(np.argmax(field)), half_width * 1e6
@@ -139,7 +136,7 @@ def animate_field(
     from matplotlib import animation
 
     path = checks.path("path", path)
-    data = check_field(takes("data", data, "data_vars", what=FIELDS))
+    data = check_field(data)
     kind = check_film(path)
     check_target(path)
     positive("frames_per_second", frames_per_second, at_most=50, hint="a GIF cannot be faster")
@@ -197,9 +194,6 @@ def plot_cross_section(
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    takes("geometry", geometry, "subdivision", what=GEOMETRY)
-    if mesh is not None:
-        takes("mesh", mesh, "triangles", what=MESH)
     ax = axes(ax, (WIDTH, 4.0))
     colours: dict[str, str] = {}
     ax.add_patch(plt.Rectangle((0, 0), 1, 1, transform=ax.transAxes, zorder=0, **_UNMESHED))
@@ -226,8 +220,6 @@ def plot_cross_section(
 
 def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
     """All parts with their names above, the mesh around the first heated part below; the upper Axes."""
-    takes("geometry", geometry, "subdivision", what=GEOMETRY)
-    takes("mesh", mesh, "triangles", what=MESH)
     figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 7.6), layout="constrained")
     heated = next(part for part in geometry.parts if part.heated)
     plot_cross_section(geometry, ax=left)
@@ -316,7 +308,7 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     phase.semilogx(frequency, np.degrees(np.angle(Z)), color=BLUE, linestyle="--", linewidth=1)
     phase.set_ylabel("phase (°)", color=BLUE)
     for panel in (left, right):
-        panel.xaxis.set_major_locator(LogLocator(numticks=MOST_DECADES))
+        panel.xaxis.set_major_locator(LogLocator(numticks=6))  # 6: with a number at the axis of a panel
     resistance = float(model.thermal_resistance)
     left.axhline(resistance * 1e-3, color=INK, linewidth=0.6, linestyle=":")
     left.set_title(f"{type(model).__name__}, $R_\\mathrm{{th}}$ = {resistance / 1e3:.4g} K/mW", fontsize="small")
@@ -329,7 +321,6 @@ def _single(model: Any) -> Any:
     """A model with one input and one output, taken out of what holds it."""
     if not hasattr(model, "step_response"):
         model = getattr(model, "model", model)
-    takes("model", model, "step_response", "impedance", "inputs", "outputs", what=MODEL)
     if len(model.inputs) > 1 or len(model.outputs) > 1:
         pair = f"model.channel({model.inputs[0]!r}, {model.outputs[0]!r})"
         raise InputError(f"model has {len(model.inputs)} inputs and {len(model.outputs)} outputs; draw one: {pair}")
@@ -347,9 +338,7 @@ def _times(model: Any) -> np.ndarray:
 def save_figure(ax: Axes, path: Any) -> None:
     """Write the figure of ``ax`` as an image at 200 dots per inch, whole or not at all, and close it."""
     check_image(path)
-    figure = ax.get_figure(root=True)
-    if figure is None:
-        raise InputError("ax belongs to no figure; nothing to save")
+    figure: Any = ax.get_figure(root=True)
     image = io.BytesIO()  # matplotlib's writers of files trip over a full disk
     figure.savefig(image, dpi=200, format=checks.path("path", path).suffix[1:])
     write_whole(path, lambda p: p.write_bytes(image.getvalue()))

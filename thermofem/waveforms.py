@@ -35,10 +35,7 @@ ENDLESS = 1e12  # s: where a power that is held before its first and after its l
 MOST_CYCLES = 1e6  # periods that a call may span
 MANY = 8  # periods of a smooth wave, beyond which one is fitted and repeated
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the default rtol of every model
-COARSE = 1e-4  # the same, where only the sign of a power is asked
-UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
 STORED = 1e-7  # of a function by the cubics that a file keeps
-MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 KINDS: dict[str, type[Waveform]] = {}  # waveforms that a file can hold, by name
 
 
@@ -57,6 +54,9 @@ class Waveform:
     @property
     def words(self) -> str:
         """A short description for labels and tables."""
+        return self._words()
+
+    def _words(self) -> str:
         return type(self).__name__.lower()
 
     def _unrolled(self, start: float, stop: float) -> Pieces:
@@ -116,25 +116,31 @@ def _time(name: str, value: float, most: float = 10.0) -> None:
 class Steps(Waveform, stored=False):
     """A power ``levels[k]`` in W, shape (n + 1,), between ``edges[k - 1]`` and ``edges[k]`` in s, shape (n,)."""
 
-    edges: Array
-    levels: Array
+    def _steps(self) -> tuple[Array, Array]:
+        """``edges`` and ``levels``."""
+        raise NotImplementedError
+
+    @cached_property
+    def edges(self) -> Array:
+        """Times of change in s."""
+        return self._steps()[0]
+
+    @cached_property
+    def levels(self) -> Array:
+        """Power between them in W."""
+        return self._steps()[1]
 
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
         """Constant pieces; the first and the last reach to `ENDLESS`."""
         edges = np.concatenate([[-ENDLESS], self.edges, [ENDLESS]])
-        return Pieces(edges, np.asarray(self.levels)[:, None] * [1.0, 0.0, 0.0, 0.0])
+        return Pieces(edges, np.asarray(self.levels, dtype=float)[:, None] * [1.0, 0.0, 0.0, 0.0])
 
 
-class Switched(Steps, stored=False):
-    """A power that is on or off; it begins on."""
-
-    power: float
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """The power and zero in turn, W."""
-        return self.power * (np.arange(self.edges.size + 1) % 2 == 0)
+def _on_off(power: float, times: Array, duration: float) -> tuple[Array, Array]:
+    """Steps of a power that is on at first, changes at ``times``, and is off from ``duration`` on."""
+    edges = np.append(times, duration) if times.size % 2 == 0 else times
+    return edges, power * (np.arange(edges.size + 1) % 2 == 0)
 
 
 @dataclass(frozen=True)
@@ -151,20 +157,11 @@ class Constant(Steps):
     def __post_init__(self) -> None:
         checks.power("power", self.power, zero=True)
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"step {self.power * 1e3:g} mW"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """None."""
-        return np.empty(0)
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """The power in W."""
-        return np.array([self.power], dtype=float)
+    def _steps(self) -> tuple[Array, Array]:
+        return np.empty(0), np.array([self.power])
 
 
 @dataclass(frozen=True)
@@ -194,20 +191,11 @@ class Pulse(Steps):
         """End of the pulse in s."""
         return self.start + self.width
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"pulse {self.power * 1e3:g} mW, {self.width * 1e6:g} us"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Start and end in s."""
-        return np.array([self.start, self.stop])
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """Zero, the power in W, and zero."""
-        return np.array([0.0, self.power, 0.0])
+    def _steps(self) -> tuple[Array, Array]:
+        return np.array([self.start, self.stop]), np.array([0.0, self.power, 0.0])
 
 
 @dataclass(frozen=True)
@@ -230,9 +218,7 @@ class SquareWave(Waveform):
         _time("period", self.period)
         checks.between("duty", self.duty, 1e-6, 1 - 1e-6, hint="it is the fraction of the period that is on")
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"square wave {self.power * 1e3:g} mW, {self.period * 1e6:g} us, duty {self.duty:.3g}"
 
     @property
@@ -247,7 +233,7 @@ class SquareWave(Waveform):
 
 
 @dataclass(frozen=True)
-class Telegraph(Switched):
+class Telegraph(Steps):
     """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.
 
     Parameters
@@ -271,22 +257,17 @@ class Telegraph(Switched):
         _time("dwell", self.dwell)
         _time("duration", self.duration, 1e6 * self.dwell)
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"telegraph {self.power * 1e3:g} mW, {self.dwell * 1e6:.3g} us"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Times of change in s."""
+    def _steps(self) -> tuple[Array, Array]:
         draw = np.random.default_rng(self.seed)
         times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
-        times = times[times < self.duration]
-        return np.append(times, self.duration) if times.size % 2 == 0 else times
+        return _on_off(self.power, times[times < self.duration], self.duration)
 
 
 @dataclass(frozen=True)
-class Chirp(Switched):
+class Chirp(Steps):
     """Square wave whose period goes from one value to another, each cycle by nearly the same factor.
 
     The frequency is f(t) = f_0 (f_1/f_0)^(t/duration), and the power is on while the fraction of the phase
@@ -317,19 +298,15 @@ class Chirp(Switched):
         if self.first == self.last:
             raise InputError(f"first = last = {self.first:g} s do not differ", "take a SquareWave")
 
-    @property
-    def words(self) -> str:
-        """A short description."""
+    def _words(self) -> str:
         return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Times of change in s."""
+    def _steps(self) -> tuple[Array, Array]:
         rate = np.log(self.first / self.last) / self.duration
         cycles = np.expm1(rate * self.duration) / (rate * self.first)
         phase = (np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]).ravel()[1:]
         times = np.log1p(phase[phase < cycles] * rate * self.first) / rate
-        return np.append(times, self.duration) if times.size % 2 == 0 else times
+        return _on_off(self.power, times, self.duration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,19 +363,14 @@ class Symbols(Steps):
         """End of the last symbol in s."""
         return self.start + np.size(self.values) / self.rate
 
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Ends of all nodes in s, shape (n nodes + 1,)."""
-        nodes = np.size(self.mask)
-        return self.start + np.arange(np.size(self.values) * nodes + 1) / (self.rate * nodes)
-
-    @cached_property
-    def levels(self) -> Array:  # type: ignore[override]
-        """Power of every node in W, the bias before and after them."""
+    def _steps(self) -> tuple[Array, Array]:
+        """Ends of all nodes in s, and the power of every node in W, the bias before and after them."""
+        count = np.size(self.mask)
+        edges = self.start + np.arange(np.size(self.values) * count + 1) / (self.rate * count)
         nodes = np.outer(np.asarray(self.values), np.asarray(self.mask)).ravel()
         if self.noise:
             nodes = nodes + self.noise * np.random.default_rng(self.seed).normal(size=nodes.size)
-        return np.concatenate([[self.bias], np.maximum(self.bias + self.power * nodes, 0.0), [self.bias]])
+        return edges, np.concatenate([[self.bias], np.maximum(self.bias + self.power * nodes, 0.0), [self.bias]])
 
     def samples(self, per_node: int = 1) -> Array:
         """Times in s at the ends of equal parts of every node: where a readout samples, shape (n nodes per_node,)."""
@@ -679,9 +651,6 @@ def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Arr
     Returns edges, after, before [shapes (n + 1,), (n,), (n,)]: piece k runs from ``edges[k]`` at power ``after[k]`` to
         ``edges[k + 1]`` at power ``before[k]``.
     """
-    check_wave("wave", wave)
-    if not wave.piecewise_linear:
-        raise InputError(f"{type(wave).__name__} is not piecewise linear", "sample it with th.Sampled first")
     found = wave.pieces(start, stop)
     return found.edges, found.coefficients[:, 0], found.ends
 
@@ -695,7 +664,8 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
     found = wave.pieces(start, stop, tolerance=tolerance)
     if not wave.piecewise_linear:
         low, high = bounds(found)
-        if low < -UNDERSHOOT * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
+        # 1e-6 of the largest power: what a cubic fit may fall below zero where the power is zero
+        if low < -1e-6 * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
             if tolerance <= TOLERANCE:
                 raise InputError(f"the power of the {type(wave).__name__} falls to {low:g} W", "absorbed power heats")
             heating_pieces(wave, start, stop)  # a finer fit tells a negative power from the error of a coarse one
@@ -706,7 +676,7 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
 def check_heating(wave: Waveform, stop: float | None) -> None:
     """Raise InputError for a smooth power that is negative or too large before ``stop`` in s."""
     if stop and not wave.piecewise_linear:
-        heating_pieces(wave, 0.0, stop, tolerance=COARSE)
+        heating_pieces(wave, 0.0, stop, tolerance=1e-4)  # 1e-4: the same, where only the sign of a power is asked
 
 
 def period_times(wave: Waveform, samples: int) -> Array:
@@ -719,7 +689,8 @@ def period_times(wave: Waveform, samples: int) -> Array:
     if period is None:
         raise InputError(f"{type(wave).__name__} has no period", "a periodic state needs a periodic waveform")
     breakpoints = wave.breakpoints(0.0, period)
-    samples = checks.integer("samples", samples, 3, MOST_SAMPLES)
+    # 10_000_000 of a periodic state; more would not fit into memory
+    samples = checks.integer("samples", samples, 3, 10_000_000)
     times = np.arange(samples, dtype=float) * (period / (samples - 1))
     times[-1] = period
     nearest = {min(max(round(e / period * (samples - 1)), 1), samples - 2): e for e in breakpoints.tolist()}

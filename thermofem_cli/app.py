@@ -14,9 +14,10 @@ from thermofem.errors import InputError, MissingLibraryError, one_line
 from thermofem.models import OutsideTrainingWarning
 from thermofem.version import __version__
 
+from .cite_command import cite
 from .console import note, print_numbers, settings
-from .heat.campaign_command import campaign
-from .heat.solve_command import solve
+from .doctor_command import doctor
+from .export_command import export
 from .light.cosimulate_command import cosimulate
 from .light.explore_command import explore
 from .light.identify_command import identify
@@ -25,18 +26,18 @@ from .light.modes_command import modes
 from .light.ring_command import ring
 from .light.simulate_command import simulate
 from .light.stability_command import stability
-from .models.calibrate_command import calibrate
-from .models.design_command import design
-from .models.family_command import family
-from .models.fit_command import fit
-from .models.reduce_command import reduce
-from .models.uncertainty_command import uncertainty
-from .models.validate_command import validate
-from .results.cite_command import cite
-from .results.doctor_command import doctor
-from .results.export_command import export
-from .results.reproduce_command import reproduce
-from .results.show_command import show
+from .options import with_common
+from .reproduce_command import reproduce
+from .show_command import show
+from .thermal.calibrate_command import calibrate
+from .thermal.campaign_command import campaign
+from .thermal.design_command import design
+from .thermal.family_command import family
+from .thermal.fit_command import fit
+from .thermal.reduce_command import reduce
+from .thermal.solve_command import solve
+from .thermal.uncertainty_command import uncertainty
+from .thermal.validate_command import validate
 
 UNFORESEEN = 70  # exit code, sysexits.h: an error of the software
 INTERRUPTED = 130  # exit code of shells after Ctrl-C
@@ -85,7 +86,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for name, command in COMMANDS.items():
-    app.command(name, short_help=(command.__doc__ or "").partition("\n\n")[0])(command)
+    app.command(name, short_help=(command.__doc__ or "").partition("\n\n")[0])(with_common(command))
 
 
 @app.callback()

@@ -1,17 +1,23 @@
-"""Arguments and options that several commands take, each declared once."""
+"""Arguments and options that several commands take, each declared once; processes and clusters of --workers."""
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import inspect
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from thermofem.errors import InputError
+from thermofem.campaign.stored_tasks import processes
+from thermofem.errors import InputError, MissingLibraryError
 
 from . import console
 
-# of every command, the last five parameters of its function
+# of every command; a command declares those alone that it reads
 Json = Annotated[
     bool,
     typer.Option(
@@ -32,6 +38,14 @@ Threads = Annotated[
     typer.Option(min=1, max=1024, callback=console.set_threads, help="Threads to use; default: one for each CPU."),
 ]
 
+EVERYWHERE: dict[str, tuple[Any, Any]] = {
+    "json": (Json, False),
+    "quiet": (Quiet, False),
+    "verbose": (Verbose, False),
+    "seed": (Seed, 0),
+    "threads": (Threads, None),
+}
+
 Geometry = Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")]
 Accuracy = Annotated[float, typer.Option(help="Wanted relative error of the mesh.")]
 GeometryAccuracy = Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")]
@@ -51,11 +65,20 @@ Ring = Annotated[
     typer.Option(help="Ring file (TOML), or borghi2021, borghi2021-lumped for Newton's law, or vanvaerenbergh2012."),
 ]
 Power = Annotated[str, typer.Option(help="Power in the bus waveguide.")]
-Detuning = Annotated[str, typer.Option(help="Laser minus cold resonance.")]
+Detuning = Annotated[
+    str, typer.Option(help="Laser minus cold resonance: '-10 GHz', or in wavelength '80 pm' (to the red).")
+]
 Powers = Annotated[str, typer.Option("--power", help="First and last power in the bus waveguide.")]
 Detunings = Annotated[str, typer.Option("--detuning", help="First and last laser minus cold resonance.")]
 Points = Annotated[str, typer.Option(help="Number of powers and of detunings.")]
 Duration = Annotated[str, typer.Option(help="Length of the run, from a cold start.")]
+Rtol = Annotated[float, typer.Option(help="Relative error of the integration.")]
+Wavelength = Annotated[
+    str | None,
+    typer.Option(help="Vacuum wavelength; a ring has the resonance next to it. Default: that of [light], or 1550 nm."),
+]
+Pulse = Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'; default: a step.")]
+Square = Annotated[str | None, typer.Option(help="Heat in a square wave of this period, from rest, e.g. '1 us'.")]
 Duty = Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")]
 
 Family = Annotated[Path, typer.Argument(metavar="FAMILY", help="Family file of thermofem family.")]
@@ -91,3 +114,47 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
             values = [value] if not isinstance(value, list | tuple) else value
             said = "" if value is True else " " + ", ".join(map(str, values))
             raise InputError(f"--{name.strip('_').replace('_', '-')}{said} {why}; leave it out")
+
+
+def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command with the options of every command behind its own; it receives those alone that it declares."""
+    own = inspect.signature(command, eval_str=True)
+    rest = {name: value for name, value in own.parameters.items() if name not in EVERYWHERE}
+    common = [
+        inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
+        for name, (kind, default) in EVERYWHERE.items()
+    ]
+
+    @functools.wraps(command)
+    def run(**given: Any) -> Any:
+        return command(**{name: value for name, value in given.items() if name in own.parameters})
+
+    shown = [own.parameters.get(one.name, one) for one in common]
+    run.__signature__ = own.replace(parameters=[*rest.values(), *shown])  # type: ignore[attr-defined]  # typer reads it
+    return run
+
+
+@contextlib.contextmanager
+def executor_of(scheduler: str | None, workers: int | None = None) -> Iterator[Executor | None]:
+    """Executor of a Dask cluster at an address, or of several processes; None where neither is asked for.
+
+    Raises InputError: both are given, or the scheduler does not answer. Raises MissingLibraryError: no Dask.
+    """
+    if scheduler and workers:
+        raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
+    if workers and workers > 1:
+        with processes(workers) as pool:
+            yield pool
+    elif not scheduler:
+        yield None
+    else:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise MissingLibraryError('--scheduler needs Dask: pip install "thermofem[dask]"') from None
+        try:
+            client = Client(scheduler, timeout="10s", set_as_default=False)
+        except Exception as error:  # TypeError, too, of protocols that are not set up
+            raise InputError(f"--scheduler = {scheduler!r} does not answer: {' '.join(str(error).split())}") from None
+        with client:
+            yield client.get_executor(pure=False)

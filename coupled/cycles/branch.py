@@ -232,7 +232,8 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     """The cycle of a problem, by continuation from a Hopf point at another power or detuning."""
     own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
     wanted = {"power": p.power, "detuning": p.detuning}
-    names = [name for name in LASER if wanted[name] != own[name]]
+    far = {"power": abs(p.power / own["power"] - 1), "detuning": abs(p.detuning - own["detuning"]) / p.ring.linear_rate}
+    names = sorted((name for name in LASER if far[name] > 0), key=lambda name: -far[name])  # the cycle grows at first
     if not names:
         raise InputError("the Hopf point given as guess is at this power and detuning: its cycle has no size there")
     base, place = replace(p, **own), None

@@ -11,13 +11,13 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring, one_laser
-from ..equilibria.observables import provenance
+from ..arguments import check_detuning, check_power, check_ring
+from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from . import branch
 from .cycle_problem import CycleProblem
 from .hopf_points import born, is_hopf_point, laser_of
@@ -33,7 +33,6 @@ MOST = 100_000  # cycles of a branch
 SAME_RISE = 1e-6  # of a rise by heaters: what one model makes of equal powers
 
 
-@one_laser
 def continue_cycle(
     ring: RingResonator,
     model: ThermalModel,
@@ -99,6 +98,7 @@ def continue_cycle(
     4.598 GHz; ends in a Hopf point
     """
     check_ring(ring)
+    doubts = check_geometry(ring, model)
     points = checks.integer("points", points, 1, MOST)
     warm = constant(model, heaters, heated, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
@@ -118,7 +118,7 @@ def continue_cycle(
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)
-    path = _dataset(family, found, why).assign_attrs(warm.attributes)
+    path = _dataset(family, found, why).assign_attrs(warm.attributes | doubts)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path
 

@@ -21,14 +21,13 @@ from thermofem.arrays import Array
 from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring, one_laser
-from ..equilibria.observables import provenance
+from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import constant
 from ..kernel.integrator import QuadraticHeat
 from ..kernel.units import NS, internal_heat
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from .cycle_problem import CycleProblem
 from .limit_cycle import cycle_near
 from .multiple_shooting import Family, Nodes, flow, linearised, newton, weights
@@ -38,10 +37,10 @@ from .return_map import Orbit
 
 if TYPE_CHECKING:
     import xarray as xr
+
 FINEST = 1e-11  # rtol of the traces: light, which follows heat and carriers, has derivatives that err by 1e4 times it
 
 
-@one_laser
 def cycle_derivatives(
     ring: RingResonator,
     model: ThermalModel,

@@ -2,7 +2,7 @@
 
     x = x_0 + r Re(q exp(i w t)),     J q = i w q,     dr/dt = growth r + g r^3
 
-r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`equilibria.lyapunov`). A branch of
+r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`equilibria.onset`). A branch of
 ever smaller cycles ends where a pair of eigenvalues crosses the imaginary axis, found by the secant method on the real
 part; its last "cycle" is the fixed point itself.
 
@@ -57,7 +57,7 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
     if np.ndim(guess["power"] if "power" in getattr(guess, "variables", {}) else 0.0) != 0:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
     what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
-    contents("guess", guess, dict.fromkeys(("power", "detuning", "energy", "frequency"), ""), what=what)
+    contents("guess", guess, ("power", "detuning", "energy", "frequency"), what=what)
     for name, unit in (("energy", "J"), ("frequency", "Hz")):
         checks.positive(f"guess[{name!r}]", guess[name].item(), unit=unit, hint=what)
     power = check_power(guess["power"].item(), "guess['power']")

@@ -17,13 +17,13 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.cycle import circuit_limit_cycle
-from ..equilibria.observables import provenance
+from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.integrator import PoleHeat
 from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from .branch import near_hopf
 from .cycle_problem import CycleProblem
 from .hopf_points import is_hopf_point
@@ -103,13 +103,14 @@ def limit_cycle(
     if isinstance(ring, Circuit):
         return circuit_limit_cycle(ring, model, power=power, heaters=heaters, detuning=detuning, settle=settle)
     check_ring(ring)
+    doubts = check_geometry(ring, model)
     power, detuning = check_power(power), check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     p = CycleProblem(ring, warm.model, float(power), float(detuning), warm.rise)
     orbit = p.settled(p.flow.rough.zero()) if guess is None else cycle_near(p, guess)
     cycle = dataset_of(p, orbit)
     trusted(model, cycle["delta_T"].values - warm.rise)
-    cycle.attrs |= warm.attributes
+    cycle.attrs |= warm.attributes | doubts
     return cycle
 
 

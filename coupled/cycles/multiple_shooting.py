@@ -34,6 +34,7 @@ COARSE = 1e-7  # rtol of the traces that are differentiated: multipliers to 1e-6
 GROWTH = 100.0  # of a deviation between two nodes
 STRIDE = 6  # coarse steps between two places where a node may stand
 CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
+SMALLEST = 0.01  # range of an orbit, of its largest values, to which they are compared at least
 FARTHEST = 0.5  # of the largest values, the first step
 MOST_STEPS = 7  # of Newton's method
 
@@ -165,7 +166,7 @@ def weights(family: Family, sizes: Array, T: float) -> Array:
 
 
 def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array) -> Step | None:
-    """A step of Newton's method to ``rows`` . dx = ``target``, and the directions; ``rows`` in the units of ``unit``."""
+    """A step to ``rows`` . dx = ``target``, and the directions; ``rows`` in the units of ``unit``."""
     m, n = nodes.y.shape
     q, size, T = nodes.values.size, 1 / unit[:n], 1 / unit[n]
     across = np.stack([known.problem.slopes(y)[0] for y in nodes.y]) / size
@@ -220,7 +221,7 @@ def corrected(
         step = known and newton(nodes, known, rows, (rows * unit) @ (position(trial) - position(nodes)), unit)
         if not step or not step.size < min(FARTHEST * extent, 2 * best) or not step.nodes.h.min() > 0:
             return None
-        if step.size <= CLOSE_ENOUGH * extent:
+        if step.size <= CLOSE_ENOUGH * max(extent, SMALLEST):
             return place_of(family, nodes, known, step, k + 1)
         nodes, best = step.nodes, step.size
     return None

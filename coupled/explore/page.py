@@ -19,7 +19,8 @@ from thermofem.data.files import check_target, write_whole
 from thermofem.models import ThermalModel
 from thermofem.version import __version__
 
-from ..arguments import check_detuning, check_power, one_laser
+from ..arguments import check_detuning, check_power
+from ..contradictions import check_geometry
 from ..heaters import heater_power
 from ..resonator import RingResonator
 from . import bundle, contents
@@ -65,7 +66,6 @@ class Page:
         return f'<iframe srcdoc="{text}" style="width:100%;height:900px;border:0" title="ring"></iframe>'
 
 
-@one_laser
 def explore(
     ring: RingResonator,
     models: ThermalModel | Mapping[str, ThermalModel] | None = None,
@@ -136,11 +136,14 @@ def explore(
         from thermofem.fem import HeatProblem  # brings scikit-fem
 
         checks.instance("heat", heat, HeatProblem, hint="th.assemble(geometry) makes the HeatProblem")
-    given = models if isinstance(models, Mapping) else {"model": models} if models is not None else {}
+    given: Mapping[str, Any] = (
+        models if isinstance(models, Mapping) else {"model": models} if models is not None else {}
+    )
     for name, model in given.items():
         origin = getattr(getattr(model, "model", model), "origin", None)
         if heat is not None and other_geometry(origin, {"geometry": heat.geometry.to_toml()}):
             raise checks.InputError(f"heat is of another geometry than the model {name!r}, whose field it would draw")
+    check_geometry(ring, next((one for one in (heat, family, *given.values()) if one is not None), None))
     parts = contents.Parts(heated, read)
     own = [] if models is None else contents.models_of(models, parts)
     names = [model["name"] for model in own]

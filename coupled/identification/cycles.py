@@ -21,6 +21,7 @@ from thermofem.arrays import Array, Complex, NDArray
 from thermofem.data.variables import in_si
 
 from ..runs.pulsing import Regime, crossings, pulsing
+from ..runs.repetition import LONGEST_PATTERN
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +36,7 @@ PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits t
 PARTS, MOVES = 32, 0.05  # pieces of a trace at rest, and the share of the mean by which their means may differ
 LEVEL = 0.05  # of the mean: a smaller swing counts as that
 NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses, with a swing that counts
+NEAR = 0.1  # of a whole number, relative: a ratio of periods that is one
 STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
 
 
@@ -186,8 +188,11 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     return grid, np.interp(grid, t, drop)
 
 
-def cycle_of(run: xr.Dataset, *, at: Array | None = None) -> Cycle:
+def cycle_of(run: xr.Dataset, *, at: Array | None = None, near: float = np.nan) -> Cycle:
     """The mean cycle of a noiseless trace of `simulate`.
+
+    ``near`` is the period in s of the trace that it is compared with: pulses of several rises, or that alternate, are
+    cut where that is.
 
     ``at`` are the times in s at which a measured trace was sampled: straight lines between samples cut the corners of a
     cycle, which must be the same ones in both. All cycles of their second half then count by one clock, as `observe`
@@ -198,7 +203,9 @@ def cycle_of(run: xr.Dataset, *, at: Array | None = None) -> Cycle:
     late = t >= t[-1] - SETTLED_SHARE * (t[-1] - t[0])
     edges = np.empty(0)
     if found.regime == Regime.SELF_PULSING:
-        edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)[-LAST - 1 :]
+        edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)
+        several = _rises(edges, near)
+        edges = edges[::-1][::several][LAST::-1]
     if edges.size < 2:
         still = np.zeros(HARMONICS + 1, dtype=complex)
         late = np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512) if at is None else at
@@ -217,6 +224,13 @@ def cycle_of(run: xr.Dataset, *, at: Array | None = None) -> Cycle:
         mean = Observed(clock, _pieces(t, drop, marks, step, SAMPLES)).mean()
         clock = mean.period
     return mean
+
+
+def _rises(edges: Array, period: float) -> int:
+    """Number of rises of a run in a cycle of the trace: 1, unless a multiple of their distance is its period."""
+    ratio = period / float(np.mean(np.diff(edges[-2 * LAST - 1 :]))) if edges.size > 1 and np.isfinite(period) else 1.0
+    whole = round(ratio)
+    return whole if 1 < whole <= LONGEST_PATTERN and abs(ratio / whole - 1) < NEAR else 1
 
 
 def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -14,11 +14,12 @@ from thermofem.arrays import Array
 from thermofem.data import dataset, quantity
 from thermofem.models import HasModel, ThermalModel
 
-from ..arguments import check_ring
-from ..bar import bar
+from ..arguments import bar, check_ring
+from ..contradictions import check_geometry
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import ThermalFamily, Unknowns, unknowns
+from .cycles import NEAR
 from .forced_filters import Start, forced_starts
 from .levenberg import End, Prior, Residuals, central_slopes, least_squares
 from .matching import Target, at_bound, targets_of
@@ -26,7 +27,6 @@ from .settled_cycles import SOFT, STAGES, Seen, Stage, compared, cycle_residuals
 
 log = logging.getLogger("thermofem")
 
-NEAR = 0.1  # of a whole number, relative: a ratio of periods that is one
 ALONG = (
     0,
     -0.01,
@@ -160,6 +160,7 @@ def identify(
     three traces by a multi-objective swarm, and takes the standard deviation over ten runs.
     """
     check_ring(ring)
+    doubts = tuple(check_geometry(ring, model).values())
     what = unknowns(ring, free, model, bounds)
     targets = targets_of(traces)
     seed = checks.seed(seed)
@@ -170,7 +171,8 @@ def identify(
         found = _searched(what, targets, residuals, runs, seed, advance)
     if not found:
         raise checks.InputError("no model in the bounds could be integrated under the drive of the traces")
-    return _result(what, targets, aims, found, residuals)
+    result = _result(what, targets, aims, found, residuals)
+    return replace(result, notes=doubts + result.notes)
 
 
 def _followed(

@@ -15,6 +15,7 @@ from thermofem.arrays import Array, NDArray
 from thermofem.data.variables import in_si
 
 from ..arguments import check_detuning, check_power
+from ..contradictions import without_origin
 from ..kernel.units import slowest_rate
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
@@ -136,10 +137,10 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     at = target.sampling(model)
     end = float(at[-1])
     run = simulate(
-        ring, model, power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
+        ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
         times=np.unique(np.minimum(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]).round(15), end)),
     )  # fmt: skip
-    return cycle_of(run, at=at)
+    return cycle_of(run, at=at, near=target.observed.clock)
 
 
 def residuals(what: Unknowns, targets: list[Target], wanted: list[Cycle], x: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from thermofem.arrays import Array
 from thermofem.errors import InputError
 
+from ..contradictions import without_origin
 from ..resonator import RingResonator
 from ..runs.pulsing import Regime, crossings, pulsing
 from ..runs.repetition import LONGEST_PATTERN, miss
@@ -98,9 +99,10 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
     early, late = max(EARLY, middle / MOST), max(LATE, (end - middle) / MOST)
     times = np.concatenate([np.arange(0.0, middle, early), np.arange(middle + late, end, late)])
     run = simulate(
-        ring, model, power=target.power, detuning=target.detuning, duration=end, times=times, rtol=RTOL
+        ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, times=times,
+        rtol=RTOL,
     )  # fmt: skip
-    return run, cycle_of(run, at=np.linspace(begin, end, int((end - begin) / late)))
+    return run, cycle_of(run, at=np.linspace(begin, end, int((end - begin) / late)), near=target.observed.clock)
 
 
 def repeats(run: xr.Dataset) -> bool:

@@ -20,17 +20,16 @@ from thermofem.data import dataset
 from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
-from ..arguments import check_duration, one_laser
-from ..bar import bar
+from ..arguments import bar, check_duration
+from ..contradictions import check_geometry
 from ..cycles.orbit import check_carriers, has_carriers
-from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..kernels.interrupts import new_watch
 from ..resonator import RingResonator
 from ..runs.pulsing import Regime
 from ..runs.resting import Rest
 from ..states import State
-from ..thermal import Compact, long_enough
+from ..thermal import Compact, long_enough, provenance
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .trace_of_point import pulse, rests
@@ -57,7 +56,6 @@ class _Cell(NamedTuple):
     reason: str
 
 
-@one_laser
 def pulsing_map(
     ring: RingResonator,
     model: ThermalModel,
@@ -138,6 +136,7 @@ def pulsing_map(
     """
     warm = constant(model, heaters, heated, read)
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
+    doubts = check_geometry(ring, model)
     if settled is None:
         settled = duration is None and follow is None and has_carriers(ring)
     elif checks.flag("settled", settled) and not (duration is None and follow is None):
@@ -184,7 +183,7 @@ def pulsing_map(
     variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
     pulses = np.array(columns["regime"]) == str(Regime.SELF_PULSING)
     trusted_map(model, small, grid, np.where(pulses, columns["swing"], np.nan))
-    return xr.Dataset(variables, grid.coordinates(), attrs)
+    return xr.Dataset(variables, grid.coordinates(), attrs | doubts)
 
 
 def overlap(first: xr.Dataset, second: xr.Dataset) -> float:

@@ -14,13 +14,13 @@ from thermofem.data import dataset
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 
+from ..contradictions import check_geometry
 from ..equilibria.balance import absorbable, internal_ring
-from ..equilibria.observables import provenance
 from ..equilibria.spectrum import survey
 from ..heaters import constant
 from ..kernel.units import NS, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import Compact, compact, warn_at_top
+from ..thermal import Compact, compact, provenance, warn_at_top
 from .grid import Grid, grid_of
 from .trust import trusted_map
 
@@ -75,6 +75,7 @@ def stability_map(
     """
     warm = constant(model, heaters, heated, read)
     grid = grid_of(ring, powers, detunings, vary, results=("frequency",)).warmed(warm)
+    doubts = check_geometry(ring, model)
     small, fixed, stable, growth, omega = _survey(warm.model, grid)
     names = np.array(["self-pulsing", "stable", "bistable"])
     over = grid.names
@@ -86,7 +87,7 @@ def stability_map(
         "frequency": (over, omega, dataset.describe("frequency")),
     }
     trusted_map(model, small, grid)
-    attrs = provenance("stability map", ring, small) | grid.fixed | warm.attributes
+    attrs = provenance("stability map", ring, small) | grid.fixed | warm.attributes | doubts
     return xr.Dataset(variables, grid.coordinates(), attrs)
 
 

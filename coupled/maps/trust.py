@@ -11,6 +11,7 @@ from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 
+from ..contradictions import without_origin
 from ..equilibria.balance import absorbable, balance, fixed_points, internal_ring
 from ..kernel.units import internal_detuning, internal_pump
 from ..thermal import Compact, trusted
@@ -60,7 +61,7 @@ def _pulsing(model: Compact, point: Point) -> float:
 
     ring, power, detuning = point
     try:
-        cycle: Any = limit_cycle(ring, model, power=power, detuning=detuning)
+        cycle: Any = limit_cycle(ring, without_origin(model), power=power, detuning=detuning)
     except checks.InputError:
         return 0.0
     return float(cycle["delta_T"].max())

@@ -10,7 +10,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
 from thermofem.data.variables import contents, label
-from thermofem.plot import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes, takes
+from thermofem.plot import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ..circuit import Circuit
 
 RUN = "a Dataset of coupled.simulate"
-PANELS = 8  # of a figure; further lines share the last one
 PITCH, RADIUS, BUS = 2.4, 0.7, 0.85  # distance and size of the rings, and height of the buses above and below
 _SIDES = {"in": (-0.75, -BUS), "through": (0.75, -BUS), "add": (0.75, BUS), "drop": (-0.75, BUS)}
 _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "out 2": (0.4, 0.2)}
@@ -27,7 +26,6 @@ _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "o
 
 def plot_circuit(circuit: Circuit, ax: Axes | None = None) -> Axes:
     """The circuit as a drawing: rings in a row on their two buses, arrows for light from terminal to terminal."""
-    takes("circuit", circuit, "names", "splitters", "waveguides", what="a coupled.Circuit")
     ax = axes(ax, (max(WIDTH, 1.2 * (len(circuit.names) + len(circuit.splitters)) + 2.1), 2.4))
     at: dict[str, tuple[float, float]] = {}
     for k, name in enumerate(circuit.names):
@@ -78,15 +76,14 @@ def _outside(ax: Axes, name: str, place: tuple[float, float], colour: str, *, in
 
 def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -> Axes:
     """One quantity of every ring against time (us): a panel for each, or all in given Axes."""
-    takes("run", run, "time", "ring", "data_vars", what=RUN)
     choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
-    run = contents("run", run, {"time": "time", "ring": "ring", name: "ring time"}, what=RUN, words=("ring",))
+    run = contents("run", run, ("time", "ring", name), what=RUN)
     return _lines(ax, run[name], "ring", label(run[name], name))
 
 
 def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Power (mW) at every port against time (us): a panel for each, or all in given Axes."""
-    run = contents("run", run, {"time": "time", "port": "port", "output": "port time"}, what=RUN, words=("port",))
+    run = contents("run", run, ("time", "port", "output"), what=RUN)
     return _lines(ax, run["output"] * 1e3, "port", "power (mW)")
 
 
@@ -97,7 +94,8 @@ def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes
     """
     names = values[over].values
     if ax is None:
-        panels = min(names.size, PANELS)
+        # further lines share the eighth panel
+        panels = min(names.size, 8)
         size = (SIZE[0], 0.9 + 1.1 * panels)
         figure, column = plt.subplots(
             panels, 1, figsize=size, sharex=True, sharey=True, squeeze=False, layout="constrained"

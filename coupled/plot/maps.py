@@ -10,12 +10,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
-from thermofem.checks import InputError, choice, mapping, numbers
+from thermofem.checks import InputError, choice, mapping
 from thermofem.data.variables import contents
-from thermofem.plot import INK, WIDTH, takes
+from thermofem.plot import INK, WIDTH
 from thermofem.plot import axes as new_axes
 
-from .axes import LIGHT, curves_over, dbm, joined, readable
+from .curves import LIGHT, curves_over, dbm, joined, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,7 +81,7 @@ def plot_map(
     else:
         factor, label = _SCALED[show]
         values = 1 / data["period"] if show == "frequency" and "period" in data else data[show]
-        low, high = (None, None) if limits is None else _ends(limits)
+        low, high = limits or (None, None)
         cells = ax.pcolormesh(x, y, values.values * factor, cmap="viridis", vmin=low, vmax=high, rasterized=True)
         if key:
             ax.figure.colorbar(cells, ax=ax, label=label)
@@ -112,7 +112,6 @@ def plot_maps(
     show: what to draw, as in `plot_map`.
     hopf, folds [mapping from the model's name to its curves]
     """
-    takes("maps", maps, "items", "values", what="a mapping from names to maps")
     maps = {name: _check("maps", one, f"a mapping from names to maps, each {MAP}") for name, one in maps.items()}
     lines = {title: _hopf_of(f"hopf[{title!r}]", one) for title, one in mapping("hopf", hopf).items()}
     borders = {title: _folds_of(f"folds[{title!r}]", one) for title, one in mapping("folds", folds).items()}
@@ -143,36 +142,22 @@ def plot_maps(
     return axes
 
 
-def _ends(limits: Any) -> tuple[float, float]:
-    """Both ends of a colour scale."""
-    values = numbers("limits", limits)
-    if values.shape != (2,) or not values[0] <= values[1]:
-        raise InputError(f"limits = {limits!r} must be (lowest, highest)")
-    return float(values[0]), float(values[1])
-
-
 def _hopf_of(name: str, given: Any) -> list[Any]:
-    dims = dict.fromkeys(("power", "detuning", "leading", "lyapunov"), "point")
-    return curves_over(name, given, dims, what="a Dataset of coupled.hopf_curves", words=("leading",))
+    dims = ("power", "detuning", "leading", "lyapunov")
+    return curves_over(name, given, dims, what="a Dataset of coupled.hopf_curves")
 
 
 def _folds_of(name: str, given: Any) -> list[Any]:
     what = "a Dataset of coupled.fold_curves or coupled.cycles.cycle_folds.cycle_fold_curves"
-    return curves_over(name, given, dict.fromkeys(("power", "detuning"), "point"), what=what)
+    return curves_over(name, given, ("power", "detuning"), what=what)
 
 
 def _check(name: str, data: Any, what: str) -> Any:
     """The map in SI; InputError unless this is one with its two axes."""
-    takes(name, data, "regime", "variables", what=what)
     dims = [str(one) for one in data["regime"].dims]
     if len(dims) != 2 or not set(dims) <= {*data.variables}:
         raise InputError(f"{name}['regime'] is over ({', '.join(dims)}), not over two axes; this function takes {what}")
-    own = {one: " ".join(dims) for one in _SCALED if one in data.variables}
-    own |= {"regime": " ".join(dims), **{one: one for one in dims}}
-    data = contents(name, data, own, what=what, words=("regime",))
-    for one in dims:
-        numbers(f"{name}[{one!r}]", data[one].values)
-    return data
+    return contents(name, data, ("regime", *dims), what=what)
 
 
 def _maps_key(

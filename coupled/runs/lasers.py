@@ -17,15 +17,13 @@ from thermofem import checks
 from thermofem.arrays import Array, NDArray
 
 from ..arguments import detuning_in_time, power_in_time
-from ..inputs import Input, add, joint, pieces
+from ..inputs import Input, Spans, add, beats, integral, joint, largest, pieces, spans, table, values
 from ..kernel import units as eq
 from ..kernel.integrator import Drive, Problem
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact
-from .driven import Spans, beats, spans
-from .window import integral, largest, table, values
 
 if TYPE_CHECKING:
     import xarray as xr

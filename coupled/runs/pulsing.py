@@ -15,7 +15,7 @@ from thermofem.data import quantity
 from thermofem.data.variables import in_si
 
 from ..arguments import LONGEST
-from .driven import varies_in
+from ..inputs import varies_in
 from .repetition import FAR, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss, pattern
 from .resting import Rest, resistance_of_run, rest_of_run
 

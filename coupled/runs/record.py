@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -44,12 +43,3 @@ def traces(ring: RingResonator, run: Window, light: dict[str, Any]) -> dict[str,
     if ring.scattering_rate > 0:
         traces["scattered"] = 2 * ring.scattering_rate * U
     return traces | {name: at[name] for name, value in light.items() if not isinstance(value, float)}
-
-
-def heater_powers(powers: Mapping[str, Any], time: Array) -> dict[str, Any]:
-    """The variable heater_power over heater and time, and its coordinate; ``powers`` are functions of time."""
-    if not powers:
-        return {}
-    about = {"units": "W", "long_name": "power of a heater"}
-    rows = np.array([wave(time) for wave in powers.values()])
-    return {"heater_power": (("heater", "time"), rows, about), "heater": ("heater", np.array(list(powers)), {})}

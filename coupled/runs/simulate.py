@@ -17,15 +17,15 @@ from thermofem.models import ThermalModel
 from ..arguments import check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
-from ..heaters import channels, heating
-from ..inputs import Input
+from ..contradictions import check_geometry
+from ..heaters import channels, heater_powers, heating
+from ..inputs import Input, attribute, spans
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import Compact, attributes, dense_times, trusted
-from .driven import attribute, spans
 from .lasers import Laser, check_lasers, further_fields, run_several, variables_of, varying
-from .record import heater_powers, provenance, traces
+from .record import provenance, traces
 from .resting import rest_near
 from .window import NO_TIMES, Event, Window, advance
 
@@ -148,11 +148,14 @@ def simulate(
         for name, value in alone.items():
             if value is not None:
                 raise checks.InputError(f"{name} is for one ring; a circuit has its own lasers, ports and heaters")
+        for one in dict.fromkeys(ring.resonators):
+            check_geometry(one, model)
         return run_circuit(
             ring, model, power=power, detuning=detuning, heaters=heaters, duration=duration, rtol=rtol, times=times,
             average=average, method=check_method(method), initial=initial, progress=progress,
         )  # fmt: skip
     duration, rtol = check_run(ring, duration, rtol)
+    doubts = check_geometry(ring, model)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else check_times(times, duration)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
@@ -195,6 +198,7 @@ def simulate(
         {"time": ("time", run.time, dataset.describe("time"))},
         {
             **provenance(ring, light, duration),
+            **doubts,
             **attribute(spans(given, float(duration)) | further),
             **attributes(small),
             **({} if initial is None else {"initial": "given"}),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from thermofem.arrays import Array, NDArray
 from thermofem.piecewise import Pieces, bounds
 
 from ..arguments import ROUND_OFF
-from ..inputs import add, joint, pieces
+from ..inputs import add, joint, largest, pieces, table
 from ..kernel import units as eq
 from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
 from ..kernel.tableaus import Method
@@ -163,35 +163,6 @@ def drive_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
         np.ones((1, 1), dtype=complex),
         np.array([largest(squared)]),
     )
-
-
-def values(functions: Polynomials, times: Array) -> Array:
-    """Values of the kernel's functions at times in s, shape (functions, m)."""
-    t = times / eq.NS
-    k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
-    u = (t - functions.edges[k])[:, None] ** np.arange(functions.coefficients.shape[2])
-    return np.asarray(np.einsum("mft,mt->fm", functions.coefficients[k], u))
-
-
-def integral(rates: Polynomials) -> Polynomials:
-    """The integrals of functions from the first edge on."""
-    c, h = rates.coefficients, np.diff(rates.edges)
-    n = np.arange(1, c.shape[2] + 1)
-    ends = np.cumsum((c / n * h[:, None, None] ** n).sum(axis=2), axis=0)
-    starts = np.vstack([np.zeros(c.shape[1]), ends[:-1]])
-    return Polynomials(rates.edges, np.concatenate([starts[:, :, None], c / n], axis=2))
-
-
-def largest(power: Pieces) -> float:
-    """Largest power at the breakpoints; above 0 in the dark, too."""
-    return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power.ends[-1])), 1e-300)
-
-
-def table(functions: Sequence[Pieces]) -> Polynomials:
-    """Functions of time in s as the kernel's polynomials of time in ns, on their joint edges."""
-    edges = joint(*functions)
-    coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
-    return Polynomials(edges / eq.NS, coefficients * eq.NS ** np.arange(coefficients.shape[2]))
 
 
 def constant_laser(start: float, stop: float, pump: float, detuning: float) -> Any:

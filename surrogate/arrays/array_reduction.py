@@ -7,7 +7,7 @@ distance d_ij from ring j, reads that field off the axis. With one reduced field
     H_ij     = sum_k b_k c_k(d_ij)/(s + lambda_k) = H_ji
 
 The static field of the heated ring is in the basis: the static gain of every pair is that of the FEM. How the error of
-a pair is bounded stands in `surrogate.arrays.channel_pairs`.
+a pair is bounded stands in `surrogate.arrays.ring_pairs`.
 
 Rings of different geometry: ring i has its own cross-section, over which it reads the field of ring j. What ring j
 reads of ring i is the same but for the silicon of the reading ring and the two meshes; the model has the mean of both.
@@ -34,10 +34,8 @@ from thermofem.fem import HeatProblem
 from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 
-from .channel_pairs import Pairs, reduce_pairs
-from .ring_positions import SAME, RingKinds, check_positions, ring_positions, rings_of, with_copies
+from .ring_pairs import SAME, Pairs, RingKinds, check_positions, reduce_pairs, ring_positions, rings_of, with_copies
 
-ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
 _SHARES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
 
@@ -293,7 +291,7 @@ def _is_passive(model: StateSpace) -> bool:
         here = which == k
         total = total + model.C[:, here] @ model.B[here, :n] / values[k]
         least = min(least, float(np.linalg.eigvalsh((total + total.T) / 2)[0]))
-    return least >= -ROUND_OFF * float(model.gain.max())
+    return least >= -1e-14 * float(model.gain.max())  # 1e-14 of the largest R_th: an eigenvalue that is 0
 
 
 def _half_time(channel: Foster) -> float:

@@ -1,4 +1,4 @@
-"""Models for other programs. Model files of this project are `thermofem.models.files`.
+"""Models for other programs. Model files of this project are `thermofem.models.model_files`.
 
 A format joins by a function ``write(model, path, header, ...)`` and one line in `FORMATS`.
 """

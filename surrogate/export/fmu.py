@@ -114,9 +114,9 @@ def write(
         if fmi == 3:
             (root / "sources" / "buildDescription.xml").write_bytes(_xml(_build_description(name)))
         _compile(root, name, fmi, platforms)
-        if run is not None:
+        if run is not None and rates is not None:
             demo = path.with_name(f"{path.stem}_demo.py")
-            write_whole(demo, lambda p: p.write_text(_script(path, run), encoding="utf-8"))
+            write_whole(demo, lambda p: p.write_text(_script(path, run, rates.output_port), encoding="utf-8"))
         return write_whole(path, lambda p: _pack(root, p))
 
 
@@ -321,12 +321,12 @@ def _compile(root: Path, name: str, fmi: int, platforms: Sequence[str]) -> None:
                 extra.unlink()
 
 
-def _script(path: Path, run: Demonstration) -> str:
+def _script(path: Path, run: Demonstration, port: str) -> str:
     """A script that runs the unit of a ring in FMPy."""
     file, stem = plain_name(path.name), path.stem
     return f'''"""{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold.
 
-Writes {stem}_demo.csv: time in s, drop power in W. Needs FMPy (pip install fmpy).
+Writes {stem}_demo.csv: time in s, {port} power in W. Needs FMPy (pip install fmpy).
 The unit integrates at rtol = 1e-6: periods within 1e-5; {run.reason()}.
 """
 
@@ -339,8 +339,8 @@ result = simulate_fmu(
     stop_time={DURATION!r},
     output_interval={STEP!r},
     start_values={{"power": {run.power!r}, "detuning": {run.detuning!r}}},
-    output=["drop"],
+    output=["{port}"],
 )
-table = np.column_stack([result["time"], result["drop"]])
-np.savetxt("{stem}_demo.csv", table, delimiter=",", header="time,drop", comments="")
+table = np.column_stack([result["time"], result["{port}"]])
+np.savetxt("{stem}_demo.csv", table, delimiter=",", header="time,{port}", comments="")
 '''

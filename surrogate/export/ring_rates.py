@@ -48,6 +48,11 @@ class RingRates:
     kerr: float
     dispersion: tuple[tuple[float, float], ...]
 
+    @property
+    def output_port(self) -> str:
+        """The port that a demonstration reads: drop, or through for a ring on one bus."""
+        return "drop" if self.drop else "through"
+
 
 def ring_rates(ring: Any) -> RingRates:
     """The numbers of a ring, such as `coupled.RingResonator`: its fields and derived rates in SI are read.

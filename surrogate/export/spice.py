@@ -100,7 +100,7 @@ def _ring(
     ]
     deck = ""
     if run is not None:
-        outputs = {"drop": "drop"} if rates.drop else {"through": "through"}
+        outputs = {rates.output_port: rates.output_port}
         wires = [f"X1 in_re in_im 0 0 {LIGHT.split(' ', 4)[4]} {' '.join(['heat', *others])} 0 {name}"]
         deck = _deck(path, run, run.largest_step(rates), wires, ("in_re", "in_im"), outputs)
     return [*lines, *header], body, deck

@@ -98,7 +98,7 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
         if run is not None:
             demo = path.with_name(f"{path.stem}_demo.sim")
             pins = [{"in_re": "re", "in_im": "im"}.get(pin, "0" if pin[:3] == "add" else pin) for pin in LIGHT]
-            deck = _netlist(name, path, run, run.largest_step(rates), [*pins, *thermal])
+            deck = _netlist(name, path, run, rates, [*pins, *thermal])
             write_whole(demo, lambda p: p.write_text(deck, encoding="ascii"))
     declarations, statements = _foster(net) if net.shares is None else _coupled(net, net.shares)
     listed = ", ".join([*signals, *thermal, "ambient"])
@@ -148,13 +148,14 @@ def _light(r: RingRates, read: str) -> list[str]:
     ]
 
 
-def _netlist(name: str, path: Path, run: Demonstration, step: float, pins: list[str]) -> str:
+def _netlist(name: str, path: Path, run: Demonstration, rates: RingRates, pins: list[str]) -> str:
     """A netlist of VACASK that runs the module from cold."""
+    step, port = run.largest_step(rates), rates.output_port
     file, demo = plain_name(path.name), f"{path.stem}_demo"
     return "\n".join(
         [
             f"{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold",  # the first line is a title
-            f"// vacask {demo}.sim compiles {file} with openvaf-r and writes {demo}.raw: drop_re, drop_im in sqrt(W)",
+            f"// vacask {demo}.sim compiles {file} with openvaf-r and writes {demo}.raw: {port}_re, {port}_im in W^0.5",
             f"// largest step {step:.3g} s: {run.reason()}",
             "ground 0",
             f'load "{file}"',
@@ -166,7 +167,7 @@ def _netlist(name: str, path: Path, run: Demonstration, step: float, pins: list[
             f"x1 ({' '.join([*pins, '0'])}) {name}",
             "control",
             "  options reltol=1e-4",
-            "  save v(drop_re) v(drop_im)",
+            f"  save v({port}_re) v({port}_im)",
             f"  analysis {demo} tran step=1p stop={DURATION!r} maxstep={step!r}",
             "endc",
             "",

@@ -18,18 +18,15 @@ import numpy as np
 
 from thermofem import Boundary, CrossSection
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.contacts import PERFECT
-from thermofem.geometry.parameters import Change
+from thermofem.fem.mesh_division import PERFECT
+from thermofem.geometry.parameter_paths import Change
 from thermofem.geometry.regions import outlines
-from thermofem.materials.laws import PowerLaw
-from thermofem.materials.library import VOID, Material
+from thermofem.materials.material_library import VOID, Material
+from thermofem.materials.property_laws import PowerLaw
 
 from .parameter_box import Box
 
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
-VERTICAL = 1e-9  # of a length: a wall that leans less runs along z
-CLOSE = 1e-6  # m; at most this far from a heated part a line moves along with it
-VARIES = 1.1  # a gap that changes by less over the box needs no such line
 
 
 class NotAffineError(ValueError):
@@ -108,7 +105,8 @@ def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
             for a, b in sides:
                 length = np.abs(outline).max()
                 apart = abs(outline[a, axis] - outline[b, axis])
-                if apart > VERTICAL * length or np.any(np.abs(velocity[:, a, axis] - velocity[:, b, axis]) > 1e-12):
+                # 1e-9 of a length: a wall that leans less runs along z
+                if apart > 1e-9 * length or np.any(np.abs(velocity[:, a, axis] - velocity[:, b, axis]) > 1e-12):
                     raise NotAffineError(f"the walls of {name!r} lean")
                 position[axis].append(float(outline[a, axis]))
                 slope[axis].append(velocity[:, a, axis])
@@ -143,11 +141,12 @@ def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[fl
     low, high = _gaps(axis, ranges)
     base, slope = list(axis.base), list(axis.slope)
     for k in range(len(low)):
-        if high[k] < VARIES * low[k]:
+        if high[k] < 1.1 * low[k]:  # 1.1: a gap that changes by less over the box needs no such line
             continue
         ends = [e for e in (k, k + 1) if np.abs(np.asarray(walls) - axis.base[e]).min() < SAME]
         for e in ends:
-            away = min(CLOSE, low[k] / (3 if len(ends) > 1 else 2))
+            # 1e-6 m; at most this far from a heated part a line moves along with it
+            away = min(1e-6, low[k] / (3 if len(ends) > 1 else 2))
             base.append(axis.base[e] + (away if e == k else -away))
             slope.append(axis.slope[e])
     order = np.argsort(base)

@@ -19,8 +19,8 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.contacts import split
 from thermofem.fem.heat_problem import on_mesh, resistances
+from thermofem.fem.mesh_division import split
 from thermofem.fem.weak_forms import maps, reference
 from thermofem.geometry.regions import Face
 from thermofem.mesh import Mesh
@@ -30,8 +30,6 @@ from thermofem.mesh.gmsh_mesher import make_faces
 from .affine_grid import CellGrid, Properties, member_properties
 from .parameter_box import Box
 from .surface_weights import SAMPLES, SampledWeights, SurfacePoints, points
-
-ALIKE = 1e-12  # two coefficients whose ratio is constant to this over the box are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +131,7 @@ def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
         unit = samples[:, k] / size[k]
         rest = np.flatnonzero((kind < 0) & (size > 0))
         off = np.linalg.norm(samples[:, rest] / size[rest] - unit[:, None], axis=0)
-        alike = rest[off < ALIKE]
+        alike = rest[off < 1e-12]  # 1e-12: two coefficients whose ratio is constant to this over the box are one
         kind[alike], ratio[alike] = count, size[alike] / size[k]
         count += 1
     return kind, ratio

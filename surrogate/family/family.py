@@ -14,21 +14,20 @@ import numpy as np
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.netcdf import DAMAGE
-from thermofem.fem.derivatives import dataset_of, step_times
-from thermofem.fem.modal_derivatives import ModalDerivative
+from thermofem.fem.heat_derivatives import ModalDerivative, dataset_of, step_times
 from thermofem.models.contract import OutsideTrainingWarning
 
 from ..reduction.reduce import reduce
 from . import family_files
 from .interpolation import OutputMaps
 from .parameter_box import Box
-from .projection import AffineMembers, MemberMatrices, MemberModes, difference
+from .projected_matrices import AffineMembers, MemberMatrices, MemberModes, difference
 from .snapshots import Certified, certified
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .projection import MovedMeshMembers
+    from .projected_matrices import MovedMeshMembers
 
 log = logging.getLogger("thermofem")
 
@@ -37,8 +36,6 @@ Model = Foster | OutputMap
 FAINT = 1e-12  # of R_th: poles with less are left out
 STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
 FAR_CONTACT = 1e-8  # m^2 K/W; below it derivatives read at another part are wrong up to 7 times (measured)
-CONTACT = 1e-11  # m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
-COARSER = 0.7  # of the functions, in the comparison behind `Family.predicted_error`
 
 
 class HeldOut(float):
@@ -195,9 +192,7 @@ class Family:
         """Return a member with few poles, within ``tolerance`` of its R_th of `model` at every frequency."""
         a, b = self._channel(heated, read)
         channel = self.system(**values).channel(self.ports[a], self.ports[b])
-        model = reduce(channel, tolerance).model
-        if not isinstance(model, Foster):  # one channel always is
-            raise TypeError("a single channel is a Foster network")
+        model: Any = reduce(channel, tolerance).model  # of one channel a Foster network
         return self._with_output_map(model, self.box.row(values), (a, b))
 
     def thermal_resistance(self, *, heated: str | None = None, read: str | None = None, **values: ArrayLike) -> Array:
@@ -286,7 +281,8 @@ class Family:
 
         a, b = channel or self._channel(None, None)
         contact = self.box.contact
-        row = np.where(contact, np.maximum(row, CONTACT), row)
+        # 1e-11 m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
+        row = np.where(contact, np.maximum(row, 1e-11), row)
         small = self.members.member(row)
         rate, v = eigh(small.K, small.M, check_finite=False)
         K, M, heating, reading = [], [], [], []
@@ -350,7 +346,8 @@ class Held:
 
 def coarse_difference(small: MemberMatrices, heated: int) -> float:
     """Change of a member from the first part of the basis to all of it."""
-    count = max(1, int(COARSER * small.K.shape[0]))
+    # with 0.7 of the functions, in the comparison behind `Family.predicted_error`
+    count = max(1, int(0.7 * small.K.shape[0]))
     return difference(small.first(count).modes(), small.modes(), heated)
 
 

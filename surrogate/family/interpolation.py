@@ -22,14 +22,13 @@ from thermofem.arrays import Array
 from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem
 
-from ..reduction.output_map import output_map
+from ..reduction.nonlinear_reduction import output_map
 from .affine_matrices import AffineEngine
 from .parameter_box import Box
-from .projection import MovedMeshEngine
+from .projected_matrices import MovedMeshEngine
 from .snapshots import Solver
 
 TAIL = 1e-4  # probability beyond either end of the span on which members are worked out
-TESTED = 5  # one member of so many is held out
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +81,7 @@ def interpolate_members(
             f"{np.isnan(found).sum()} of {count} members do not have the property, and an interpolation needs it "
             f"everywhere ({reason()}); take narrower distributions, or leave interpolate out"
         )
-    test = np.arange(count) % TESTED == 0
+    test = np.arange(count) % 5 == 0  # 5: one member of so many is held out
     scale = float(abs(found.mean())) or 1.0
     curve = smooth(u[~test], found[~test])
     off = (curve(u[test]) - found[test]) / scale
@@ -117,10 +116,7 @@ def _terms(u: Array) -> Array:
     return np.column_stack([np.ones(len(u)), u, u[:, i] * u[:, j]])
 
 
-TESTED_MEMBERS = 4  # members, and the hottest one
-ASKED = 256  # corners of the box, among which the hottest member is looked for
 PULSE, TIMES = 3e-6, np.append(0.0, np.geomspace(1e-8, 1e-5, 31))  # s; during the pulse and after it
-SLOPE = 1e-4  # of a range: half the width of the differences of a
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +147,7 @@ class OutputMaps:
 
     def slopes(self, box: Box, row: Array) -> Array:
         """d(a)/d(parameter), shape (p,)."""
-        step = SLOPE * (box.high - box.low)
+        step = 1e-4 * (box.high - box.low)  # 1e-4 of a range: half the width of the differences of a
         up, down = (self._curve(box.share(np.clip(row + sign * np.diag(step), box.low, box.high))) for sign in (1, -1))
         width = np.minimum(row + step, box.high) - np.maximum(row - step, box.low)
         return np.asarray((up - down) / width)
@@ -185,9 +181,10 @@ def interpolate_output_maps(
     rows = np.vstack(
         [box.middle[None], box.corners(2 * box.size), box.draw((box.size + 1) * (box.size + 2), seed + 77)]
     )
-    every = np.vstack([rows, box.corners(ASKED)])
+    # 256: corners of the box, among which the hottest member is looked for
+    every = np.vstack([rows, box.corners(256)])
     hottest = max(every, key=lambda row: member(row).thermal_resistance)  # where a map of one coefficient errs most
-    tests = np.vstack([box.draw(TESTED_MEMBERS, seed + 7919), hottest])
+    tests = np.vstack([box.draw(4, seed + 7919), hottest])  # 4 members, and the hottest one
     found = solver(coefficient_of, [(engine, row, channel, power) for row in rows], rows)
     there = [k for k, one in enumerate(found) if one is not None]
     made = OutputMaps(power, box.share(rows[there]), np.array([found[k] for k in there]), 0.0)
@@ -228,7 +225,5 @@ def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> flo
 
 
 def _nonlinear_system(heat: HeatProblem, channel: tuple[str, str]) -> NonlinearSystem:
-    found = heat.model(*channel)
-    if not isinstance(found, NonlinearSystem):
-        raise TypeError("the geometry has laws of temperature")
+    found: Any = heat.model(*channel)  # nonlinear, as the geometry has laws of temperature
     return found

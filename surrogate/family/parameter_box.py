@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,13 +11,11 @@ import numpy as np
 
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.fem.contacts import PERFECT
-from thermofem.geometry.parameters import Change, change
-from thermofem.materials.library import Material
+from thermofem.fem.mesh_division import PERFECT
+from thermofem.geometry.parameter_paths import Change, change
+from thermofem.materials.material_library import Material
 
-LOOSE = 1e-9  # of the range, by which a value may leave the box: round-off of units
 MOST = 2**24  # members at once: half a gigabyte of parameters
-CORNERS = 64  # corners of the box whose geometry is made and checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +105,7 @@ class Box:
         shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))
         return self.at(shares[:count])
 
-    def corners(self, most: int = CORNERS) -> Array:
+    def corners(self, most: int = 64) -> Array:  # 64: corners of the box whose geometry is made and checked
         """Corners of the box, all of them or ``most`` different ones drawn at random, shape (n, p)."""
         every = 2**self.size
         picked = np.arange(every) if every <= most else np.random.default_rng(0).choice(every, most, replace=False)
@@ -152,10 +149,6 @@ class Box:
 
     def rows(self, values: Mapping[str, ArrayLike]) -> Array:
         """Parameters of many members, broadcast against each other, shape (..., p)."""
-        if not isinstance(values, Mapping):
-            raise checks.InputError(
-                f"values is a {type(values).__name__}; a mapping from parameter to number is needed"
-            )
         if (row := self._plain(values)) is not None:
             return row
         for name in values:
@@ -165,20 +158,13 @@ class Box:
             raise checks.InputError(f"{', '.join(missing)} missing; the family has {', '.join(self.names)}")
         columns = [checks.numbers(name, values[name]) for name in self.names]
         for name, unit, column, low, high in zip(self.names, self.units, columns, self.low, self.high, strict=True):
-            slack = LOOSE * (high - low)
+            slack = 1e-9 * (high - low)  # 1e-9 of the range, by which a value may leave the box: round-off of units
             out = column[(column < low - slack) | (column > high + slack)]
             if out.size:
                 raise checks.InputError(
                     f"{name} = {out.flat[0]:g} {unit} is outside the box of this family, {low:g} .. {high:g} {unit}; "
                     "train one with a wider range"
                 )
-        shapes = ", ".join(f"{name} {c.shape}" for name, c in zip(self.names, columns, strict=True))
-        try:
-            count = math.prod(np.broadcast_shapes(*(c.shape for c in columns)))
-        except ValueError:
-            raise checks.InputError(f"the shapes do not fit together: {shapes}") from None
-        if count > MOST:
-            raise checks.InputError(f"the shapes make {count} members, at most {MOST} at once: {shapes}")
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def _plain(self, values: Mapping[str, Any]) -> Array | None:

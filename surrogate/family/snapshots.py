@@ -25,14 +25,14 @@ from numpy.typing import NDArray
 
 from thermofem import CrossSection, StateSpace, assemble, checks
 from thermofem.arrays import Array
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
 from thermofem.data.netcdf import DAMAGE
 from thermofem.fem import HeatProblem
 
 from ..reduction.reduce import Projected, project
 from .affine_matrices import AffineEngine
-from .projection import MemberModes, MovedMeshEngine, difference
+from .projected_matrices import MemberModes, MovedMeshEngine, difference
 
 HASH = "hash"  # name of the array that holds it
 _ARCHIVE_DAMAGE = (
@@ -148,7 +148,6 @@ def certified(
 
 PER_DECADE = 4  # shifts
 FASTEST = 1e10  # 1/s; faster poles do not change the step response after 1 ns
-NEGLIGIBLE = 1e-5  # of the tolerance: energy of a mode of the snapshots that is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +180,7 @@ def solve_member(row: Array, heat: HeatProblem, ports: tuple[str, ...], toleranc
             weights += [y.real / size, y.imag / size] if np.iscomplexobj(y) else [y / size]
     W = np.array(weights).T  # modes by snapshots; energy of a mode is its rate
     u, s, _ = np.linalg.svd(np.sqrt(rate)[:, None] * W, full_matrices=False)
-    kept = s**2 > NEGLIGIBLE * tolerance
+    kept = s**2 > 1e-5 * tolerance  # 1e-5 of the tolerance: energy of a mode of the snapshots that is left out
     fields = found.basis @ (u[:, kept] * s[kept] / np.sqrt(rate)[:, None])
     static = found.basis @ (beta / rate[:, None] / np.sqrt(scale))
     return Member(row, modes, static, fields)

@@ -17,14 +17,13 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.contacts import resistances
+from thermofem.fem.mesh_division import resistances
 
 from .affine_grid import CellGrid, Properties
 from .parameter_box import Box
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
 GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
-RANK = 1e-13  # singular values below this share of the first are round-off
 SAMPLES = 300
 ARRAYS = (
     "kind",
@@ -204,7 +203,8 @@ class SampledWeights:
 
         scale = np.abs(samples).max(axis=0)  # far points carry small weights, and count as well
         u, s, _ = np.linalg.svd((samples / scale).T, full_matrices=False)
-        rank = max(1, int((s > RANK * s[0] * np.sqrt(len(scale))).sum()))
+        # 1e-13: singular values below this share of the first are round-off
+        rank = max(1, int((s > 1e-13 * s[0] * np.sqrt(len(scale))).sum()))
         _, _, order = qr(u[:, :rank].T, pivoting=True, mode="economic")
         chosen = order[:rank]
         modes = scale[:, None] * (u[:, :rank] @ np.linalg.inv(u[chosen, :rank])) / scale[chosen]

@@ -24,7 +24,7 @@ from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import read_toml
 
 from .affine_grid import NotAffineError
@@ -32,7 +32,7 @@ from .affine_matrices import AffineEngine
 from .family import Family, HeldOut, coarse_difference
 from .interpolation import OutputMaps, interpolate_output_maps
 from .parameter_box import Box
-from .projection import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
+from .projected_matrices import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
 from .snapshots import FINEST, Member, Solver, certified_modes, extend_basis, fine_member, snapshot_of
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
@@ -190,9 +190,6 @@ class Trainer:
 
 log = logging.getLogger("thermofem")
 
-MESH = 0.5  # accuracy of the first reference mesh over the tolerance
-MESHES = 3  # reference meshes tried
-HELD_OUT = 8  # members
 NOTHING = 1e-9  # relative change of a response over the range of a parameter that does nothing
 SAFETY = 1.5  # on floor and factor of the predicted error
 
@@ -202,7 +199,7 @@ def train_family(
     tolerance: float = 1e-3,
     *,
     seed: int = 0,
-    held_out: int = HELD_OUT,
+    held_out: int = 8,  # 8 members
     report: Callable[[str], None] | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
@@ -263,10 +260,8 @@ def train_family(
     members: AffineMembers | MovedMeshMembers
     if found.terms is not None:
         members = found.terms
-    elif isinstance(engine, MovedMeshEngine):
-        members = MovedMeshMembers(engine, found.basis, ports)
-    else:
-        raise TypeError("the engine on lines gives terms")
+    else:  # of the engine on moved meshes: that on lines gives terms
+        members = MovedMeshMembers(engine, found.basis, ports)  # type: ignore[arg-type]
     small = [members.member(row) for row in rows]
     modes = [one.modes() for one in small]
     errors = [difference(one, truth, heated) for one, truth in zip(modes, fine_members, strict=True)]
@@ -368,8 +363,8 @@ def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
 ) -> tuple[AffineEngine | MovedMeshEngine, list[MemberModes]]:
     """Choose the engine, and a mesh whose error at held-out members is below `SHARE`; and these members on it."""
-    accuracy = MESH * tolerance
-    for _ in range(MESHES):
+    accuracy = 0.5 * tolerance  # 0.5: accuracy of the first reference mesh over the tolerance
+    for _ in range(3):  # 3: reference meshes tried
         engine: AffineEngine | MovedMeshEngine
         try:
             engine = AffineEngine(box, accuracy)

@@ -21,8 +21,8 @@ from thermofem.arrays import Array
 from thermofem.data.dataset import Response, responses_of
 from thermofem.waveforms import period_times
 
-from .correlated import noise_along
 from .fit_result import Fit
+from .pole_projection import noise_along
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +79,6 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int, readout: MZ
 
     Only phi_T of ``readout`` is taken as known; its bias and visibility are the first of several starts.
     """
-    checks.instance("readout", readout, MZI, hint="thermofem.MZI(shift=...) makes one")
     if not readout.shift:
         raise checks.InputError("readout: shift = 0 rad/K turns no phase; give phi_T = 2 pi L (dn/dT)/wavelength")
     each: Any = data if isinstance(data, list | tuple) else [data]

@@ -17,14 +17,12 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
-from ..fitting.sindy import fit_sindy
-from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..fitting.sindy import fit_sindy, fit_sindy_quadratic
 from ..reduction.balanced import balanced_truncation
-from ..reduction.output_map import output_map
-from ..reduction.quadratic_reduction import reduce_quadratic
+from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
 from .temperature_swing import swings
-from .validate import PERIODS, check_models, error_curve, widest_range
+from .validate import PERIODS, error_curve, widest_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
 TIMES = np.arange(20_000) * 2e-9  # s, of the telegraphs
-REFERENCE = 1e-6  # certificate of what the others are judged by
+WARM = np.geomspace(0.5e-3, 50e-3, 9)  # W, over which linear models are compared with k(T)
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
@@ -95,11 +93,10 @@ def train_all(
         a power or duty out of range, a name that is none of the models', of no heated part, of nothing that is read.
     """
     power = checks.power("power", power)
-    checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
     part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = part if read is None else checks.text("read", read)
     system = heat.channels(part, read)
-    fine = reduce(system, REFERENCE)
+    fine = reduce(system, 1e-6)  # 1e-6: certificate of what the others are judged by
     exact: Foster = fine.model  # type: ignore[assignment]  # one channel
     periodic, step = training_data(exact, power, duty, {"heated": part, "read": read})
     makers: dict[str, Callable[[], ThermalModel]] = {
@@ -141,6 +138,16 @@ def training_data(
     times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
     known = {"thermal_resistance": exact.thermal_resistance, **(channel or {})}
     return periodic, build(times, exact.response(constant, times), constant, attributes=known)
+
+
+def fit_usual(exact: Foster) -> dict[str, ThermalModel]:
+    """A Foster network of five poles, the second-order equation and Newton's law, trained on a precise model."""
+    periodic, step = training_data(exact, 2e-3, 1 / 3)
+    return {
+        "Foster, 5 poles": fit_foster(step, 5).model,
+        "second order": fit_second_order(periodic).model,
+        "Newton's law": fit_newton(periodic).model,
+    }
 
 
 def _pulse_times() -> Array:
@@ -229,8 +236,6 @@ def judge(
     """
     import xarray as xr
 
-    check_models(models)
-    check_models({"reference": reference})
     periods = checks.array("periods", periods, increasing=True)
     watts = checks.array("powers", powers, increasing=True)
     checks.unique("powers", watts.tolist())
@@ -261,6 +266,56 @@ def judge(
     return found.assign_attrs(verdict=verdict(found), duty=float(duty))
 
 
+USUAL = "Newton", "second order", "Foster, trained (3)", "Foster, trained (5)", "SINDy", "certified reduction (0.0001)"
+
+
+def judge_geometry(
+    heat: HeatProblem,
+    *,
+    power: float = 2e-3,
+    periods: ArrayLike = PERIODS,
+    duty: float = 1 / 3,
+    heated: str | None = None,
+    read: str | None = None,
+) -> tuple[Ladder, xr.Dataset]:
+    """Train the usual kinds of model on a geometry and judge them by its FEM, with k(T) at the power given.
+
+    Without k(T) the FEM is taken by its reduction to 1e-6; with it, in full order, and an output map and a quadratic
+    reduction join the models. The other arguments are those of `train_all` and `judge`, which the two results are of.
+    """
+    heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
+    read = checks.choice("read", read, heat.readable, default=heated)
+    ladder = train_all(heat, power=power, duty=duty, hot=0, names=USUAL, heated=heated, read=read)
+    system = heat.model(heated, read)
+    if isinstance(system, NonlinearSystem):
+        models: dict[str, ThermalModel] = {**ladder.models, "output map": output_map(system, power)}
+        models["quadratic reduction"] = reduce_quadratic(system, power).model
+        ladder = replace(ladder, models=models, reference=system, reference_error=0.0)
+    return ladder, judge(ladder.models, ladder.reference, powers=[power], periods=periods, duty=duty)
+
+
+def linear_reach(system: NonlinearSystem, powers: ArrayLike = WARM) -> xr.Dataset:
+    """Steady rise of a FEM with k(T) over the power, and the errors of linear models and of an output map there.
+
+        linear_error = R_th P/dT - 1,    map_error = dT_map/dT - 1,    R_th at small power
+
+    The output map is made for the largest power. Powers (W) from the first without a steady state on are left out.
+    """
+    import xarray as xr
+
+    rise = []
+    for power in checks.array("powers", powers, increasing=True):
+        try:
+            rise.append((power, float(system.steady_rise(float(power))[0])))
+        except checks.InputError:  # the conductivity has gone
+            break
+    watts, kelvin = np.array(rise).T
+    mapped = output_map(system, float(watts[-1]))
+    off = np.array([mapped.steady_rise(float(power)) for power in watts]) / kelvin - 1
+    columns = {"rise": kelvin, "linear_error": system.thermal_resistance * watts / kelvin - 1, "map_error": off}
+    return xr.Dataset({name: ("power", column) for name, column in columns.items()}, {"power": watts})
+
+
 def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     """Which model suffices where: the smallest that suffices at all periods, and the ranges of those that do not.
 
@@ -282,9 +337,8 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
         no Dataset of `judge`, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
-    dims = {"model": "model", "power": "power", "period": "period", "states": "model"}
-    dims["period_error"] = "model power period"
-    judged = contents("judged", judged, dims, what="a Dataset of surrogate.judge", words=("model",))
+    needed = ("model", "power", "period", "states", "period_error")
+    judged = contents("judged", judged, needed, what="a Dataset of surrogate.judge")
     lines = []
     low, high = float(judged["period"][0]), float(judged["period"][-1])
     for power in judged["power"].values:

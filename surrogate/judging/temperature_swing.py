@@ -11,16 +11,11 @@ from thermofem.arrays import Array
 from thermofem.models import Cauer, Network, NonlinearSystem, ThermalModel, bare
 from thermofem.transient.integration import integrate_periodic
 
-from ..reduction.quadratic_reduction import QuadraticReduction, reduce_quadratic
+from ..reduction.nonlinear_reduction import QuadraticReduction, reduce_quadratic
 
 SAMPLES = 301  # of one period
-SMALL = 200  # states of a model whose poles are computed for their swing; those of a FEM heat or arrive late
-FARTHEST = 1e4  # a period this many times longer or shorter than the reference's counts as never reached
 CHECKED = 5  # periods at which the full order with k(T) corrects its quadratic reduction
 CHECKED_SAMPLES = 21  # of such a period: the swing is that of the two edges
-FULL_RTOL = 1e-3  # of the full order: 1e-5 of its swing at 1 us (measured), as each step may err by a tenth of it
-DENSE = 0.02  # relative step of the times after an edge: 1e-4 of an overshoot
-SPACING = 1.25  # between the periods of a `_table`: interpolation leaves 1e-5 of the swing (measured)
 
 
 def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -> Array:
@@ -56,7 +51,8 @@ def _correction(
         wave = SquareWave(power, float(period), duty)
         states = reduction.model.periodic_states(wave, CHECKED_SAMPLES)
         start = reduction.basis @ states[0, :-1]
-        full = integrate_periodic(system, wave, CHECKED_SAMPLES, rtol=FULL_RTOL, initial=start).outputs[:, 0]
+        # 1e-3 of the full order: 1e-5 of its swing at 1 us (measured), as each step may err by a tenth of it
+        full = integrate_periodic(system, wave, CHECKED_SAMPLES, rtol=1e-3, initial=start).outputs[:, 0]
         ratio.append(np.ptp(full) / np.ptp(states @ reduction.model.C))
     if periods.size <= CHECKED:
         return np.array(ratio)
@@ -75,7 +71,8 @@ def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Ca
     from scipy.interpolate import CubicSpline
 
     low, high = np.log(periods[0] / 2), np.log(periods[-1] * 2)
-    nodes = np.linspace(low, high, 1 + int(np.ceil((high - low) / np.log(SPACING))))
+    # 1.25: between the periods of a `_table`: interpolation leaves 1e-5 of the swing (measured)
+    nodes = np.linspace(low, high, 1 + int(np.ceil((high - low) / np.log(1.25))))
     spline = CubicSpline(nodes, np.log([_swing(model, float(np.exp(t)), power, duty) for t in nodes]))
 
     def look(period: float) -> float:
@@ -91,7 +88,8 @@ def _swing(model: ThermalModel, period: float, power: float, duty: float) -> flo
     swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
     """
     poles = bare(model)
-    if isinstance(poles, Foster | Network | Cauer) or (isinstance(poles, StateSpace) and poles.order <= SMALL):
+    # 200: states of a model whose poles are computed for their swing; those of a FEM heat or arrive late
+    if isinstance(poles, Foster | Network | Cauer) or (isinstance(poles, StateSpace) and poles.order <= 200):
         poles = poles.dynamics
     if isinstance(poles, Foster) and poles.passive:
         on, off = -duty * period / np.asarray(poles.tau), -(1 - duty) * period / np.asarray(poles.tau)
@@ -109,7 +107,8 @@ def _swing(model: ThermalModel, period: float, power: float, duty: float) -> flo
 
 def _after_edges(wave: SquareWave, tau: Array) -> Array:
     """Times in s over one period, dense after both edges, where a model with time constants tau may overshoot."""
-    since = np.geomspace(1e-2 * tau.min(), 1e2 * tau.max(), int(np.ceil(np.log(1e4 * tau.max() / tau.min()) / DENSE)))
+    # 0.02: relative step of the times after an edge: 1e-4 of an overshoot
+    since = np.geomspace(1e-2 * tau.min(), 1e2 * tau.max(), int(np.ceil(np.log(1e4 * tau.max() / tau.min()) / 0.02)))
     on = wave.duty * wave.period
     times = np.concatenate([[0.0, on, wave.period], since[since < on], on + since[since < wave.period - on]])
     return np.unique(times)
@@ -140,7 +139,8 @@ def period_of(look: Callable[[float], float], swing: float, near: float) -> floa
         return look(float(np.exp(log_period))) - swing
 
     low = high = float(np.log(near))
-    step, farthest = np.log(1.5), np.log(FARTHEST)
+    # 1e4: a period this many times longer or shorter than the reference's counts as never reached
+    step, farthest = np.log(1.5), np.log(1e4)
     if excess(low) > 0:
         while excess(low) > 0:
             low, high, step = low - step, low, 1.5 * step

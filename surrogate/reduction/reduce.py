@@ -5,30 +5,33 @@ so far leaves of the heat vectors. As the system is symmetric, so is the reducti
 heated part is positive, and as s = 0 is a shift R_th is exact. For real s >= 0 it approaches H(s) from below.
 
 Sources: A. Ruhe, Linear Algebra Appl. 58, 391 (1984) (rational Krylov); A. C. Antoulas, Approximation of Large-Scale
-Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.reduction.error_bound`.
+Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.reduction.certified_space`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.krylov import check_pair
-from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array, ArrayLike
+from thermofem.fem import HeatProblem
+from thermofem.fem.heat_derivatives import ModalDerivative, tangents_of
+from thermofem.fem.heat_derivatives import project as on_modes
 from thermofem.models import HasModel
-from thermofem.waveforms import Waveform
 
-from .certified_space import CertifiedSpace
-from .error_bound import Certificate, Indices, Projection, certify, certify_defect, leftover
+from .certified_space import Certificate, CertifiedSpace, Indices, Projection, certify, certify_defect, leftover
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 NOTHING = 1e-50  # of the entries of an input or output
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
-OVERLOOKED = 1e-2  # share of the residual that `certify` neglects, above which `certify_defect` is used
 FEW = 4  # samples per decade for that
 
 
@@ -88,12 +91,6 @@ class Reduction(HasModel):
         ``heat.field(rom.lift(states))`` is the temperature field on the mesh.
         """
         return lifted(states, self.basis)
-
-    def full_states(self, wave: Waveform, times: ArrayLike) -> Array:
-        """States of the full system under a piecewise-linear waveform from rest, in closed form, shape (times, n)."""
-        if not isinstance(self.model, Foster):
-            raise checks.InputError("full_states needs one input and one output; reduce system.channel(heated, read)")
-        return self.lift(pole_responses(1 / np.asarray(self.model.tau), wave, times) * self.model.gain)
 
 
 def lifted(states: ArrayLike, basis: Array) -> Array:
@@ -209,7 +206,8 @@ def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: floa
             certificate = certify(projection, space.shifts[1:], solutions, pairs=pairs)
             if np.max(certificate.top / scale) <= 1:
                 share = leftover(projection, space.defect, 1 / space.M.diagonal())
-                if share > OVERLOOKED:
+                # 1e-2: share of the residual that `certify` neglects, above which `certify_defect` is used
+                if share > 1e-2:
                     break  # round-off has entered the basis
                 return projection, certificate
         if not space.extend(solution):
@@ -273,3 +271,59 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
         where.append(same[0] if same else len(ports) - 1)
     split = len(system.inputs)
     return K, M, np.column_stack(ports), np.array(where[:split], dtype=np.intp), np.array(where[split:], dtype=np.intp)
+
+
+OWN = 1e-6  # largest element of V^T K V, over its poles, minus 1: round-off leaves 1e-10
+
+
+def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | Sequence[str]) -> xr.Dataset:
+    """Derivatives of every R_i and tau_i of a reduction, exact for its basis.
+
+    Parameters
+    ----------
+    heat : HeatProblem
+        that was reduced.
+    reduction : Reduction
+        of ``heat.system``, or of one of its channels.
+    parameters : str or sequence of str
+        paths, as of `thermofem.derivatives`.
+
+    Returns
+    -------
+    xarray.Dataset
+        over "parameter" and "pole" (tau increasing): R (K/W per unit) and tau (s per unit), nan where a pole is not
+        simple; over "parameter": thermal_resistance.
+
+    Raises
+    ------
+    InputError
+        a reduction with several channels, one of another problem, or a path without a derivative.
+    """
+    import xarray as xr
+
+    model = reduction.model
+    if not isinstance(model, Foster):
+        raise checks.InputError("pole_derivatives needs one input and one output; reduce heat.channels(heated, read)")
+    heated, read = model.inputs[0], model.outputs[0]
+    d = heat.discretization
+    b, c = (d.means[name][d.free] for name in (heated, read))
+    V = reduction.basis / np.sqrt(np.einsum("nk,nk->k", reduction.basis, d.E @ reduction.basis))
+    rate = 1 / np.asarray(model.tau)
+    own = V.T @ (-heat.channels(heated, read).A @ V) / np.sqrt(np.outer(rate, rate))
+    if np.abs(own - np.eye(rate.size)).max() > OWN:
+        raise checks.InputError("the reduction is of another heat problem: its poles are not those of heat's matrices")
+    changes, _, tangents = tangents_of(heat, parameters, (heated, read))
+    modal = ModalDerivative(rate, V.T @ b, V.T @ c, *on_modes(tangents, (heated, read), d.free, V))
+    of_R, of_tau = modal.poles()
+    apart = np.abs(rate[:, None] / rate - 1) + np.eye(rate.size)
+    # 1e-6: relative distance of neighbouring rates below which a pole is not simple
+    double = apart.min(axis=1) < 1e-6
+    of_R[:, double], of_tau[:, double] = np.nan, np.nan
+    return xr.Dataset(
+        {
+            "R": (("parameter", "pole"), of_R, {"units": "K/W per unit of the parameter"}),
+            "tau": (("parameter", "pole"), of_tau, {"units": "s per unit of the parameter"}),
+            "thermal_resistance": ("parameter", modal.resistance(), {"units": "K/W per unit of the parameter"}),
+        },
+        coords={"parameter": [one.name for one in changes], "unit": ("parameter", [one.unit for one in changes])},
+    )

@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks
-from thermofem.algebra.poles import pole_responses
+from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
 from ..family.parameter_box import Box
-from ..fitting.correlated import noise_along
+from ..fitting.pole_projection import noise_along
 from .inverse_search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
     import xarray as xr
 
-STARTS = 4  # of Gauss-Newton
 BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
 NOISE = 1e-15, 1e6  # K, of a sample
 ON_EDGE = 1e-6  # of a range
@@ -143,7 +142,7 @@ def calibrate(
             each = (1 + 2 * model.coefficient * z) * each + np.outer(family.output_maps.slopes(family.box, row), z**2)
         return np.asarray(each.T * (_slope(span, x) / scale))
 
-    shares = np.random.default_rng(0).uniform(0.15, 0.85, (STARTS - 1, len(low)))
+    shares = np.random.default_rng(0).uniform(0.15, 0.85, (3, len(low)))  # 4 starts of Gauss-Newton, with the middle
     starts = np.vstack([np.full(len(low), 0.5), shares])
     ends = [
         least_squares(misfit, start, jacobian, bounds=(0, 1), xtol=1e-12, ftol=1e-14, gtol=1e-12) for start in starts

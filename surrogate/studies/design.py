@@ -12,9 +12,8 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..family import Certified, Family
-from .inverse_search import Ranges, Search, family_over, search_of, wanted_of
+from .inverse_search import QUANTITIES, Optics, Quantity, Ranges, Search, family_over, search_of, wanted_of
 from .pareto import front_of
-from .targets import QUANTITIES, Optics, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -101,7 +100,7 @@ def design(
     -------
     Design
         the nearest member where none reaches the target; ``message`` says so, and ``front`` holds the Pareto front
-        where there are several targets.
+        where there are several targets and pymoo is installed.
 
     Raises
     ------
@@ -135,8 +134,16 @@ def design(
         certified=family.certify(**found),
         message=_message(reached, got, wanted, at) + _unknown(search, slopes),
         family=family,
-        front=None if reached or len(got) == 1 else front_of(search, seed=seed),
+        front=None if reached or len(got) == 1 else _front(search, seed),
     )
+
+
+def _front(search: Search, seed: int) -> xr.Dataset | None:
+    """The Pareto front; None where pymoo is not installed."""
+    try:
+        return front_of(search, seed=seed)
+    except checks.MissingLibraryError:
+        return None
 
 
 def _nearest(search: Search, seed: int) -> Array:

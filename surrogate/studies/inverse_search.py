@@ -1,24 +1,188 @@
-"""Searches over the members of a family: the free ranges as a unit cube, and properties of the members."""
+"""Properties of the members of a family, and searches over them with the free ranges as a unit cube."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from thermofem import Campaign, CrossSection, checks
-from thermofem.arrays import Array, NDArray
+from thermofem import Campaign, CrossSection, Foster, OutputMap, checks
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.campaign import Variation
-from thermofem.geometry.parameters import change
+from thermofem.geometry.parameter_paths import change
 
+from ..export.poles import poles_of
 from ..family import Family, train_family
-from .targets import Optics, Property, Quantity, word
+
+Model = Foster | OutputMap
+
+Quantity = str | Callable[..., Any]
+Slope = float | tuple[ArrayLike, ArrayLike]
+
+
+@dataclass(frozen=True)
+class Optics:
+    """Dependence of the ring's optical numbers on the parameters of a family.
+
+        change of a number = sum over parameters p of slope_p (p - p_0)   or   table_p(p) - table_p(p_0)
+
+    Parameters
+    ----------
+    slopes : dict from number to dict from parameter to slope
+        d(number)/d(parameter) in SI, ``{"bus_rate": {"width": -1e17}}``; or a table of a mode solver, two arrays with
+        increasing parameters and the number there, between which it is linear.
+    at : dict from parameter to float
+        p_0, where the numbers of the ring hold; default the middle of the ranges, the geometric mean of a positive one.
+    """
+
+    slopes: Mapping[str, Mapping[str, Slope]]
+    at: Mapping[str, float] = field(default_factory=dict)
+
+    def check(self, family: Family) -> None:
+        """Raise InputError for a parameter that the family does not have, or a table that is not two arrays."""
+        for name, value in checks.mapping("optics: at", self.at).items():
+            checks.choice("optics: parameter", name, family.names)
+            checks.finite(f"optics: at {name}", value)
+        for number, each in self.slopes.items():
+            for name, slope in each.items():
+                checks.choice(f"optics: slopes of {number}: parameter", name, family.names)
+                _slope(number, slope)
+
+    def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
+        """Change of every number at a member."""
+        middle = dict(zip(family.names, family.box.middle, strict=True))
+        found = {}
+        for number, each in self.slopes.items():
+            parts = (
+                _change(f"{number} over {name}", slope, float(self.at.get(name, middle[name])), values[name])
+                for name, slope in each.items()
+            )
+            found[number] = float(sum(parts))
+        return found
+
+
+def _slope(number: str, slope: Slope) -> float | tuple[Array, Array]:
+    """A slope, or both columns of a table; InputError for anything else."""
+    if not isinstance(slope, tuple):
+        return checks.finite(f"optics: slope of {number}", slope)
+    columns = [checks.numbers(f"optics: table of {number}", column) for column in slope]
+    if len(columns) != 2 or columns[0].shape != columns[1].shape or not np.all(np.diff(columns[0]) > 0):
+        raise checks.InputError(f"optics: table of {number} must be two arrays of one length, the first rising")
+    return columns[0], columns[1]
+
+
+def _change(number: str, slope: Slope, start: float, end: float) -> float:
+    """Change of a number from one parameter to another; InputError where a table does not reach."""
+    found = _slope(number, slope)
+    if isinstance(found, float):
+        return found * (end - start)
+    x, y = found
+    slack = 1e-9 * (x[-1] - x[0])
+    for at in (start, end):
+        if not x[0] - slack <= at <= x[-1] + slack:
+            raise checks.InputError(f"optics: table of {number} is from {x[0]:g} to {x[-1]:g}, and {at:g} is needed")
+    return float(np.interp(end, x, y) - np.interp(start, x, y))
+
+
+def rise_time(model: Model) -> float:
+    """Time from 10 to 90 % of the static rise after a step, in s."""
+    return _reaches(model, 0.9) - _reaches(model, 0.1)
+
+
+def time_constant(model: Model) -> float:
+    """Time in s after which a step has reached 1 - 1/e of its static rise."""
+    return _reaches(model, -np.expm1(-1.0))
+
+
+def channel_steps(model: Any) -> list[dict[str, Any]] | None:
+    """R_th (K/W) and rise time (s) of every channel of a linear model, with its ``heated`` and ``read``; outputs first.
+
+    None where the model has no independent poles.
+    """
+    try:
+        found = poles_of(getattr(model, "linear", model))
+    except checks.InputError:
+        return None
+    rows = []
+    for read, C in zip(model.outputs, np.atleast_2d(found.C), strict=True):
+        for heated, B in zip(model.inputs, found.B.T, strict=True):
+            R, tau = C * B / found.rate, 1 / found.rate
+            rise = _after(0.9, R, tau) - _after(0.1, R, tau)
+            rows.append({"heated": heated, "read": read, "thermal_resistance": float(R.sum()), "rise_time": rise})
+    return rows
+
+
+def _reaches(model: Model, share: float) -> float:
+    linear = model.linear if isinstance(model, OutputMap) else model  # at small power
+    return _after(share, np.asarray(linear.R), np.asarray(linear.tau))
+
+
+def _after(share: float, R: Array, tau: Array) -> float:
+    """Time in s after which a step has reached a share of its static rise."""
+    from scipy.optimize import brentq
+
+    def missing(t: float) -> float:
+        return float(-np.expm1(-t / tau) @ R / R.sum() - share)
+
+    return float(brentq(missing, 1e-4 * tau.min(), 50 * tau.max(), xtol=1e-16, rtol=1e-12))
+
+
+QUANTITIES: dict[str, Callable[[Model], float]] = {
+    "thermal_resistance": lambda model: model.thermal_resistance,
+    "rise_time": rise_time,
+    "time_constant": time_constant,
+}
+
+
+def word(quantity: Quantity) -> str:
+    """Name of a quantity."""
+    return quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "quantity").strip("<>")
+
+
+class Property:
+    """A property as a function of a member's parameters; nan where its computation raises InputError.
+
+    reason: of the last member without it.
+    """
+
+    def __init__(self, family: Family, quantity: Quantity, optics: Optics | None = None) -> None:
+        if optics is not None:
+            checks.instances("optics", (optics,), Optics)[0].check(family)
+        if isinstance(quantity, str):
+            checks.choice("quantity", quantity, QUANTITIES, hint="or give a function of a model")
+        self.family, self.quantity, self.optics = family, quantity, optics
+        self.reason = "none was looked at"
+
+    def __call__(self, values: Mapping[str, float]) -> Any:
+        """The property of the member with these values."""
+        model = self.family.at(values)
+        try:
+            if isinstance(self.quantity, str):
+                return QUANTITIES[self.quantity](model)
+            if self.optics is None:
+                found = self.quantity(model)
+            else:
+                found = self.quantity(model, self.optics.changes(self.family, values))
+        except checks.InputError as error:
+            self.reason = str(error)
+            return np.nan
+        return _real(found)
+
+
+def _real(found: Any) -> Any:
+    """Value that a quantity returned; InputError unless it is a number or an array of them, nan where there is none."""
+    try:
+        kind = np.asarray(found).dtype.kind
+    except ValueError:  # lists of different lengths
+        kind = "O"
+    if kind not in "biuf" or np.isinf(found).any():
+        raise checks.InputError(f"quantity returned {checks.shown(found)}; give a finite number, or nan where none is")
+    return found
+
 
 Ranges = Mapping[str, tuple[float, float]]
-
-PENALTY = 1e6  # relative misfit of a member that has no such property, such as a ring that does not pulse
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +225,8 @@ class Search:
     def misfit(self, x: Array) -> Array:
         """Relative misfit of every target."""
         got = self.achieved(x)
-        return np.array([PENALTY if np.isnan(got[name]) else got[name] / float(self.wanted[name]) - 1 for name in got])
+        # 1e6: relative misfit of a member that has no such property, such as a ring that does not pulse
+        return np.array([1e6 if np.isnan(got[name]) else got[name] / float(self.wanted[name]) - 1 for name in got])
 
 
 def search_of(
@@ -82,8 +247,6 @@ def search_of(
 
 def wanted_of(target: Mapping[Quantity, Any]) -> dict[str, float | str]:
     """Targets by the name of their quantity; InputError for what is none."""
-    if not target:
-        raise checks.InputError('target is empty; give what is wanted, e.g. {"thermal_resistance": 9e3}')
     wanted: dict[str, float | str] = {}
     for quantity, value in target.items():
         text = isinstance(value, str)
@@ -99,10 +262,6 @@ def family_over(given: Family | CrossSection, free: Ranges | None, tolerance: fl
     """A family as it is, or one trained over ranges of the parameters of a geometry."""
     if isinstance(given, Family):
         return given
-    hint = "surrogate.train_family or load_family gives one, or give a geometry"
-    checks.instance("family", given, CrossSection, hint=hint)
-    if not free:
-        raise checks.InputError('free is empty; name what may change, e.g. {"part.core.width": (400e-9, 600e-9)}')
     variations = []
     for path, pair in checks.mapping("free", free).items():
         low, high = ends(path, pair)

@@ -11,8 +11,7 @@ from thermofem import CrossSection, checks
 from thermofem.arrays import Array
 
 from ..family import Family
-from .inverse_search import Ranges, Search, family_over, search_of, wanted_of
-from .targets import Optics, Quantity
+from .inverse_search import Optics, Quantity, Ranges, Search, family_over, search_of, wanted_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,11 +68,15 @@ def pareto_front(
 
 
 def front_of(search: Search, generations: int = GENERATIONS, seed: int = 0) -> xr.Dataset:
-    """The Pareto front of a search, by NSGA-II; arguments and result of `pareto`."""
+    """The Pareto front of a search, by NSGA-II; arguments and result of `pareto_front`."""
     import xarray as xr
-    from pymoo.algorithms.moo.nsga2 import NSGA2
-    from pymoo.core.problem import ElementwiseProblem
-    from pymoo.optimize import minimize
+
+    try:
+        from pymoo.algorithms.moo.nsga2 import NSGA2
+        from pymoo.core.problem import ElementwiseProblem
+        from pymoo.optimize import minimize
+    except ImportError:
+        raise checks.MissingLibraryError('a Pareto front needs pymoo; pip install "thermofem[swarm]"') from None
 
     size, names = len(search.moving), list(search.properties)
 

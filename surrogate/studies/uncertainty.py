@@ -13,7 +13,7 @@ from thermofem.data import quantity
 
 from ..family import Family
 from ..family.interpolation import interpolate_members
-from .targets import Optics, Property, Quantity, word
+from .inverse_search import Optics, Property, Quantity, word
 
 if TYPE_CHECKING:
     import xarray as xr

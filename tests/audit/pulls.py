@@ -3,14 +3,17 @@
     python tests/audit/pulls.py [count [first]]
 
 Each case draws a carrier lifetime and the four parameters of the second-order equation, two or three working points
-that pulse, and 2 % of noise; the search starts up to a factor 2.5 away, in bounds of a factor 4. At least 37 of 40 are
-found within five deviations, none is wrong without a note, and the pulls, (found - true)/deviation, have a standard
-deviation of 0.7 to 1.3.
+that pulse, and 2 % of noise; the search starts up to a factor 2.5 away, in bounds of a factor 4. Of ten cases one has
+the paper's recombination instead of one lifetime, one has a trace at the edge of self-pulsing, and one heat of three
+poles, which the equation cannot follow: it must fail, or meet the traces to their noise. At least 37 of 40 are found
+within five deviations, none is wrong without a note, and the pulls, (found - true)/deviation, have a standard deviation
+of 0.7 to 1.3.
 """
 
 from __future__ import annotations
 
 import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +21,7 @@ import xarray as xr
 
 import coupled
 import surrogate
+import thermofem as th
 
 RANGES = {
     "tau0": (10e-9, 50e-9),
@@ -30,29 +34,72 @@ TIMES = np.arange(0, 30e-6, 2e-9)
 NOISE = 0.02  # of the largest drop power
 
 
-def ring_of(tau0: float) -> coupled.RingResonator:
-    """The paper's ring with carriers of one lifetime."""
-    return replace(coupled.borghi2021(), carriers=coupled.ConstantLifetime(tau0))
+EDGE = 0.02  # of the way from the edge of self-pulsing to the working point that was drawn
 
 
-def trace(true: dict[str, float], power: float, detuning: float, rng: np.random.Generator) -> xr.Dataset:
-    """A noisy drop trace."""
+def ring_of(tau0: float, kind: str = "") -> coupled.RingResonator:
+    """The paper's ring with carriers of one lifetime, or with its own, scaled."""
+    ring = coupled.borghi2021()
+    if kind == "recombination":
+        factor = tau0 / ring.carriers.tau0
+        own = {name: factor * getattr(ring.carriers, name) for name in ("tau_n", "tau_p")}
+        return replace(ring, carriers=replace(ring.carriers, **own))
+    return replace(ring, carriers=coupled.ConstantLifetime(tau0))
+
+
+def heat_of(true: dict[str, float], kind: str) -> th.Foster:
+    """The second-order equation, or its two poles and a slow third one with a fifth of their resistance."""
     heat = surrogate.second_order(**{name: value for name, value in true.items() if name != "tau0"})
-    run = coupled.simulate(ring_of(true["tau0"]), heat, power=power, detuning=detuning, duration=TIMES[-1], times=TIMES)
+    if kind != "three poles":
+        return heat
+    return th.Foster(R=[*heat.R, 0.2 * sum(heat.R)], tau=[*heat.tau, 5 * max(heat.tau)])
+
+
+def trace(
+    true: dict[str, float], power: float, detuning: float, rng: np.random.Generator, kind: str = ""
+) -> xr.Dataset:
+    """A noisy drop trace."""
+    run = coupled.simulate(
+        ring_of(true["tau0"], kind), heat_of(true, kind), power=power, detuning=detuning, duration=TIMES[-1],
+        times=TIMES,
+    )  # fmt: skip
     return run.assign(drop=run["drop"] + NOISE * float(run["drop"].max()) * rng.standard_normal(TIMES.size))
+
+
+def pulses(run: xr.Dataset) -> bool:
+    """Whether a trace is one of those that are drawn."""
+    found = coupled.pulsing(run)
+    return bool(found.regime == "self-pulsing" and found.duty > 0.02 and found.period < 3e-6)
+
+
+def at_the_edge(true: dict[str, float], power: float, detuning: float, rng: np.random.Generator) -> xr.Dataset:
+    """The trace just inside the edge of self-pulsing, on the side of larger or smaller detuning."""
+    inside, outside = detuning, detuning + 20e9 * float(rng.choice([-1, 1]))
+    for _ in range(9):
+        middle = (inside + outside) / 2
+        if pulses(trace(true, power, middle, rng)):
+            inside = middle
+        else:
+            outside = middle
+    return trace(true, power, inside + EDGE * (detuning - inside), rng)
+
+
+def kind_of(seed: int) -> str:
+    """What is special about a case."""
+    return {3: "recombination", 6: "edge", 9: "three poles"}.get(seed % 10, "")
 
 
 def case(seed: int) -> tuple[dict[str, float], dict[str, float], list[xr.Dataset]]:
     """True parameters, those of the start, and the traces."""
-    rng = np.random.default_rng(seed)
+    rng, kind = np.random.default_rng(seed), kind_of(seed)
     while True:
         true = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in RANGES.items()}
         traces: list[xr.Dataset] = []
         for _ in range(40):
-            one = trace(true, float(np.exp(rng.uniform(*np.log([3e-3, 12e-3])))), float(rng.uniform(-8e9, 12e9)), rng)
-            found = coupled.pulsing(one)
-            if found.regime == "self-pulsing" and found.duty > 0.02 and found.period < 3e-6:
-                traces.append(one)
+            power, detuning = float(np.exp(rng.uniform(*np.log([3e-3, 12e-3])))), float(rng.uniform(-8e9, 12e9))
+            one = trace(true, power, detuning, rng, kind)
+            if pulses(one):
+                traces.append(at_the_edge(true, power, detuning, rng) if kind == "edge" and not traces else one)
             if len(traces) == 2 + seed % 2:
                 start = {name: value * 2.5 ** float(rng.uniform(-1, 1)) for name, value in true.items()}
                 return true, start, traces
@@ -62,21 +109,27 @@ def judged(seed: int) -> tuple[coupled.identification.identify.Identification, d
     """The result for a case, and its pulls."""
     true, start, traces = case(seed)
     bounds = {name: (value / 4, value * 4) for name, value in start.items()}
-    found = coupled.identify(ring_of(start["tau0"]), traces, free=list(true), bounds=bounds)
+    found = coupled.identify(ring_of(start["tau0"], kind_of(seed)), traces, free=list(true), bounds=bounds)
     return found, {n: (found.parameters[n] - true[n]) / found.standard_deviations[n] for n in true}
 
 
 def main(count: int, first: int) -> int:
     """Print every case; 1 where the promises of this file are not kept."""
-    rows, silent, good = [], 0, 0
+    rows, silent, good, taken = [], 0, 0, []
     for seed in range(first, first + count):
+        began, kind = time.process_time(), kind_of(seed)
         found, pulls = judged(seed)
-        near = bool(np.abs(list(pulls.values())).max() < 5)
+        taken.append(time.process_time() - began)
+        misfit = float(found.samples["misfit"].min())
+        unfit = kind == "three poles"
+        near = found.failed or misfit < 1.5 if unfit else bool(np.abs(list(pulls.values())).max() < 5)
         good, silent = good + near, silent + (not near and not found.notes)
-        rows += list(pulls.values()) if near else []
-        print(seed, " ".join(f"{name} {pull:+.2f}" for name, pull in pulls.items()), *found.notes, flush=True)
+        rows += list(pulls.values()) if near and not unfit else []
+        told = " ".join(f"{name} {pull:+.2f}" for name, pull in pulls.items())
+        print(seed, kind, f"misfit {misfit:.2f}, {taken[-1]:.0f} s:", told, *found.notes, flush=True)
     spread = float(np.std(rows))
-    print(f"{good} of {count} within five deviations, {silent} wrong without a note; pulls {spread:.2f}")
+    print(f"{good} of {count} within five deviations, {silent} wrong without a note; pulls {spread:.2f}; ", end="")
+    print(f"median CPU time {np.median(taken):.1f} s")
     return int(good < 0.925 * count or silent > 0 or not 0.7 <= spread <= 1.3)
 
 

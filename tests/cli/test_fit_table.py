@@ -13,7 +13,7 @@ import surrogate
 import thermofem as th
 from surrogate.plot import plot_fit
 from thermofem import read_trace
-from thermofem.data.clipping import clipping
+from thermofem.data.data_doubts import clipping
 from thermofem_cli import app
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[80e-9, 1.2e-6])

@@ -30,9 +30,7 @@ def test_doctor_gives_its_checks_as_numbers_and_its_exit_code(monkeypatch):
     assert numbers["command"] == "doctor"
     assert set(numbers["checks"]["python"]) == {"ok", "found"}
     assert done.exit_code == (0 if numbers["passed"] else 1)
-    monkeypatch.setattr(
-        "thermofem_cli.results.doctor_command.CHECKS", {"python": lambda: ("", "3.11 or newer is needed")}
-    )
+    monkeypatch.setattr("thermofem_cli.doctor_command.CHECKS", {"python": lambda: ("", "3.11 or newer is needed")})
     done = CliRunner().invoke(app, ["doctor", "--json"])
     assert (json.loads(done.stdout)["passed"], done.exit_code) == (False, 1)
 

@@ -11,8 +11,7 @@ from rings import RING
 
 import coupled
 import thermofem as th
-from coupled.inputs import pieces
-from coupled.runs.driven import ATTRIBUTE, changes
+from coupled.inputs import ATTRIBUTE, changes, pieces
 
 HEAT = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
 OTHER = replace(RING, frequency=RING.frequency + 1.5e12)
@@ -123,15 +122,3 @@ def test_when_an_input_changes():
 def test_rows_that_vary_count_whatever_the_attribute_says():
     run = coupled.simulate(RING, HEAT, power=SQUARE, duration=10e-6)
     assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: "{}"})).regime == "driven"
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"the power": 3}', "[" * 2000, 5, '{"x": [["a", 1]]}'])
-def test_an_attribute_of_another_program_is_passed_over(text):
-    run = coupled.simulate(RING, HEAT, power=6.31e-3, duration=10e-6)
-    assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: text})).regime == "self-pulsing"
-
-
-def test_numbers_of_another_program_that_no_float_holds_are_passed_over():
-    run = coupled.simulate(RING, HEAT, power=6.31e-3, duration=10e-6)
-    assert coupled.pulsing(run.assign_attrs(model_R=10**400)).regime == "self-pulsing"
-    assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: f'{{"x": [[0, {10**400}]]}}'})).regime == "driven"

@@ -22,7 +22,7 @@ from coupled.identification.matching import residuals, simulated, targets_of
 from coupled.identification.settled_cycles import repeat_within
 from coupled.plot import plot_identification, plot_newton_traces
 from coupled.unknowns import unknowns
-from thermofem.models.lumped import second_order_poles
+from thermofem.models.foster import second_order_poles
 
 RING = coupled.borghi2021()
 TRUE = {"kappa": 7.45e5, "tau_f": 71e-9, "tau_s": 1030e-9, "eta": 0.29}

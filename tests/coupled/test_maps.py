@@ -201,14 +201,6 @@ def test_overlap_counts_points(small):
     assert coupled.maps.pulsing_map.overlap(small, small.assign(regime=(small.regime.dims, quiet))) == 1
 
 
-def test_map_survives_netcdf(small, tmp_path):
-    back = th.load(th.save(small, tmp_path / "map.nc"))
-    assert back.equals(small)
-    assert {name: v.attrs["units"] for name, v in back.data_vars.items()} == {
-        "regime": "1", "period": "s", "duty": "1", "swing": "K", "reason": "1",
-    }  # fmt: skip
-
-
 def test_slips_are_named_in_one_line(small):
     for change, message in (
         ({"powers": [8]}, "8 dBm is 6.31e-3"),

@@ -57,7 +57,7 @@ def test_van_vaerenbergh_loses_and_heats_as_its_paper_counts_them():
 
 def test_the_preset_of_the_page_leads_to_the_figure():
     """A cold ring comes to rest at the laser of Fig. 3; the cycle of the preset leads to the figure's."""
-    rings, models = rings_of(RING), contents.paper_models()
+    rings, models = rings_of(RING, MODEL.thermal_resistance), contents.paper_models()
     rows = contents.presets(rings, models, {"ring": 0, "model": 0})
     state = next(row["state"] for row in rows if row["name"].startswith("Van Vaerenbergh"))
     assert rings[state["ring"]]["name"] == RING.name

@@ -6,7 +6,7 @@ import numpy as np
 
 import coupled
 import thermofem as th
-from thermofem.algebra.poles import pole_responses
+from thermofem.algebra.pole_responses import pole_responses
 
 RING = coupled.borghi2021()
 MW = 6.31e-3  # 8 dBm

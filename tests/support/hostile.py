@@ -143,7 +143,7 @@ $EndPhysicalNames
 $Entities
 1 1 2 0
 1 0 0 0 0
-1 0 0 0 0 1e-6 0 0 2 1 -1
+1 0 0 0 0 1e-6 0 1 3 2 1 -1
 1 0 0 0 1e-6 1e-6 0 1 7 1 1
 2 1e-6 0 0 2e-6 1e-6 0 1 9 0
 $EndEntities
@@ -178,7 +178,7 @@ $EndElements
 def meshes() -> dict[str, bytes]:
     """Files of gmsh that are valid: two squares in the plane, the second one half cut away."""
     formats = {  # of the numbers of each line of 4.1: int, size_t, double; the last letter goes on
-        b"Entities": ["Q", "idddQ", "iddddddQQi", "iddddddQiQi", "iddddddQiQi"],
+        b"Entities": ["Q", "idddQ", "iddddddQiQi", "iddddddQiQi", "iddddddQiQi"],
         b"Nodes": ["Q", "iiiQ", "Q", "d", "iiiQ", *"QQQQ", *"dddd"],
         b"Elements": ["Q", "iiiQ", "Q", "iiiQ", "Q", "Q", "iiiQ", "Q"],
     }

@@ -11,7 +11,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled import ring_toml
-from coupled.circuit import file as circuit_file
+from coupled.circuit import circuit as circuit_file
 from thermofem.campaign import Campaign
 from thermofem.waveforms import from_json, to_json
 from thermofem_cli.command_files import kind_of
@@ -37,7 +37,7 @@ def described(module: Any) -> str:
 
 READERS: dict[str, Reader] = {
     "model": as_file(surrogate.load_model, "model.json"),
-    "provenance": as_file(th.models.files.load_provenance, "model.json"),
+    "provenance": as_file(th.models.load_provenance, "model.json"),
     "geometry": as_file(th.CrossSection.from_toml, "geometry.toml"),
     "campaign": as_file(Campaign.from_toml, "campaign.toml"),
     "ring": as_file(coupled.RingResonator.from_toml, "laser.toml"),

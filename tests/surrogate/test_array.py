@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 import surrogate
 import thermofem as th
-from surrogate.arrays.channel_pairs import FLOOR
+from surrogate.arrays.ring_pairs import FLOOR
 from thermofem.fem import domain_truncation
 
 PITCH = 20e-6
@@ -111,7 +111,7 @@ def test_rings_on_different_layers_are_refused(ring):
 
 def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
     """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
-    monkeypatch.setattr(domain_truncation, "_told", {})
+    monkeypatch.setattr(domain_truncation, "_reported", {})
     strip = th.strip_ring(outer_radius=120e-6)
     strip = replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))
     exact = replace(Stack(), substrate=1e-2).impedance(48e-6)
@@ -211,7 +211,7 @@ def test_an_array_of_more_than_500_states_is_saved(tmp_path):
 def test_the_array_itself_is_saved_and_exported(array, tmp_path):
     """As a fit or a reduction is; a source for each share that is not zero, and no others."""
     surrogate.save_model(array, tmp_path / "array.json")
-    assert th.models.files.load_provenance(tmp_path / "array.json")["positions"] == array.positions.tolist()
+    assert th.models.load_provenance(tmp_path / "array.json")["positions"] == array.positions.tolist()
     for to, mark in (("spice", "E1_"), ("verilog-a", "z__0 =")):
         text = surrogate.export_model(array, tmp_path / "array.txt", to=to).read_text()
         assert f"below {array.error_bound:.1e} of the thermal resistance" in text
@@ -219,10 +219,6 @@ def test_the_array_itself_is_saved_and_exported(array, tmp_path):
         lines = [line for line in text.splitlines() if line.strip().startswith(mark)]
         assert lines
         assert not any(re.search(r" -?0\.0( |$)", line) for line in lines)
-
-
-GRID = 22e-6 * np.array([(k % 6, k // 6) for k in range(26)])
-SCATTERED = GRID + np.random.default_rng(1).uniform(-1e-6, 1e-6, GRID.shape)
 
 
 @pytest.mark.parametrize(
@@ -247,13 +243,6 @@ def test_a_stack_that_is_cut_is_refused():
     heat = th.assemble(replace(strip, parts=(*strip.parts, cut)), 1e-2)
     with pytest.raises(th.InputError, match="the void 'undercut' makes the stack laterally not uniform"):
         surrogate.reduce_array(heat, [(0, 0), (30e-6, 0)])
-
-
-def test_other_things_are_no_heat_problem(ring):
-    with pytest.raises(th.InputError, match="heat is a StateSpace"):
-        surrogate.reduce_array(ring.system, SQUARE)
-    with pytest.raises(th.InputError, match="heaters = 'core' is unknown"):
-        surrogate.reduce_array(ring, SQUARE, heaters=("core",))
 
 
 def test_pictures_hold_the_numbers(array):

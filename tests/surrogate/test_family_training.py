@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 import multiprocessing
-import os
 import pickle
 import shutil
-import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
@@ -18,11 +17,10 @@ import surrogate
 import thermofem as th
 from surrogate.family.affine_matrices import AffineEngine
 from surrogate.family.parameter_box import Box
-from surrogate.family.projection import MemberMatrices, MemberModes, MovedMeshEngine
+from surrogate.family.projected_matrices import MemberModes, MovedMeshEngine
 from surrogate.family.snapshots import Solver
-from surrogate.family.train_family import _without_effect
 from thermofem.campaign import Variation
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -61,39 +59,12 @@ def test_training_goes_on_from_what_is_kept(tmp_path):
         assert Solver("key", None, store)(modes, tasks, marks)[0].tau.size == 2
 
 
-def die(number: float) -> MemberModes:
-    if number == 2.0:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return modes(number)
-
-
-@pytest.mark.slow
-def test_an_executor_that_breaks_is_one_line(tmp_path):
-    """All members that were not there yet counted as failed, or a BrokenProcessPool came out."""
-    tasks = [(float(k),) for k in (0, 1, 2, 3)]
-    words = r"the executor broke .*; run again with a new one; what .* is kept"
-    store, spawn = Store(tmp_path, ".npz"), multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=spawn) as pool, store.opened():
-        for _ in range(2):  # the second time it is broken from the start
-            with pytest.raises(th.InputError, match=words):
-                Solver("key", pool, store)(die, tasks, MARKS)
-
-
 def test_a_mistake_of_the_user_is_not_a_failed_member():
     def wrong(number: float) -> MemberModes:
         raise th.InputError("the core leaves its cladding")
 
     with pytest.raises(th.InputError, match="leaves its cladding"):
         Solver("key")(wrong, [(1.0,)], MARKS[:1])
-
-
-def test_a_parameter_that_does_nothing_is_found():
-    class Members:
-        def member(self, row):
-            return MemberMatrices(np.diag([1.0, row[0] * 1e6]), np.eye(2) * 1e-6, np.array([[1.0, 1.0]]))
-
-    idle = Variation("idle", ("part.core.width",), "m", low=400e-9, high=600e-9)
-    assert _without_effect(Box.of(campaign(BOX, idle)), Members(), 1) == ["idle"]
 
 
 @pytest.mark.parametrize(
@@ -145,8 +116,9 @@ def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_too_few_members_for_the_tolerance_are_said(caplog, monkeypatch):
-    monkeypatch.setattr("surrogate.family.train_family.MOST_BATCHES", 1)
-    monkeypatch.setattr("surrogate.family.train_family.Trainer._first", lambda self: self.box.middle[None])
+    training = importlib.import_module("surrogate.family.train_family")
+    monkeypatch.setattr(training, "MOST_BATCHES", 1)
+    monkeypatch.setattr(training.Trainer, "_first", lambda self: self.box.middle[None])
     radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=20e-6)
     with caplog.at_level(logging.WARNING):
         family = surrogate.train_family(campaign(radius, BOX), 1e-3, held_out=2)

@@ -12,10 +12,10 @@ from surrogate_systems import autoregressive, strip
 import surrogate
 import thermofem as th
 from surrogate.fitting.fit import Training
-from surrogate.fitting.projection import FitProblem, polish
+from surrogate.fitting.pole_projection import FitProblem, polish
 from thermofem.data.dataset import responses_of
 from thermofem.models import foster
-from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, second_order_parameters
+from thermofem.models.foster import BORGHI2021_HEAT_CAPACITY, second_order_parameters
 
 
 @pytest.fixture(scope="module")
@@ -233,7 +233,7 @@ def test_the_spectrum_is_passive_and_survives_noise(step, reference):
 def test_provenance_goes_into_the_model_file(step, tmp_path):
     fit = surrogate.fit_foster(step, 3)
     path = surrogate.save_model(fit.model, tmp_path / "m.json", provenance=fit.provenance)
-    kept = th.models.files.load_provenance(path)
+    kept = th.models.load_provenance(path)
     assert kept["training"] == ["step 2 mW, from rest"]
     assert kept["parameters"] == fit.parameters
     assert set(kept["standard_errors"]) == {"R_1", "R_2", "R_3", "tau_1", "tau_2", "tau_3"}
@@ -387,7 +387,7 @@ def test_a_spectrum_is_stored_without_a_provenance_of_ones_own(step, tmp_path):
     fit = surrogate.fit_spectrum(step)
     for one, name in ((fit, "fit.json"), (fit.model, "model.json")):
         path = surrogate.save_model(one, tmp_path / name)
-        assert set(th.models.files.load_provenance(path)["standard_errors"].values()) == {None}
+        assert set(th.models.load_provenance(path)["standard_errors"].values()) == {None}
         np.testing.assert_allclose(surrogate.load_model(path).R, fit.model.R, rtol=1e-15)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import surrogate
 import thermofem as th
@@ -42,6 +43,21 @@ def test_rows_at_rest_tell_what_noise_is(tmp_path):
     y = np.where(t > 0, th.Foster(R=[5e3], tau=[1e-6]).response(STEP, np.clip(t, 0, None)), 0.0) + slow
     np.savetxt(tmp_path / "t.csv", np.column_stack([t, y]), delimiter=",", header="t (s),T (K)", comments="")
     assert surrogate.fit_newton(th.read_trace(tmp_path / "t.csv", 1e-3)).misfit_is_noise
+
+
+@pytest.mark.parametrize("stays", [0.5, 0.9])
+@pytest.mark.parametrize("order", [1, 2])
+def test_noise_behind_a_filter_is_noise_without_rows_at_rest(order, stays):
+    """Noise e_k = stays e_(k-1) + white, and the true poles; one pole too few is more than noise."""
+    t = np.arange(1, 10_001) * 1e-8
+    heat = th.Foster(R=[3e3, 2e3][:order], tau=[1e-5, 1e-6][:order])
+    noise = lfilter([np.sqrt(1 - stays**2)], [1, -stays], np.random.default_rng(4).standard_normal(t.size + 500))[500:]
+    data = th.dataset.build(t, heat.response(STEP, t) + 0.05 * noise, STEP)
+    fit = surrogate.fit_foster(data, order="auto")
+    assert fit.model.order == order
+    assert fit.misfit_is_noise
+    if order == 2:
+        assert not surrogate.fit_foster(data, order=1).misfit_is_noise
 
 
 def test_a_resistance_below_the_last_rows_is_reported():

@@ -59,17 +59,6 @@ def test_power_decides_where_the_output_is_not_linear():
     )
 
 
-def test_a_model_that_cannot_be_trained_is_named_and_does_not_stop_the_others(monkeypatch):
-    def refuse(*_):
-        raise th.InputError("it is not stable")
-
-    for name in ("_sindy", "fit_foster", "balanced_truncation"):
-        monkeypatch.setattr(f"surrogate.judging.ladder.{name}", refuse)
-    ladder = surrogate.train_all(th.assemble(th.strip_ring()))
-    assert ladder.refused["SINDy"] == "it is not stable"
-    assert "Newton" in ladder.models
-
-
 def test_models_asked_for_by_name_are_trained_alone_and_as_among_all(ladder):
     names = ("Foster, trained (5)", "Newton")
     some = surrogate.train_all(th.assemble(th.strip_ring()), names=names)
@@ -104,6 +93,24 @@ def test_with_k_of_T_the_map_and_quadratic_sindy_join_and_the_reference_is_quadr
     assert float(error.sel(model="quadratic SINDy")) < 0.05 < float(error.sel(model="second order"))
 
 
+@pytest.mark.slow
+def test_a_geometry_is_judged_by_the_fem_with_its_laws_at_the_power():
+    """1.7 % at 1 us and 3.1 % at 5 us are the errors of a linear model by an independent run, to 0.1 %."""
+    text = th.strip_ring().to_toml().replace('"Si"', '"Si(T)"').replace('"SiO2"', '"SiO2(T)"')
+    heat = th.assemble(th.CrossSection.from_toml_text(text.replace('outer = "insulated"', 'outer = "open"')))
+    ladder, judged = surrogate.judging.ladder.judge_geometry(heat, power=2e-3, periods=[1e-6, 5e-6])
+    error = abs(judged.period_error.squeeze("power"))
+    assert error.sel(model="certified reduction (0.0001)").values == pytest.approx([0.017, 0.031], abs=2e-3)
+    # a quadratic output and a quadratic reduction were published to leave less than a third of the linear error
+    assert error.sel(model=["output map", "quadratic reduction"]).max() < 0.01
+    reach = surrogate.judging.ladder.linear_reach(ladder.reference)
+    for power, rise, off in zip(reach.power.values, reach.rise.values, reach.linear_error.values, strict=True):
+        # a steady state of full order, which no model had a part in
+        assert rise == pytest.approx(heat.steady_rise(power), rel=1e-6)
+        assert off == pytest.approx(heat.thermal_resistance() * power / rise - 1, rel=1e-6)
+    assert abs(reach.map_error).max() < 0.03
+
+
 def test_without_a_large_power_the_reference_is_that_of_small_power():
     text = th.strip_ring().to_toml().replace('"Si"', '"Si(T)"')
     heat = th.assemble(th.CrossSection.from_toml_text(text))
@@ -125,8 +132,3 @@ def test_the_verdict_gives_the_range_of_its_own_limit():
         surrogate.judging.ladder.verdict(judged, within=-1)
     with pytest.raises(th.InputError, match=r"powers holds 0\.001 twice"):
         surrogate.judge({"fast": fast}, slow, powers=[1e-3, 1e-3])
-
-
-def test_nothing_to_judge_is_refused():
-    with pytest.raises(th.InputError, match="at least 1 are needed"):
-        surrogate.judge({}, th.Foster(R=[1.0], tau=[1e-6]))

@@ -30,7 +30,7 @@ def test_files_and_exports_know_the_geometry_and_the_method(heat, tmp_path):
     geometry = heat.geometry.to_toml()
     for name, model in models(heat).items():
         surrogate.save_model(model, tmp_path / "model.json")
-        provenance = th.models.files.load_provenance(tmp_path / "model.json")
+        provenance = th.models.load_provenance(tmp_path / "model.json")
         assert provenance["geometry"] == geometry, name
         assert provenance["method"], name
         surrogate.export_model(model, tmp_path / "model.cir", to="spice")

@@ -121,7 +121,7 @@ def test_output_map_errs_by_less_than_three_per_mille_of_the_peak(warm, conducti
     for system, answers in (warm, conducting):
         static = surrogate.output_map(system, POWER)
         data = [th.dataset.build(DRIVES[n][1], answers[n], DRIVES[n][0]) for n in ("half", "pulse")]
-        for model in (static, surrogate.reduction.output_map.fit_output_map(static.linear, data)):
+        for model in (static, surrogate.reduction.nonlinear_reduction.fit_output_map(static.linear, data)):
             assert np.mean([e.mean() for e in errors(model, answers).values()]) < 3e-3
         # least squares over two powers of (cubic - quadratic): below a tenth of the linear model's error there
         assert static.steady_rise(POWER) == pytest.approx(system.steady_rise(POWER)[0], rel=0.1 * 0.07)
@@ -154,7 +154,7 @@ def test_what_cannot_be_reduced_is_named(warm):
     with pytest.raises(th.InputError, match="inputs"):
         surrogate.output_map(two, POWER)
     with pytest.raises(th.InputError, match="data is empty"):
-        surrogate.reduction.output_map.fit_output_map(th.Foster(R=[1.0], tau=[1e-6]), [])
+        surrogate.reduction.nonlinear_reduction.fit_output_map(th.Foster(R=[1.0], tau=[1e-6]), [])
 
 
 def test_compare_judges_all_models_on_held_out_drives_of_the_nonlinear_fem(warm, warm_quadratic):
@@ -173,11 +173,11 @@ def test_an_output_map_of_another_ring_is_told_apart(caplog):
     """The coefficient took up the difference of the rings: 0.086 /K for constant materials."""
     here, there = (th.assemble(th.strip_ring(radius=r)) for r in (8e-6, 5e-6))
     linear = surrogate.reduce(here.system).model
-    surrogate.reduction.output_map.fit_output_map(
+    surrogate.reduction.nonlinear_reduction.fit_output_map(
         linear, th.solve(here, th.Constant(1e-3), np.geomspace(1e-9, 2e-5, 40))
     )
     assert not caplog.messages
-    surrogate.reduction.output_map.fit_output_map(
+    surrogate.reduction.nonlinear_reduction.fit_output_map(
         linear, th.solve(there, th.Constant(1e-3), np.geomspace(1e-9, 2e-5, 40))
     )
     assert any("of another geometry" in message for message in caplog.messages)

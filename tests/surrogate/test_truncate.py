@@ -74,8 +74,9 @@ def test_between_two_parts_nothing_depends_on_the_units_of_B_and_C():
     "model", [None, th.Foster([1.0], [1e-6]), th.Quadratic([[-1.0]], [[[0.0]]], [[0.0]], [1.0], [1.0])]
 )
 def test_what_has_no_matrices_of_heat_flow_is_refused(model):
+    words = f"system is a {type(model).__name__}; the StateSpace of a heat problem"
     for make in (surrogate.reduce, lambda m: surrogate.balanced_truncation(m, 2)):
-        with pytest.raises(th.InputError, match=f"system is a {type(model).__name__}; the StateSpace of a heat problem"):
+        with pytest.raises(th.InputError, match=words):
             make(model)
 
 

@@ -15,7 +15,7 @@ from commands import thermofem
 import surrogate
 import thermofem as th
 from thermofem.campaign import Drive
-from thermofem_cli.results.show_command import show
+from thermofem_cli.show_command import show
 
 TIMES = np.linspace(0, 10e-6, 50)
 WORDS = "changed after thermofem wrote it"
@@ -72,16 +72,6 @@ def test_what_is_whole_says_nothing(data, tmp_path, caplog):
     assert WORDS not in caplog.text
 
 
-def test_packed_files_of_other_programs_are_taken_as_they_are(data, tmp_path, caplog):
-    """Values stored as 16-bit numbers come back rounded; that is no change by somebody else."""
-    packed = data.copy()
-    packed["delta_T"].encoding = {"dtype": "int16", "scale_factor": 1e-3, "_FillValue": -32768}
-    packed.to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
-    th.save(th.load(tmp_path / "other.nc"), tmp_path / "a.nc")
-    th.load(tmp_path / "a.nc")
-    assert WORDS not in caplog.text
-
-
 def test_a_trace_that_is_given_twice_is_refused(data):
     """Twice the samples made the standard errors smaller by a factor of 1.4."""
     for fit in (surrogate.fit_newton, lambda two: surrogate.fit_foster(two, order=1)):
@@ -123,7 +113,7 @@ def test_a_changed_model_keeps_no_certificate(change, reduced, caplog):
     assert card["error_bound"] is card["residual"] is None
     assert "proven" not in card["trusted"]
     surrogate.save_model(model, reduced)  # nor once it is written again
-    assert "error_bound" not in th.models.files.load_provenance(reduced)
+    assert "error_bound" not in th.models.load_provenance(reduced)
 
 
 def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
@@ -132,7 +122,7 @@ def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
     tree["provenance"]["mine"] = "chip 7"
     reduced.write_text(json.dumps(tree, sort_keys=True).replace("000.0", "000"))
     surrogate.save_model(surrogate.load_model(reduced), reduced)
-    found = th.models.files.load_provenance(reduced)
+    found = th.models.load_provenance(reduced)
     assert (found["error_bound"], found["mine"], "content_hash" in found) == (1e-4, "chip 7", False)
     assert "proven" in show(reduced)["trusted"]
     del tree["provenance"]["content_hash"]  # of an earlier version, or of another program

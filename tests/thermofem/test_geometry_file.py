@@ -10,9 +10,9 @@ from sections import HEATER, STRIP, says
 
 from thermofem.checks import InputError
 from thermofem.geometry import CrossSection, strip_ring
-from thermofem.geometry.parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Probe
+from thermofem.geometry.section_parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Probe
 from thermofem.materials import Polynomial, PowerLaw, Table
-from thermofem.materials.library import LIBRARY, Material
+from thermofem.materials.material_library import LIBRARY, Material
 
 
 def test_the_reference_strip_in_toml_is_strip_ring():

@@ -11,7 +11,7 @@ from grids import facets_where, tensor_mesh
 import surrogate
 import thermofem as th
 from thermofem.algebra.factor import factorize
-from thermofem.fem.contacts import contacts, split
+from thermofem.fem.mesh_division import contacts, split
 from thermofem.fem.probe_means import shell_integral
 from thermofem.fem.surfaces import Surfaces
 from thermofem.fem.weak_forms import build
@@ -73,7 +73,7 @@ def test_a_perfect_contact_keeps_the_resistance_and_has_a_derivative(resistance)
     slope = (high - low) / (near[1] - near[0])  # round-off of 1e-10 over a change by 2.4e-6
     assert th.derivatives(heat, path).thermal_resistance.values == pytest.approx([slope], rel=2e-3)
     found = surrogate.reduce(heat.system, 1e-4)
-    poles = surrogate.reduction.pole_derivatives.pole_derivatives(heat, found, path)
+    poles = surrogate.reduction.reduce.pole_derivatives(heat, found, path)
     assert poles.thermal_resistance.values == pytest.approx([slope], rel=2e-3)
 
 

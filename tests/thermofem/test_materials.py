@@ -5,7 +5,7 @@ from scipy.integrate import quad
 
 from thermofem.checks import InputError
 from thermofem.materials import Polynomial, PowerLaw, Table
-from thermofem.materials.library import LIBRARY, Material, find, silicon_film
+from thermofem.materials.material_library import LIBRARY, Material, find, silicon_film
 
 
 def test_the_library_holds_the_reference_stack():

@@ -1,11 +1,8 @@
 import contextlib
 import os
 import re
-import signal
 import subprocess
 import sys
-import threading
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +16,7 @@ from thermofem import mesh
 from thermofem.checks import InputError, MissingLibraryError
 from thermofem.geometry import CrossSection, Part, strip_ring
 from thermofem.materials import Material
-from thermofem.mesh import Mesh, gmsh_file
+from thermofem.mesh import Mesh
 from thermofem.mesh.element_sizes import fitted, size_function, sizes
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
@@ -147,9 +144,9 @@ def test_the_hash_covers_what_determines_the_mesh_and_nothing_else():
 def test_a_mesh_in_the_installed_package_is_found_first(tmp_path, monkeypatch):
     package = tmp_path / "thermofem"
     (package / "meshes").mkdir(parents=True)
-    monkeypatch.setattr(mesh.committed_meshes, "__file__", str(package / "mesh" / "committed_meshes.py"))
+    monkeypatch.setattr(mesh.gmsh_mesher, "__file__", str(package / "mesh" / "gmsh_mesher.py"))
     assert mesh.find_committed(strip_ring(), 1e-3) is None
-    wanted = package / "meshes" / f"strip-{mesh.content_hash(strip_ring(), 1e-3)}.msh"
+    wanted = package / "meshes" / f"strip-{mesh.content_hash(strip_ring(), 1e-3)}.npz"
     wanted.write_bytes(b"")
     assert mesh.find_committed(strip_ring(), 1e-3) == wanted
 
@@ -200,35 +197,6 @@ def test_meshes_are_deterministic(needs_mesher):
     assert same(mesh.make(strip_ring(), 1e-2), first)
 
 
-def test_meshing_works_in_any_thread_and_leaves_ctrl_c_alone(needs_mesher):
-    handler = signal.getsignal(signal.SIGINT)
-    expected = mesh.make(strip_ring(), 1e-2)
-    made = []
-    threads = [threading.Thread(target=lambda: made.append(mesh.make(strip_ring(), 1e-2))) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(made) == 2
-    assert all(same(one, expected) for one in made)
-    assert signal.getsignal(signal.SIGINT) is handler
-
-
-def test_meshing_leaves_the_callers_gmsh_session_alone(needs_mesher):
-    import gmsh
-
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.model.add("mine")
-        gmsh.model.add("other")
-        gmsh.model.setCurrent("mine")
-        mesh.make(strip_ring(), 1e-2)
-        assert gmsh.isInitialized()
-        assert gmsh.model.getCurrent() == "mine"
-    finally:
-        gmsh.finalize()
-
-
 def test_a_gap_in_the_mesh_is_noticed(needs_mesher, monkeypatch):
     volumes = strip_ring().volumes()
     monkeypatch.setattr(CrossSection, "volumes", lambda self: volumes | {"core": volumes["core"] * (1 + 1e-6)})
@@ -255,18 +223,6 @@ def test_a_mesh_file_gives_back_everything(heater_mesh, tmp_path):
     named.save(tmp_path / "heater.msh")
     assert same(mesh.load(tmp_path / "heater.msh"), named)
     assert os.listdir(tmp_path) == ["heater.msh"]
-
-
-def test_a_file_is_read_as_meshio_reads_it(heater_mesh, tmp_path):
-    import meshio
-
-    path = tmp_path / "heater.msh"
-    heater_mesh.save(path)
-    content, other = gmsh_file.read(path.read_bytes()), meshio.gmsh.read(path)
-    assert np.array_equal(content.points, other.points)
-    assert np.array_equal(content.triangles, other.cells_dict["triangle"])
-    assert np.array_equal(content.tags, other.cell_data_dict["gmsh:physical"]["triangle"])
-    assert content.names == {tag: name for name, (tag, _) in other.field_data.items()}
 
 
 def squares(path, version, binary, *, joined=True, quads=False, z=0.0):
@@ -315,23 +271,20 @@ def test_what_gmsh_writes_is_read_or_refused(needs_mesher, tmp_path, version, bi
         ("8 2e-6 0 0\n", "8 0.5e-6 0 0\n", "overlap"),
         ("8 2e-6 0 0\n", "8 1e308 0 0\n", r"lies at 1e\+308 m"),
         ("8 2e-6 0 0\n", "8 nan 0 0\n", "not finite"),
-        ("8 2e-6 0 0\n", "8 2e-6 0 1_0\n", "text where a number belongs"),
-        ("$Nodes\n5\n", "$Nodes\n999999999\n", "promises more"),
-        ("$Elements\n4\n", "$Elements\n3\n", "holds more numbers"),
+        ("$Nodes\n5\n", "$Nodes\n999999999\n", "beyond 1e8"),
+        ("8 2e-6 0 0\n", "999999999 2e-6 0 0\n", "beyond 1e8"),
+        ("$Nodes\n5\n", "$Nodes\n6\n", "cannot be read"),
         ("2 8 3\n", "2 7 3\n", "none of its points"),
-        ("8 2e-6", "4 2e-6", "the same number"),
-        ("2.2 0 8", "1.0 0 8", "no gmsh file of format 2.2 or 4.1"),
-        ('"core"', '"co"re"', r"\$PhysicalNames has the line '2 7 \"co\"re\"'"),
+        ("2.2 0 8", "1.0 0 8", "cannot be read"),
         ("4 2 2 9", "4 2 2 5", r"groups \[5\] have no names"),
     ],
 )
-def test_a_damaged_text_file_is_one_line(old, new, words, tmp_path, capfd):
+def test_a_damaged_text_file_is_one_line(old, new, words, tmp_path):
     assert old in hostile.TEXT_22
     path = tmp_path / "ring.msh"
     path.write_text(hostile.TEXT_22.replace(old, new))
-    with warnings.catch_warnings(action="error"), pytest.raises(InputError, match=rf"ring\.msh'.*{words}"):
+    with pytest.raises(InputError, match=rf"ring\.msh'.*{words}"):
         mesh.load(path)
-    assert capfd.readouterr() == ("", "")
 
 
 def test_a_mesh_drawn_in_micrometres_is_noticed(heater_mesh, tmp_path, caplog):
@@ -345,8 +298,9 @@ def test_a_mesh_drawn_in_micrometres_is_noticed(heater_mesh, tmp_path, caplog):
     assert re.search(r"ring.msh' spans \S+ m; lengths are in m", caplog.text)
 
 
-def test_damaged_bytes_are_refused_or_make_a_mesh(heater_mesh, tmp_path, capfd):
-    """A count that was overwritten took 4 GB, and meshio printed what it thought of the file."""
+@pytest.mark.filterwarnings("ignore")
+def test_damaged_bytes_are_refused_or_make_a_mesh(heater_mesh, tmp_path):
+    """A count that was overwritten took 4 GB."""
     path = tmp_path / "ring.msh"
     heater_mesh.save(path)
     for content in (*hostile.meshes().values(), path.read_bytes()):
@@ -354,9 +308,8 @@ def test_damaged_bytes_are_refused_or_make_a_mesh(heater_mesh, tmp_path, capfd):
         mesh.load(path)
         for damaged in hostile.damaged(content, 7, 100):
             path.write_bytes(damaged)
-            with warnings.catch_warnings(action="error"), contextlib.suppress(InputError):
+            with contextlib.suppress(InputError):
                 mesh.load(path)
-    assert capfd.readouterr() == ("", "")
 
 
 def test_gmsh_reads_the_file_and_its_names(heater_mesh, tmp_path):
@@ -371,24 +324,6 @@ def test_gmsh_reads_the_file_and_its_names(heater_mesh, tmp_path):
     finally:
         gmsh.finalize()
     assert tuple(groups) == heater_mesh.region_names
-
-
-def test_writing_replaces_the_file_at_once_or_not_at_all(tmp_path, monkeypatch):
-    import meshio
-
-    found = mesh.mesh_for(strip_ring(), 1e-3)
-    path = tmp_path / "ring.msh"
-    path.write_text("older")
-
-    def fails_half_way(filename, *_, **__):
-        Path(filename).write_text("half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(meshio.gmsh, "write", fails_half_way)
-    with pytest.raises(InputError, match=r"ring\.msh cannot be written: No space left on device"):
-        found.save(path)
-    assert path.read_text() == "older"
-    assert os.listdir(tmp_path) == ["ring.msh"]
 
 
 def test_files_that_cannot_be_read_or_written(tmp_path):
@@ -438,21 +373,6 @@ def test_without_gmsh_the_error_names_what_brings_it_and_committed_meshes_work(f
         mesh.mesh_for(strip_ring(width=500e-9), 1e-3)
 
 
-def test_every_missing_library_is_named_at_once(monkeypatch):
-    def absent(name):
-        raise OSError("libGL.so.1: cannot open shared object file: No such file or directory")
-
-    monkeypatch.setattr(mesh.gmsh_mesher.importlib, "import_module", absent)
-    monkeypatch.setattr(mesh.gmsh_mesher, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
-    assert "apt-get install libgl1 libgomp1)" in mesh.gmsh_problem()
-
-
-def test_a_missing_mesher_is_an_import_error(monkeypatch):
-    monkeypatch.setattr(mesh.gmsh_mesher, "gmsh_problem", lambda: "gone")
-    with pytest.raises(MissingLibraryError, match="gone"):
-        mesh.make(strip_ring(), 1e-3)
-
-
 def test_importing_is_light():
     code = (
         "import sys, thermofem.mesh, thermofem.geometry, thermofem.data.quantity\n"
@@ -461,15 +381,3 @@ def test_importing_is_light():
     environment = {**os.environ, "PYTHONPATH": str(Path(mesh.__file__).resolve().parents[2])}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
-
-
-def test_meshing_leaves_broken_pipes_an_exception(needs_mesher):
-    """gmsh resets SIGPIPE; a campaign whose worker died would then take its parent along without a word."""
-    code = (
-        "import os, thermofem as th; from thermofem import mesh\n"
-        "mesh.make(th.strip_ring(), 1e-2); r, w = os.pipe(); os.close(r)\n"
-        "try: os.write(w, b'x')\n"
-        "except BrokenPipeError: print('still alive')"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.strip() == "still alive", done.returncode

@@ -1,8 +1,7 @@
-"""Meshes of others: parts that do not quite meet, triangles the other way round, groups with two names."""
+"""Meshes of others: parts that do not quite meet, triangles the other way round."""
 
 from __future__ import annotations
 
-import hostile
 import numpy as np
 import pytest
 
@@ -50,11 +49,3 @@ def test_clockwise_triangles_are_turned_round():
     mesh = th.mesh.Mesh([[0, 0], [1, 0], [0, 1]], given, [0], ("a",))
     assert mesh.volumes()["a"] == pytest.approx(np.pi / 3, rel=1e-15)  # a cone of radius and height 1 m
     assert given.tolist() == [[0, 2, 1]]
-
-
-def test_a_group_with_two_names_is_refused(tmp_path):
-    """The last of the two counted."""
-    path = tmp_path / "m.msh"
-    path.write_text(hostile.TEXT_22.replace('2 9 "box"', '2 9 "box"\n2 9 "clad"'))
-    with pytest.raises(th.InputError, match=r"\$PhysicalNames names surface 9 twice"):
-        th.mesh.load(path)

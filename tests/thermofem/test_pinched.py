@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.fem.contacts import parted, split
 from thermofem.fem.heat_problem import on_mesh
+from thermofem.fem.mesh_division import parted, split
 from thermofem.mesh.mesh_motion import moved
 from thermofem.mesh.triangles import Mesh
 

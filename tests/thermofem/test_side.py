@@ -7,7 +7,7 @@ import pytest
 import skfem
 
 import thermofem as th
-from thermofem.fem.contacts import contacts, split
+from thermofem.fem.mesh_division import contacts, split
 from thermofem.fem.surfaces import Surfaces, surface_terms
 from thermofem.mesh import mesh_for
 

@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from paths import ROOT
 from test_pinched import CHECKERS, checkerboard
 
 import surrogate
 import thermofem as th
-from thermofem.fem import mesh_refinement
+from thermofem.fem import mesh_division
 from thermofem.fem.error_estimate import strong
 
 
@@ -100,20 +99,9 @@ def test_triangles_at_a_corner_contact_are_not_divided_without_end(needs_mesher)
     """Where they are as fine as allowed the rest of the mesh keeps its accuracy, and the mesh stays small."""
     heat = th.assemble(touching(1300.0), 1e-2)
     sizes = np.linalg.norm(heat.mesh.points - (5.5e-6, 0.0), axis=1)
-    assert np.sort(sizes)[1] > mesh_refinement.FINEST * 60e-6 / 4
+    assert np.sort(sizes)[1] > mesh_division.FINEST * 60e-6 / 4
     assert heat.unknowns < 6000
     assert heat.mesh_error() > 0.1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [4, 16, 22])
-def test_a_random_corner_contact_is_covered(seed, needs_mesher, monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "tests" / "audit"))
-    import corners
-
-    exponent, true, estimated = corners.audit(corners.cross_section(seed), 1e-2)
-    assert exponent < 0.5
-    assert true < estimated
 
 
 def test_conductors_that_touch_in_a_corner_are_reduced():

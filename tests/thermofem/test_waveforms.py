@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import thermofem as th
-from thermofem.algebra.poles import pole_responses
+from thermofem.algebra.pole_responses import pole_responses
 from thermofem.piecewise import bounds
 from thermofem.waveforms import from_json, linear_pieces, period_times, to_json
 

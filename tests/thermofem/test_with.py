@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 import thermofem as th
@@ -66,9 +65,6 @@ def test_materials_boundaries_angles_and_words():
         ({"boundary.top": "insulated", "boundary.top.convection": 1e4}, "'boundary.top' twice"),
         ({"part": "x", "part.core.width": 5e-7}, "path 'part' names a table, and no value in it"),
         ({"part.core.radius": 5.0}, "did you mean 5e-6"),
-        ("radius", "a mapping is needed"),
-        ([], "a mapping is needed"),
-        (np.array([1.0, 2.0]), "a mapping is needed"),
     ],
 )
 def test_what_cannot_be_changed(values, words):
@@ -79,10 +75,3 @@ def test_what_cannot_be_changed(values, words):
 def test_a_disc_has_no_width():
     with pytest.raises(th.InputError, match="is a disc"):
         th.disc().with_({f"part.{th.disc().parts[0].name}.radius": 5e-6})
-
-
-@pytest.mark.parametrize("number", [np.float32(5e-6), np.float64(5e-6), np.array(5e-6)])
-def test_numbers_of_numpy_are_numbers(number):
-    """Of these only float64, which is a float, was taken."""
-    section = th.strip_ring().with_({"part.core.radius": number})
-    assert section == th.strip_ring().with_({"part.core.radius": float(number)})

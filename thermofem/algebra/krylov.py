@@ -13,19 +13,52 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import checks
 from ..arrays import Array
 from .factor import Solve, check_symmetric, factorize
-from .system import LinearSystem
+
+SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
+
+
+class LinearSystem(Protocol):
+    """E dx/dt = A x + B P, y = C x, with E and -A symmetric positive definite, sparse or dense."""
+
+    @property
+    def E(self) -> Any:
+        """Heat capacity, shape (n, n), J/K."""
+
+    @property
+    def A(self) -> Any:
+        """Minus the heat conduction, shape (n, n), W/K."""
+
+    @property
+    def B(self) -> NDArray[np.float64]:
+        """Heat that enters each state per watt, shape (n, inputs)."""
+
+    @property
+    def C(self) -> NDArray[np.float64]:
+        """Weight of each state in each output, shape (outputs, n)."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+
 
 System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 
-SHIFTS = 4  # 0, and three from 30 times the slowest to 300 times the fastest of `rates`
-ROOM = 32  # columns that a space has room for at first
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
 MUCH = 1e-6  # squared length of what a column of unit length adds, above which one more projection is enough
 REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
@@ -77,7 +110,8 @@ class KrylovSpace:
         self.K, self.M, self.B, self.smallest = K, M, B, smallest
         self.order, self.stiffness = 0, np.empty((0, 0))
         self.inside, self.remainder = np.empty((0, B.shape[1])), B
-        self._V, self._MV = (np.empty((B.shape[0], ROOM), order="F") for _ in range(2))
+        # 32: columns that a space has room for at first
+        self._V, self._MV = (np.empty((B.shape[0], 32), order="F") for _ in range(2))
 
     @property
     def V(self) -> Array:
@@ -146,7 +180,7 @@ class Rounds(KrylovSpace):
         self.others = self.V[:, :0] if others is None else others
 
     def grow(self) -> None:
-        """One round; the space stays as it is once it holds everything."""
+        """Add one solve at each shift; nothing once the space holds every unknown."""
         for solve in self.solvers:
             if self.order < self.M.shape[0]:
                 self.extend(np.column_stack([solve(b) for b in self.remainder.T]))
@@ -198,7 +232,8 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
     M, K = csr_matrix(system.E), -csr_matrix(system.A)
     static = factorize(K)
     slow, fast = rates(system, static)
-    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, SHIFTS - 1))
+    # 4: 0, and three from 30 times the slowest to 300 times the fastest of `rates`
+    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, 4 - 1))
     space = Rounds(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
     for _ in range(cycles):
         space.grow()
@@ -246,7 +281,7 @@ def check_pair(E: Any, K: Any, hint: str) -> None:
 
 
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:
-    """`both` without M times the basis."""
+    """The M-orthonormal basis of `both`."""
     return both(W, M, V, MV, most=most, smallest=smallest)[0]
 
 

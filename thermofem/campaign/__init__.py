@@ -9,9 +9,9 @@ store          finished results of any long job: a file for each key, and its ha
 collection     the folder, and all results as one Dataset
 """
 
+from .campaign_file import Drive, Variation
+from .campaign_run import Summary
 from .collection import open_campaign
 from .plan import Campaign, Case
-from .run import Summary
-from .variations import Drive, Variation
 
 __all__ = ["Campaign", "Case", "Drive", "Summary", "Variation", "open_campaign"]

@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -21,16 +20,15 @@ from .. import checks, waveforms
 from ..data import files
 from ..data.variables import known
 from ..errors import InputError
-from ..geometry.parameters import check_once, place
+from ..geometry.parameter_paths import check_once, place
 from ..mesh.element_sizes import sizes
 from ..version import __version__
 from . import campaign_file
-from .variations import Drive, Value, Variation
+from .campaign_file import Drive, Value, Variation
 
 if TYPE_CHECKING:
-    from .run import Summary
+    from .campaign_run import Summary
 
-FORMAT = 2  # of the result files; it enters the hash of every geometry
 LARGEST = 1_000_000  # geometries of one campaign
 # names of variables and dimensions of the index and of the training collection
 INDEX = ("case", "key", "status", "reason", "probe", "thermal_resistance", "unknowns", "discretization_error",
@@ -103,9 +101,7 @@ class Campaign:
         """InputError where two names are equal, or one is that of a variable of the index."""
         taken = {*INDEX, *(f"{kind}_{d.name}" for d in self.drives for kind in ("time", "power", "delta_T"))}
         for what, items in (("drive", self.drives), ("vary", self.variations)):
-            for name, count in Counter(item.name for item in items).items():
-                if count > 1:
-                    raise InputError(f"{what} name = {name!r} is given twice")
+            checks.unique(f"{what} names", [item.name for item in items])
         for variation in self.variations:
             own = known(variation.name)
             if variation.name in taken or (own and own.unit != variation.unit):
@@ -140,8 +136,6 @@ class Campaign:
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:
         """Text of the geometry file with these values."""
-        if len(values) != len(self.variations):
-            raise InputError(f"values holds {len(values)} values; {len(self.variations)} vary")
         table = json.loads(json.dumps(self._table))
         for variation, value in zip(self.variations, values, strict=True):
             for path in variation.paths:
@@ -157,7 +151,8 @@ class Campaign:
         drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
         base = files.to_toml(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
         names = [v.name for v in self.variations]  # which the results hold
-        shared = (FORMAT, __version__, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
+        # version 2 of the result files; it enters the hash of every geometry
+        shared = (2, __version__, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
         seen: dict[str, Case] = {}
         for values in self._values():
             content = json.dumps((self.geometry_of(values), *shared))
@@ -174,7 +169,7 @@ class Campaign:
         retry_failed: bool = False,
         report: Callable[[Summary], None] | None = None,
     ) -> Summary:
-        """Compute every geometry that the folder does not hold yet; see `run.run`."""
-        from .run import run
+        """Compute every geometry that the folder does not hold yet; see `campaign_run.run`."""
+        from .campaign_run import run
 
         return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)

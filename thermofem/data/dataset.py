@@ -24,9 +24,8 @@ import xarray as xr
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
 from ..version import __version__
-from . import static_gain
-from .clipping import clipping
 from .column_units import unit_of
+from .data_doubts import clipping, contradictions, static_gain
 from .netcdf import SCHEMA, load, save
 from .variables import describe, in_si
 
@@ -37,7 +36,6 @@ log = logging.getLogger("thermofem")
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
-CROPPED = 100.0  # of the span of a trace: how far its start may be off, where most of its rows were left out
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
 ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
@@ -53,7 +51,7 @@ class Response:
     periodic: one period of the periodic state, not a transient from rest.
     name: the drive in words.
     thermal_resistance [K/W]: that the Dataset states.
-    doubts: what makes the data doubtful, see `static_gain.contradictions` and `clipping`.
+    doubts: what makes the data doubtful, see `data_doubts`.
     start_within [s]: how far from t = 0 the heating may begin, of a measured trace; 0 where the start is known.
     rest_rows: rows at rest whose mean was subtracted as the baseline, of a measured trace; infinite where it is known.
     rest_noise [K]: standard deviation of the rows at rest, nan where there are none.
@@ -94,7 +92,6 @@ def build(
     Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform;
         more than one period where ``periodic``.
     """
-    checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
     read = checks.instances("read", read, str)
     times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):
@@ -192,14 +189,15 @@ def response_of(data: xr.Dataset) -> Response:
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
     if periodic:
         _check_one_period("data.time", times, wave)
-    doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
+    doubts = contradictions(data, wave, times, rise, periodic=periodic)
     if clipped := clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times)):
         doubts = (*doubts, clipped)
     words = f"{wave.words}, {'periodic state' if periodic else 'from rest'}"
-    gain = static_gain.static_gain(data)
+    gain = static_gain(data)
     if periodic:
         return Response(wave, times, rise, periodic, words, gain, doubts)
-    within = _estimated(data, START, 0.0, CROPPED * float(np.ptp(times)))
+    # 100.0 of the span of a trace: how far its start may be off, where most of its rows were left out
+    within = _estimated(data, START, 0.0, 100.0 * float(np.ptp(times)))
     rest = _estimated(data, REST, np.inf, POSSIBLE[1])
     noise = _estimated(data, NOISE, np.nan, POSSIBLE[1])
     within = min(within, float(times[-1]) / FEWEST)
@@ -269,10 +267,10 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
 
 def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
     """Times with those that round-off has moved from an edge of the power put on it: 20 us x 1e-6 is no 2e-5 s."""
-    hair = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
+    slack = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
     edges = np.append(wave.breakpoints(times[0], times[-1] + 1e-3 * float(np.ptp(times))), np.inf)
-    near = edges[np.searchsorted(edges, times - hair)]  # the first that is not before
-    return np.where(np.abs(near - times) <= hair, near, times)
+    near = edges[np.searchsorted(edges, times - slack)]  # the first that is not before
+    return np.where(np.abs(near - times) <= slack, near, times)
 
 
 def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:

@@ -14,7 +14,7 @@ from . import quantity
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..materials.library import Material
+    from ..materials.material_library import Material
 
 
 def card(title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:

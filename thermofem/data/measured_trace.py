@@ -17,12 +17,12 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
-from ..algebra.poles import pole_responses
+from ..algebra.autocorrelation import independent
+from ..algebra.pole_responses import pole_responses
 from ..arrays import Array
 from ..checks import InputError
 from ..waveforms import Constant, Pulse, Waveform
 from . import dataset, files, quantity
-from .clipping import clipping
 from .column_units import (
     BRACKETS,
     IMPEDANCE,
@@ -36,7 +36,8 @@ from .column_units import (
     unit_of,
     units_above,
 )
-from .number_table import NumberTable, number_table, text_of
+from .data_doubts import clipping
+from .number_table import NumberTable, number_table
 from .sampled_power import sampled_power
 
 LARGEST = 400_000_000  # bytes of a table
@@ -141,10 +142,8 @@ def read_trace(
     content = files.read_bytes(path, "table", most=LARGEST)
     digest = hashlib.sha256(content).hexdigest()
     try:
-        text = text_of(content)
+        table = number_table(content)
         del content
-        table = number_table(text)
-        del text
         said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
         places, given = _columns(table, columns, time, temperature, power), _units(units)
         t = _times(table, places[0], given.get("time") or _named_unit(table, time), said)
@@ -546,7 +545,7 @@ def _baseline(rows: Rows, start: float, sampled: bool, unit: str, said: list[str
         said.append(
             f"baseline {sign * level:.4g} {unit}, the mean of {before.size} rows before the {where}, is subtracted"
         )
-        return level, float(before.size)
+        return level, independent(before - level)
     first = int(np.searchsorted(t, start))
     quiet = rows.noise < NOTHING * float(np.ptp(y)) and 0 <= t[first] - start < 1e-6 * rows.step
     level = float(y[first]) if quiet else _misfit(rows.thin(), start)[1]  # at its start a rise is zero

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import checks
 from ..checks import InputError, one_line, shown
 from .files import regular, write_whole
 from .variables import in_si
@@ -26,14 +25,11 @@ log = logging.getLogger("thermofem")
 SCHEMA = 1  # of training data, see `thermofem.data.dataset`
 MOST_OBJECTS = 20_000  # variables and groups of one file
 DEPTH = 8  # of groups
-PACKED = 1100  # values a byte of a file can stand for: deflate reaches 1032 to 1
-ROOM = 64_000_000  # bytes that any file may declare
 LARGEST = 16_000_000_000  # bytes that no file may declare
 DAMAGE = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 """Exceptions of HDF5, h5netcdf and xarray for a damaged file."""
 OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
 HASH = "content_hash"  # attribute of the files that `save` writes: JSON with the hash and what it covers
-COMPRESSED = 1000  # values above which a variable is written deflated
 
 
 def save(data: xr.Dataset, path: str | Path) -> Path:
@@ -41,10 +37,10 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
 
     Raises InputError: no Dataset, values that netCDF cannot hold, a folder that cannot be written.
     """
-    checks.instance("data", data, xr.Dataset, hint="a Dataset is needed; surrogate.save_model writes models")
     if not packed(data):
         data = data.assign_attrs(signed(data.variables, data.attrs))
-    encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > COMPRESSED}
+    # 1000: values above which a variable is written deflated
+    encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
     try:
         content = data.to_netcdf(engine="h5netcdf", encoding=encoding)
     except (TypeError, ValueError, OverflowError) as error:  # of objects that are neither numbers nor text
@@ -102,7 +98,8 @@ def check(path: Path) -> None:
             raise InputError("is netCDF-3; save it as netCDF-4, such as with nccopy -k nc4 OLD NEW")
     with h5py.File(path, "r") as file:
         declared = _declared(file)
-    if declared > min(LARGEST, ROOM + PACKED * size):
+    # 1100: values a byte of a file can stand for: deflate reaches 1032 to 1
+    if declared > min(LARGEST, 64_000_000 + 1100 * size):  # 64_000_000: bytes that any file may declare
         raise InputError(f"cannot be read: its {size} bytes declare {float(declared):.2g} bytes, more than fit")
 
 

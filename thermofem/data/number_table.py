@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
+import numpy as np
+
 from ..arrays import Array
 from ..checks import InputError
 from .column_units import is_unit, unit_in
@@ -50,14 +52,15 @@ class NumberTable:
         return repr(self.names[k]) if self.names[k] else f"column {self.columns[k]}"
 
 
-def number_table(text: str) -> NumberTable:
-    """Find the table in a text.
+def number_table(content: bytes) -> NumberTable:
+    """Find the table in a file.
 
     Raises InputError: no rows of two numbers, a row that breaks off, commas that may divide thousands.
 
-    >>> number_table("% Time (us)   T (K)\\n0   293.15\\n1   294.5\\n2   295").names
+    >>> number_table(b"% Time (us)   T (K)\\n0   293.15\\n1   294.5\\n2   295").names
     ('Time (us)', 'T (K)')
     """
+    text = text_of(content)
     head, start, divider = _block(text)
     rows = [cells_of(line, divider) for _, line in islice(_lines(text, start), LOOKED)]
     width = len(rows[0])
@@ -66,7 +69,9 @@ def number_table(text: str) -> NumberTable:
     if len(columns) < 2:
         raise InputError(f"the rows from line {len(head) + 1} on have no two columns of numbers in common")
     end, after = _end(text, divider, columns)
-    values = _values(text[start:end], divider, columns, len(head) + 1)
+    block = text[start:end]
+    del text, content
+    values = _values(block, divider, columns, len(head) + 1)
     beside = [", ".join(cell for k, cell in enumerate(row) if k not in columns and cell) for row in rows]
     names, units, above = _header(head, divider, width, columns)
     table = (tuple(k + 1 for k in columns), names, units, values, (*above, *filter(None, beside)), len(head) + 1, after)
@@ -170,10 +175,12 @@ def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
         options["comment"] = "%" if "%" in sample else "#"
     try:
         frame = pd.read_csv(
-            io.BytesIO(text.encode()), header=None, dtype=dict.fromkeys(columns, float), skipinitialspace=True,
-            na_values=["--"], skip_blank_lines=True, encoding="utf-8", **options,
+            io.BytesIO(text.encode()), header=None, usecols=columns, dtype=dict.fromkeys(columns, float),
+            skipinitialspace=True, na_values=["--"], skip_blank_lines=True, encoding="utf-8", **options,
         )  # fmt: skip
-        return frame[columns].dropna(how="all").to_numpy()
+        values = frame.to_numpy()
+        empty = np.isnan(values).all(axis=1)
+        return values[~empty] if empty.any() else values
     except (ValueError, KeyError, pd.errors.ParserError):
         pass
     for number, (_, line) in enumerate(_lines(text), first):

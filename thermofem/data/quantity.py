@@ -19,11 +19,9 @@ _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*({_DIGITS})\s*(.*?)\s*$", re.DOTALL)
 _BARE = re.compile(_DIGITS)
 LONGEST = 400  # characters of a number or a quantity: 309 digits are the largest float
-LONGEST_UNIT = 80  # characters
 # names, products, quotients and brackets, powers of one digit: pint computes larger powers, of any size
 _UNIT = re.compile(r"(?:[^\W\d_]|(?<=\w)_(?=\w)|[\s*/()%°]|1(?!\d)|(?<![\s)^*])\^[+-]?[1-9](?![\d^]))*")
 _SUPERSCRIPTS = str.maketrans({"²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "·": "*", "⋅": "*"})
-DECIBEL = math.log(10) / 10  # natural attenuation of power for 1 dB
 
 # unit in SI: what it measures, an example a person would write, the prefixed forms used for writing
 _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
@@ -189,8 +187,9 @@ def _factor(given: str, unit: str) -> float:
     """One ``given`` in ``unit``; InputError for no unit, an unknown one, or another dimension."""
     text = given.translate(_SUPERSCRIPTS).replace("**", "^")
     if unit == "1/m" and text.startswith("dB/"):
-        return DECIBEL * _factor(f"1{text[2:]}", unit)
-    if len(text) > LONGEST_UNIT or not _UNIT.fullmatch(text):
+        # math.log(10) / 10: natural attenuation of power for 1 dB
+        return (math.log(10) / 10) * _factor(f"1{text[2:]}", unit)
+    if len(text) > 80 or not _UNIT.fullmatch(text):  # 80: characters
         raise InputError(f": {shown(given)} is not a unit")
     import pint
 

@@ -6,12 +6,11 @@ names the variable and not a line of NumPy's.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .. import checks
 from ..checks import InputError, shown
 from . import quantity
 
@@ -138,65 +137,16 @@ def _line(given: str, field: Variable, name: str) -> tuple[float, float]:
     return (0.0 if "rise" in field.long_name else offset), factor
 
 
-def takes(name: str, value: Any, *needed: str, what: str) -> Any:
-    """``value`` if it has the needed variables (of a Dataset) or attributes; InputError with what is taken if not.
+def contents(name: str, data: Any, needed: Iterable[str], *, what: str) -> Any:
+    """A Dataset in SI; InputError where it lacks one of the needed variables.
 
-    >>> takes("data", 3, "data_vars", what="a Dataset of th.solve")
+    name: of the argument; what: the Dataset that is taken, for the message.
+
+    >>> contents("data", 3, ("time",), what="a Dataset of th.solve")
     Traceback (most recent call last):
-    thermofem.errors.InputError: data is an int; this function takes a Dataset of th.solve
+    thermofem.errors.InputError: data has no 'time'; a Dataset of th.solve is needed
     """
-    inside = getattr(value, "variables", ())
-    if not isinstance(value, type) and all(one in inside or hasattr(value, one) for one in needed):
-        return value
-    raise _other(name, value, next((one for one in needed if inside and one not in inside), ""), what)
-
-
-def _other(name: str, value: Any, missing: str, what: str) -> InputError:
-    kind = value.__name__ if isinstance(value, type) else type(value).__name__
-    article = "an" if kind[:1].lower() in "aeiou" else "a"
-    lacks = f" without {missing!r}" if missing else ""
-    return InputError(f"{name} is {article} {kind}{lacks}; this function takes {what}")
-
-
-def contents(
-    name: str,
-    data: Any,
-    dims: Mapping[str, str],
-    *,
-    what: str,
-    fewest: int = 1,
-    words: Sequence[str] = (),
-    attrs: Sequence[str] = (),
-) -> Any:
-    """``data`` in SI if it is a Dataset that holds variables over these dimensions, real numbers all of them.
-
-    dims: for each variable its dimensions in their order, as "time" or "model period"; one in brackets may be missing.
-    fewest: values along each dimension but those in brackets.
-    words: variables that hold text or True and False.
-    attrs: attributes that must be finite numbers.
-    what: what this function takes, for the message.
-    Raises InputError: something else, a variable missing or over other dimensions, too few values, no real numbers.
-    """
-    if not hasattr(data, "data_vars"):
-        raise _other(name, data, "", what)
-    for variable, shape in dims.items():
-        if variable not in data.variables:
-            raise _other(name, data, variable, what)
-        _check_variable(f"{name}[{variable!r}]", data.variables[variable], shape, fewest, what, variable in words)
-    for attribute in attrs:
-        checks.finite(f"{name}.attrs[{attribute!r}]", data.attrs.get(attribute))
+    for variable in needed:
+        if variable not in getattr(data, "variables", ()):
+            raise InputError(f"{name} has no {variable!r}; {what} is needed")
     return in_si(name, data)
-
-
-def _check_variable(name: str, held: Any, shape: str, fewest: int, what: str, words: bool) -> None:
-    """InputError unless a variable has these dimensions, enough values, and values of the right kind."""
-    possible = shape.split()
-    wanted = [one.strip("[]") for one in possible if not one.startswith("[") or one.strip("[]") in held.dims]
-    if list(held.dims) != wanted:
-        has = ", ".join(map(str, held.dims))
-        raise InputError(f"{name} has the dimensions ({has}), {shape!r} is needed; this function takes {what}")
-    for one, size in zip(held.dims, held.shape, strict=True):
-        if size < (1 if f"[{one}]" in possible else fewest):
-            raise InputError(f"{name} holds {size} values along {one!r}; at least {fewest} are needed")
-    if not words and held.dtype.kind not in "fiub":
-        raise InputError(f"{name} holds values of the type {held.dtype}; real numbers are needed")

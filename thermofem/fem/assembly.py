@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError
 from ..geometry.cross_section import CrossSection
-from ..geometry.rings import strip_ring
+from ..geometry.ring_sections import strip_ring
 from ..mesh import find_committed, make, mesh_for
 from ..mesh.element_sizes import sizes
+from ..mesh.gmsh_mesher import read_committed
 from ..mesh.mesh_motion import Motion, quality
-from ..mesh.triangles import trusted
-from .contacts import split
 from .heat_problem import HeatProblem, adapted, on_mesh, resistances
-from .mesh_refinement import divided
+from .mesh_division import divided, split
 
 if TYPE_CHECKING:
     from ..mesh import Mesh
@@ -91,6 +90,8 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
         triangles are divided. The meshes of the reference strip are committed, and other strips take them with moved
         vertices where their error allows; any other mesh is made by gmsh.
 
+    With [light] in the geometry the mode is solved, too, and "light" can be read.
+
     Raises
     ------
     InputError
@@ -98,9 +99,7 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    hint = "th.strip_ring() or th.CrossSection.from_toml(path) makes one"
-    checks.instance("geometry", geometry, CrossSection, hint=hint)
-    return meshed(geometry, checks.finite("accuracy", accuracy))[0]
+    return meshed(geometry, checks.finite("accuracy", accuracy))[0].lit
 
 
 def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
@@ -108,7 +107,7 @@ def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
     sizes(accuracy)
     committed = find_committed(geometry, accuracy)
     if committed:
-        return adapted(geometry, trusted(committed), accuracy)
+        return adapted(geometry, read_committed(committed), accuracy)
     leader = _strip(accuracy) if _like_a_strip(geometry) else None
     found = leader and leader.follow(geometry)
     return found or adapted(geometry, make(geometry, accuracy), accuracy)
@@ -120,13 +119,13 @@ def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatPro
     Raises InputError, MissingLibraryError: as `assemble`.
     """
     if not base:
-        return assemble(geometry, accuracy)
+        return meshed(geometry, accuracy)[0]
     key = base, accuracy
     if getattr(_thread, "key", None) != key:
         _thread.leader = _leader(base, accuracy)
         _thread.key = key
     if _thread.leader is None:
-        return assemble(geometry, accuracy)
+        return meshed(geometry, accuracy)[0]
     found = _thread.leader.follow(geometry) or adapted(geometry, mesh_for(geometry, accuracy), accuracy)
     return found[0]
 
@@ -151,5 +150,5 @@ def _strip(accuracy: float) -> Leader | None:
     if accuracy not in kept:
         geometry = strip_ring()
         there = [find_committed(geometry, a) for a in COMMITTED if a <= accuracy <= COARSER * a]
-        kept[accuracy] = Leader(geometry, trusted(there[0]), accuracy) if there and there[0] else None
+        kept[accuracy] = Leader(geometry, read_committed(there[0]), accuracy) if there and there[0] else None
     return kept[accuracy]

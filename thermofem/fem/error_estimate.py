@@ -11,7 +11,7 @@ and w on the same triangles stand for u_exact - u and w_exact - w, times `SATURA
 
 one s a decade sees the whole step response; s = 0 is R_th. Cubic functions see less of the error in triangles at a
 vertex where the field is strongly singular: these count more (`saturation`). The share of each triangle in
-a(u_3 - u, w_3 - w) says where to refine, see `mesh_refinement`.
+a(u_3 - u, w_3 - w) says where to refine, see `mesh_division`.
 
 At such a vertex T = T_0 + C rho^lambda phi(angle), with lambda^2 the smallest eigenvalue, but for 0, of
 
@@ -113,8 +113,6 @@ SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary ch
 FAINT = 1e-2  # of R_th: what another part feels less of is not worth a finer mesh
 SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
 CROSS = 1.75  # for another part that is read: the most it took on 200 random cross-sections (there)
-AT_ONCE = 200_000  # triangles times fields that are looked at together
-LAST = 1e6  # 1/s; the shift whose factors are left for the transient
 STORED = 1.1e6  # 1/s; the stored heat of slower processes needs fields of its own
 PEAK = 1.2  # between 0 and the last shift: what the error of the step may exceed its average over a decade by
 
@@ -216,7 +214,8 @@ class MeshError:
         load = np.column_stack([self.enrichment.mean(heat, name) for name in names])
         fields = np.empty((len(names), d.free.size, len(self.shifts)))
         fields[:, :, -1] = [self.static(name) for name in names]  # while the factors of 0 are there
-        order = np.argsort(self.shifts[:-1] == LAST, kind="stable")
+        # 1e6 1/s: the shift whose factors are left for the transient
+        order = np.argsort(self.shifts[:-1] == 1e6, kind="stable")
         for k, s in zip(order, self.shifts[order], strict=True):
             fields[:, :, k] = [d.factors.solve(s, 1.0, mean) for mean in means[d.free].T]
             if s <= STORED and not self.fields:
@@ -224,7 +223,8 @@ class MeshError:
         found = np.zeros((len(means), len(self.shifts), len(names)))
         found[d.free] = fields.transpose(1, 2, 0)
         values = np.einsum("ia,isb->sab", means, found, optimize=True)
-        at_once = max(1, AT_ONCE // (len(names) * d.basis.nelems))
+        # 200_000: triangles times fields that are looked at together
+        at_once = max(1, 200_000 // (len(names) * d.basis.nelems))
         parts = [
             self.enrichment.added(self.shifts[k : k + at_once], found[:, k : k + at_once], load)
             for k in range(0, len(self.shifts), at_once)

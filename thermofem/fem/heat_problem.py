@@ -10,7 +10,7 @@ are the matrices at the ambient temperature T0, and `HeatProblem.model` is the n
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -19,16 +19,17 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
-from ..materials.laws import Law, is_constant
+from ..geometry.guides import LIGHT
+from ..materials.property_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
-from ..optics.reading import LIGHT, light_integral
+from ..optics.modes import Light
+from ..optics.reading import light_integral
+from ..transient.integration import Ledger
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
-from ..transient.trajectory import Ledger
-from .contacts import resistances, split
 from .domain_truncation import Wider, domain_error, warn_of_domain, wider
 from .error_estimate import Estimate, MeshError
-from .mesh_refinement import divided
+from .mesh_division import divided, resistances, split
 from .probe_means import probe_mean
 from .surfaces import Surfaces, surfaces_of
 from .weak_forms import Discretization, build, capacity, conduction, discretize, properties
@@ -112,12 +113,16 @@ class HeatProblem:
         >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 2)
         1.0
         """
-        checks.has("mode", mode, "thermal_density", hint='th.light(heat, wavelength=1.55e-6).mode("TE0") is one')
         if LIGHT in self.regions or any(probe.name == LIGHT for probe in self.geometry.probes):
             raise checks.InputError(f"{self.geometry.name!r} has a region or probe called 'light'; rename it")
         integral = light_integral(mode, self.discretization.basis)
         means = {**self.discretization.means, LIGHT: integral / integral.sum()}
         return replace(self, light=mode, discretization=replace(self.discretization, means=means))
+
+    @cached_property
+    def lit(self) -> HeatProblem:
+        """`with_light` of the mode that [light] of the geometry names; the problem itself where there is no [light]."""
+        return self if self.geometry.light is None or self.light else self.with_light(Light.of(self).mode())
 
     @property
     def judged(self) -> tuple[tuple[str, str], ...]:
@@ -266,7 +271,7 @@ class HeatProblem:
         Raises
         ------
         InputError
-            a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
+            a power out of range; no steady state is found, see `NonlinearSystem.steady_state`.
         """
         heated, read = self._channel(heated, read)
         power = checks.between("power", power, -checks.MOST_POWER, checks.MOST_POWER, unit="W", hint=checks.POWER_HINT)
@@ -286,12 +291,10 @@ class HeatProblem:
     def estimate(self, *channels: tuple[str, str]) -> Estimate:
         """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`.
 
-        InputError: a channel that is no pair of a heated part and a readable one.
+        InputError: a channel of a part that is not heated, or of what cannot be read.
         """
-        for channel in channels:
-            if not isinstance(channel, tuple) or len(channel) != 2:
-                raise checks.InputError(f"channel {checks.shown(channel)} is no pair such as ('core', 'core')")
-            self._channel(*channel)
+        for heated, read in channels:
+            self._channel(heated, read)
         found = self._mesh_error.estimate(channels or self.judged)
         self._estimated.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
         return found
@@ -337,7 +340,7 @@ class HeatProblem:
 def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
 
-    The log says so where `ROUNDS`, `LARGEST` or `mesh_refinement.FINEST` end that before.
+    The log says so where `ROUNDS`, `LARGEST` or `mesh_division.FINEST` end that before.
     """
     resistance, finer = resistances(geometry), mesh
     for _ in range(ROUNDS):
@@ -376,7 +379,7 @@ def _corner(heat: HeatProblem, estimate: Estimate) -> str:
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
-    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`contacts.split`)."""
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`mesh_division.split`)."""
     mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))
@@ -389,8 +392,6 @@ def _names(
     argument: str, given: str | Sequence[str] | None, known: Sequence[str], default: Sequence[str]
 ) -> tuple[str, ...]:
     """One or several names, each checked against the known ones."""
-    if not isinstance(given, str | Iterable | None):
-        raise checks.InputError(f"{argument} = {given!r} is no name; give one or several of {', '.join(known)}")
     each = default if given is None else (given,) if isinstance(given, str) else given
     names = checks.instances(argument, each, str)
     if not names:

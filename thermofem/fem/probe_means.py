@@ -33,7 +33,7 @@ from .weak_forms import volume
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..geometry.parts import Probe
+    from ..geometry.section_parts import Probe
     from ..mesh import Mesh
 
 FINENESS = 24  # small triangles along each edge of a triangle that the shell's edge cuts
@@ -116,7 +116,6 @@ def _areas(corners: Array) -> Array:
 
 PER_GAP = 40  # steps of the angle for each gap between the heated part and the copy
 FEWEST, MOST = 64, 2000  # steps of the angle
-DEGREE = 8  # of the rule on the cross-section
 
 
 def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array:
@@ -173,7 +172,7 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons)).tolist()
     pieces = [piece for shape in triangles for piece in getattr(shape, "geoms", [shape])]
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]) * 1e-6
-    (X, Y), W = get_quadrature(RefTri, DEGREE)
+    (X, Y), W = get_quadrature(RefTri, 8)  # a rule of degree 8
     points = np.einsum("kq,ckx->cqx", np.array([1 - X - Y, X, Y]), corners)
     (a, b), (c, e) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     area = np.abs(a * e - b * c)[:, None] * W

@@ -8,7 +8,6 @@ corners, dk and d(rho c_p) per unit of the parameter, their derivatives are exac
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,41 +15,17 @@ import numpy as np
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
-from ..geometry.outline_motion import CornerMotion
+from ..geometry.guides import LIGHT
 from ..geometry.regions import nearest
 from ..mesh.triangles import radii
+from ..optics.shape import light_slope
 from .probe_means import FINENESS, Cut, cut_shell, shell_integral
 from .surfaces import surface_tangent
 from .weak_forms import assembled, maps, properties, reference
 
 if TYPE_CHECKING:
-    from ..geometry.cross_section import CrossSection
-    from ..geometry.parameters import Change
-    from ..mesh import Mesh
+    from ..geometry.parameter_paths import Change
     from .heat_problem import HeatProblem
-
-
-def vertex_velocities(
-    geometry: CrossSection, mesh: Mesh, changes: Sequence[Change], *, roles: Collection[str] = ()
-) -> Array:
-    """Velocity of every vertex for every parameter, in m per unit; shape (parameters, vertices, 2).
-
-    mesh: of this geometry, cut open along interfaces or not.
-    roles: regions that are heated or read.
-    Raises InputError: a face would appear or vanish.
-    """
-    from ..mesh.mesh_motion import Motion
-
-    total = np.zeros((len(changes), *mesh.points.shape))
-    moving = [k for k, change in enumerate(changes) if change.moves]
-    if not moving:
-        return total
-    outlines, motion = CornerMotion(geometry, roles), Motion(mesh, geometry)
-    number = {(r, z): k for k, (r, z) in enumerate(outlines.edges.corners.tolist())}
-    order = [number[r, z] for r, z in motion.corners.tolist()]
-    for k in moving:
-        total[k] = motion.velocity(outlines.corner_velocities(changes[k])[order])
-    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +49,7 @@ class _Maps:
 
 
 def element_conduction_tangent(basis: Any, k: Array, of_k: Array, moved: Array) -> Array:
-    """Derivative of `matrices.element_conduction`; with A = adj J its metric is A diag(k) A^T / |det J|."""
+    """Derivative of `weak_forms.element_conduction`; with A = adj J its metric is A diag(k) A^T / |det J|."""
     m, integrals = _Maps.of(basis, moved), reference(basis)
     A, of_A = (np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) for J in (m.J, m.of_J))
     metric = np.einsum("mde,de,nde->mne", A, k, A)
@@ -85,7 +60,7 @@ def element_conduction_tangent(basis: Any, k: Array, of_k: Array, moved: Array) 
 
 
 def element_capacity_tangent(basis: Any, c: Array, of_c: Array, moved: Array) -> Array:
-    """Derivative of `matrices.element_capacity`."""
+    """Derivative of `weak_forms.element_capacity`."""
     m = _Maps.of(basis, moved)
     share = of_c + c * m.of_det / m.det
     weights = 2 * np.pi * np.abs(m.det) * (share * m.r + c * m.of_r)
@@ -97,7 +72,7 @@ def _elements(basis: Any, weights: Array, integrals: Array) -> Array:
 
 
 def volume_tangent(basis: Any, inside: NDArray[np.bool_], moved: Array) -> Array:
-    """Derivative of `matrices.volume`."""
+    """Derivative of `weak_forms.volume`."""
     m, integrals = _Maps.of(basis, moved), reference(basis)
     weights = 2 * np.pi * np.abs(m.det) * (m.r * m.of_det / m.det + m.of_r)
     shares = weights[:, inside].T @ integrals.load
@@ -106,7 +81,7 @@ def volume_tangent(basis: Any, inside: NDArray[np.bool_], moved: Array) -> Array
 
 
 def shell_tangent(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
-    """Differentiate `shell.shell_mean` of the probe ``name``; ``moved`` has the velocities of the vertices, (2, n).
+    """Derivative of `probe_means.shell_integral` of a probe; ``moved`` has the velocities of the vertices, (2, n).
 
     The nearest point of the outline moves with the share of the edge at which it lies (envelope theorem).
     """
@@ -199,6 +174,8 @@ def _properties(heat: HeatProblem, change: Change) -> tuple[Array, Array]:
 def _mean(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
     """Derivative of the volume mean over a region or a shell."""
     basis, mesh = heat.discretization.basis, heat.mesh
+    if name == LIGHT and heat.light is not None:
+        return light_slope(heat.light, basis, change)
     if name not in mesh.region_names:
         return _probe(heat, change, moved, name)
     inside = mesh.region == mesh.region_names.index(name)

@@ -3,6 +3,9 @@
 z = 0 lies at the top of the layer marked ``datum``. Layers fill the whole stack from the axis to ``outer_radius``,
 or from -``half_width`` to ``half_width``; parts are rings (or discs) or straight bars that overwrite the layers and
 earlier parts. A part may also stand on the top of the stack.
+
+A copy of a part off the axis reads the field of one ring alone at another place, where the stack must be laterally
+uniform: of the heated ring nothing may reach there but the layers, and parts that cover the whole domain.
 """
 
 from __future__ import annotations
@@ -19,15 +22,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..data import files
-from ..materials.library import VOID, Material, find
-from . import geometry_file, parameters
-from .off_axis_copies import check_copies
-from .parts import INSULATED, ISOTHERMAL, OPEN, SAME, Boundary, Interface, Layer, Part, Probe, images, length
+from ..materials.material_library import VOID, Material, find
+from . import geometry_file, parameter_paths
+from .guides import Bus, Guide, check_guides
 from .regions import Subdivision, check_held, check_places, subdivide
+from .section_parts import (
+    INSULATED,
+    ISOTHERMAL,
+    OPEN,
+    SAME,
+    THINNEST,
+    Boundary,
+    Interface,
+    Layer,
+    Part,
+    Probe,
+    images,
+    length,
+)
 
 KINDS = ("ring", "straight")
 
-_LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe}
+_LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe, "buses": Bus}
 
 
 @dataclass(frozen=True)
@@ -56,6 +72,10 @@ class CrossSection:
     length, half_width : float, m
         of a straight section: along the guide, and from x = 0 to either end of the domain. Heat does not flow along the
         guide: what leaves through its ends is neglected.
+    light : Guide
+        what guides, and at which wavelength; "light" can then be read like a part: the temperature that the mode sees.
+    buses : tuple of Bus
+        none, one or two.
 
     Raises
     ------
@@ -77,6 +97,8 @@ class CrossSection:
     kind: str = "ring"
     length: float | None = None
     half_width: float | None = None
+    light: Guide | None = None
+    buses: tuple[Bus, ...] = ()
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -99,6 +121,7 @@ class CrossSection:
         if self.top.kind == "open":
             raise checks.InputError("top = 'open': only bottom and outer can be open; give top a convection")
         check_held(self)
+        check_guides(self)
 
     def _check_kind(self) -> None:
         """Sizes of the domain, and parts of its kind."""
@@ -215,7 +238,7 @@ class CrossSection:
         return self.subdivision.on_side(side, r, z)
 
     def opened(self) -> CrossSection:
-        """The stack continued beyond its bottom and outer side (`parts.Boundary`, "open").
+        """The stack continued beyond its bottom and outer side (`section_parts.Boundary`, "open").
 
         >>> strip_ring().opened().bottom.kind
         'open'
@@ -243,9 +266,8 @@ class CrossSection:
         (3e-06, True)
         """
         values = {} if values is None else values
-        checks.has("values", values, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
         table = geometry_file.table_of(self)
-        parameters.change_values(table, {**values, **more})
+        parameter_paths.change_values(table, {**values, **more})
         return self.from_toml_text(files.to_toml(table))
 
     @classmethod
@@ -271,3 +293,69 @@ class CrossSection:
     @cached_property
     def _text(self) -> str:
         return files.to_toml(geometry_file.table_of(self))
+
+
+def reach(part: Part) -> float:
+    """Largest radius of a part in m."""
+    return float(part.outline()[:, 0].max())
+
+
+def footprint(geometry: CrossSection) -> float:
+    """Radius in m beyond which the stack is laterally uniform.
+
+    A part that covers the domain from the axis to its edge is as uniform as a layer.
+    """
+    edge = geometry.outer_radius * (1 - 1e-9)
+    if geometry.kind == "straight":
+        return 0.0
+    radii = [part.inner_radius if reach(part) >= edge else reach(part) for part in geometry.parts if part.height]
+    return max(radii, default=0.0)
+
+
+def check_uniform(geometry: CrossSection, who: str) -> None:
+    """Raise InputError where a void cuts the stack: its copies would have one each, which one ring's field lacks."""
+    if geometry.kind == "straight":
+        raise checks.InputError(f"{who}: {geometry.name!r} is straight; put parallel guides in one section as parts")
+    cut = next((part.name for part in geometry.parts if part.material == VOID and part.height), None)
+    if cut is not None:
+        raise checks.InputError(
+            f"{who}: the void {cut!r} makes the stack laterally not uniform, and a neighbour would have its own void; "
+            "only a uniform stack can be read off the axis; give the matrices of a three-dimensional model instead"
+        )
+
+
+def check_copies(geometry: CrossSection) -> None:
+    """Raise InputError for a probe off the axis that cannot be read.
+
+    Raises InputError: the copy overlaps the ring itself, leaves the domain or the layers, or the stack is not laterally
+        uniform.
+    """
+    for probe in geometry.probes:
+        if probe.distance is None:
+            continue
+        who = f"probe {probe.name!r}"
+        part = next(part for part in geometry.parts if part.name == probe.part)
+        if geometry.kind == "ring":
+            check_uniform(geometry, who)
+        if part.bottom < geometry.bottom_z - THINNEST or part.top > geometry.top_z + THINNEST:
+            raise checks.InputError(
+                f"{who}: part {part.name!r} stands on the top of the stack, with nothing beside it that a copy could "
+                "read; add a layer around the part"
+            )
+        check_distance(geometry, part, probe.distance, who)
+
+
+def check_distance(geometry: CrossSection, part: Part, distance: float, who: str) -> None:
+    """Raise InputError unless a copy at a distance in m lies beside the ring and inside the domain."""
+    least, most = footprint(geometry) + reach(part), distance + reach(part)
+    if distance < least:
+        raise checks.InputError(
+            f"{who}: at distance = {distance:g} m the copy of {part.name!r} overlaps parts of the ring itself, which "
+            f"reach {footprint(geometry):g} m; distance must be at least {least:g} m"
+        )
+    if most > geometry.outer_radius:
+        raise checks.InputError(
+            f"{who}: the copy of {part.name!r} at distance = {distance:g} m reaches {most:g} m, and the domain ends at "
+            f"outer_radius = {geometry.outer_radius:g} m; outer_radius must be at least {most:g} m, and twice that "
+            "keeps the outer side from being felt"
+        )

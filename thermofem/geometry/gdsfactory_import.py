@@ -12,11 +12,10 @@ from typing import Any
 
 from .. import checks
 from .cross_section import CrossSection
-from .parts import Boundary, Layer, Part, ring
+from .section_parts import Boundary, Layer, Part, ring
 
 UM = 1e-6
 THIN = 1e-4  # um; levels closer than this touch
-SAME = 0.01  # of the length of a loop, which polygons on a grid of 1 nm change by 1e-3
 BACKGROUND = ("substrate", "box", "clad")
 MATERIALS = {"si": "Si", "sio2": "SiO2", "sin": "Si3N4", "tin": "TiN", "aluminum": "Al", "al": "Al", "air": "air"}
 
@@ -61,8 +60,6 @@ def from_gdsfactory(
     """
     gf = _library()
     stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
-    checks.has("layer_stack", stack, "layers", hint="a gdsfactory LayerStack is needed")
-    checks.has("component", component, "settings", hint="a gdsfactory ring component is needed, such as ring_double")
     settings = dict(component.settings)
     checks.choice("setting of the component", "cross_section", settings, hint="is it a ring, such as ring_double?")
     levels, known = stack.layers, MATERIALS | {k.lower(): v for k, v in (materials or {}).items()}
@@ -75,7 +72,8 @@ def from_gdsfactory(
         raise checks.InputError(f"cross_section of the component has no section on level {core!r}, drawn on {drawn}")
     length = _loop(component, guides[0])
     radius = _equivalent_radius(gf, settings)
-    if abs(length * UM - 2 * math.pi * radius) > SAME * length * UM:
+    # 0.01 of the length of a loop, which polygons on a grid of 1 nm change by 1e-3
+    if abs(length * UM - 2 * math.pi * radius) > 0.01 * length * UM:
         raise checks.InputError(
             f"component holds a loop of {length:.4g} um, but its settings make a ring of "
             f"{2 * math.pi * radius / UM:.4g} um; build this CrossSection from th.Part"
@@ -112,7 +110,6 @@ def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:
 
 def _loop(component: Any, guide: Any) -> float:
     """Length in um of the only closed waveguide: the edge of its hole, which turns once, and pi times the width."""
-    checks.has("component", component, "get_region", hint="a gdsfactory ring component is needed, such as ring_double")
     polygons = list(component.get_region(guide.layer, merge=True).each())
     edges = [list(polygon.each_edge(k + 1)) for polygon in polygons for k in range(polygon.holes())]
     if len(edges) != 1:

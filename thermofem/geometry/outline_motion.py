@@ -16,17 +16,16 @@ import numpy as np
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
-from ..materials.library import VOID
+from ..materials.material_library import VOID
 from .regions import GRID, distance, outlines
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
-    from .parameters import Change
+    from .parameter_paths import Change
 
 Point = tuple[float, float]
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
 
-PARALLEL = 1e-6  # singular value, of unit normals, below which edges count as parallel
 AGREE = 1e-6  # of the largest velocity: two velocities of one edge that differ by less are the same
 
 
@@ -46,7 +45,7 @@ class Edges:
 
     @classmethod
     def of(cls, geometry: CrossSection) -> Edges:
-        """Collect them."""
+        """The corners and edges of all faces of a geometry, each once, with the face on either side."""
         number: dict[Point, int] = {}
         sides: dict[tuple[int, int], list[str | None]] = {}
         for face in geometry.subdivision.faces:
@@ -130,7 +129,7 @@ class CornerMotion:
             wanted = np.array([speed for _, speed in rows])
             inside = normals @ free
             u, s, vt = np.linalg.svd(inside)
-            rank = int((s > PARALLEL).sum())
+            rank = int((s > 1e-6).sum())  # 1e-6: singular value, of unit normals, below which edges count as parallel
             missing = wanted - normals @ velocity
             step = vt[:rank].T @ ((u[:, :rank].T @ missing) / s[:rank])
             velocity = velocity + free @ step

@@ -23,10 +23,10 @@ class IndexLaw(Protocol):
     """Interface of an index law; wavelengths in m."""
 
     def index(self, wavelength: float) -> float:
-        """n."""
+        """Refractive index n."""
 
     def group_index(self, wavelength: float) -> float:
-        """n - lambda dn/dlambda."""
+        """Group index n - lambda dn/dlambda."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,11 @@ class IndexTable:
 def constant_index(n: float) -> Sellmeier:
     """The law of a material without dispersion."""
     return Sellmeier(constant=checks.between("index", n, 1, MOST) ** 2)
+
+
+def constant(law: Any) -> float | None:
+    """The index of a law without dispersion, else None."""
+    return math.sqrt(law.constant) if isinstance(law, Sellmeier) and not law.terms else None
 
 
 def _check_range(wavelength: float, low: float, high: float) -> None:

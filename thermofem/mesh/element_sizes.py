@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
 THICKNESS, EXTENT = 450e-9 * 220e-9 / 1340e-9, math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
-EXPOSED = 0.15  # an insulated surface makes the singularity r^(1/2) instead of r^(2/3): h_c is reduced to this
 THICK, WIDE = 60.0, 500e-6  # times the reference core, and m: sizes grow in proportion beyond both, see `fitted`
 
 MANY = 60  # outlines or corners; fewer take less time one by one (measured)
@@ -174,7 +173,8 @@ def _corners(geometry: CrossSection, heated: Sequence[Segment], other: Sequence[
         in_the_open = side["top"][k] or side["wall"][k]
         if in_the_open and len(turns[r, z]) == 1 and turns[r, z][0] > 0:
             continue
-        share = EXPOSED if in_the_open else 1.0
+        # 0.15: an insulated surface makes the singularity r^(1/2) instead of r^(2/3): h_c is reduced to this
+        share = 0.15 if in_the_open else 1.0
         away = np.hypot(r - ends[:, 0], z - ends[:, 1])
         nearest = float(away[away > 1e-9 * geometry.outer_radius].min(initial=math.inf))
         corners.append((r, z, min(h_c * share * (1 + _distance(heated, r, z) / REACH), nearest)))

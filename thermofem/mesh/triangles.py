@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,14 +16,12 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import InputError, check_names
 from ..data import files
-from . import gmsh_file
 
-MOST = 2**53  # of an index: larger floats skip whole numbers
 LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
-ROUND_OFF = 1e-9  # of the size of a mesh: places this close are one
-FLAT = 1e-10  # height over longest side, of a triangle that has no area
+ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
 
+_COUNT = re.compile(rb"(?<!\S)[0-9]{9,}(?!\S)")  # memory that meshio takes before it knows that the numbers are there
 _log = logging.getLogger("thermofem")
 
 
@@ -104,8 +103,8 @@ def check_triangles(
     """
     points, triangles, region = (
         checks.numbers("points", points, most=np.inf),
-        whole("triangles", triangles),
-        whole("region", region),
+        np.asarray(triangles),
+        np.asarray(region),
     )
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
@@ -122,20 +121,10 @@ def check_triangles(
     a, b, c = (points[triangles[:, k]] for k in range(3))
     area = signed_areas(points, triangles)
     longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
-    flat = 2 * np.abs(area) <= FLAT * longest
+    flat = 2 * np.abs(area) <= 1e-10 * longest  # 1e-10: height over longest side, of a triangle that has no area
     if flat.any():
         raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
     return points, np.where(area[:, None] < 0, triangles[:, ::-1], triangles), region
-
-
-def whole(name: str, value: Any) -> NDArray[np.int64]:
-    """An array of whole numbers; InputError for another one."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
-        return value
-    found = checks.numbers(name, value)
-    if np.any(found != np.trunc(found)) or np.abs(found).max(initial=0) > MOST:
-        raise InputError(f"{name} of the mesh must be whole numbers from 0; they count points and regions")
-    return found.astype(np.int64)
 
 
 def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -158,41 +147,55 @@ def load(path: str | Path) -> Mesh:
         no such file, a damaged one, elements other than triangles, groups without names, triangles without area, beyond
         the axis or out of the plane, and triangles that overlap or do not share the points where they meet.
     """
-    found = trusted(path)
+    # 100_000_000 of a file: about a million triangles as text
+    content = files.read_bytes(path, "mesh", most=100_000_000)
     try:
-        _check_plane(found)
+        if _COUNT.search(content):
+            raise InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")
+        mesh = _named_triangles(*_content(path))
+        _check_plane(mesh)
     except InputError as error:
-        raise _of_file(path, error) from None
-    if (span := float(np.ptp(found.points, axis=0).max())) > WIDE:
+        raise InputError(f"mesh file {str(path)!r} cannot be read: {error.rule}", error.hint) from None
+    if (span := float(np.ptp(mesh.points, axis=0).max())) > WIDE:
         _log.warning(
             "mesh file %r spans %.3g m; lengths are in m: Mesh.ScalingFactor = 1e-6 turns um into m", str(path), span
         )
-    return found
+    return mesh
 
 
-def trusted(path: str | Path) -> Mesh:
-    """`load` of a mesh that comes with the package, whose triangles are known to cover the plane once."""
-    path = files.regular(path, "mesh")
-    content = files.read_bytes(path, "mesh", most=gmsh_file.LARGEST)
+def _content(path: str | Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], dict[int, str]]:
+    """Points (n, 3), corners (m, 3) and physical tags (m,) of the triangles, and the names of tags, from meshio."""
+    import meshio
+
     try:
-        points, triangles, tags, named = gmsh_file.read(content)
-    except InputError as error:
-        raise InputError(f"mesh file {str(path)!r} cannot be read: {error.rule}", error.hint) from None
-    used = sorted(set(map(int, tags)))
-    try:
-        if unnamed := set(used) - set(named):
-            raise InputError(f"the physical groups {sorted(unnamed)} have no names")
-        points = checks.numbers("points", points, most=np.inf)
-        if np.abs(points[:, 2]).max() > 1e-12 * np.abs(points).max():
-            raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
-        return Mesh(points[:, :2].copy(), triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
-    except InputError as error:
-        raise _of_file(path, error) from None
+        found = meshio.gmsh.read(path)
+        kinds = {block.type for block in found.cells}
+        corners = found.cells_dict.get("triangle", np.empty((0, 3), dtype=int))
+        tags = found.cell_data_dict.get("gmsh:physical", {}).get("triangle", np.zeros(len(corners), dtype=int))
+        names = {int(tag): name for name, (tag, dimension) in found.field_data.items() if dimension == 2}
+    except Exception as error:  # of any kind, where bytes are damaged
+        hint = "gmsh -save -format msh22 writes one with physical groups and triangles only"
+        raise InputError(f"meshio gives up ({type(error).__name__}: {error})", hint) from None
+    if others := kinds - {"vertex", "line", "triangle"}:
+        raise InputError(
+            f"it holds elements of type {min(others)!r}, which are no triangles of three corners",
+            "mesh with triangles of first order, without quadrangles (no Recombine) and volumes",
+        )
+    return found.points, corners, tags, names
 
 
-def _of_file(path: str | Path, error: InputError) -> InputError:
-    """The error of a mesh with the name of its file."""
-    return InputError(f"mesh file {str(path)!r}: {error.rule}", error.hint)
+def _named_triangles(at: NDArray[Any], corners: NDArray[Any], tags: NDArray[Any], names: dict[int, str]) -> Mesh:
+    """The triangles in named physical groups, with the points that they use."""
+    if not len(corners) or corners.min() < 0:
+        raise InputError("it has no triangles, or one with a corner that is none of its points")
+    used = np.unique(tags).tolist()
+    if unnamed := set(used) - set(names):
+        raise InputError(f"the physical groups {sorted(unnamed)} have no names")
+    if np.abs(at[:, 2]).max() > 1e-12 * np.abs(at).max():
+        raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
+    kept, triangles = np.unique(corners, return_inverse=True)
+    region, points = np.searchsorted(used, tags), at[kept, :2]
+    return Mesh(points, triangles.reshape(corners.shape), region, tuple(names[tag] for tag in used))
 
 
 def _check_plane(mesh: Mesh) -> None:

@@ -2,13 +2,10 @@
 
 from .cauer import Cauer
 from .contract import HasModel, OutsideTrainingWarning, ThermalModel, bare, check_single
-from .files import KINDS, load_model, load_provenance, save_model
-from .foster import Foster, linear_poles
-from .lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
-from .network import Network, gate
-from .nonlinear_system import NonlinearSystem
-from .output_map import OutputMap
-from .quadratic import Quadratic
+from .foster import BORGHI2021_HEAT_CAPACITY, Foster, OutputMap, linear_poles, newton, second_order
+from .identified_network import Network, gate
+from .model_files import KINDS, load_model, load_provenance, save_model
+from .nonlinear_models import NonlinearSystem, Quadratic
 from .state_space import StateSpace, foster
 
 __all__ = [

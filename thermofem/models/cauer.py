@@ -23,17 +23,14 @@ import numpy as np
 from .. import checks
 from ..arrays import ArrayLike
 from ..checks import check_one
-from .contract import Delegates, ThermalModel
+from .contract import Delegates, ThermalModel, columns, names, parts, reader, rows
 from .foster import Foster, linear_poles
-from .json_fields import columns, names, parts, reader, rows
 
 if TYPE_CHECKING:
     import xarray as xr
 
 FEWER = "merge neighbouring poles, or fit or reduce to fewer"
-DIGITS = 40  # decimal digits kept, and
 MOST = 200  # poles of a ladder: the time goes with their fourth power, 4 s for 200
-DIGITS_PER_POLE = 12  # more for each pole: the continued fraction loses up to the square of the ratio of neighbours
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +126,8 @@ def cauer(model: ThermalModel) -> Cauer:
     checks.integer("poles of the ladder", R.size, 1, MOST, hint=FEWER)
     ladder_R, ladder_C = [], []
     with localcontext() as context:
-        context.prec = DIGITS + DIGITS_PER_POLE * R.size
+        # 12: more for each pole: the continued fraction loses up to the square of the ratio of neighbours
+        context.prec = 40 + 12 * R.size  # 40 decimal digits kept, and
         top, bottom = _polynomials([Decimal(float(x)) for x in R], [Decimal(float(x)) for x in tau])
         while top.size:  # the leading coefficients of both differences vanish by construction
             C = bottom[0] / top[0]  # 1/Z = s C + rest
@@ -171,7 +169,6 @@ def foster_of(ladder: Cauer) -> Foster:
     InputError
         no ladder.
     """
-    checks.has("ladder", ladder, "R", "C", hint="surrogate.cauer(model) makes a Cauer ladder")
     R, C = np.asarray(ladder.R), np.asarray(ladder.C)
     D = np.eye(R.size) - np.eye(R.size, k=1)
     _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))

@@ -23,18 +23,18 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from functools import wraps
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray
-
-BEYOND = 1.2  # a rise this far above the training's largest draws a warning
+from ..checks import check_names
 
 
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
-    """What ``run`` gives at times that do not fall, for times of any order and shape."""
+    """``run(times)`` for times of any order and shape, where ``run`` needs times that do not fall."""
     t = checks.numbers("times", times)
     if t.ndim == 1 and not np.any(np.diff(t) < 0):
         return run(t)
@@ -155,7 +155,7 @@ class HasModel(Delegates):
 
 
 def bare(model: Any) -> Any:
-    """Return the model that a fit or a reduction holds; any other model as it is."""
+    """The model inside a fit or a reduction; any other model unchanged."""
     return bare(model.model) if isinstance(model, HasModel) else model
 
 
@@ -173,7 +173,8 @@ class OutsideTrainingWarning(UserWarning):
 
 def warn_beyond(rise: Array, trained: float | None) -> Array:
     """``rise``, unchanged; OutsideTrainingWarning where it far exceeds that of the training (None: not known)."""
-    if trained is not None and np.max(rise, initial=0.0) > BEYOND * trained:
+    # 1.2: a rise this far above the training's largest draws a warning
+    if trained is not None and np.max(rise, initial=0.0) > 1.2 * trained:
         text = f"the model is asked for a rise of {rise.max():.3g} K; its training reached {trained:.3g} K"
         warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
     return rise
@@ -183,3 +184,53 @@ def check_rise(value: float | None) -> None:
     """Raise InputError unless ``value`` is a rise in K or None."""
     if value is not None:
         checks.positive("largest_rise", value, unit="K")
+
+
+Kind = TypeVar("Kind")
+
+
+def reader(read: Callable[[type[Kind], Mapping[str, Any]], Kind]) -> Callable[[type[Kind], Mapping[str, Any]], Kind]:
+    """Make a method ``from_json`` raise InputError for whatever content is not that of its model."""
+
+    @wraps(read)
+    def checked(cls: type[Kind], content: Mapping[str, Any]) -> Kind:
+        try:
+            return read(cls, content)
+        except KeyError as error:
+            raise checks.InputError(f"there is no {error.args[0]!r}; docs/models.md lists the fields") from None
+        except (TypeError, AttributeError, IndexError) as error:
+            raise checks.InputError(f"it is not laid out as docs/models.md says: {error}") from None
+
+    return checked
+
+
+def names(model: Any) -> dict[str, list[str]]:
+    """The fields ``inputs`` and ``outputs`` of a model file."""
+    return {"inputs": list(model.inputs), "outputs": list(model.outputs)}
+
+
+def parts(content: Mapping[str, Any]) -> dict[str, Any]:
+    """``inputs`` and ``outputs`` of a model file, as keyword arguments of a model."""
+    return {which: check_names(which, content[which]) for which in ("inputs", "outputs")}
+
+
+def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[dict[str, float]]:
+    """A list of JSON objects from two named arrays, the inverse of `columns`."""
+    pairs = zip(np.asarray(first[1]).tolist(), np.asarray(second[1]).tolist(), strict=True)
+    return [{first[0]: one, second[0]: other} for one, other in pairs]
+
+
+def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, Any]:
+    """Transpose a list of JSON objects into one list of numbers for each key of ``units``."""
+    return {
+        name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(content[which])]
+        for name, unit in units.items()
+    }
+
+
+def table(content: Mapping[str, Any], which: str, dimensions: int) -> NDArray[np.float64]:
+    """An array of numbers with the given number of dimensions, written as nested lists."""
+    found = checks.numbers(which, content[which])
+    if found.ndim != dimensions:
+        raise checks.InputError(f"{which} has {found.ndim} dimensions; {dimensions} are needed")
+    return found

@@ -1,21 +1,24 @@
-"""A Foster network: the canonical small form of every linear thermal model."""
+"""Foster networks: the canonical small form of every linear thermal model, the paper's two, and one with an output map.
+
+Source of the paper's two: M. Borghi, D. Bazzanella, M. Mancinelli, L. Pavesi, Opt. Express 29, 4363 (2021), Eqs. (2.3)
+and (3).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from .. import checks, waveforms
-from ..algebra.poles import pole_responses
-from ..algebra.system import LONGEST, SHORTEST
+from ..algebra.krylov import LONGEST, SHORTEST
+from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..checks import check_one
 from ..data.display import model_html
-from .contract import at_times
-from .json_fields import columns, names, parts, reader, rows
+from .contract import AtSmallPower, at_times, check_rise, columns, names, parts, reader, rows, warn_beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +148,6 @@ def check_residues(R: Array, *, round_off: float = 0.0) -> None:
 
 def linear_poles(model: Any, purpose: str) -> Foster:
     """Return the poles of a linear model, or InputError that says which models ``purpose`` holds for."""
-    checks.has("model", model, "dynamics", hint="a thermal model is needed, such as thermofem.Foster or a fit")
     found = model.dynamics
     if not isinstance(found, Foster):
         raise checks.InputError(
@@ -153,3 +155,190 @@ def linear_poles(model: Any, purpose: str) -> Foster:
             "Network or Cauer, a fit or a reduction"
         )
     return found
+
+
+BORGHI2021_HEAT_CAPACITY = 1.09e-14 * 700.0  # J/K: mass 1.09e-14 kg x 700 J/(kg K), Appendix A
+
+
+def newton(*, tau_th: float, heat_capacity: float = BORGHI2021_HEAT_CAPACITY) -> Foster:
+    """Newton's law of cooling: one pole.
+
+        d(dT)/dt = -dT/tau_th + P/(m c_p)                                  (Eq. 2.3)
+
+    Parameters
+    ----------
+    tau_th : float, s
+    heat_capacity : float, J/K
+        m c_p of the heated core; the default is the paper's resonator.
+
+    Raises
+    ------
+    InputError
+        a value that is not positive, or out of range by a unit.
+    """
+    tau_th = checks.positive("tau_th", tau_th, unit="s", at_most=1e6, hint="times are in s (did you mean 275e-9?)")
+    heat_capacity = check_heat_capacity(heat_capacity)
+    return Foster(R=[tau_th / heat_capacity], tau=[tau_th])
+
+
+def second_order(
+    *, kappa: float, tau_f: float, tau_s: float, eta: float, heat_capacity: float = BORGHI2021_HEAT_CAPACITY
+) -> Foster:
+    """The paper's second-order equation: a fast and a slow pole.
+
+        dT'' + (1/tau_f + 1/tau_s) dT' + dT/(tau_f tau_s) = (kappa P + eta dP/dt) / (m c_p)      (Eq. 3)
+
+    which is exactly two parallel poles, so that dP/dt is never evaluated:
+
+        dx_i/dt = -x_i/tau_i + c_i P/(m c_p),   c_f = (eta/tau_f - kappa)/(1/tau_f - 1/tau_s),   c_s = eta - c_f
+
+    Both driving terms are divided by m c_p here; the print divides only the first, which leaves eta with a unit that
+    its quoted value 0.31 does not have.
+
+    Parameters
+    ----------
+    kappa : float, 1/s
+    tau_f, tau_s : float, s
+        fast and slow time constant, tau_f < tau_s.
+    eta : float
+    heat_capacity : float, J/K
+
+    Raises
+    ------
+    InputError
+        a value that is not positive, out of range by a unit, or tau_f >= tau_s.
+
+    >>> model = second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
+    >>> print(f"{model.thermal_resistance:.1f}")
+    7784.2
+    """
+    hint = "times are in s (did you mean 55.8e-9?)"
+    tau_f = checks.positive("tau_f", tau_f, unit="s", at_most=1e6, hint=hint)
+    tau_s = checks.positive("tau_s", tau_s, unit="s", at_most=1e6, hint=hint)
+    kappa = checks.positive("kappa", kappa, unit="1/s", at_most=1e12, hint="8.87e-4 /ns is 8.87e5 1/s")
+    eta = checks.positive("eta", eta, at_most=100, hint="eta has no unit")
+    if tau_f >= tau_s:
+        raise checks.InputError(f"tau_f = {tau_f:g} s must be below tau_s = {tau_s:g} s; are they swapped?")
+    fast, slow = 1 / tau_f, 1 / tau_s
+    if not eta * slow <= kappa <= eta * fast:
+        raise checks.InputError(
+            f"kappa = {kappa:g} 1/s must lie between eta/tau_s = {eta * slow:g} and eta/tau_f = {eta * fast:g} 1/s, "
+            "or one of the poles cools when heated; is it in 1/s (8.87e-4 /ns is 8.87e5)?"
+        )
+    return second_order_poles(kappa, tau_f, tau_s, eta, check_heat_capacity(heat_capacity))
+
+
+def second_order_poles(kappa: float, tau_f: float, tau_s: float, eta: float, heat_capacity: float) -> Foster:
+    """The two poles of Eq. 3 for any values: an R may be negative. `second_order` checks them first."""
+    fast, slow = 1 / tau_f, 1 / tau_s
+    c_f = (eta * fast - kappa) / (fast - slow)
+    c_s = (kappa - eta * slow) / (fast - slow)
+    return Foster(R=[c_f * tau_f / heat_capacity, c_s * tau_s / heat_capacity], tau=[tau_f, tau_s])
+
+
+def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEAT_CAPACITY) -> dict[str, float]:
+    """The parameters of Eq. 3 of a network with two poles, the inverse of `second_order_poles`.
+
+        kappa = c_f/tau_s + c_s/tau_f,     eta = c_f + c_s,     c_i = m c_p R_i/tau_i
+
+    >>> found = second_order_parameters(second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31))
+    >>> print(f"{found['kappa']:.4g}, {found['eta']:.4g}")
+    8.87e+05, 0.31
+    """
+    tau, c = np.asarray(model.tau, dtype=float), model.gain * heat_capacity  # in order of tau: fast, slow
+    return {
+        "kappa": float(c[0] / tau[1] + c[1] / tau[0]),
+        "tau_f": float(tau[0]),
+        "tau_s": float(tau[1]),
+        "eta": float(c.sum()),
+    }
+
+
+def check_heat_capacity(value: float) -> float:
+    """``value``, or InputError unless it is a heat capacity in J/K."""
+    hint = "m c_p is in J/K (the paper's resonator has 7.63e-12)"
+    return checks.positive("heat_capacity", value, unit="J/K", at_most=1e6, hint=hint)
+
+
+@dataclass(frozen=True, eq=False)
+class OutputMap(AtSmallPower):
+    """Linear dynamics with a static map of the output, the Kirchhoff transformation in one number.
+
+        dT = z + coefficient z^2,      z = rise of the linear model
+
+    With k(T) the Kirchhoff variable obeys a nearly linear heat equation and the temperature is a function of it. As
+    stable as the linear model, whatever the coefficient.
+
+    Parameters
+    ----------
+    linear : Foster
+        the model at small power.
+    coefficient : float, 1/K
+        positive where the conductivity falls with temperature.
+    largest_rise : float, K, optional
+        that the coefficient was fitted to; beyond it responses warn.
+    origin : dict, optional
+        where the model comes from (geometry as TOML, how it was made); exports and model files keep it.
+
+    Raises
+    ------
+    InputError
+        a coefficient that is not finite or larger than 0.1 /K; a response beyond the top of the map, where
+        1 + 2 coefficient z = 0.
+
+    >>> OutputMap(Foster(R=[7800.0], tau=[1e-6]), -4e-4).steady_rise(20e-3).round(1)
+    np.float64(146.3)
+    """
+
+    linear: Foster
+    coefficient: float
+    largest_rise: float | None = None
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"
+        object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
+        check_rise(self.largest_rise)
+
+    _repr_html_ = model_html
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest, in closed form."""
+        return warn_beyond(self.of(self.linear.response(wave, times)), self.largest_rise)
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, in closed form."""
+        return warn_beyond(self.of(self.linear.periodic_response(wave, samples)), self.largest_rise)
+
+    @property
+    def dynamics(self) -> OutputMap:
+        """The output map over a Foster network of the linear model."""
+        return self if isinstance(self.linear, Foster) else replace(self, linear=self.linear.dynamics)
+
+    def steady_rise(self, power: ArrayLike) -> Array:
+        """Static rise in K at constant power in W, shape of ``power``."""
+        return warn_beyond(self.of(self.thermal_resistance * checks.numbers("power", power)), self.largest_rise)
+
+    def of(self, z: ArrayLike) -> Array:
+        """dT in K of a linear rise z in K."""
+        z = checks.numbers("z", z)
+        if np.any(1 + 2 * self.coefficient * z <= 0):
+            top = -0.5 / self.coefficient
+            raise checks.InputError(
+                f"a linear rise of {z.flat[np.argmax(np.abs(z))]:.4g} K lies beyond the top of the output map at "
+                f"{top:.4g} K; the power is far beyond what the coefficient describes"
+            )
+        return z + self.coefficient * z * z
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file: those of the Foster network, and the map."""
+        content = self.dynamics.linear.to_json()
+        units = {**content.pop("units"), "coefficient": "1/K", "largest_rise": "K"}
+        return {**content, "coefficient": self.coefficient, "largest_rise": self.largest_rise, "units": units}
+
+    @classmethod
+    @reader
+    def from_json(cls, content: Mapping[str, Any]) -> OutputMap:
+        """The model of a model file."""
+        return cls(Foster.from_json(content), content["coefficient"], content.get("largest_rise"))

@@ -17,9 +17,8 @@ from ..checks import check_names
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
-from .contract import at_times, check_single
+from .contract import at_times, check_single, names, parts, reader, table
 from .foster import Foster, check_residues
-from .json_fields import names, parts, reader, table
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -229,7 +228,6 @@ def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
     """A copy of a matrix as real floats: an array, or one with columns or rows in compressed form where ``sparse``."""
     from scipy.sparse import csc_matrix, csr_matrix, issparse
 
-    checks.has(name, value, "shape", "dtype", hint="an array or a sparse matrix is needed")
     held = issparse(value)
     found = checks.numbers(name, value.tocoo().data if held else value)
     if not held:

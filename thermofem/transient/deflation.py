@@ -9,7 +9,7 @@ which is the full-order problem. Because r is small and smooth, a tolerance in k
 `thermofem.transient`). The method is exact for any V, even an empty one; V only changes the work. F and H are those of
 `nonlinear`; without temperature dependence they are K x and E x.
 
-With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P with f(z) and e(z) of `curvature`, so
+With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P with f(z) and e(z) of `Curvature`, so
 that r holds only what these leave, and
 
     d/dt [H(x) - E V (z + e)] = (B - E V V^T B) P - D z + K V z + E V f - F(x).
@@ -29,23 +29,17 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import Basis
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import Basis, LinearSystem
 from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
-from .curvature import Curvature, curvature, flow_of
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
-from .fast_part import FastPart, Piece
-from .field_state import Advanced, FieldState, Inside
-from .integration import between
+from .fast_part import Advanced, FastPart, FieldState, Inside, Piece
+from .integration import Ledger, between
 from .newton_stages import GUESS, NewtonStepper
-from .nonlinear import NonlinearEquations, NonlinearLedger
-from .trajectory import Ledger
+from .nonlinear import Curvature, NonlinearEquations, NonlinearLedger, curvature, flow_of
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
-SLOWER = 1 / 8  # with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
-FINEST = 20  # rungs of 4 below a window before it is given up
 ROUNDS = 4  # of dz/dt = dw/dt - e'(z) dz/dt; each leaves a share of c_p's relative change
 SETTLED = 1e-3  # of the tolerance, that the iteration of the fast part may leave
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
@@ -125,7 +119,7 @@ class FieldIntegrator:
     ) -> tuple[Array, FieldState, Array]:
         """Advance from ``state`` to the last of ``times``.
 
-        state: at ``times[0]``; it stays as it is.
+        state: at ``times[0]``; not changed.
         waves [one Waveform for each input]
         times [s]: where the outputs are read, increasing.
         keep [s]: where the whole field is kept, increasing, within the window.
@@ -150,7 +144,7 @@ class FieldIntegrator:
             t = begin + done * h
             step = self._step(fast, state, t, h)
             if step is None:
-                if count > 4**FINEST:
+                if count > 4**20:  # 20 levels of 4 below a window before it is given up
                     raise checks.InputError(
                         f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?",
                         self.stepper.doubt(state.r),
@@ -288,7 +282,8 @@ class FieldIntegrator:
         step, apart = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
         if not max(missed, step, apart) <= 1:
             return None
-        error = max(missed, step, apart * (1.0 if self.newton is None else SLOWER))
+        # 1 / 8: with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
+        error = max(missed, step, apart * (1.0 if self.newton is None else (1 / 8)))
         out = float(self.direct @ piece.energy)
         if self.newton is not None and self.ledger:
             out += self.ledger.outflow(h, WEIGHTS, z @ V.T + rests, slopes)

@@ -15,13 +15,12 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.system import LinearSystem
+from ..algebra.krylov import LinearSystem
 from ..arrays import Array
 from ..waveforms import Waveform
 
 _R2 = np.sqrt(2.0)
 GAMMA = 0.25
-FINEST_FIT = 1e-8  # of a smooth power by a cubic, relative to its peak
 FAR = 0.1  # of a probe's steady share of the field: the smallest scale to which the probe's error is relative
 STAGE_TIMES = np.array([0, 1 / 2, (2 - _R2) / 4, 5 / 8, 26 / 25, 1])
 STAGES = np.zeros((6, 6))  # strictly lower part; the diagonal is GAMMA
@@ -111,7 +110,8 @@ class Stepper:
     def edges(self, stop: float, rtol: float) -> Array:
         """0, every breakpoint of every waveform, ``stop``; finds the time scales of smooth powers (`resolves`)."""
         smooth = [wave for wave in self.waves if not getattr(wave, "piecewise_linear", False)]
-        fits = [wave.pieces(0.0, stop, tolerance=max(rtol, FINEST_FIT)).edges for wave in smooth] if stop else []
+        # 1e-8 of a smooth power by a cubic, relative to its peak
+        fits = [wave.pieces(0.0, stop, tolerance=max(rtol, 1e-8)).edges for wave in smooth] if stop else []
         self._knots = np.unique(np.concatenate(fits)) if fits else np.empty(0)
         self.smooth_peak = max((float(np.abs(w(k)).max()) for w, k in zip(smooth, fits, strict=False)), default=0.0)
         return np.unique(np.concatenate([[0.0, stop], *(w.breakpoints(0.0, stop) for w in self.waves)]))

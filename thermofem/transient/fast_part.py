@@ -7,7 +7,7 @@ Between two grid times (wanted times and the breakpoints of the waves) P is one 
 Between grid times z is the cubic through its values and slopes; behind a jump of the power the grid is graded, since a
 fast pole does not move like a cubic there.
 
-With k(T) and c_p(T) the amplitudes follow what these do to the fields (`curvature`): w = z + e(z) and
+With k(T) and c_p(T) the amplitudes follow what these do to the fields (`nonlinear.curvature`): w = z + e(z) and
 
     dw/dt = -rate w + heating P + g(z),    g(z) = rate e(z) - f(z)
 
@@ -19,23 +19,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import checks
 from ..algebra.krylov import Basis
-from ..algebra.smooth_poles import phi
+from ..algebra.pole_responses import phi
 from ..arrays import Array, ArrayLike
 from ..waveforms import Cubic, Waveform, check_wave
-from .curvature import Curvature
 from .esdirk import STAGE_TIMES
+from .nonlinear import Curvature
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # on [-1, 1]
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 _POWERS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ _POWERS = coefficients of u^m
-FIT = 1e-6  # of a smooth power by one cubic between grid times, relative to its peak
 _GRADING = 2.0 ** -np.arange(1, 25)
-SWEEPS = 40
 
 
 def _legendre(u: ArrayLike) -> Array:
@@ -98,7 +97,7 @@ class FastPart:
         """Values and slopes with k(T) and c_p(T), from those without and what these were made of."""
         h, gains, decay, forcing, heat = linear
         w0 = self.values[0] + curved(self.values[:1])[1][0]
-        for _ in range(SWEEPS):
+        for _ in range(40):
             z = self.values
             flow, held = curved(z)
             g = self.rate * held - flow
@@ -177,7 +176,7 @@ class FastPart:
 
 
 def _followed(z: Array, decay: Array, forcing: Array) -> Array:
-    """z_0 = z, z_(k+1) = decay_k z_k + drive_k."""
+    """z_0 = z, z_(k+1) = decay_k z_k + forcing_k, shape (intervals + 1, k)."""
     values = np.empty((len(decay) + 1, z.size))
     values[0] = z
     for k in range(len(decay)):
@@ -199,8 +198,67 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
         if not getattr(wave, "piecewise_linear", False) and not isinstance(wave, Cubic):
-            parts.append(wave.pieces(start, stop, tolerance=FIT).edges)  # between two knots the power is one cubic
+            # 1e-6 of a smooth power by one cubic between grid times, relative to its peak
+            parts.append(wave.pieces(start, stop, tolerance=1e-6).edges)  # between two knots the power is one cubic
         parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]
     grid = np.unique(np.concatenate(parts))
     grid = grid[(grid >= start) & (grid <= stop)]
     return grid[np.append(True, np.diff(grid) > 1e-13 * stop)]
+
+
+# coefficients of the cubic of `Inside` from its four numbers
+CUBIC = np.linalg.inv(np.stack([np.arange(4) == 0, STAGE_TIMES[3] ** np.arange(4), np.ones(4), np.arange(4)]))
+
+
+@dataclass(frozen=True, eq=False)
+class FieldState:
+    """A field x = V z + r at one time, and the data from which the next step starts.
+
+    time [s]
+    z, r [shape (k,) and (n,)]
+    slope [shape (n,)]: the time derivative in the equation of the module at the end of the last step: E^-1 times it
+        where the system is linear, in W where it is not.
+    source [shape (inputs + k,)]: the P and z that this slope was computed with.
+    step [s]: length of the last step; 0 before the first.
+    heat_in, heat_out [J]: since the start.
+    correction [shape (n,), W]: what `FieldIntegrator._correction` has added to the slope.
+    """
+
+    time: float
+    z: Array
+    r: Array
+    slope: Array
+    source: Array
+    step: float = 0.0
+    heat_in: float = 0.0
+    heat_out: float = 0.0
+    correction: Array | float = 0.0
+
+
+class Inside(NamedTuple):
+    """The remainder r in a step, or its outputs: a cubic through both ends, the third stage and the slope at the end.
+
+    The slope at the beginning has no part: it holds what the last step left of fast modes, and what the cubics of the
+    power differ by, which is gone after a small part of the step.
+    """
+
+    first: Array
+    middle: Array
+    last: Array
+    rate: Array
+    """h dr/dt at the end."""
+
+    def __call__(self, u: ArrayLike) -> Array:
+        """Value at the fractions u of the step, shape (*u.shape, components)."""
+        return np.asarray((np.asarray(u)[..., None] ** np.arange(4)) @ CUBIC @ np.stack(self))
+
+
+class Advanced(NamedTuple):
+    """A window that was advanced, for `FieldIntegrator.revised`."""
+
+    begin: FieldState
+    fast: FastPart
+    steps: list[tuple[float, float, Inside]]
+    """Start and length in s, and the outputs of the remainder."""
+    end: FieldState
+    fields: Array

@@ -26,9 +26,7 @@ from .nonlinear import NodalOperator, NonlinearEquations, factorize_general
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
 ITERATIONS = 10  # per stage, before the factors are renewed
-PATIENCE = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which they are renewed at once
-ROUND_OFF = 1e-12  # K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
 SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
 # value at each stage of the polynomial through the stages before it
@@ -46,7 +44,7 @@ for _i, (_at, _k) in THROUGH.items():
     SLOPED[_i, [*_at, 6]] = np.linalg.solve(_rows.T, STAGE_TIMES[_i] ** _p)
 
 
-def _foresee(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
+def _predicted(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
     """Guess for stage i from those before it; ``h`` times a slope is dx/dt times the step."""
     return np.asarray(SLOPED[i, :i] @ states[:i] + SLOPED[i, 6] * h * slopes[THROUGH[i][1]])
 
@@ -68,7 +66,8 @@ class NewtonStepper(Stepper):
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
         self._weight = self.E.diagonal()
         steady = self._measure(self.steady)
-        self.least = ROUND_OFF / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
+        # 1e-12 K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
+        self.least = 1e-12 / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
         self._scale = self.least * steady
         self._rate = 0.0  # of convergence, per K of the largest rise: it grows with the rise
         self._at: Array | None = None  # where the renewed factors belong; None: the linear ones serve
@@ -117,7 +116,7 @@ class NewtonStepper(Stepper):
         shift = GAMMA * h
         for i in range(1, 6):
             known = x + h * (STAGES[i, :i] @ slopes[:i])
-            found = self._newton(_foresee(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
+            found = self._newton(_predicted(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
             if found is None:
                 return None
             states[i] = found
@@ -138,7 +137,7 @@ class NewtonStepper(Stepper):
         for i in range(1, 6):
             known = start + h * (STAGES[i, :i] @ flows[:i])
             target = known + shift * (self.B @ powers[i])
-            found = self._newton(_foresee(i, states, slopes, per_slope), target, shift)
+            found = self._newton(_predicted(i, states, slopes, per_slope), target, shift)
             if found is None:
                 return None
             states[i], extended = found, self.system.content.extended(found)
@@ -189,7 +188,8 @@ class NewtonStepper(Stepper):
                     break
                 rate = size / last if k else min(self._rate * self.rise, STALLED)
                 last = size
-                if k >= PATIENCE and rate > STALLED:
+                # 3: iterations before their rate is judged: a good guess makes the first ratios large
+                if k >= 3 and rate > STALLED:
                     break
                 if size * rate <= self.tolerance * (1 - rate) and (k or rate > 0 or size <= self.tolerance):
                     if k and self.rise:
@@ -258,7 +258,7 @@ class _Nodal:
 
 
 class _Neighbour:
-    """The symmetric approximation of the derivative of a `NodalOperator`, as values in the places of a `Pencil`."""
+    """Symmetric approximation of the Jacobian of a `NodalOperator`, on the sparsity pattern of a `Pencil`."""
 
     def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
         self.operator, self.laws = operator, []
@@ -269,7 +269,7 @@ class _Neighbour:
         for _, at in operator.laws:
             block = operator.matrix[:, start : start + at.size].tocsc()
             start += at.size
-            where, values = pencil.places(_spread(block, at, n))
+            where, values = pencil.entries(_spread(block, at, n))
             local = np.zeros(n, dtype=np.intp)
             local[at] = np.arange(at.size)
             self.laws.append((where, values, local[rows[where]], local[columns[where]]))
@@ -277,7 +277,7 @@ class _Neighbour:
 
     @staticmethod
     def _add(pencil: Pencil, matrix: Any, total: Array) -> None:
-        where, values = pencil.places(matrix)
+        where, values = pencil.entries(matrix)
         total[where] += values
 
     def drift(self, x: Array) -> float:

@@ -31,16 +31,11 @@ def cosimulate(
     ] = None,
     max_discrepancy: Annotated[str, typer.Option(help="Discrepancy left between light and FEM.")] = "1 mK",
     accuracy: options.Accuracy = 1e-3,
-    rtol: Annotated[float, typer.Option(help="Relative error of a step of the light.")] = 1e-6,
+    rtol: options.Rtol = 1e-6,
     field_times: options.FieldTimes = None,
     paraview: options.Paraview = None,
-    figure: Annotated[Path | None, typer.Option(help="Also draw the traces into this image.")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write (netCDF).")] = Path("cosimulation.nc"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
+    figure: options.Figure = None,
+    output: options.NetCDF = Path("cosimulation.nc"),
 ) -> dict[str, Any]:
     """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
     import coupled

@@ -20,9 +20,6 @@ from ..drive_texts import detuning_of, steady_heaters
 if TYPE_CHECKING:
     from coupled.explore.page import Page
 
-POLES = 5  # of the trained Foster network
-DETUNING = "Laser minus cold resonance, as a frequency ('-10 GHz') or a wavelength ('80 pm', to the red)."
-
 
 def explore(
     context: typer.Context,
@@ -33,19 +30,14 @@ def explore(
         ),
     ] = None,
     ring: options.Ring = options.REFERENCE_RING,
-    power: Annotated[str, typer.Option(help="Power in the bus waveguide when the page opens.")] = "8 dBm",
-    detuning: Annotated[str, typer.Option(help=DETUNING)] = "0 GHz",
+    power: options.Power = "8 dBm",
+    detuning: options.Detuning = "0 GHz",
     channel: options.Channel = None,
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.Heater = None,
     accuracy: options.GeometryAccuracy = 1e-3,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.
 
@@ -105,22 +97,11 @@ def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str
 
 def _beside(family: Any) -> dict[str, Any]:
     """The paper's two laws for a family, trained on the member in the middle of its box."""
+    from surrogate.judging.ladder import fit_usual
+
     middle = dict(zip(family.names, (family.box.low + family.box.high) / 2, strict=True))
-    found = trained(family.model(**middle))
+    found = fit_usual(family.model(**middle))
     return {f"{name}, of the middle": found[name] for name in ("second order", "Newton's law")}
-
-
-def trained(exact: Any) -> dict[str, Any]:
-    """The usual models, trained on the answers of a precise one."""
-    import surrogate
-    from surrogate.judging.ladder import training_data
-
-    periodic, rise = training_data(exact, 2e-3, 1 / 3)
-    return {
-        f"Foster, {POLES} poles": surrogate.fit_foster(rise, POLES).model,
-        "second order": surrogate.fit_second_order(periodic).model,
-        "Newton's law": surrogate.fit_newton(periodic).model,
-    }
 
 
 def models_of_geometry(
@@ -129,6 +110,7 @@ def models_of_geometry(
     """The certified reduction of a geometry, and the usual models trained on it; all from one reduction."""
     import surrogate
     from coupled.explore.contents import HEATERS
+    from surrogate.judging.ladder import fit_usual
 
     section = section_of(path)
     with working("meshing, assembling, reducing and training"):
@@ -140,5 +122,5 @@ def models_of_geometry(
         rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), ring), tolerance=1e-4)
         whole: Any = rom.model
         exact: Any = whole.channel(ring, ring).dynamics if others else whole
-        models = {f"certified reduction, {rom.order} poles": rom, **trained(exact)}
+        models = {f"certified reduction, {rom.order} poles": rom, **fit_usual(exact)}
     return models, heat

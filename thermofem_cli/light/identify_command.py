@@ -40,11 +40,7 @@ def identify(
     output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path(
         "identified.toml"
     ),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
     seed: options.Seed = 1,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Find parameters of a ring, its carriers and its heat from drop traces at known power and detuning.
 
@@ -100,9 +96,9 @@ def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     """Drop over time (s) of a table; its unit W, or another that is an arbitrary one."""
     import xarray as xr
 
-    from thermofem.data.number_table import number_table, text_of
+    from thermofem.data.number_table import number_table
 
-    table = number_table(text_of(path.read_bytes()))
+    table = number_table(path.read_bytes())
     try:
         places = [table.columns.index(int(text)) for text in columns.split(",")]
         first, second = places

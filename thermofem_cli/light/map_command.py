@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,10 +13,8 @@ from thermofem.data import quantity
 
 from .. import options
 from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
-from ..console import say, watched, working, wrote
+from ..console import say, watched, working, written, wrote
 from ..drive_texts import grid, steady_heaters
-from ..executors import executor_of
-from .tuning_numbers import say_thresholds, say_tuning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,25 +44,18 @@ def map_(
     scheduler: options.Scheduler = None,
     figure: options.Figure = None,
     output: options.NetCDF = Path("map.nc"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
     import coupled
-    from coupled.ring_from import check_geometry
 
     check_outputs([output, figure, resume], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     over = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
-    check_geometry(resonator, thermal)
     length = None if duration is None else quantity.parse(duration, "s", name="--duration")
     settings: dict[str, Any] = {"duration": length, "follow": follow, "file": resume, "show_bar": watched(), **parts}
-    with executor_of(scheduler) as executor:
+    with options.executor_of(scheduler) as executor:
         found = coupled.pulsing_map(resonator, thermal, over[0], over[1], heaters=powers, **settings, executor=executor)
     th.save(found, output)
     note_ring(resonator, ring)
@@ -88,6 +80,35 @@ def say_regimes(found: xr.Dataset) -> dict[str, int]:
     names, counts = np.unique(found["regime"].values, return_counts=True)
     say(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
     return {str(name): int(count) for name, count in zip(names, counts, strict=True)}
+
+
+def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str | None) -> dict[str, float]:
+    """Print and return pm/K, nm per mW absorbed, and the power for half a free spectral range where it is known."""
+    from coupled.ring_from import tuning
+
+    found = tuning(ring, model, **parts)
+    kelvin, watt = f"{found['shift_per_kelvin'] * 1e12:.3g} pm/K", f"{found['shift_per_watt'] * 1e6:.3g} nm"
+    pi = f", pi power {written(found['pi_power'], 'W')}" if "pi_power" in found else ""
+    say(f"resonance: {kelvin}, {watt} per mW absorbed{pi}")
+    return found
+
+
+def say_thresholds(found: xr.Dataset) -> dict[str, float | None]:
+    """Print the lowest power of a map (W) at which some detuning self-pulses, or is bistable; None without."""
+    thresholds: dict[str, float | None] = {}
+    for regime in ("self-pulsing", "bistable"):
+        rows = (found["regime"] == regime).transpose("power", "detuning").values
+        at = [k for k, row in enumerate(rows) if row.any()]
+        thresholds[regime] = float(found["power"][at[0]]) if at else None
+        if not at:
+            continue
+        watts, hertz = found["power"].values, found["detuning"].values[rows[at[0]]]
+        below = f"none at {quantity.rounded(watts[at[0] - 1], 'W')}" if at[0] else "the lowest power of the map"
+        dbm = 10 * math.log10(watts[at[0]] / 1e-3)
+        where = quantity.rounded(float(hertz[0]), "Hz")
+        where += f" to {quantity.rounded(float(hertz[-1]), 'Hz')}" if hertz.size > 1 else ""
+        say(f"{regime} from {quantity.rounded(watts[at[0]], 'W')} ({dbm:.2f} dBm) on, at {where} ({below})")
+    return thresholds
 
 
 def draw_map(

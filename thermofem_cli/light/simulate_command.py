@@ -34,7 +34,7 @@ def simulate(
     power: options.Power = "8 dBm",
     detuning: options.Detuning = "0 GHz",
     duration: options.Duration = "20 us",
-    rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
+    rtol: options.Rtol = 1e-6,
     ring: options.Ring = options.REFERENCE_RING,
     channel: options.Channel = None,
     heated: options.Heated = None,
@@ -45,15 +45,9 @@ def simulate(
     laser: Annotated[list[str] | None, typer.Option(help=LASER)] = None,
     figure: options.Figure = None,
     output: options.Output = Path("traces.nc"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
-    from coupled.ring_from import check_geometry
 
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     if sweep is not None:
@@ -63,7 +57,6 @@ def simulate(
     powers = drive_texts.heater_powers(heater, length)
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
     resonator = ring_of(ring)
-    check_geometry(resonator, thermal)
     light = drive_texts.light(resonator, power, detuning, sweep, modulate, length)
     others = drive_texts.lasers(laser, resonator, length)
     settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **light}

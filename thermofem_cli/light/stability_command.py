@@ -11,8 +11,7 @@ from .. import options
 from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
 from ..console import working, wrote
 from ..drive_texts import grid, steady_heaters
-from .map_command import draw_map, say_regimes
-from .tuning_numbers import say_thresholds, say_tuning
+from .map_command import draw_map, say_regimes, say_thresholds, say_tuning
 
 
 def stability(
@@ -27,22 +26,15 @@ def stability(
     points: options.Points = "100, 100",
     figure: options.Figure = None,
     output: options.NetCDF = Path("stability.nc"),
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    seed: options.Seed = 0,
-    threads: options.Threads = None,
 ) -> dict[str, Any]:
     """Classify every point of a map by linear stability, with Hopf and fold curves, of cycles too, in the figure."""
     import coupled
-    from coupled.ring_from import check_geometry
 
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     axes = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
-    check_geometry(resonator, thermal)
     with working("finding fixed points and their eigenvalues"):
         found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
     th.save(found, output)

@@ -1,0 +1,319 @@
+"""Free-carrier recombination, with one lifetime or through one trap level; decays after a pump pulse and their fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import xarray as xr
+from scipy.optimize import least_squares
+
+from thermofem import checks
+from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
+from thermofem.data import dataset
+from thermofem.data.variables import in_si
+
+SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
+FEWEST = 8  # samples of a decay
+FARTHEST = 690.0  # of a logarithm: the largest number
+GRID, SEARCHES = 24, 4  # lifetimes on each axis where searches may begin; how many do
+HALF_GAP = 0.56  # eV, of silicon: trap levels lie within it
+
+
+@dataclass(frozen=True)
+class ConstantLifetime:
+    """dN/dt = -N/tau: the usual model, accurate at low carrier density and where carriers are swept out.
+
+    Parameters
+    ----------
+    tau : float, s
+
+    >>> float(ConstantLifetime(10e-9).lifetime(1e23))
+    1e-08
+    """
+
+    tau: float
+    a: ClassVar[float] = 0.0
+    b: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        hint = "lifetimes are in s (did you mean 10e-9 for 10 ns?)"
+        checks.between("tau", self.tau, SHORTEST, 0.1, unit="s", hint=hint)
+
+    @property
+    def tau0(self) -> float:
+        """The lifetime in s."""
+        return self.tau
+
+    def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
+        """Tau in s, shape of ``density``."""
+        return np.full(checks.numbers("density", density).shape, float(self.tau))
+
+
+@dataclass(frozen=True)
+class ShockleyReadHall:
+    """Carrier lifetime through one trap level, in its low- and high-injection limits and between.
+
+        tau(N) = tau0 (1 + a N) / (1 + b N)
+        a = (tau_p + tau_n) / (tau_p (n0 + n1) + tau_n (p0 + p1)),   b = 1 / (n0 + p0)
+        tau0 = (tau_p (n0 + n1) + tau_n (p0 + p1)) / (n0 + p0)
+        n0 = n_i^2 / p0,   n1 = n_i exp(E/kT),   p1 = n_i exp(-E/kT),   E = E_trap - E_i
+
+    Parameters
+    ----------
+    tau_n, tau_p : float, s
+        characteristic lifetimes of electrons and of holes: 1/(trap density x capture cross-section x velocity).
+    intrinsic_density : float, 1/m^3
+        n_i.
+    hole_density : float, 1/m^3
+        p0, the holes at equilibrium (p-type material).
+    trap_energy : float, eV
+        E, the trap level above the intrinsic Fermi level.
+    thermal_energy : float, eV
+        k_B T.
+
+    Raises
+    ------
+    InputError
+        a number that is not finite, not positive, or out of the range of its unit.
+
+    Source: Shockley and Read, Phys. Rev. 87, 835 (1952), as in Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1, 4.
+    """
+
+    tau_n: float
+    tau_p: float
+    intrinsic_density: float
+    hole_density: float
+    trap_energy: float
+    thermal_energy: float
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        hint = "lifetimes are in s (did you mean 35e-9 for 35 ns?)"
+        for name in ("tau_n", "tau_p"):
+            checks.between(name, getattr(self, name), SHORTEST, 0.1, unit="s", hint=hint)
+        hint = "densities are in 1/m^3 (1e15 cm^-3 is 1e21)"
+        for name in ("intrinsic_density", "hole_density"):
+            checks.between(name, getattr(self, name), 1e10, 1e28, unit="1/m^3", hint=hint)
+        checks.between("trap_energy", self.trap_energy, -2, 2, unit="eV", hint="counted from the intrinsic Fermi level")
+        checks.between("thermal_energy", self.thermal_energy, 1e-4, 0.2, unit="eV", hint="k_B T is 0.0253 eV at 293 K")
+        # its exponential is a factor of the densities
+        checks.between("trap_energy/thermal_energy", self.trap_energy / self.thermal_energy, -200, 200)
+
+    @property
+    def _weighted(self) -> tuple[float, float]:
+        """tau_p (n0 + n1) + tau_n (p0 + p1) in s/m^3, and n0 + p0 in 1/m^3."""
+        n0, p0 = self.intrinsic_density**2 / self.hole_density, self.hole_density
+        boltzmann = math.exp(self.trap_energy / self.thermal_energy)
+        n1, p1 = self.intrinsic_density * boltzmann, self.intrinsic_density / boltzmann
+        return self.tau_p * (n0 + n1) + self.tau_n * (p0 + p1), n0 + p0
+
+    @property
+    def tau0(self) -> float:
+        """Lifetime at vanishing carrier density in s."""
+        weighted, equilibrium = self._weighted
+        return weighted / equilibrium
+
+    @property
+    def a(self) -> float:
+        """Coefficient of N in the numerator in m^3."""
+        return (self.tau_p + self.tau_n) / self._weighted[0]
+
+    @property
+    def b(self) -> float:
+        """Coefficient of N in the denominator in m^3."""
+        return 1 / self._weighted[1]
+
+    def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
+        """tau(N) in s at the excess density ``density`` in 1/m^3, shape of ``density``."""
+        N = checks.numbers("density", density)
+        return np.asarray(self.tau0 * (1 + self.a * N) / (1 + self.b * N))
+
+
+def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) -> xr.Dataset:
+    """Return the carrier density after a short pump pulse, without light.
+
+        dN/dt = -N/tau(N),    t/tau0 = ln(N0/N) + (a - b)/b ln((1 + b N0)/(1 + b N))
+
+    Parameters
+    ----------
+    carriers : ShockleyReadHall
+    initial : float, 1/m^3
+        N0, the density that the pulse leaves.
+    times : array, s
+        increasing, from 0 on.
+
+    Returns
+    -------
+    xarray.Dataset
+        over time (s): carriers (1/m^3) and lifetime (s), tau(N) = -N/(dN/dt) at that instant.
+
+    Raises
+    ------
+    InputError
+        a density or time out of range.
+
+    Exact to round-off: the closed form is inverted by Newton's method in ln N.
+
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eq. 1 and Fig. 3.
+
+    >>> import coupled
+    >>> found = carrier_decay(coupled.borghi2021().carriers, 1e23, [0, 50e-9, 300e-9])
+    >>> print([f"{v * 1e9:.1f} ns" for v in found["lifetime"].values])
+    ['57.3 ns', '57.0 ns', '40.9 ns']
+    """
+    hint = "densities are in 1/m^3 (1e17 cm^-3 is 1e23)"
+    N0 = checks.positive("initial", initial, unit="1/m^3", at_most=1e28, hint=hint)
+    checks.has("carriers", carriers, "tau0", "lifetime", hint="the .carriers of a ring are needed")
+    t = checks.array("times", times, increasing=True, hint="times are in s")
+    checks.between("times[0]", t[0], 0, 1, unit="s", hint="times count from the pulse on")
+    checks.between("times[-1]", t[-1], 0, 1, unit="s", hint="did you mean 50e-9 for 50 ns?")
+    N = _density(t, N0, carriers.tau0, carriers.a, carriers.b)
+    return xr.Dataset(
+        {
+            "carriers": ("time", N, dataset.describe("carriers")),
+            "lifetime": ("time", carriers.lifetime(N), {"units": "s", "long_name": "carrier lifetime"}),
+        },
+        coords={"time": ("time", t, dataset.describe("time"))},
+        attrs={"kind": "carrier decay", "initial_density": N0, "tau0": carriers.tau0, "a": carriers.a, "b": carriers.b},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CarrierFit:
+    """Result of `fit_carrier_decay`.
+
+    Attributes
+    ----------
+    carriers : ShockleyReadHall
+        with the fitted lifetimes.
+    parameters, standard_errors : dict of str to float
+        "tau0" and "tau_high" (s), the lifetimes at vanishing and at high density, which a decay determines; "tau_n" and
+        "tau_p" (s) that follow from them at the given trap energy; "trap_energy" (eV), with an infinite standard error;
+        and "initial_density" (1/m^3).
+    trap_energies : (float, float), eV
+        the range about the trap energy within the band gap in which some tau_n and tau_p give this very decay. There
+        are two such ranges, one on either side, where tau0 > tau_high; this is the one that holds the energy.
+    residual : float
+        rms of ln(N/N_fit).
+    """
+
+    carriers: ShockleyReadHall
+    parameters: dict[str, float]
+    standard_errors: dict[str, float]
+    trap_energies: tuple[float, float]
+    residual: float
+
+
+def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFit:
+    """Fit the lifetimes of Shockley-Read-Hall recombination to a measured decay, by least squares in ln N.
+
+    The lifetime runs from tau0 = [tau_p (n0 + n1) + tau_n (p0 + p1)]/(n0 + p0) to tau_n + tau_p, and turns where
+    N = n0 + p0, which the doping fixes. So a decay determines two numbers, and (tau_n, tau_p, E_t) are three: every
+    trap energy in a range fits equally well. It is taken from ``material``, and the range returned. The searches begin
+    at the best of a grid of lifetimes.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        carriers (1/m^3, larger than 0) over time (s), 8 or more.
+    material : ShockleyReadHall
+        n_i, p0, kT and the trap energy to hold; its lifetimes do not matter.
+
+    Raises
+    ------
+    InputError
+        a variable missing or not positive, or a decay that no tau_n, tau_p > 0 has at the trap energy given.
+
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Fig. 3(b) and Appendix B, whose E_t is a fit as well.
+    """
+    checks.instance("material", material, ShockleyReadHall, hint="coupled.borghi2021().carriers is one")
+    data = in_si("data", data)
+    t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
+    N = checks.array("data.carriers", data["carriers"].values)
+    if t.size != N.size or t.size < FEWEST or np.min(N) <= 0:
+        raise checks.InputError(
+            f"data has {N.size} densities from {np.min(N):g} 1/m^3 on at {t.size} times; at least {FEWEST}, all above 0"
+        )
+
+    best = _least_squares(t, N, material.b)
+    N0, low, high = np.exp(best.x)
+    covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
+    held = material.trap_energy
+    tau_n, tau_p, rows = _lifetimes(material, held, low, high)
+    possible = _possible(material, low, high)
+    if min(tau_n, tau_p) <= 0:
+        ranges = " and ".join(f"{first:.3g} to {last:.3g}" for first, last in possible)
+        raise checks.InputError(
+            f"trap_energy = {held:g} eV gives no positive lifetimes for this decay (tau0 = {low:.3g} s, tau_high = "
+            f"{high:.3g} s); {f'only {ranges} eV do' if possible else 'no trap energy does'}"
+        )
+    scale = np.diag([N0, low, high])
+    absolute = scale @ covariance @ scale  # of N0, tau0, tau_high
+    errors = np.sqrt(np.diag(absolute))
+    of_n, of_p = (float(np.sqrt(s @ absolute[1:, 1:] @ s)) for s in rows)
+    names = ("initial_density", "tau0", "tau_high", "tau_n", "tau_p", "trap_energy")
+    return CarrierFit(
+        replace(material, tau_n=tau_n, tau_p=tau_p),
+        dict(zip(names, (float(N0), float(low), float(high), tau_n, tau_p, held), strict=True)),
+        dict(zip(names, (*errors.tolist(), of_n, of_p, float("inf")), strict=True)),
+        min(possible, key=lambda ends: max(ends[0] - held, held - ends[1]), default=(held, held)),
+        float(np.sqrt(2 * best.cost / t.size)),
+    )
+
+
+def _least_squares(t: Array, N: Array, b: float) -> Any:
+    """The best search for ln(N0, tau0, tau_high) of those that begin at the smallest misfits on a grid of lifetimes."""
+
+    def misfit(x: Array) -> Array:
+        N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
+        with np.errstate(all="ignore"):
+            off = np.log(_density(t - t[0], N0, low, high / low * b, b) / N)
+        return np.nan_to_num(off, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
+
+    tau = np.log((t[-1] - t[0]) * np.geomspace(1e-4, 1e4, GRID))
+    grid = [np.array([np.log(N[0]), low, high]) for low in tau for high in tau]
+    starts = sorted(grid, key=lambda x: float(np.sum(misfit(x) ** 2)))[:SEARCHES]
+    tries = [least_squares(misfit, x, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac") for x in starts]
+    best = min(tries, key=lambda one: float(one.cost))
+    if np.linalg.matrix_rank(best.jac) < 3:
+        raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
+    return best
+
+
+def _possible(material: ShockleyReadHall, low: float, high: float) -> list[tuple[float, float]]:
+    """Ranges of trap energies in the band gap, eV, at which tau0 and tau_high belong to positive lifetimes."""
+    energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
+    holds = np.array([min(_lifetimes(material, E, low, high)[:2]) > 0 for E in energies])
+    return [(float(energies[a]), float(energies[b - 1])) for a, b in runs_of(holds)]
+
+
+def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:
+    """N(t), by Newton's method in u = ln(N/N0), whose iterates are monotone."""
+
+    def slower(N: Any) -> Any:  # (a - b)/b ln(1 + b N), whose limit for b = 0 is a N
+        return (a - b) / b * np.log1p(b * N) if b else a * N
+
+    u = -t / (tau0 * max((1 + a * N0) / (1 + b * N0), 1))  # the decay at the longest lifetime
+    for _ in range(100):
+        N = N0 * np.exp(u)
+        f = u + slower(N) - slower(N0) + t / tau0
+        step = f / (1 + (a - b) * N / (1 + b * N))
+        u = u - step
+        if np.max(np.abs(step)) < 1e-14 * (1 + np.max(np.abs(u))):
+            break
+    return np.asarray(N0 * np.exp(u))
+
+
+def _lifetimes(material: ShockleyReadHall, trap: float, low: float, high: float) -> tuple[float, float, Array]:
+    """tau_n and tau_p of a trap energy, and their derivatives by (tau0, tau_high), rows tau_n and tau_p."""
+    n0, p0 = material.intrinsic_density**2 / material.hole_density, material.hole_density
+    boltzmann = np.exp(trap / material.thermal_energy)
+    electrons, holes = n0 + material.intrinsic_density * boltzmann, p0 + material.intrinsic_density / boltzmann
+    by_low, by_high = np.array([n0 + p0, -electrons]) / (holes - electrons)  # of tau_n
+    slopes = np.array([[by_low, by_high], [-by_low, 1 - by_high]])
+    tau_n, tau_p = slopes @ [low, high]
+    return float(tau_n), float(tau_p), slopes

@@ -1,0 +1,284 @@
+"""Circuits at rest: fixed points under constant light and their stability, and the transmission at low power."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thermofem import checks
+from thermofem.arrays import Array, Complex
+from thermofem.data import dataset
+
+from ..arguments import check_axis
+from ..heaters import heater_power
+from ..kernel import units as eq
+from ..kernel.integrator import Problem
+from ..kernel.tableaus import Method
+from ..thermal import trusted
+from .circuit import Circuit
+from .network import light_of
+from .run import described
+from .system import System, system_of
+
+SAME = 1e-6  # relative difference of the states of two fixed points that count as one
+ITERATIONS, SWEEPS, RAMP = 60, 40, 30
+WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
+RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
+
+
+def circuit_steady_states(
+    circuit: Circuit,
+    thermal: Any,
+    power: Mapping[str, float],
+    detuning: float = 0.0,
+    heaters: Mapping[str, float] | None = None,
+    starts: int = 100,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Fixed points of a circuit that Newton's method finds, with the eigenvalues of the Jacobian.
+
+        0 = f(y),    growth_rate = max Re eig(df/dy),    y = (Re a, Im a, N of each ring, states of heat)
+
+    Newton's method starts on the branch of low power, followed from 0 to the whole power, and from ``starts`` random
+    detunings of the hot rings, with the light, carriers and heat that belong to them. No method is known that finds all
+    fixed points of several rings: some may be missed. `steady_states` misses none of a ring alone.
+
+    Parameters
+    ----------
+    circuit, thermal
+        as for `simulate`; without delays.
+    power : mapping of laser name to float, W
+    heaters : mapping of name to float, W
+    detuning : float, Hz
+    starts, seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        over state, by increasing energy: energy (J), carriers (1/m^3), delta_T (K) and absorbed (W) by ring; output (W)
+        by port; growth_rate (1/s), frequency (Hz, of the eigenvalue with that real part) and growing, the number of
+        eigenvalues with a positive real part: 0 for a stable state.
+
+    Raises
+    ------
+    InputError
+        powers that vary, lasers of different frequency, or delays.
+
+    >>> import coupled, thermofem as th
+    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    >>> circuit = coupled.bus(coupled.borghi2021())
+    >>> coupled.steady_states(circuit, model, power={"in": 5e-3}, detuning=-32e9).growing.values
+    array([0, 1, 2])
+    """
+    starts = checks.integer("starts", starts, 0, 100_000)
+    system = autonomous(circuit, thermal, power, heaters, detuning)
+    problem = system.problem(Method.RODAS5P)
+    found: list[Array] = []
+    n = len(circuit.names)
+    for guess in _guesses(system, starts, seed):
+        y = _newton(system, problem, guess)
+        if y is not None and all(_distance(y[: 3 * n], other[: 3 * n]) > SAME for other in found):
+            found.append(y)
+    found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
+    states = _described(system, problem, found)
+    trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
+    return states
+
+
+def autonomous(
+    circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
+) -> System:
+    """The system of a circuit under constant light of one frequency; InputError for any other."""
+    heaters = checks.mapping("heaters", heaters)
+    given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
+    numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
+    for name, value in numbers.items():
+        if not isinstance(value, int | float | np.number):
+            kind = type(value).__name__
+            raise checks.InputError(f"{name} is a {kind}; fixed points and limit cycles belong to a number")
+    for heater, watts in heaters.items():
+        heater_power(heater, watts)
+    if any(w.delay > 0 for w in circuit.waveguides):
+        raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
+    lit = [laser for laser in circuit.lasers if power.get(laser.name, 0.0) > 0] or list(circuit.lasers)
+    if len({laser.offset for laser in lit}) > 1:
+        raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
+    for name in power:
+        checks.choice("a name in power", name, [laser.name for laser in circuit.lasers])
+    own = {laser.name: power.get(laser.name, 0.0) for laser in lit}
+    alone = replace(circuit, lasers=lit)
+    return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6)
+
+
+def _newton(system: System, problem: Problem, y: Array) -> Array | None:
+    """Newton's method, damped until the next correction is smaller; None where that does not converge."""
+    n = problem.rings
+    least = np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
+    try:
+        for _ in range(ITERATIONS):
+            rate, J = problem.slopes(y)
+            step = np.linalg.solve(J, -rate)
+            scale = np.maximum(np.abs(y), least)
+            size = float(np.linalg.norm(step / scale))
+            # the last correction is below 1e-11
+            if size < 1e-11 * np.sqrt(y.size):
+                y = y + step
+                return y if np.all(y[2 : 3 * n : 3] >= -least[2]) else None
+            damping = 1.0
+            while damping > 1e-4:
+                following = np.linalg.solve(J, -problem.slopes(y + damping * step)[0])
+                if float(np.linalg.norm(following / scale)) < (1 - damping / 4) * size:
+                    break
+                damping /= 2
+            y = y + damping * step
+    except np.linalg.LinAlgError:
+        return None
+    return None
+
+
+def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
+    """States to start from: the branch of low power, then random detunings of the hot rings."""
+    n = len(system.circuit.names)
+    y = np.zeros(system.size)
+    for share in np.geomspace(1e-3, 1.0, RAMP):
+        following = _newton(system, system.scaled(float(share)).problem(Method.RODAS5P), y)
+        if following is None:
+            break
+        y = following
+    yield y
+    rng = np.random.default_rng(checks.seed(seed))
+    for _ in range(starts):
+        u = rng.uniform(-1, 1, n)
+        # within five half widths of the resonance; beyond light hardly heats
+        yield _state_at(system, 5.0 * system.rings.modes[:, 0, 0] * u * np.abs(u))
+
+
+def _state_at(system: System, D: Array) -> Array:
+    """State with given detunings D in rad/ns: light and carriers of the coupled rings, heat of each ring alone."""
+    n = len(D)
+    power, phase = system.drive.power.coefficients[0, :, 0], system.drive.phase.coefficients[0, :, 0]
+    into = system.drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
+    between = system.light.between * eq.NS
+    loss, absorbed, fca, tpa, g = system.rings.modes[:, 0, :5].T
+    tau0, a, b = system.rings.carriers.T
+    U, N = np.zeros(n), np.zeros(n)
+    for _ in range(SWEEPS):
+        field = np.linalg.solve(np.diag(loss + fca * N + tpa * U - 1j * D) - between, 1j * into)
+        U = 0.5 * U + 0.5 * np.abs(field) ** 2
+        k = tau0 * g * U**2  # b N^2 + (1 - a k) N - k = 0
+        half = 1 - a * k
+        N = 0.5 * N + 0.5 * 2 * k / (half + np.sqrt(half**2 + 4 * b * k))
+    heating = 2 * (absorbed + fca * N + tpa * U) * U
+    x = system.heat.gain / system.heat.rate * eq.UW * heating[:, None]
+    return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
+
+
+def _distance(light: Array, other: Array) -> float:
+    """Relative difference of fields and carriers."""
+    return float(np.linalg.norm(light - other) / np.linalg.norm(light))
+
+
+def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
+    """The fixed points as a Dataset, in SI."""
+    circuit = system.circuit
+    n, K = system.heat.gain.shape
+    y = np.array(found).reshape(len(found), 3 * n + n * K)
+    field, x = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3], y[:, 3 * n :].reshape(len(y), n, K)
+    own = np.einsum("iik,sik->si", system.heat.read, x)
+    rises = np.einsum("ijk,sjk->si", system.heat.read, x) + system.heat.curvature * own**2
+    rises = rises + np.array([float(offset(0.0)) for offset in system.offsets])
+    waves = system.waves(field.T * eq.FJ**0.5, np.zeros(len(y)))[: len(circuit.ports)].T
+    values = [np.linalg.eigvals(problem.slopes(one)[1]) for one in y]
+    first = [v[np.argmax(v.real)] for v in values]
+    by_ring = system.by_ring(field.T, y[:, 2 : 3 * n : 3].T, rises.T)
+    variables: dict[str, Any] = {k: (("state", "ring"), v.T, described(k)) for k, v in by_ring.items()}
+    variables["output"] = (("state", "port"), np.abs(waves) ** 2, described("output"))
+    rate = np.array([v.real / eq.NS for v in first])
+    turn = np.array([abs(v.imag) / (2 * np.pi * eq.NS) for v in first])
+    growing = np.array([int(np.sum(v.real > 0)) for v in values], dtype=int)
+    variables["growth_rate"] = ("state", rate, {"units": "1/s", "long_name": "largest real part of the eigenvalues"})
+    variables["frequency"] = ("state", turn, {"units": "Hz", "long_name": "frequency of that eigenvalue"})
+    variables["growing"] = ("state", growing, {"units": "1", "long_name": "number of growing modes"})
+    coordinates = {"ring": list(circuit.names), "port": list(circuit.ports)}
+    attrs = dataset.stamp("fixed points of a circuit") | {"circuit": circuit.name, "detuning": system.detuning or 0.0}
+    return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+
+
+def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:
+    """Transmission from one laser to every port at low power.
+
+        [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
+
+    Parameters
+    ----------
+    circuit : Circuit
+    detuning : array, shape (n,), Hz
+        increasing; laser minus the circuit's reference frequency.
+    power : mapping of laser name to float, W, optional
+        which laser is lit, by at most 1 uW; default the first one. Its offset counts.
+
+    Returns
+    -------
+    xarray.Dataset
+        transmission (power at the port per power of the laser) and phase (rad) by port, and energy (J per W) by ring,
+        over detuning.
+
+    Raises
+    ------
+    InputError
+        detunings that do not increase, a resonance of a loop of waveguides without loss, a name that is no laser, or
+        more than low power.
+
+    >>> import coupled
+    >>> at = coupled.transmission(coupled.bus(coupled.borghi2021()), detuning=[0.0])
+    >>> at.transmission.sel(port="drop 1").round(4).values
+    array([0.8834])
+    """
+    nu = check_axis("detuning", detuning)
+    names = [one.name for one in circuit.lasers]
+    lit = [name for name, value in checks.mapping("power", power).items() if value > 0]
+    for name in lit:
+        checks.choice("power", name, names)
+    if len(lit) > 1 or max((dict(power or {})[name] for name in lit), default=0.0) > WEAK:
+        raise checks.InputError(
+            f"power = {power!r} must hold one laser of at most {WEAK:g} W: the transmission of a circuit is that of "
+            "low power; steady_states finds fixed points at more"
+        )
+    k = names.index(lit[0]) if lit else 0
+    responses = [_response(circuit, float(one), k) for one in nu + circuit.lasers[k].offset]
+    seen, fields = (np.array(columns).T for columns in zip(*responses, strict=True))
+    return xr.Dataset(
+        {
+            "transmission": (("port", "detuning"), np.abs(seen) ** 2, {"units": "1", "long_name": "transmission"}),
+            "phase": (("port", "detuning"), np.angle(seen), {"units": "rad", "long_name": "phase"}),
+            "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
+        },
+        coords={
+            "port": list(circuit.ports),
+            "ring": list(circuit.names),
+            "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
+        },
+    )
+
+
+def _response(circuit: Circuit, detuning: float, k: int) -> tuple[Complex, Complex]:
+    """Waves at the ports and fields of the rings for a unit wave of laser ``k``, at low power.
+
+    Waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u.
+    """
+    light, late = light_of(circuit, detuning), slice(0, sum(w.delay > 0 for w in circuit.waveguides))
+    A, B, around = light.seen_ring[late], light.seen_laser[late, k], np.eye(late.stop) - light.seen_delay[late]
+    if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
+        what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"
+        raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
+    back = light.from_delay @ np.linalg.inv(around)
+    turn = 2 * np.pi * np.array([float(circuit.frequency or 0) + detuning - r.frequency for r in circuit.resonators])
+    own = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * turn)
+    a = np.linalg.solve(own - light.between - 1j * back @ A, 1j * (light.from_laser[:, k] + back @ B))
+    u = np.linalg.solve(around, A @ a + B)
+    waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
+    return waves[late.stop : late.stop + len(circuit.ports)], np.asarray(a)

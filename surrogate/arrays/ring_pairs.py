@@ -1,0 +1,304 @@
+"""Rings on one chip, their kinds and positions, and how one heated ring is read at the places of the others.
+
+One heated ring read at many distances takes few poles for all, and a bound of the error of each distance.
+
+The basis holds real rational Krylov fields of the heated ring, which serve the ring itself, and the real and imaginary
+parts of its field at some frequencies w,
+
+    (K + i w M)^-1 c,
+
+which serve the distances: there H_r,d(i w) = H_d(i w) whatever d is. A distance is then bounded against a second
+reduction, which has the copy among its ports and is itself certified at every frequency (`reduction.certified_space`):
+
+    |H_d - H_r,d| <= |H_d - H_2,d| + max_w |H_2,d - H_r,d|
+
+Both terms of the maximum are known sums of real poles. As functions of ln w they have features no narrower than a
+decade: `PER_DECADE` samples miss the maximum by less than 1e-3 of it, and `BETWEEN` allows for more.
+
+Errors are relative to H_d(0) + `FLOOR` R_th, R_th being that of the heated ring. The rise of a ring is the sum over all
+rings, and a pair whose heat hardly arrives need not be known to many digits. Far pairs do without the fast poles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thermofem import InputError, Part, Probe, StateSpace, assemble, checks
+from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.fem import HeatProblem
+from thermofem.fem.probe_means import off_axis_integral
+from thermofem.geometry.cross_section import check_distance, check_uniform, footprint, reach
+
+from ..reduction.reduce import project
+
+MOST = 1000  # rings
+SAME = 1e-12  # m, distances that differ by less are one
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """Rings of one geometry: their heat problem, and the part that light heats."""
+
+    heat: HeatProblem
+    part: str
+
+    @property
+    def core(self) -> Part:
+        """The part that is heated and read."""
+        return next(part for part in self.heat.geometry.parts if part.name == self.part)
+
+
+@dataclass(frozen=True, eq=False)
+class RingKinds:
+    """Kinds of rings, and which one each ring is of, shape (N,)."""
+
+    kinds: list[Kind]
+    of: NDArray[np.intp]
+
+
+def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) -> RingKinds:
+    """The kinds of ``count`` rings from one heat problem for all, or one for each.
+
+    Raises InputError: no heat problems or another number of them, names that are not heated, or rings on different
+        layers.
+    """
+    every = list(heat) if isinstance(heat, list | tuple) else [heat] * count
+    if len(every) != count:
+        raise InputError(
+            f"heat holds {len(every)} heat problems and positions {count} rings; give one for each, or one"
+        )
+    kinds: list[Kind] = []
+    of = np.empty(count, dtype=np.intp)
+    for i, one in enumerate(every):
+        known = next((k for k, kind in enumerate(kinds) if _equal(kind.heat, one)), None)
+        if known is None:
+            part = one.heated[0] if heated is None else checks.choice("heated", heated, one.heated)
+            _check_heaters(one, heaters, part)
+            kinds.append(Kind(one, part))
+            _check_stack(kinds[0].heat, one, i)
+            known = len(kinds) - 1
+        of[i] = known
+    return RingKinds(kinds, of)
+
+
+def _equal(one: HeatProblem, other: HeatProblem) -> bool:
+    return one is other or (one.geometry == other.geometry and one.accuracy == other.accuracy)
+
+
+def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None:
+    names = checks.instances("heaters", (heaters,) if isinstance(heaters, str) else heaters, str)
+    for name in names:
+        checks.choice("heaters", name, [other for other in heat.heated if other != part])
+    checks.unique("heaters", names)
+
+
+def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:
+    """Raise InputError unless two rings lie on the same layers."""
+    one, two = first.geometry, other.geometry
+    differ = [w for w in ("layers", "bottom", "top", "outer", "ambient") if getattr(one, w) != getattr(two, w)]
+    same = () if differ else one.layers
+    differ += [f"layer {at.name!r}" for at in same if one.material_of(at.name) != two.material_of(at.name)]
+    if differ:
+        raise InputError(f"heat[{i}] and heat[0] differ in {differ[0]}; rings on one chip share its layers and sides")
+
+
+def ring_positions(positions: ArrayLike) -> Array:
+    """Check the centres of rings, rows (x, y) in m."""
+    centres = checks.numbers("positions", positions, hint="one row (x, y) in m for each ring")
+    if centres.ndim != 2 or centres.shape[1] != 2 or not 1 <= len(centres) <= MOST:
+        raise InputError(f"positions has shape {centres.shape}; (N, 2) is needed, x and y in m of 1 to {MOST} rings")
+    return centres
+
+
+def check_positions(rings: RingKinds, centres: Array) -> Array:
+    """Distances of all pairs in m, shape (N, N).
+
+    Raises InputError: rings that overlap, voids, or a domain that ends before the most distant pair.
+    """
+    between = np.linalg.norm(centres[:, None] - centres, axis=-1)
+    if len(centres) == 1:
+        return between
+    for kind in rings.kinds:
+        check_uniform(kind.heat.geometry, "positions")
+    radius = np.array([footprint(rings.kinds[g].heat.geometry) for g in rings.of])
+    gap = between - radius[:, None] - radius + np.where(np.eye(len(centres)), np.inf, 0)
+    i, j = np.unravel_index(np.argmin(gap), gap.shape)
+    if gap[i, j] < 0:
+        raise InputError(
+            f"positions[{i}] and positions[{j}] are {between[i, j]:g} m apart, and rings that reach "
+            f"{radius[i]:g} and {radius[j]:g} m overlap below {radius[i] + radius[j]:g} m; positions are in m"
+        )
+    for g, kind in enumerate(rings.kinds):
+        for other, reader in enumerate(rings.kinds):
+            pairs = np.where(np.outer(rings.of == g, rings.of == other) & ~np.eye(len(centres), dtype=bool), between, 0)
+            i, j = np.unravel_index(np.argmax(pairs), pairs.shape)
+            if pairs[i, j] > 0:
+                who = f"positions[{i}] and positions[{j}]"
+                check_distance(kind.heat.geometry, reader.core, float(pairs[i, j]), who)
+    return np.asarray(between)
+
+
+def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) -> tuple[HeatProblem, tuple[str, ...]]:
+    """The heat problem of one kind with copies of readers, (kind, distance in m), on a mesh that resolves them.
+
+    Of a reader of another kind a copy of the own part refines the mesh: one that is larger stands where it would just
+    be clear of the source, and covers the place of the reader.
+    """
+    own = rings.kinds[g]
+    if not readers:
+        return own.heat, ()
+    names = tuple(f"copy {k + 1}" for k in range(len(readers)))
+    clear = (footprint(own.heat.geometry) + reach(own.core)) * (1 + 1e-9)
+    distances = [d if kind == g else max(d, clear) for kind, d in readers]
+    copies = [Probe(name, own.part, distance=float(d)) for name, d in zip(names, distances, strict=True)]
+    solved = assemble(replace(own.heat.geometry, probes=tuple(copies)), own.heat.accuracy)
+    d, foreign = solved.discretization, {}
+    for name, (kind, distance) in zip(names, readers, strict=True):
+        if kind != g:  # the same mesh, read over the cross-section of the other kind
+            reader = rings.kinds[kind]
+            probe = Probe(name, reader.part, distance=float(distance))
+            total = off_axis_integral(reader.heat.geometry, d.basis, probe)
+            foreign[name] = total / total.sum()
+    if foreign:
+        solved = replace(solved, discretization=replace(d, means={**d.means, **foreign}))
+    return solved, names
+
+
+FLOOR = 1e-2  # of R_th, added to the static gain of a pair
+CHUNK = 4  # distances bounded at once: the second reduction has as many ports more
+PER_DECADE, BETWEEN = 60, 1.01
+SHARE = 0.25  # of the tolerance, for the second reduction and for the poles that are left out, each
+FREQUENCIES, TIGHTEN = (3, 4, 5, 6, 8, 10, 14), 6  # tried in turn; from TIGHTEN on with more Krylov fields
+RANGE = (0.3, 100.0)  # of the frequencies, in units of the slowest rate
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The reduced field of one heated part, read by its own ring and at some distances.
+
+    rate [shape (k,), 1/s]: increasing.
+    source [shape (k,)]: what a watt drives each mode with.
+    read [shape (1 + distances, k)]: the own ring's row first; zero for the fast poles that a far pair does without.
+    bound [shape (1 + distances,)]: of the error, relative to the static gain plus `FLOOR` of the own one.
+    """
+
+    rate: Array
+    source: Array
+    read: Array
+    bound: Array
+
+
+def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance: float) -> Pairs:
+    """Reduce the response to one heated ring: its own temperature ``read[0]`` and those of its copies, ``read[1:]``.
+
+    Raises InputError: the tolerance is out of reach.
+    """
+    system = heat.channels(heated, tuple(read))
+    own = system.channel(heated, read[0])
+    scale, references = _references(system, own, read, tolerance)
+    for count in FREQUENCIES if len(read) > 1 else (0,):
+        found = project(own, SHARE * tolerance * (0.1 if count > TIGHTEN else 1.0))
+        more = _fields_at_frequencies(system, found.projection.rate[0], count) if count else None
+        pairs = _projected(system, found.basis, more)
+        bound = np.array([_bound(pairs, k, reference) for k, reference in enumerate(references)]) / scale
+        if np.all(bound <= (1 - SHARE) * tolerance):
+            return _without_fast_poles(replace(pairs, bound=bound), scale, tolerance)
+    worst = read[int(bound.argmax())]
+    raise InputError(f"tolerance = {tolerance:g} is out of reach: {bound.max():.1e} is left for {worst!r}; loosen it")
+
+
+def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Array:
+    """Real and imaginary parts of the field of the heated ring at ``count`` frequencies, columns of length 1."""
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    E, A, b = csc_matrix(system.E), csc_matrix(system.A), np.asarray(system.B[:, 0]) + 0j
+    low, high = RANGE
+    fields = [
+        splu(1j * w * E - A, permc_spec="MMD_AT_PLUS_A").solve(b) for w in slowest * np.geomspace(low, high, count)
+    ]
+    parts = np.column_stack([part for field in fields for part in (field.real, field.imag)])
+    return np.asarray(parts / np.linalg.norm(parts, axis=0))
+
+
+def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
+    """The system on a basis and on further fields, in its modes."""
+    from scipy.linalg import eigh
+
+    V = basis
+    if more is not None:
+        for _ in range(2):  # twice is enough, as for Gram and Schmidt
+            more = more - V[:, : basis.shape[1]] @ (basis.T @ (system.E @ more))
+        values, vectors = np.linalg.eigh(more.T @ (system.E @ more))
+        kept = values > 1e-12 * values[-1]
+        V = np.column_stack([V, more @ (vectors[:, kept] / np.sqrt(values[kept]))])
+    stiffness, mass = (V.T @ (matrix @ V) for matrix in (-system.A, system.E))
+    rate, Z = eigh((stiffness + stiffness.T) / 2, (mass + mass.T) / 2)
+    modes = V @ Z
+    return Pairs(rate, modes.T @ np.asarray(system.B[:, 0]), np.asarray(system.C @ modes), np.empty(0))
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelReference:
+    """A reduction that has the copy among its ports: poles, their residues, and the bound of its own error in K/W."""
+
+    rate: Array
+    residue: Array
+    error: float
+
+
+def _references(
+    system: StateSpace, own: StateSpace, read: Sequence[str], tolerance: float
+) -> tuple[Array, list[ChannelReference]]:
+    """The scale of relative errors in K/W, and a certified second reduction of every channel."""
+    references: list[ChannelReference] = []
+    scale = np.empty(len(read))
+    for start in range(0, len(read), CHUNK):
+        rows = range(start, min(start + CHUNK, len(read)))
+        # the own row, added in part, makes the relative errors of `project` those that are wanted here
+        mixed = np.array([system.C[k] + (FLOOR * own.C[0] if k else 0) for k in rows])
+        names = tuple(read[k] for k in rows)
+        chunk = StateSpace(system.E, system.A, system.B, mixed, inputs=system.inputs, outputs=names)
+        found = project(chunk, SHARE * tolerance)
+        rate, b = found.projection.rate, found.basis.T @ np.asarray(system.B[:, 0])
+        for k, top in zip(rows, found.certificate.top, strict=True):
+            residue = b * (found.basis.T @ np.asarray(system.C[k]))
+            references.append(ChannelReference(rate, residue, float(top)))
+            scale[k] = (b * (found.basis.T @ mixed[k - start]) / rate).sum()
+    error = references[0].error
+    rest = [replace(r, error=r.error + FLOOR * error) for r in references[1:]]
+    return np.abs(scale), [references[0], *rest]
+
+
+def _difference(rate: Array, residue: Array, other: ChannelReference) -> float:
+    """The largest |sum of poles - sum of the other's poles| over frequencies, in K/W."""
+    low, high = min(rate[0], other.rate[0]) / 1e3, max(rate[-1], other.rate[-1]) * 1e3
+    s = 1j * np.geomspace(low, high, int(np.log10(high / low) * PER_DECADE))[:, None]
+    gap = (residue / (rate + s)).sum(axis=1) - (other.residue / (other.rate + s)).sum(axis=1)
+    return BETWEEN * float(np.abs(gap).max())
+
+
+def _bound(pairs: Pairs, k: int, reference: ChannelReference) -> float:
+    return reference.error + _difference(pairs.rate, pairs.source * pairs.read[k], reference)
+
+
+def _without_fast_poles(pairs: Pairs, scale: Array, tolerance: float) -> Pairs:
+    """Leave out the fast poles of every pair of rings that the tolerance does not need; static gains stay."""
+    read, bound = pairs.read.copy(), pairs.bound.copy()
+    for k in range(1, len(read)):
+        residue = pairs.source * pairs.read[k]
+        whole = ChannelReference(pairs.rate, residue, 0.0)
+        for kept in range(1, pairs.rate.size):
+            fewer = residue[:kept].copy()
+            fewer[-1] += pairs.rate[kept - 1] * (residue[kept:] / pairs.rate[kept:]).sum()
+            left_out = _difference(pairs.rate[:kept], fewer, whole) / scale[k]
+            if left_out <= min(SHARE * tolerance, tolerance - bound[k]):
+                read[k] = 0.0
+                read[k, :kept] = fewer / pairs.source[:kept]
+                bound[k] += left_out
+                break
+    return replace(pairs, read=read, bound=bound)

@@ -1,0 +1,213 @@
+"""Sums of exponentials: a few fitted to a cooling curve (the paper's Fig. 5(a)), and a spectrum on a grid.
+
+The spectrum of time constants is always stable and passive:
+
+    dT = sum_i R_i psi(t; tau_i),  R_i >= 0,  tau_i on a logarithmic grid,  sum_i R_i = R_th where it is known
+
+There is nothing to search: the problem is convex and its optimum has few nonzero R_i.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermofem import Foster, checks
+from thermofem.arrays import Array, ArrayLike
+from thermofem.data import quantity
+
+from .fit import Fit, Training
+from .fit_result import EXPLAINED, cancelling, unseen_times
+from .pole_projection import CUT, noise_along
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
+FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
+LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
+
+
+@dataclass(frozen=True, eq=False)
+class Decay:
+    """dT(t) = sum_i amplitude_i exp(-t/tau_i).
+
+    Attributes
+    ----------
+    amplitude, tau : array, shape (n,), K and s
+        fastest first.
+    residual : float, K
+        rms.
+    notes : tuple of str
+        time constants that the samples do not determine, and exponentials that cancel.
+    """
+
+    amplitude: Array
+    tau: Array
+    residual: float
+    notes: tuple[str, ...] = ()
+
+    def __call__(self, times: ArrayLike) -> Array:
+        """Rise in K at ``times`` after the start of the cooling."""
+        return np.exp(-checks.numbers("times", times)[..., None] / self.tau) @ self.amplitude
+
+
+def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
+    """Fit ``order`` exponentials to a cooling curve by variable projection in the logarithms of the time constants.
+
+    Parameters
+    ----------
+    times : array, shape (n,), s
+        after the power went off, increasing from about 0: it begins within `LATEST` times its length.
+    rise : array, shape (n,), K
+    order : int, 1 to 5
+
+    Raises
+    ------
+    InputError
+        too few samples, times that do not increase or begin far from 0, a rise that does not fall or is noise, numbers
+        that are not finite.
+
+    Source of the form: Borghi et al., Opt. Express 29, 4363 (2021), Section 5, C_s exp(-t/tau_s) + C_f exp(-t/tau_f).
+    """
+    from scipy.optimize import least_squares
+
+    t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
+    order = checks.integer("order", order, 1, 5)
+    if t.size != y.size or t.size <= 2 * order:
+        raise checks.InputError(
+            f"times has {t.size} samples and rise {y.size}; both need the same, more than {2 * order}"
+        )
+
+    span, size = np.ptp(t), float(np.abs(y).max()) or 1.0
+    if abs(t[0]) > LATEST * span:
+        raise checks.InputError(
+            f"times begins at {t[0]:g} s and lasts {span:g} s; 0 is the end of the power: subtract that moment"
+        )
+    y = y / size  # SciPy's tolerance of the gradient is absolute
+    if np.abs(y[-1]) > 0.99:  # 0.99 of the largest rise: what does not end below is no cooling curve
+        raise checks.InputError(f"rise ends at {size * y[-1]:.3g} K of at most {size:.3g} K; a cooling curve falls")
+
+    def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
+        columns = np.exp(-t[few, None] / np.exp(log_tau))
+        return y[few] - columns @ np.linalg.lstsq(columns, y[few], rcond=None)[0]
+
+    few = slice(None, None, max(1, t.size // 200))  # 200 samples by which they are compared
+    # 100.0: largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
+    low = np.log(max(float(np.diff(t).min()) / FASTER, abs(float(t[0])) / 100.0, np.finfo(float).tiny))
+    high = np.log(SLOWER * span)
+    grid = np.linspace(low, high, GRID + 2)[1:-1]
+    ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))
+    spread = np.log(np.geomspace(span / 40, span / 3, order) if order > 1 else [span / 5])
+    starts = np.clip([spread, *ways[:BEST]], low, high)
+    exactly: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
+    best = min((least_squares(misfit, start, **exactly) for start in starts), key=lambda end: float(end.cost))
+    tau = np.exp(np.sort(best.x))
+    columns = np.exp(-t[:, None] / tau)
+    amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
+    left = y - columns @ amplitude
+    variation = float(np.var(y))
+    explained = 1 - float(np.mean(left**2)) / variation if variation else 1.0
+    if explained < EXPLAINED:
+        raise checks.InputError(
+            f"{order} exponentials explain {max(explained, 0):.0%} of the variation of rise: it is noise, "
+            "no cooling curve"
+        )
+    notes = _notes(t, tau, amplitude, left, size)
+    return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean(left**2))), notes)
+
+
+def _notes(t: Array, tau: Array, amplitude: Array, left: Array, size: float) -> tuple[str, ...]:
+    """Sentences on what the samples leave open, by the covariance of (ln rate, amplitude); fastest first.
+
+    left [shape (n,)]: misfit, in units of ``size`` [K] as the amplitudes.
+    """
+    columns = np.exp(-t[:, None] / tau)
+    jacobian = np.hstack([-t[:, None] / tau * columns * amplitude, columns])
+    length = np.linalg.norm(jacobian, axis=0)
+    length[length == 0] = 1.0
+    U, s, Vt = np.linalg.svd(jacobian / length, full_matrices=False)
+    back = Vt.T / np.maximum(s, CUT * s[0]) / length[:, None]
+    noise = noise_along([left], U, float(left @ left) / max(t.size - 2 * tau.size, 1))
+    span = float(np.diff(t).min()), float(np.ptp(t))
+    deviation = np.sqrt(np.maximum((back @ noise @ back.T).diagonal()[: tau.size], 0))
+    said = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
+    return (*said, *cancelling(amplitude * size, "K"))
+
+
+MARGIN = 10.0  # the grid reaches this factor beyond the times that the data show
+SLOW, BEYOND = 3.0, 0.1  # share of the resistance in poles so many times slower than the data that is worth a note
+
+
+def fit_spectrum(
+    data: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    per_decade: int = 8,
+    thermal_resistance: float | None = None,
+) -> Fit:
+    """Fit the spectrum of time constants.
+
+    Parameters
+    ----------
+    data : Dataset or list of them
+        each is weighted by its swing.
+    per_decade : int, 2 to 40
+        time constants of the grid in each decade.
+    thermal_resistance : float, K/W
+        static gain to impose; default the Datasets' own, where they carry it.
+
+    Returns
+    -------
+    Fit
+        a Foster network of typically 15 to 30 poles; ``standard_errors`` are nan, as the grid is not fitted.
+
+    Raises
+    ------
+    InputError
+        data without power or rise, or that no heating pole fits.
+    """
+    checks.between("per_decade", per_decade, 2, 40)
+    training = Training.of(data, thermal_resistance=thermal_resistance, impose=True)
+    problem = training.problem
+    shortest, longest = problem.span
+    low, high = shortest / MARGIN, longest * (MARGIN if problem.thermal_resistance is not None else 1)
+    tau = np.geomspace(low, high, int(np.ceil(per_decade * np.log10(high / low))) + 1)
+    phi = problem.columns(-np.log(tau))
+    gain = problem.gains(phi)
+    kept = gain > 0
+    if not kept.any():
+        raise checks.InputError("no pole of the spectrum heats; do power and delta_T belong together?")
+    R = (gain * tau)[kept]
+    if problem.thermal_resistance is not None:
+        R = R * problem.thermal_resistance / R.sum()
+    misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    training.check_explained(float(np.sqrt(np.mean(misfit**2))))
+    count = R.size
+    names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
+    fit = Fit(
+        model=Foster(R=R, tau=tau[kept], **training.parts),
+        parameters=dict(zip(names, [*R.tolist(), *tau[kept].tolist()], strict=True)),
+        standard_errors=dict.fromkeys(names, float("nan")),
+        correlations=np.full((2 * count, 2 * count), np.nan),
+        residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
+        relative_residual=float(np.sqrt(np.mean(misfit**2))),
+        training=training.names,
+        notes=(*training.doubts, *_beyond(R, tau[kept], longest)),
+        geometry=training.geometry,
+    )
+    return replace(fit, model=replace(fit.model, origin=fit.provenance))
+
+
+def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
+    """A sentence where much of the thermal resistance lies in poles that the data are too short to show."""
+    share = float(R[tau > SLOW * longest].sum() / R.sum())
+    if share <= BEYOND:
+        return []
+    return [
+        f"{share:.0%} of the thermal resistance lies in poles slower than {quantity.rounded(SLOW * longest, 's')}, "
+        "which the data are too short to show: only the stated thermal_resistance says so"
+    ]

@@ -1,0 +1,395 @@
+"""Variable projection: the best poles of a thermal model for given data.
+
+A model of n poles is linear in its gains g_i and nonlinear only in its rates,
+
+    dT(t) = sum_i g_i phi(t; lambda_i),     dphi/dt = -lambda phi + P(t),
+
+so the gains are eliminated by linear least squares and what is left is searched in the logarithms of the rates
+(G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 413 (1973); the Jacobian after L. Kaufman, BIT 15, 49 (1975)). phi is
+closed form for every piecewise-linear drive, from rest as well as in the periodic state.
+
+Of a measured trace the start of the heating and the baseline are estimates, so both are fitted with the poles. A
+baseline b, the mean of n rows at rest, is one more linear unknown, known from the rest to noise/sqrt(n),
+
+    rise = b + sum_i g_i phi_i,    0 = sqrt(n) b,
+
+and is eliminated first. A shift of the start is searched with the rates.
+
+Errors. With residuals r_k of trace k, of variance sigma_k^2 and autocorrelation rho_k, and the Jacobian J = U S V^T,
+
+    covariance = V S^-1 (U^T N U) S^-1 V^T,        N = sigma_k^2 rho_k,|i-j| for samples i, j of trace k, else 0
+
+which for white noise of one variance is the usual (J^T J)^-1 variance. rho is cut where its sums over pairs of lags end
+to be positive (Geyer, Statist. Sci. 7, 473 (1992), Section 3.3; unequal variances: White, Econometrica 48, 817 (1980)).
+A fit carries the noise of each trace into the residuals of the others, along the columns of J: where there are several
+traces, these are taken out of each before its variance and rho are read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from thermofem import checks
+from thermofem.algebra.autocorrelation import FEWEST, autocorrelation, independent
+from thermofem.algebra.pole_responses import pole_responses
+from thermofem.arrays import Array
+from thermofem.data import quantity
+from thermofem.data.dataset import Response
+
+
+def noise_along(
+    residuals: Sequence[Array], U: Array, variance: float, *, alike: bool = False, rest: Sequence[int] = ()
+) -> Array:
+    """U^T N U, shape (p, p), at least that of white noise in every direction.
+
+    residuals: of each trace, in the order of the rows of U.
+    U [shape (rows, p)]: orthonormal columns that span those of the Jacobian.
+    variance: of all residuals together, that of a single trace and of rows that are no samples.
+    alike: whether every trace has this variance.
+    rest: the trace to which each of the rows after the samples belongs; rows beyond them belong to none.
+    """
+    ends = np.cumsum([left.size for left in residuals])
+    parts = np.split(U[: ends[-1]], ends[:-1])
+    each = np.full(len(parts), variance)
+    if len(parts) > 1:
+        residuals, shown, freedom = zip(*map(_own, residuals, parts), strict=True)
+        # 5 samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
+        least = np.where(np.array(freedom) < 5, variance, 0.0)
+        each = each if alike else np.maximum(shown, least)
+    other = np.append(each[list(rest)], np.full(len(U) - ends[-1] - len(rest), variance))
+    scaled = U * np.sqrt(np.append(np.repeat(each, [left.size for left in residuals]), other))[:, None]
+    total = sum(own * _lags(left, part) for own, left, part in zip(each, residuals, parts, strict=True))
+    value, vector = np.linalg.eigh((total + total.T) / 2)
+    return np.asarray(scaled.T @ scaled + (vector * np.maximum(value, 0)) @ vector.T)
+
+
+def _own(left: Array, part: Array) -> tuple[Array, float, int]:
+    """Residuals of one trace without what the parameters explain of them, their variance and degrees of freedom."""
+    along, size, _ = np.linalg.svd(part, full_matrices=False)
+    # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
+    along = along[:, size > 1e-6]
+    left = left - along @ (along.T @ left)
+    free = left.size - along.shape[1]
+    return left, float(left @ left) / max(free, 1), free
+
+
+def _lags(left: Array, part: Array) -> Array:
+    """U_k^T (R - 1) U_k, shape (p, p), with the correlations R between the samples of one trace."""
+    rho = autocorrelation(left)
+    if not rho.size:
+        return np.zeros((part.shape[1], part.shape[1]))
+    circle = np.zeros((2 * left.size, 1))  # R - 1, a Toeplitz matrix, as a circulant one of twice the size
+    circle[1 : rho.size + 1, 0], circle[-rho.size :, 0] = rho, rho[::-1]
+    spectrum = np.fft.rfft(circle, axis=0) * np.fft.rfft(part, 2 * left.size, axis=0)
+    return np.asarray(part.T @ np.fft.irfft(spectrum, axis=0)[: left.size])
+
+
+STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
+UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
+CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
+AT_END = 0.999  # of the range of a shift, from which on it counts as held there
+ROUND_OFF, SIGMAS = 1e-9, 3.0  # of the swing; of the noise: below these a misfit counts as noise
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Best rates and gains, rates increasing.
+
+    log_rate [shape (n,)]
+    gain [shape (n,), K/J]
+    covariance [shape (2n, 2n)]: of (log_rate, gain), from the Jacobian, and the variance and autocorrelation of the
+        residuals of each response.
+    residual [K]: rms over all samples.
+    relative_residual: rms of residual over swing.
+    shift, shift_error [shape (responses,), s]: of the start of the heating, 0 where it is known; its error is inf at
+        an end of its range.
+    offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
+    noise: whether the misfit is noise, see `is_noise`.
+    independent: number of samples, less where their misfits follow each other.
+    """
+
+    log_rate: Array
+    gain: Array
+    covariance: Array
+    residual: float
+    relative_residual: float
+    shift: Array
+    shift_error: Array
+    offset: Array
+    offset_error: Array
+    noise: bool
+    independent: float
+
+
+@dataclass(frozen=True, eq=False)
+class FitProblem:
+    """Samples of one or several drives, each divided by its swing, and prior knowledge.
+
+    thermal_resistance [float, K/W, or None]: imposed on sum_i g_i/lambda_i.
+    positive: every gain >= 0.
+    """
+
+    responses: Sequence[Response]
+    thermal_resistance: float | None = None
+    positive: bool = False
+    weight: Array = field(init=False)
+    target: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.responses])
+        target = self._off_baseline(np.concatenate([d.rise / d.swing for d in self.responses])[:, None])[:, 0]
+        if self.thermal_resistance is not None:
+            # 1e3: weight of the static-gain row over all samples together; the last 1e-6 are rescaled away
+            target = np.append(target, 1e3 * np.sqrt(target.size))
+        object.__setattr__(self, "weight", weight)
+        object.__setattr__(self, "target", target)
+        shortest, longest = self.span
+        if shortest > UNSEEN * longest:
+            raise checks.InputError(
+                f"the samples span {quantity.rounded(longest, 's')} and begin {quantity.rounded(shortest, 's')} after "
+                "the power changed, when nothing that they could show moves; is a time shifted, or in another unit?"
+            )
+        slowest = np.array([-np.log(longest)])
+        for response in self.responses:
+            if not np.any(pole_responses(np.exp(slowest), response.wave, response.times, periodic=response.periodic)):
+                raise checks.InputError(
+                    f"the power of the {response.name} heats nothing that the samples can show; "
+                    "is a time in another unit?"
+                )
+
+    @property
+    def within(self) -> Array:
+        """How far the start of each response may shift, in s; shape (responses,)."""
+        return np.array([d.start_within for d in self.responses])
+
+    def columns(self, log_rate: Array, shift: Array | None = None) -> Array:
+        """Response of every pole at every sample, in swings per unit gain; then rows at rest; last the static gain.
+
+        shift [shape (responses,), s]: of the start of the heating.
+        """
+        rate = np.exp(log_rate)
+        shifts = np.zeros(len(self.responses)) if shift is None else shift
+        answers = [_answers(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
+        phi = self._off_baseline(np.concatenate(answers) * self.weight[:, None])
+        if self.thermal_resistance is None:
+            return phi
+        return np.vstack([phi, self.target[-1] / (rate * self.thermal_resistance)])
+
+    def gains(self, phi: Array) -> Array:
+        """Linear least squares, with gains >= 0 where asked."""
+        from scipy.optimize import nnls
+
+        norm = np.linalg.norm(phi, axis=0)
+        norm = np.where(norm > 0, norm, 1.0)  # a pole too fast for any sample
+        if self.positive:
+            return np.asarray(nnls(phi / norm, self.target, maxiter=30 * norm.size)[0] / norm)
+        return np.asarray(np.linalg.lstsq(phi / norm, self.target, rcond=None)[0] / norm)
+
+    @property
+    def rested(self) -> list[int]:
+        """The response of each row at rest."""
+        return [k for k, d in enumerate(self.responses) if 0 < d.rest_rows < np.inf]
+
+    def _off_baseline(self, columns: Array) -> Array:
+        """Columns less the multiple of every estimated baseline that explains them best, and its rows at rest."""
+        ends = np.cumsum([d.rise.size for d in self.responses])[:-1]
+        left, rest = [], []
+        rested = self.rested
+        for k, (d, part) in enumerate(zip(self.responses, np.split(columns, ends), strict=True)):
+            level = part.sum(axis=0) / (part.shape[0] + d.rest_rows)
+            left.append(part - level)
+            if k in rested:
+                rest.append(-np.sqrt(d.rest_rows) * level[None])
+        return np.concatenate([*left, *rest])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Shortest and longest time (s) that the samples show."""
+        shortest = []
+        for d in self.responses:
+            edges = np.append(0.0, d.wave.breakpoints(0.0, float(d.times[-1])))
+            since = d.times - edges[np.searchsorted(edges, d.times, side="right") - 1]
+            steps = np.diff(np.unique(d.times))
+            shortest.append(max(float(steps.min()), float(since[since > 0].min())))
+        return min(shortest), max(float(np.ptp(d.times)) for d in self.responses)
+
+
+def optimum(problem: FitProblem, order: int) -> Optimum:
+    """Best ``order`` poles, from several starts.
+
+    Raises InputError: fewer samples than unknowns.
+    """
+    samples = problem.weight.size
+    if samples < 2 * order:
+        raise checks.InputError(f"data has {samples} samples; {order} poles need at least {2 * order}")
+    ends = [_descend(problem, start) for start in _starts(problem, order)]
+    return _conclude(problem, min(ends, key=lambda end: end[1])[0])
+
+
+def polish(problem: FitProblem, log_rate: Array) -> Optimum:
+    """The optimum next to given rates."""
+    return _conclude(problem, _descend(problem, log_rate)[0])
+
+
+def _answers(response: Response, rate: Array, late: float) -> Array:
+    """Responses of poles to a drive that begins ``late`` [s]; zero before it."""
+    if late == 0:
+        return pole_responses(rate, response.wave, response.times, periodic=response.periodic)
+    times = response.times - late
+    answers = np.zeros((times.size, rate.size))
+    answers[times >= 0] = pole_responses(rate, response.wave, times[times >= 0])
+    return answers
+
+
+def _shift(problem: FitProblem, end: Array) -> Array:
+    """The shifts [s] among the unknowns of a search, which follow the rates as shares of their ranges."""
+    within = problem.within
+    shift = np.zeros(within.size)
+    free = within > 0
+    shift[free] = end[end.size - free.sum() :] * within[free]
+    return shift
+
+
+def _moved(problem: FitProblem, end: Array, phi: Array, gain: Array) -> Array:
+    """Derivatives of the answer by the unknowns of a search, at constant gains; shape (rows, unknowns)."""
+    n, shift = gain.size, _shift(problem, end)
+    by_rate = (problem.columns(end[:n] + STEP, shift) - phi) / STEP * gain
+    by_shift = []
+    for k in np.flatnonzero(problem.within):
+        later = shift + STEP * problem.within * (np.arange(shift.size) == k)
+        by_shift.append((problem.columns(end[:n], later) - phi) @ gain / STEP)
+    return np.column_stack([by_rate, *by_shift])
+
+
+def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
+    """Least squares in the logarithms of the rates, and the shifts; the end and its sum of squares."""
+    from scipy.optimize import least_squares
+
+    shortest, longest = problem.span
+    n, free = start.size, int(np.count_nonzero(problem.within))
+    low = np.repeat([np.log(1e-3 / longest), -1.0], [n, free])
+    high = np.repeat([np.log(30 / shortest), 1.0], [n, free])
+
+    def misfit(p: Array) -> Array:
+        phi = problem.columns(p[:n], _shift(problem, p))
+        return problem.target - phi @ problem.gains(phi)
+
+    def jacobian(p: Array) -> Array:
+        phi = problem.columns(p[:n], _shift(problem, p))
+        gain = problem.gains(phi)
+        active = gain != 0
+        moved = _moved(problem, p, phi, gain)
+        Q = np.linalg.qr(phi[:, active])[0]
+        return np.asarray(Q @ (Q.T @ moved) - moved)
+
+    inside = np.clip(np.append(start, np.zeros(free)), low + 1e-6, high - 1e-6)
+    end = least_squares(
+        misfit, inside, jacobian, bounds=(low, high), x_scale=1.0, xtol=1e-10, ftol=1e-12, gtol=1e-14, max_nfev=200
+    )
+    return end.x, float(end.cost)
+
+
+def _starts(problem: FitProblem, order: int) -> list[Array]:
+    """For few poles the best set of grid rates, by trying all; for more, log-spaced rates over several spans."""
+    shortest, longest = problem.span
+    if order <= 3:  # 3: up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
+        grid = np.log(np.geomspace(0.3 / longest, 0.3 / shortest, 14))
+        return [grid[_best_columns(problem.columns(grid), problem.target, order)]]
+    slow, fast = np.log(1 / longest), np.log(1 / shortest)
+    spans = [(0.0, 0.0), (0.2, 0.2)]
+    return [np.linspace(slow + a * (fast - slow), fast - b * (fast - slow), order) for a, b in spans]
+
+
+def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
+    """The ``count`` columns that together explain the target best, by trying all."""
+    phi = columns / np.linalg.norm(columns, axis=0)
+    gram, right = phi.T @ phi, phi.T @ target
+
+    def explained(pick: list[int]) -> float:
+        return float(right[pick] @ np.linalg.lstsq(gram[np.ix_(pick, pick)], right[pick], rcond=1e-12)[0])
+
+    return max((list(pick) for pick in combinations(range(phi.shape[1]), count)), key=explained)
+
+
+def _conclude(problem: FitProblem, end: Array) -> Optimum:
+    """Gains, covariance and residuals at the rates and shifts found."""
+    shift, free = _shift(problem, end), np.flatnonzero(problem.within)
+    n = end.size - free.size
+    log_rate = np.sort(end[:n])
+    end = np.append(log_rate, end[n:])
+    phi = problem.columns(log_rate, shift)
+    gain = problem.gains(phi)
+    if problem.thermal_resistance is not None and np.any(gain):
+        gain = gain * problem.thermal_resistance / np.sum(gain / np.exp(log_rate))
+    misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    moved = _moved(problem, end, phi, gain)
+    inside = free[np.abs(end[n:]) < AT_END]
+    jacobian = np.hstack([moved[:, :n], phi, moved[:, n:][:, np.abs(end[n:]) < AT_END]])
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0  # a pole without gain: its rate has no effect
+    unknowns = 2 * n + inside.size - (problem.thermal_resistance is not None)
+    freedom = max(misfit.size - unknowns, 1)
+    U, size, Vt = np.linalg.svd(jacobian / scale, full_matrices=False)
+    seen = size > CUT * size[0]
+    back = Vt[seen].T / size[seen] / scale[:, None]
+    ends = np.cumsum([d.rise.size for d in problem.responses])[:-1]
+    variance = float(misfit @ misfit) / freedom
+    noise = noise_along(np.split(misfit, ends), U[:, seen], variance, rest=problem.rested)
+    covariance = back @ noise @ back.T
+    shift_error = np.where(problem.within > 0, np.inf, 0.0)
+    parts = np.split(misfit, ends)
+    offset = np.array(
+        [
+            _offset(d, log_rate, gain, late, covariance[: 2 * n, : 2 * n])
+            for d, late in zip(problem.responses, shift, strict=True)
+        ]
+    )
+    shift_error[inside] = np.sqrt(covariance.diagonal()[2 * n :]) * problem.within[inside]
+    return Optimum(
+        log_rate=log_rate,
+        gain=gain,
+        covariance=covariance[: 2 * n, : 2 * n],
+        residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
+        relative_residual=float(np.sqrt(np.mean(misfit**2))),
+        shift=shift,
+        shift_error=shift_error,
+        offset=offset[:, 0],
+        offset_error=offset[:, 1],
+        noise=all(is_noise(d, left * d.swing) for d, left in zip(problem.responses, parts, strict=True)),
+        independent=sum(independent(left) for left in parts),
+    )
+
+
+def _offset(response: Response, log_rate: Array, gain: Array, shift: float, covariance: Array) -> tuple[float, float]:
+    """The eliminated baseline of a response, (sum y - sum phi g)/(n + rest rows), and its standard error, K."""
+    rows = response.times.size + response.rest_rows
+    if not np.isfinite(rows):
+        return 0.0, 0.0
+    mean, other = (_answers(response, np.exp(log_rate + by), shift).sum(axis=0) / rows for by in (0.0, STEP))
+    level = float(response.rise.sum() / rows - mean @ gain)
+    slope = np.concatenate([(other - mean) / STEP * gain, mean])
+    left = response.rise - _answers(response, np.exp(log_rate), shift) @ gain - level
+    return level, float(np.sqrt(max(slope @ covariance @ slope, 0.0) + np.mean(left**2) / rows))
+
+
+def is_noise(response: Response, left: Array) -> bool:
+    """Whether a misfit in K is no larger than the rows at rest scatter; without such rows, whether it is white.
+
+    The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n). Noise that
+    stays for some rows, as behind a filter, is white in the means of more of them; a misfit of the model is not.
+    """
+    n, square = left.size, float(left @ left)
+    if square <= n * (ROUND_OFF * response.swing) ** 2:
+        return True
+    if np.isfinite(response.rest_noise):
+        rows = min(n, max(response.rest_rows, 2.0))
+        return bool(np.sqrt(square / n) <= response.rest_noise * (1 + SIGMAS / np.sqrt(2 * rows)))
+    while abs(left[1:] @ left[:-1]) > SIGMAS / np.sqrt(left.size) * (left @ left):
+        if left.size < 2 * FEWEST:
+            return False
+        left = left[: left.size // 2 * 2].reshape(-1, 2).mean(axis=1)
+    return True

@@ -1,0 +1,394 @@
+"""Derivatives of outlines, materials and surfaces with respect to one parameter of a geometry.
+
+A path names the parameter as in a campaign: "part.core.radius", "layer.box.thickness", "material.SiO2.conductivity".
+Several paths may form one parameter; they then change together, each by the same amount.
+
+The same paths set values in the table of a geometry file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import checks
+from ..arrays import Array
+from ..checks import InputError
+from ..data import quantity
+from ..materials.index_laws import constant
+from ..materials.material_library import with_value
+from ..materials.property_laws import Law, PowerLaw
+from . import geometry_file as geometry_file
+from .guides import BUSES, LIGHT
+from .regions import outlines
+from .section_parts import SAME, Boundary, images
+
+if TYPE_CHECKING:
+    from ..materials.material_library import Material
+    from .cross_section import CrossSection
+    from .section_parts import Part
+
+_NAMED = {
+    "part": "name",
+    "layer": "name",
+    "probe": "name",
+    "interface": "part",
+    "bus": "name",
+}  # lists of tables, and what names one
+_TABLES = ("material", "boundary", "light")
+_LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
+_CENTRE, _EDGES = ("radius", "width"), ("inner_radius", "outer_radius")
+_FORMS = f"{' and '.join(_CENTRE)}, or {' and '.join(_EDGES)}"
+_HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
+
+
+def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Set the values of some paths in a geometry file's table in place; numbers in SI, or text with units."""
+    check_once(values)
+    sizes: dict[str, str] = {}
+    for path, value in values.items():
+        key = path.split(".")[-1]
+        if path.startswith("part.") and key in (*_CENTRE, *_EDGES):
+            name = path.removeprefix("part.").removesuffix(f".{key}")
+            first = sizes.setdefault(name, key)
+            if (first in _CENTRE) != (key in _CENTRE):
+                raise InputError(f"part {name!r}: {first} and {key} are of two forms; give two of one: {_FORMS}")
+            for item in table["part"]:
+                if item["name"] == name:
+                    _measure(item, key)
+        place(table, path, geometry_file.as_text(path, value))
+
+
+def check_once(paths: Iterable[str]) -> None:
+    """InputError where two paths lead to one value: the last one would count."""
+    places = [path.removesuffix(".value").removesuffix(".convection") for path in paths]
+    checks.unique("list of paths", places, hint="both set one value")
+
+
+def _measure(item: dict[str, Any], key: str) -> None:
+    """Convert the radii of a part to the form that ``key`` belongs to: centre and width, or inner and outer edge."""
+    wanted, other = (_CENTRE, _EDGES) if key in _CENTRE else (_EDGES, _CENTRE)
+    if key in item or "x" in item:
+        return
+    one, two = (quantity.parse(item.pop(name), "m") for name in other)
+    if wanted == _CENTRE:
+        if not one:
+            raise InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
+        sizes = ((one + two) / 2, two - one)
+    else:
+        sizes = (one - two / 2, one + two / 2)
+    item |= {name: quantity.write(size, "m") for name, size in zip(wanted, sizes, strict=True)}
+
+
+def place(table: dict[str, Any], path: str, text: Any) -> None:
+    """Set one value of a geometry file's table in place; the reader of the geometry checks whether the key exists.
+
+    Raises InputError: the path names a part, layer, interface or material that is not there.
+    """
+    kind, *middle = path.split(".")
+    if not middle and kind in (*_NAMED, *_TABLES):
+        raise InputError(f"path {path!r} names a table, and no value in it; {_HINT}")
+    if not middle:
+        table[kind] = text
+        return
+    key = middle.pop()
+    name = ".".join(middle)  # names may hold dots
+    for number, bus in enumerate(table.get("bus", [])):
+        bus.setdefault("name", BUSES[min(number, 1)])
+    if kind in _NAMED and name:
+        items = {item.get(_NAMED[kind]): item for item in table.get(kind, [])}
+        items[checks.choice(f"path {path!r}: {kind}", name, [str(k) for k in items])][key] = text
+    elif kind in ("boundary", "light") and not name:
+        table.setdefault(kind, {})[key] = text
+    elif kind == "material" and middle[1:] and middle[-1] in _LAWS:
+        material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
+        given = material.get(middle[-1], {})
+        law = given if isinstance(given, dict) else {"value": given}
+        material[middle[-1]] = with_value(middle[-1], law, text) if key == "value" else {**law, key: text}
+    elif kind in ("material", "boundary") and name:
+        values = table.setdefault(kind, {})
+        if kind == "boundary":
+            values[name] = {key: text}
+        elif isinstance(values.setdefault(name, {}).get(key), dict):
+            values[name][key] = with_value(key, values[name][key], text)
+        else:
+            values[name][key] = text
+    else:
+        raise InputError(f"path {path!r} leads nowhere; {_HINT}")
+
+
+_HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
+_PART = {
+    "ring": ("radius", "width", "inner_radius", "outer_radius", "bottom", "height", "sidewall_angle"),
+    "straight": ("x", "width", "bottom", "height", "sidewall_angle"),
+}
+_MATERIAL = ("conductivity", "density", "specific_heat")
+_OPTICAL = {"index": "", "thermo_optic": "1/K"}
+_STEP = 1e-3  # K; of the central difference of a law of temperature, whose error is 1e-9 of its curvature
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """Derivatives with respect to one parameter.
+
+    name: of the parameter.
+    value: of the parameter, SI (of its first path).
+    outlines [dict from layer or part to array, shape (4, 2)]: velocity of its corners, in m per unit.
+    conductivity, heat_capacity [dict from material to array (2,) or float]: of (k_r, k_z) in W/(m K) and of rho c_p
+        in J/(m^3 K) at the ambient temperature, per unit.
+    contact, convection, shell [dict from part, side or probe to float]: of the contact resistance, the coefficient and
+        the thickness, per unit.
+    optical [dict from material, bus or "light" to dict from key to float]: of index, thermo_optic, gap, straight, loss
+        and wavelength, per unit.
+    """
+
+    name: str
+    value: float
+    unit: str
+    outlines: dict[str, Array] = field(default_factory=dict)
+    conductivity: dict[str, Array] = field(default_factory=dict)
+    heat_capacity: dict[str, float] = field(default_factory=dict)
+    contact: dict[str, float] = field(default_factory=dict)
+    convection: dict[str, float] = field(default_factory=dict)
+    shell: dict[str, float] = field(default_factory=dict)
+    optical: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @property
+    def moves(self) -> bool:
+        """Whether any outline moves."""
+        return any(np.any(velocity) for velocity in self.outlines.values())
+
+
+def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
+    """Derivatives of outlines and coefficients with respect to a parameter.
+
+    parameter [str, or several paths that change together by the same amount]
+    Raises InputError: a path that leads nowhere, or to what has no derivative.
+    """
+    paths = (parameter,) if isinstance(parameter, str) else tuple(parameter)
+    single = [_change(geometry, path) for path in paths]
+    units = sorted({one.unit for one in single})
+    if len(units) > 1:
+        raise InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
+    kinds = ("outlines", "conductivity", "heat_capacity", "contact", "convection", "shell")
+    sums = {kind: _sum([getattr(one, kind) for one in single]) for kind in kinds}
+    sums["optical"] = {}
+    for one in single:
+        for name, slopes in one.optical.items():
+            sums["optical"][name] = _sum([sums["optical"].get(name, {}), slopes])
+    return Change(" + ".join(paths), single[0].value, units[0], **sums)
+
+
+def _sum(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    total: dict[str, Any] = {}
+    for one in each:
+        for name, value in one.items():
+            total[name] = total.get(name, 0.0) + value
+    return total
+
+
+def _change(geometry: CrossSection, path: str) -> Change:
+    kind, *middle = path.split(".")
+    if path == ("outer_radius" if geometry.kind == "ring" else "half_width"):
+        return Change(path, geometry.outer_radius, "m", dict(_wider(geometry)))
+    if path == "ambient":
+        return _ambient(geometry)
+    if kind == "material" and len(middle) >= 2:
+        return _material(geometry, path, middle)
+    if kind == "light" and len(middle) == 1:
+        return _guided(geometry, path, "", middle[0])
+    readers = {
+        "bus": _guided,
+        "part": _part,
+        "layer": _layer,
+        "interface": _interface,
+        "probe": _probe,
+        "boundary": _boundary,
+    }
+    if kind not in readers or len(middle) < 2:
+        raise InputError(f"path {path!r} leads nowhere; {_HINT}")
+    return readers[kind](geometry, path, ".".join(middle[:-1]), middle[-1])
+
+
+def _wider(geometry: CrossSection) -> list[tuple[str, Array]]:
+    """The right corners of every layer move with outer_radius or half_width, the left ones of a whole section, too."""
+    left = -1.0 if geometry.inner_end < 0 else 0.0
+    right = np.array([(left, 0.0), (1.0, 0.0), (1.0, 0.0), (left, 0.0)])
+    return [(layer.name, right) for layer in geometry.layers]
+
+
+def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    parts = {part.name: part for part in geometry.parts}
+    part = parts[checks.choice(f"path {path!r}: part", name, parts)]
+    checks.choice(f"path {path!r}: key", key, _PART[geometry.kind], hint="a material has no derivative")
+    if not part.straight and not part.inner_radius and key in ("radius", "width", "inner_radius"):
+        raise InputError(f"path {path!r}: part {name!r} is a disc; take part.{name}.outer_radius")
+    if not part.height:
+        raise InputError(f"path {path!r}: part {name!r} has height 0 and is not there; nothing moves")
+    values = {
+        "radius": (part.inner_radius + part.outer_radius) / 2,
+        "width": part.outer_radius - part.inner_radius,
+    }
+    value = values[key] if key in values else float(getattr(part, key))
+    unit = "rad" if key == "sidewall_angle" else "m"
+    return Change(path, value, unit, _moved(geometry, part, _corners(part, key)))
+
+
+def _moved(geometry: CrossSection, part: Part, corners: Array) -> dict[str, Array]:
+    """Velocities of the outlines that are meshed where one part moves.
+
+    In a mirrored section the response is even in x, so that moving one part changes it by half of what moving it and
+    its image does: the half that is solved moves with the mean of the two.
+    """
+    if not geometry.mirrored:
+        return {part.name: corners}
+    image = corners[[1, 0, 3, 2]] * [-1, 1]
+    if abs(part.inner_radius + part.outer_radius) <= SAME:  # its own image: corners on the mirror plane stay there
+        return {part.name: (corners + image) / 2 * [[0, 1], [1, 1], [1, 1], [0, 1]]}
+    if part.name in outlines(geometry):
+        return {part.name: corners / 2}
+    number = geometry.parts.index(part)
+    twin = next(p for p in geometry.parts[max(number - 1, 0) : number + 2] if images(part, p))
+    return {twin.name: image / 2}
+
+
+def _corners(part: Part, key: str) -> Array:
+    """Velocity of the corners of a part, in the order of `Part.outline`; shape (4, 2)."""
+    inner = {"radius": 1.0, "width": -0.5, "inner_radius": 1.0}.get(key, 0.0)
+    outer = {"radius": 1.0, "width": 0.5, "outer_radius": 1.0}.get(key, 0.0)
+    foot, top = {"bottom": (1.0, 1.0), "height": (0.0, 1.0)}.get(key, (0.0, 0.0))
+    lean = 0.0
+    if key == "x":
+        inner = outer = 1.0
+    if key == "height":  # the lean is height/(2 tan(angle))
+        lean = math.cos(part.sidewall_angle) / math.sin(part.sidewall_angle) / 2
+    elif key == "sidewall_angle":
+        lean = -part.height / 2 / math.sin(part.sidewall_angle) ** 2
+    inner_lean = lean if part.inner_radius or part.straight else 0.0
+    return np.array([(inner - inner_lean, foot), (outer + lean, foot), (outer - lean, top), (inner + inner_lean, top)])
+
+
+def _layer(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    names = [layer.name for layer in geometry.layers]
+    moved = names.index(checks.choice(f"path {path!r}: layer", name, names))
+    checks.choice(f"path {path!r}: key", key, ("thickness",), hint="a material has no derivative")
+    datum = next(k for k, layer in enumerate(geometry.layers) if layer.datum)
+    edges = np.arange(len(names) + 1)
+    speed = np.where(edges <= moved, -1.0, 0.0) if moved <= datum else np.where(edges > moved, 1.0, 0.0)
+    boxes = {
+        layer: np.array([(0.0, speed[k]), (0.0, speed[k]), (0.0, speed[k + 1]), (0.0, speed[k + 1])])
+        for k, layer in enumerate(names)
+    }
+    return Change(path, geometry.layers[moved].thickness, "m", boxes)
+
+
+def _named(path: str, kind: str, name: str, known: Mapping[str, Any]) -> Any:
+    """The interface or probe of a name."""
+    return known[checks.choice(f"path {path!r}: {kind}", name, known)]
+
+
+def _interface(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    interface = _named(path, "interface", name, {one.part: one for one in geometry.interfaces})
+    checks.choice(f"path {path!r}: key", key, ("resistance",))
+    return Change(path, interface.resistance, "m^2*K/W", contact={name: 1.0})
+
+
+def _probe(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    probe = _named(path, "probe", name, {one.name: one for one in geometry.probes})
+    checks.choice(f"path {path!r}: key", key, ("shell",))
+    if not probe.shell:
+        raise InputError(f"path {path!r}: probe {name!r} has no shell")
+    return Change(path, probe.shell, "m", shell={name: 1.0})
+
+
+def _guided(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    """A number of [light] or of a [[bus]], which moves no mesh."""
+    given: Any = geometry.light
+    if name:
+        given = _named(path, "bus", name, {bus.name: bus for bus in geometry.buses})
+    units = {"gap": "m", "straight": "m"} if name else {"wavelength": "m", "loss": "1/m"}
+    checks.choice(f"path {path!r}: key", key, units)
+    if getattr(given, key, None) is None:
+        raise InputError(f"path {path!r} leads nowhere; {geometry.name!r} does not give it")
+    return Change(path, float(getattr(given, key)), units[key], optical={name or LIGHT: {key: 1.0}})
+
+
+def _boundary(geometry: CrossSection, path: str, side: str, key: str) -> Change:
+    checks.choice(f"path {path!r}: side", side, ("bottom", "top", "outer"))
+    units = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
+    unit = units[checks.choice(f"path {path!r}: key", key, units)]
+    boundary: Boundary = getattr(geometry, side)
+    if boundary.kind != key:
+        raise InputError(f"path {path!r}: {side} is {boundary.kind}; give it a {key} first")
+    slope = boundary.exchange(geometry.ambient) / boundary.coefficient
+    return Change(path, boundary.coefficient, unit, convection={side: slope})
+
+
+def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Change:
+    """material.NAME.property, or material.NAME.property.key for a key of its law."""
+    used = {region: geometry.material_of(region) for region in geometry.region_names}
+    names = {material.name: material for material in used.values()}
+    split = 2 if len(middle) > 2 and middle[-2] in ("conductivity", "specific_heat") else 1
+    name, keys = ".".join(middle[:-split]), middle[-split:]
+    hint = "no layer or part is made of it" if name not in names else ""
+    material = names[checks.choice(f"path {path!r}: material", name, names, hint=hint)]
+    checks.choice(f"path {path!r}: property", keys[0], (*_MATERIAL, *_OPTICAL))
+    if keys[0] in _OPTICAL:
+        value = material.thermo_optic if keys[0] == "thermo_optic" else constant(material.index)
+        if value is None:
+            raise InputError(f"path {path!r} has no derivative: the index of {name!r} is no constant")
+        return Change(path, value, _OPTICAL[keys[0]], optical={name: {keys[0]: 1.0}})
+    kind, key = keys[0], keys[1] if len(keys) > 1 else "value"
+    T0 = geometry.ambient
+    if kind == "density":
+        share = material.specific_heat * float(material.specific_heat_law.factor(T0))
+        return Change(path, material.density, "kg/m^3", heat_capacity={name: share})
+    law: Law = getattr(material, f"{kind}_law")
+    value, unit, factor, of_law = _law(path, material, law, kind, key, T0)
+    if kind == "specific_heat":
+        scale = material.density * (factor + material.specific_heat * of_law)
+        return Change(path, value, unit, heat_capacity={name: scale})
+    k_r = material.conductivity
+    k_z = k_r if material.conductivity_z is None else material.conductivity_z
+    along_r = 0.0 if key == "z" else factor
+    along_z = factor if key == "z" or material.conductivity_z is None else 0.0
+    return Change(path, value, unit, conductivity={name: np.array([along_r + k_r * of_law, along_z + k_z * of_law])})
+
+
+def _law(path: str, material: Material, law: Law, kind: str, key: str, T0: float) -> tuple[float, str, float, float]:
+    """Value and unit; d(value f)/d(key) = first + value * second, with f the law at the ambient temperature."""
+    f = float(law.factor(T0))
+    unit = {"conductivity": "W/m/K", "specific_heat": "J/kg/K"}[kind]
+    if key in ("value", "r"):
+        return float(getattr(material, kind)), unit, f, 0.0
+    if key == "z" and kind == "conductivity":
+        if material.conductivity_z is None:
+            raise InputError(f"path {path!r}: {material.name!r} conducts alike along r and z; give it a z first")
+        return material.conductivity_z, unit, f, 0.0
+    if key in ("exponent", "reference") and isinstance(law, PowerLaw):
+        if key == "exponent":
+            return law.exponent, "", 0.0, f * math.log(T0 / law.reference)
+        return law.reference, "K", 0.0, -law.exponent * f / law.reference
+    raise InputError(f"path {path!r} has no derivative; value, r, z and, of a power law, exponent and reference have")
+
+
+def _ambient(geometry: CrossSection) -> Change:
+    """Conductivities and heat capacities that depend on temperature change with the ambient one."""
+    T0 = geometry.ambient
+
+    def slope(law: Law) -> float:
+        if isinstance(law, PowerLaw):
+            return law.exponent * float(law.factor(T0)) / T0
+        return float(law.factor(T0 + _STEP) - law.factor(T0 - _STEP)) / (2 * _STEP)
+
+    conductivity, capacity = {}, {}
+    for region in geometry.region_names:
+        m = geometry.material_of(region)
+        k_z = m.conductivity if m.conductivity_z is None else m.conductivity_z
+        of_k, of_c = slope(m.conductivity_law), slope(m.specific_heat_law)
+        conductivity[m.name], capacity[m.name] = of_k * np.array([m.conductivity, k_z]), m.heat_capacity * of_c
+    return Change("ambient", T0, "K", conductivity=conductivity, heat_capacity=capacity)

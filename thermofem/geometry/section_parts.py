@@ -1,0 +1,282 @@
+"""The pieces of a cross-section: layers, ring parts, boundaries, interfaces and probes; all lengths in m."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import checks
+from ..checks import check_name
+from ..data import quantity
+from ..materials.material_library import VOID
+
+VERTICAL = math.pi / 2
+SAME = 2e-15  # m; points this close are one (two steps of the grid on which outlines are cut)
+THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
+_LONGEST = 0.1  # m; nothing on a chip is longer
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of the stack.
+
+    Parameters
+    ----------
+    name, material : str
+    thickness : float, m
+    datum : bool
+        whether z = 0 lies at the top of this layer.
+    """
+
+    name: str
+    material: str
+    thickness: float
+    datum: bool = False
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        check_name("layer", self.name)
+        checks.text(f"layer {self.name!r}: material", self.material)
+        if self.material == VOID:
+            raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
+        checks.flag(f"layer {self.name!r}: datum", self.datum)
+        length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A ring (a disc when ``inner_radius`` is 0) or a straight bar with a rectangular or trapezoidal cross-section.
+
+    Parameters
+    ----------
+    name, material : str
+        material "void" cuts a hole with insulated walls.
+    inner_radius, outer_radius : float, m
+        of a ring, at half height.
+    x, width : float, m
+        of a straight bar: its centre, and its width at half height; its edges are then the two radii above.
+    bottom, height : float, m
+        bottom is counted from the datum; a void of height 0 is no void at all.
+    sidewall_angle : float, rad
+        pi/2 is vertical; a smaller angle makes the part wider at its foot.
+    heated : bool
+        whether it may carry absorbed power. Every part and layer can be read.
+    """
+
+    name: str
+    material: str
+    inner_radius: float = math.nan
+    outer_radius: float = math.nan
+    bottom: float = 0.0
+    height: float = math.nan
+    sidewall_angle: float = VERTICAL
+    heated: bool = False
+    x: float | None = None
+    width: float | None = None
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        of = f"part {self.name!r}: "
+        check_name("part", self.name)
+        checks.text(f"{of}material", self.material)
+        if self.x is None and self.width is None:
+            checks.between(
+                f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=slip(self.inner_radius, 5e-6)
+            )
+            length(f"{of}outer_radius", self.outer_radius, typical=8e-6)
+        else:
+            self._set_edges(of)
+        checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=slip(self.bottom, 1e-6))
+        if self.material != VOID or self.height != 0:
+            length(f"{of}height", self.height, typical=220e-9)
+        if self.inner_radius and not self.straight:
+            length(f"{of}inner_radius", self.inner_radius, typical=5e-6)
+        if self.inner_radius >= self.outer_radius:
+            raise checks.InputError(
+                f"{of}inner_radius = {self.inner_radius:g} m must be below outer_radius = {self.outer_radius:g} m"
+            )
+        degrees = math.degrees(checks.finite(f"{of}sidewall_angle", self.sidewall_angle))
+        checks.between(f"{of}sidewall_angle", degrees, 30, 150, unit="deg", hint="90 deg is vertical")
+        outline = self.outline()
+        crossed = np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0)
+        if crossed or (outline[:, 0].min() < 0 and not self.straight):
+            raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
+        if checks.flag(f"{of}heated", self.heated) and self.material == VOID:
+            raise checks.InputError(f"{of}void cannot be heated; give it a material or heated = false")
+
+    def _set_edges(self, of: str) -> None:
+        """Set the edges of a straight bar from its centre and width."""
+        x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=slip(self.x, 5e-6))
+        half = length(f"{of}width", self.width, typical=450e-9) / 2
+        object.__setattr__(self, "inner_radius", x - half)
+        object.__setattr__(self, "outer_radius", x + half)
+
+    @property
+    def straight(self) -> bool:
+        """Whether it is a bar of a straight section."""
+        return self.x is not None
+
+    @property
+    def top(self) -> float:
+        """Height of its upper face in m."""
+        return self.bottom + self.height
+
+    def outline(self) -> NDArray[np.float64]:
+        """Corners (r, z) or (x, z) in m, counterclockwise from the inner foot, shape (4, 2)."""
+        vertical = abs(self.sidewall_angle - VERTICAL) < 1e-9
+        lean = 0.0 if vertical else self.height / 2 / math.tan(self.sidewall_angle)
+        inner_lean = lean if self.inner_radius or self.straight else 0.0  # a disc has no inner wall
+        inner, outer = self.inner_radius, self.outer_radius
+        foot = [(inner - inner_lean, self.bottom), (outer + lean, self.bottom)]
+        return np.array([*foot, (outer - lean, self.top), (inner + inner_lean, self.top)])
+
+
+def images(one: Part, other: Part) -> bool:
+    """Whether two voids are images of each other in x = 0, one on each side of it."""
+    mirror = one.outline()[[1, 0, 3, 2]] * [-1, 1]
+    sides = one.outline()[:, 0].min() * one.outline()[:, 0].max() >= 0
+    return sides and one.material == other.material == VOID and bool(np.abs(mirror - other.outline()).max() <= SAME)
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Boundary condition on one side: "isothermal" (held at ambient), "insulated", "convection" or "open".
+
+    Convection carries off ``coefficient`` * (T - ambient) per area; ``coefficient`` is in W/m^2/K. Beyond an open side
+    the material goes on: far from the heat T - ambient falls as 1/d, with d the distance from the axis at the height of
+    the heat, so that k (n . d)/d^2 (T - ambient) per area crosses it, or (n . d)/(d . k^-1 d) where k_r and
+    k_z differ. That holds for one material; what heat along a layer changes is in `HeatProblem.errors`. Beyond a
+    straight section the field is that of a line source of its length L on a half space, averaged over L:
+
+        T - ambient = P c(d/L)/(pi k L),    c(u) = asinh(1/u) - sqrt(1 + u^2) + u
+
+    so that k (n . d)/(d^2 c(d/L)) (T - ambient) per area crosses an open side.
+    """
+
+    kind: str
+    coefficient: float = 0.0
+    KINDS: ClassVar[dict[str, str | None]] = {
+        "isothermal": None,
+        "insulated": None,
+        "convection": "W/m^2/K",
+        "open": None,
+    }
+    """Unit of each kind's coefficient; None where it has none."""
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        unit = self.KINDS[checks.choice("boundary", self.kind, self.KINDS)]
+        if unit is not None:
+            checks.positive(self.kind, self.coefficient, unit=unit, at_most=1e12)
+        elif self.coefficient:
+            raise checks.InputError(f"boundary {self.kind!r} takes no coefficient; only convection does")
+
+    def exchange(self, ambient: float) -> float:
+        """h in W/(m^2 K) of the heat h (T - ambient) per area that leaves; 0 where the side has another weak form."""
+        return self.coefficient if self.kind == "convection" else 0.0
+
+    @property
+    def holds(self) -> bool:
+        """Whether it couples the side to the ambient temperature, so that a steady state exists."""
+        return self.kind != "insulated"
+
+
+ISOTHERMAL, INSULATED, OPEN = Boundary("isothermal"), Boundary("insulated"), Boundary("open")
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Thermal boundary resistance in m^2 K/W on the whole surface of one part.
+
+    Where the surface lies on an isothermal or convective side of the domain, it is in series with that side. Beyond an
+    open side the part goes on, and there is no surface. A resistance below 1e-14 m^2 K/W, such as 0, counts as that of
+    1e-14, a hundredth of a picometre of oxide: so it has a derivative.
+    """
+
+    part: str
+    resistance: float
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        hint = "silicon on oxide has about 1e-8"
+        checks.between(f"interface of {self.part!r}: resistance", self.resistance, 0, 1, unit="m^2*K/W", hint=hint)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """An additional readout: a shell around a part, or a copy of a part off the axis.
+
+    A shell is everything within ``shell`` of the part that is not the part itself, voids left out. A copy stands for a
+    neighbouring ring, which reads the same axisymmetric field off its axis; give either ``shell`` or ``distance``.
+
+    Parameters
+    ----------
+    name : str
+    part : str
+        the part around which the shell lies, or which is copied.
+    shell : float, m
+        thickness of the shell.
+    distance : float, m
+        from the axis to the centre of the copy.
+
+    Raises
+    ------
+    InputError
+        neither or both of ``shell`` and ``distance``, or a length that cannot be.
+
+    >>> Probe(name="neighbour", part="core", distance=20e-6).distance
+    2e-05
+    """
+
+    name: str
+    part: str
+    shell: float | None = None
+    distance: float | None = None
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        check_name("probe", self.name)
+        if (self.shell is None) == (self.distance is None):
+            both = "not both" if self.shell is not None else "it has neither"
+            raise checks.InputError(f"probe {self.name!r}: give shell, or distance for a copy off the axis; {both}")
+        if self.shell is not None:
+            length(f"probe {self.name!r}: shell", self.shell, typical=0.3e-6)
+        if self.distance is not None:
+            length(f"probe {self.name!r}: distance", self.distance, typical=20e-6)
+
+
+def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
+    """Inner and outer radius in m of a ring from the radius to its centre and its width; ``of`` opens the message."""
+    radius = checks.positive(f"{of}radius", radius, unit="m", hint=slip(radius, 8e-6))
+    width = _not_below_an_atom(f"{of}width", checks.positive(f"{of}width", width, unit="m"))
+    if width > 2 * radius:
+        raise checks.InputError(
+            f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", slip(width, 450e-9, radius)
+        )
+    return radius - width / 2, radius + width / 2
+
+
+def length(name: str, value: float | None, *, typical: float) -> float:
+    """Check that a length in m lies between the sizes of an atom and of a chip; the hint corrects the unit."""
+    return _not_below_an_atom(name, checks.positive(name, value, unit="m", at_most=_LONGEST, hint=slip(value, typical)))
+
+
+def _not_below_an_atom(name: str, value: float) -> float:
+    if value < THINNEST:
+        raise checks.InputError(f"{name} = {value:g} m is less than an atom", checks.Hint("lengths are in metres"))
+    return value
+
+
+def slip(value: float | None, typical: float, at_most: float = _LONGEST) -> checks.Hint:
+    """Hint with the length in m that was probably meant."""
+    if not (isinstance(value, int | float) and at_most < abs(value) < 1e300):  # 1e300 m; no hint repairs it
+        return checks.Hint("lengths are in metres")
+    meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
+    power = 3 * math.floor(math.log10(abs(meant)) / 3)
+    number, written = f"{meant / 10**power:g}e{power}", quantity.rounded(meant, "m", 6)
+    text = f'did you mean "{written}" ({number} m)?'
+    return checks.Hint(f"lengths are in metres (did you mean {number}?)", text=text)

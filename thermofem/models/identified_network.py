@@ -1,0 +1,138 @@
+"""A linear network that SINDy identified, and the gate that it passes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..arrays import Array, ArrayLike
+from ..checks import check_names
+from ..waveforms import Waveform
+from .contract import Delegates, names, parts, reader, table, warn_beyond
+from .foster import Foster
+
+STATIC = 1e-3  # largest error of the static gain that passes
+
+
+@dataclass(frozen=True, eq=False)
+class Network(Delegates):
+    """An identified linear network with the largest temperature rise of its training.
+
+    Attributes
+    ----------
+    A : array, shape (n, n), 1/s
+    b : array, shape (n,), K/J
+    names : tuple of str
+        states; the first is read.
+    poles : Foster
+        the same network, diagonalised.
+    largest_rise : float, K
+        of the training.
+    origin : dict, optional
+        where it comes from (geometry as TOML, how it was made); exports and model files keep it.
+    """
+
+    A: Array
+    b: Array
+    names: tuple[str, ...]
+    poles: Foster
+    largest_rise: float
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        object.__setattr__(self, "names", check_names("states", self.names))
+        checks.positive("largest_rise", self.largest_rise, unit="K")
+        checks.keep(self, A=checks.numbers("A", self.A), b=checks.numbers("b", self.b))
+
+    @property
+    def _other(self) -> Foster:
+        return self.poles
+
+    @property
+    def dynamics(self) -> Foster:
+        """The network, diagonalised: exact, since its poles are real and its residues positive (`gate`)."""
+        return self.poles
+
+    def response(self, wave: Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest; warns beyond the training."""
+        return warn_beyond(self.poles.response(wave, times), self.largest_rise)
+
+    def periodic_response(self, wave: Waveform, samples: int) -> Array:
+        """One period of the periodic state in K; warns beyond the training."""
+        return warn_beyond(self.poles.periodic_response(wave, samples), self.largest_rise)
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file; InputError where the poles are not those of the first state."""
+        _check_parts(self.names, names(self))
+        units = {"A": "1/s", "b": "K/J", "thermal_resistance": "K/W", "largest_rise": "K"}
+        return {
+            **names(self),
+            "states": list(self.names),
+            "A": self.A.tolist(),
+            "b": self.b.tolist(),
+            "thermal_resistance": self.thermal_resistance,
+            "largest_rise": self.largest_rise,
+            "units": units,
+        }
+
+    @classmethod
+    @reader
+    def from_json(cls, content: Mapping[str, Any]) -> Network:
+        """The network of a model file; it passes the `gate` again."""
+        states, A, b = check_names("states", content["states"]), table(content, "A", 2), table(content, "b", 1)
+        _check_parts(states, parts(content))
+        checks.shape("b", b, (len(states),))
+        stated = checks.positive("thermal_resistance", content["thermal_resistance"], unit="K/W")
+        poles = gate(A, b, stated, name=states[0])
+        return cls(A, b, states, poles, checks.positive("largest_rise", content["largest_rise"], unit="K"))
+
+
+def _check_parts(states: tuple[str, ...], found: Mapping[str, Any]) -> None:
+    """Raise InputError unless the first state is the part that is heated and the one that is read."""
+    for which, given in found.items():
+        if tuple(given) != states[:1]:
+            raise checks.InputError(
+                f"{which} = {list(given)}; a Network is heated and read at {states[0]!r}, its first state"
+            )
+
+
+def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:
+    """Pass a network dT/dt = A T + b P, read at its first state, as a Foster network, or refuse it.
+
+    Parameters
+    ----------
+    A : array, shape (n, n), 1/s
+    b : array, shape (n,), K/J
+    static : float, K/W
+        the thermal resistance that the network must have.
+    name : str
+        of the part that is heated and read.
+
+    Returns
+    -------
+    Foster
+
+    Raises
+    ------
+    InputError
+        complex or growing poles, a negative residue, or a static gain off by more than 1e-3.
+    """
+    A, b = checks.numbers("A", A), checks.array("b", b)
+    static = checks.positive("static", static, unit="K/W")
+    checks.shape("A", A, (b.size, b.size))
+    rate, modes = np.linalg.eig(A)
+    tau = np.divide(-1.0, rate.real, where=rate.real != 0, out=np.full(rate.size, np.inf))
+    said = "the identified network is refused: "
+    if np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate)) or np.any(rate.real >= 0):
+        raise checks.InputError(said + f"it oscillates or is not stable, with the poles {rate} 1/s")
+    R = np.real(modes[0] * np.linalg.solve(modes, b)) * tau
+    if np.any(R < 0):
+        raise checks.InputError(said + f"it is not passive (R = {R.min():.3g} K/W at tau = {tau[np.argmin(R)]:.3g} s)")
+    if abs(R.sum() - static) > STATIC * static:
+        raise checks.InputError(said + f"its static gain is {R.sum():.5g} K/W, not {static:.5g}")
+    return Foster(R=R, tau=tau, inputs=(name,), outputs=(name,))

@@ -1,0 +1,372 @@
+"""Thermal models that are not linear: the FEM with k(T) and c_p(T), and a small quadratic system.
+
+The equations of the FEM are those of `thermofem.transient.nonlinear`. The quadratic system is the FEM in a small basis,
+or a polynomial SINDy network.
+"""
+
+from __future__ import annotations
+
+import warnings
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from .. import checks, waveforms
+from ..arrays import Array, ArrayLike, NDArray, in_pieces
+from ..checks import check_one
+from ..data.display import model_html
+from ..transient.integration import integrate, integrate_periodic
+from ..transient.nonlinear import NonlinearEquations, factorize_general
+from .contract import AtSmallPower, at_times, check_rise, check_single, names, parts, reader, warn_beyond
+from .state_space import StateSpace
+
+RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
+PASSES = 40  # of the period map
+_TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """Quadratic thermal system: a reduced model with k(T) and c_p(T), or a polynomial SINDy network.
+
+        dx/dt = A x + H[x, x] + (G x) P + B P,      dT = C x,      H[x, x]_i = sum_jk H_ijk x_j x_k
+
+    Parameters
+    ----------
+    A : array, shape (n, n), 1/s
+        every eigenvalue with a negative real part.
+    H : array, shape (n, n, n), 1/(K s)
+        symmetric in its last two indices.
+    G : array, shape (n, n), 1/J
+    B : array, shape (n,), K/J
+    C : array, shape (n,)
+    inputs, outputs : tuple of one str
+    largest_rise : float, K, optional
+        of the training; beyond it responses warn.
+    origin : dict, optional
+        where the model comes from (geometry as TOML, how it was made); exports and model files keep it.
+
+    Raises
+    ------
+    InputError
+        shapes that do not fit, numbers that are not finite, H not symmetric, A not stable; a response that leaves the
+        range in which the system has one (a quadratic system may diverge).
+    """
+
+    A: Array
+    H: Array
+    G: Array
+    B: Array
+    C: Array
+    inputs: tuple[str, ...] = ("core",)
+    outputs: tuple[str, ...] = ("core",)
+    largest_rise: float | None = None
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        n = checks.array("B", self.B).size
+        for name, shape in {"A": (n, n), "H": (n, n, n), "G": (n, n), "B": (n,), "C": (n,)}.items():
+            value = checks.numbers(name, getattr(self, name))
+            checks.shape(name, value, shape)
+            checks.keep(self, **{name: value})
+        if not np.allclose(self.H, self.H.transpose(0, 2, 1), rtol=1e-9, atol=1e-12 * float(np.abs(self.H).max())):
+            raise checks.InputError("H must be symmetric in its last two indices; average it with its transpose")
+        fastest = float(np.linalg.eigvals(self.A).real.max())
+        if fastest >= 0:
+            raise checks.InputError(f"A is not stable: a pole grows at {fastest:.3g} 1/s")
+        for name in ("inputs", "outputs"):
+            object.__setattr__(self, name, check_one(name, getattr(self, name)))
+        check_rise(self.largest_rise)
+
+    _repr_html_ = model_html
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.B.size)
+
+    @cached_property
+    def linear(self) -> StateSpace:
+        """The system at small power; InputError where A is not symmetric, as that of a SINDy network."""
+        eye = np.eye(self.order)
+        return StateSpace(eye, self.A, self.B[:, None], self.C[None], inputs=self.inputs, outputs=self.outputs)
+
+    @property
+    def dynamics(self) -> Quadratic:
+        """The system itself."""
+        return self
+
+    @property
+    def thermal_resistance(self) -> float:
+        """-C A^-1 B in K/W, at small power."""
+        return float(-self.C @ np.linalg.solve(self.A, self.B))
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, for equal poles, too."""
+        from scipy.linalg import expm
+
+        t = np.maximum(checks.numbers("times", times), 0)
+        n, read = self.order, np.linalg.solve(self.A.T, self.C)
+        settled = 1e3 / np.abs(np.linalg.eigvals(self.A).real).min()  # s; expm of a longer time would overflow
+
+        def rise(t: Array) -> Array:
+            moved = expm(np.minimum(t, settled)[..., None] * self.A) @ self.B - self.B
+            return np.asarray(moved @ read)
+
+        return in_pieces(rise, t, n * n)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) = C (2 pi i f - A)^-1 B at small power in K/W."""
+        f = checks.numbers("frequency", frequency)
+        n, B = self.order, self.B[:, None]
+        return in_pieces(
+            lambda f: np.linalg.solve(2j * np.pi * f[..., None] * np.eye(n) - self.A, B)[..., 0] @ self.C, f, n * n
+        )
+
+    def rate(self, x: ArrayLike, power: float) -> Array:
+        """dx/dt for states x, shape (n,), in K/s, at a power in W."""
+        return self._rate(self._checked("x", x), checks.finite("power", power, unit="W"))
+
+    def jacobian(self, x: ArrayLike, power: float) -> Array:
+        """Derivative of dx/dt by x, shape (n, n), in 1/s."""
+        return self._jacobian(self._checked("x", x), checks.finite("power", power, unit="W"))
+
+    def _rate(self, x: Array, power: float) -> Array:
+        return self.A @ x + (self.H @ x) @ x + power * (self.G @ x + self.B)
+
+    def _jacobian(self, x: Array, power: float) -> Array:
+        return self.A + 2 * (self.H @ x) + power * self.G
+
+    def _checked(self, name: str, x: ArrayLike) -> Array:
+        """States as floats, or InputError."""
+        states = checks.array(name, x)
+        checks.shape(name, states, (self.order,))
+        return states
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest: LSODA from one breakpoint to the next."""
+        return warn_beyond((self.states(wave, times) @ self.C).reshape(np.shape(times)), self.largest_rise)
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, by Newton's method on the period map."""
+        return warn_beyond(self.periodic_states(wave, samples) @ self.C, self.largest_rise)
+
+    def steady_rise(self, power: ArrayLike) -> Array:
+        """Static rise in K at constant power in W, shape of ``power``."""
+        power = checks.numbers("power", power)
+        rise = np.array([self.C @ self.steady_state(p) for p in power.ravel()]).reshape(power.shape)
+        return warn_beyond(rise, self.largest_rise)
+
+    def steady_state(self, power: float) -> Array:
+        """States at constant power, on the branch that begins at rest.
+
+        Raises
+        ------
+        InputError
+            no steady state at this power: the quadratic terms have taken over.
+        """
+        power, x = checks.finite("power", power, unit="W"), np.zeros(self.order)
+        for share in np.linspace(0.125, 1, 8):
+            for _ in range(20):
+                change = np.linalg.solve(self._jacobian(x, share * power), self._rate(x, share * power))
+                x = x - change
+                if np.abs(change).max() <= 1e-12 * np.abs(x).max() + _TINY:
+                    break
+            else:
+                raise checks.InputError(f"power = {power:g} W: the quadratic model has no steady state there")
+        return x
+
+    def states(self, wave: waveforms.Waveform, times: ArrayLike, *, initial: Array | None = None) -> Array:
+        """States at ``times`` (s, any order), from rest or ``initial`` at t = 0, shape (times, n)."""
+        t = checks.array("times", checks.numbers("times", times).ravel())
+        checks.between("times", t.min(), 0, np.inf, unit="s")
+        stop = max(float(t.max()), _TINY)
+        pieces = waveforms.heating_pieces(wave, 0.0, stop)
+        x = np.zeros(self.order) if initial is None else self._checked("initial", initial)
+        peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
+        scale = self._size(peak) + np.abs(x)
+        result = np.empty((t.size, self.order))
+        result[t == 0] = x
+        if not t.any():
+            return result
+        marks = [0.0, *wave.breakpoints(0.0, stop).tolist(), stop]
+        for a, b in pairwise(marks):
+            inside = (t > a) & (t <= b)
+            wanted, back = np.unique(t[inside], return_inverse=True)
+            track = self._stretch(x, np.unique([a, *wanted, b]), pieces, RTOL * scale)
+            result[inside] = track[1 : 1 + wanted.size][back]
+            x = track[-1]
+        return result
+
+    def periodic_states(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """States over one period of the periodic state, shape (samples, n)."""
+        from scipy.linalg import expm
+
+        times = waveforms.period_times(wave, samples)
+        period = times[-1]
+        mean_power = wave.mean(0.0, period)
+        x = self.steady_state(mean_power)
+        scale = float(np.abs(x * self.C).sum())
+        for _ in range(PASSES):
+            track = self.states(wave, times, initial=x)
+            mean = np.trapezoid(track, times, axis=0) / period
+            monodromy = expm(self._jacobian(mean, mean_power) * period)
+            change = np.linalg.solve(np.eye(self.order) - monodromy, track[-1] - x)
+            x = x + change
+            if np.abs(change * self.C).sum() <= 1e-6 * scale:
+                return track + change  # a correction this small has no shape left
+        raise checks.InputError(f"no periodic state found in {PASSES} passes; is the power beyond the model's range?")
+
+    def _size(self, power: float) -> Array:
+        """Size of every state at ``power`` to second order; a state that only H drives has one, too."""
+        first = -np.linalg.solve(self.A, self.B) * power
+        second = np.linalg.solve(self.A, (self.H @ first) @ first + power * (self.G @ first))
+        return np.asarray(np.abs(first) + np.abs(second))
+
+    def _stretch(self, x: Array, times: Array, pieces: waveforms.Pieces, atol: Array) -> Array:
+        """States at ``times`` (the first is the start), between two breakpoints of the power.
+
+        The steps end on every edge of ``pieces``, between which the power is one cubic: none is stepped over.
+        """
+        from scipy.integrate import ODEintWarning, odeint
+
+        start, stop = times[0], times[-1]
+        first = max(int(np.searchsorted(pieces.edges, start + 1e-9 * (stop - start), side="right")) - 1, 0)
+        last = int(np.searchsorted(pieces.edges, stop - 1e-9 * (stop - start), side="left"))
+        edges, coefficients = pieces.edges[first:last] - start, pieces.coefficients[first:last].tolist()
+        if not np.any(x) and not np.any(coefficients):
+            return np.zeros((times.size, x.size))
+        starts = edges.tolist()
+
+        def power(t: float) -> float:
+            k = max(bisect_right(starts, t) - 1, 0)
+            u, (a, b, c, d) = t - starts[k], coefficients[k]
+            return float(a + u * (b + u * (c + u * d)))
+
+        ends = np.append(edges[1:], stop - start)
+        grid, where = np.unique(np.concatenate([times - start, ends]), return_inverse=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ODEintWarning)
+            warnings.simplefilter("ignore", RuntimeWarning)  # overflow of a run-away, which ends in the next line
+            try:
+                track = odeint(
+                    lambda t, x: self._rate(x, power(t)),
+                    x,
+                    grid,
+                    tfirst=True,
+                    Dfun=lambda t, x: self._jacobian(x, power(t)),
+                    rtol=RTOL,
+                    atol=np.maximum(atol, _TINY),
+                    tcrit=ends,  # each of them is in the grid, as odeint needs it
+                    mxstep=20000,
+                )
+            except ODEintWarning:
+                track = np.full((1, 1), np.nan)
+        if not np.all(np.isfinite(track)):
+            raise checks.InputError("the quadratic model runs away: the power is far beyond the range it describes")
+        return np.asarray(track[where[: times.size]])
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file; InputError for a system without a plausible steady rise."""
+        self._check_plausible()
+        arrays = {name: getattr(self, name).tolist() for name in ("A", "H", "G", "B", "C")}
+        units = {"A": "1/s", "H": "1/(K s)", "G": "1/J", "B": "K/J", "C": "1", "largest_rise": "K"}
+        return {**names(self), **arrays, "largest_rise": self.largest_rise, "units": units}
+
+    @classmethod
+    @reader
+    def from_json(cls, content: Mapping[str, Any]) -> Quadratic:
+        """The system of a model file."""
+        A, H, G, B, C = (content[name] for name in ("A", "H", "G", "B", "C"))
+        model = cls(A, H, G, B, C, **parts(content), largest_rise=content.get("largest_rise"))
+        model._check_plausible()
+        return model
+
+    def _check_plausible(self) -> None:
+        """Refuse a system that cools where it is heated, or whose H and G outweigh A and B at a rise of 1 mK."""
+        static = checks.positive("static gain", self.thermal_resistance, unit="K/W", hint="heat would cool it")
+        with np.errstate(all="ignore"):
+            try:
+                rise = float(self.steady_rise(1e-3 / static))
+            except (checks.InputError, np.linalg.LinAlgError):
+                rise = float("nan")
+        if not abs(rise - 1e-3) <= 0.01 * 1e-3:  # k and c_p of no solid change by 1 % over 1 mK
+            raise checks.InputError("H or G outweighs A at a rise of 1 mK; is a unit or an exponent wrong?")
+
+
+NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearSystem(AtSmallPower, NonlinearEquations):
+    """A thermal model with k(T) and c_p(T); keeps the contract of `thermofem.models.contract`.
+
+    linear: the same at small power, around the ambient temperature.
+    flow, content: F(x) in W and H(x) in J.
+    """
+
+    linear: StateSpace
+
+    @property
+    def dynamics(self) -> Any:
+        """Not available: the full-order system is too large to be integrated with the optics.
+
+        Raises InputError: always.
+        """
+        raise checks.InputError(
+            f"model is the FEM with k(T), {self.order} states; reduce it first (surrogate.reduce_quadratic), or keep "
+            "it in the loop (coupled.cosimulate)"
+        )
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
+        """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
+        check_single(self.linear)
+
+        def run(t: Array) -> Array:
+            waveforms.check_heating(wave, float(t.max(initial=0.0)))
+            return integrate(self, wave, t, rtol=rtol).outputs[:, 0]
+
+        return at_times(run, times)
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
+        """One period of the periodic state in K (`transient.integrate_periodic`)."""
+        check_single(self.linear)
+        waveforms.check_heating(wave, getattr(wave, "period", None))
+        return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
+
+    def steady_state(self, power: float | Sequence[float]) -> Array:
+        """Rise in K of all unknowns at constant power in W (one for each input): Newton's method on F(x) = B P.
+
+        Raises InputError: no steady state is found, as where the conductivity falls so fast that the heat cannot leave.
+        """
+        heat = self.linear.B @ np.broadcast_to(np.atleast_1d(checks.numbers("power", power)), len(self.inputs))
+        x = np.zeros(self.order)
+        last = np.inf
+        for _ in range(NEWTON_STEPS):
+            try:
+                change = factorize_general(self.flow.jacobian(x))(heat - self.flow(x))
+            except RuntimeError:  # SuperLU: the Jacobian is singular, as where k(T) has gone to nothing
+                break
+            size = float(np.abs(change).max())
+            if not np.isfinite(size):
+                break
+            lowest = 0.5 * self.flow.ambient  # a step that would cool far below ambient is cut short
+            x = x + change * min(1.0, lowest / max(size, lowest) if change.min() < -lowest else 1.0)
+            if size <= 1e-12 * np.abs(x).max() or (size <= 1e-9 * np.abs(x).max() and size >= last / 2):
+                self.flow.positive_slopes(x)
+                return x
+            last = size
+        raise checks.InputError(
+            f"power = {power} W: no steady state is found in {NEWTON_STEPS} iterations; does the conductivity fall so "
+            "fast with temperature that the heat cannot leave?"
+        )
+
+    def steady_rise(self, power: float | Sequence[float]) -> Array:
+        """Rise of every output at constant power in W, in K, shape (outputs,)."""
+        return np.asarray(self.linear.C @ self.steady_state(power))

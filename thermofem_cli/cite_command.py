@@ -1,0 +1,128 @@
+"""``thermofem cite``: what to cite for a result file, from the provenance that it carries."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from thermofem.data import files
+from thermofem.errors import InputError, one_line
+from thermofem.version import __version__
+
+from .command_files import expect
+from .console import say
+
+_SPECIAL = {c: f"\\{c}" for c in "{}%#&_$"} | {"\\": "\\textbackslash{}", "^": "\\^{}", "~": "\\~{}"}
+_LATEX = str.maketrans(_SPECIAL)
+
+
+@dataclass(frozen=True)
+class Citation:
+    """One work: BibTeX kind, key and fields; the fields also make the line of text."""
+
+    kind: str
+    key: str
+    fields: dict[str, str]
+
+    def text(self) -> str:
+        """One line."""
+        f = self.fields
+        place = f.get("journal", f.get("note", ""))
+        if "volume" in f:
+            place += f" {f['volume']}, {f['pages']}"
+        parts = [f.get("author", "").strip("{}").replace(" and ", ", "), f["title"], place]
+        return ", ".join(part for part in parts if part) + (f" ({f['year']})" if "year" in f else "")
+
+    def bibtex(self) -> str:
+        """A BibTeX entry."""
+        foreign = self.kind == "misc"  # text of a file, which is no LaTeX
+        fields = {name: value.translate(_LATEX) if foreign else value for name, value in self.fields.items()}
+        body = "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items())
+        return f"@{self.kind}{{{self.key},\n{body}}}\n"
+
+
+SOFTWARE = Citation(
+    "software",
+    "thermofem",
+    {
+        "author": "{The thermofem developers}",
+        "title": "thermofem: self-heating of silicon microring resonators",
+        "version": __version__,
+        "note": f"version {__version__}, BSD-3-Clause",
+    },
+)
+
+
+def articles() -> dict[str, Citation]:
+    """The articles of works.toml, by key."""
+    found = files.from_toml((Path(__file__).parent / "works.toml").read_text(encoding="utf-8"))
+    return {key: Citation("article", key, fields) for key, fields in found.items()}
+
+
+def cite(
+    file: Annotated[
+        Path | None, typer.Argument(help="Data (netCDF) or model (JSON); default: the software alone.")
+    ] = None,
+    bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
+) -> dict[str, Any]:
+    """Print what to cite for a result: the software, the paper, and the sources of its materials."""
+    try:
+        works = references(_provenance(file) if file else {})
+    except InputError as error:
+        named = str(error).startswith(str(file))
+        raise (error if named else InputError(f"{file}: {error}")) from None
+    for work in works:
+        for line in (work.bibtex() if bibtex else work.text()).splitlines():
+            say(line)
+    return {"works": [{"key": work.key, "kind": work.kind, **work.fields} for work in works]}
+
+
+def references(provenance: dict[str, Any]) -> list[Citation]:
+    """The works behind a result with this provenance."""
+    known = articles()
+    works = [SOFTWARE, known["borghi2021"]]
+    if provenance.get("geometry"):
+        works += [known["scikitfem"], known["gmsh"]]
+    if provenance.get("kind") == "Network":
+        works.append(known["pysindy"])
+    for name, source in _materials(provenance).items():
+        key = "material_" + re.sub(r"\W+", "_", name).strip("_").lower()
+        works.append(Citation("misc", key, {"title": f"Material {name}", "note": source}))
+    return works
+
+
+def _materials(provenance: dict[str, Any]) -> dict[str, str]:
+    """Source of every material: recorded in data, looked up in the geometry for models."""
+    if provenance.get("materials"):
+        try:
+            found = files.from_json(provenance["materials"]).items()
+            return {one_line(str(name)): one_line(str(source)) for name, source in found}
+        except (InputError, TypeError, AttributeError):
+            raise InputError("the file's record of its materials is damaged; is it one of thermofem's?") from None
+    if not provenance.get("geometry"):
+        return {}
+    from thermofem.geometry import CrossSection
+    from thermofem.materials.material_library import VOID, find
+
+    section = CrossSection.from_toml_text(str(provenance["geometry"]))
+    names = dict.fromkeys([layer.material for layer in section.layers] + [part.material for part in section.parts])
+    return {name: one_line(find(name, section.materials).source) for name in names if name != VOID}
+
+
+def _provenance(file: Path) -> dict[str, Any]:
+    """Provenance that a file records."""
+    expect(file, "data", "result", "model")
+    if file.suffix == ".json":
+        import surrogate
+        from thermofem.models import load_provenance
+
+        kind = type(surrogate.load_model(file)).__name__
+        return {**load_provenance(file), "kind": kind}
+    from thermofem.data import dataset
+
+    data = dataset.load(file)
+    return dict(data.attrs)

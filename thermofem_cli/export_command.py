@@ -1,0 +1,83 @@
+"""``thermofem export``: a model, or a ring whole, for circuit and system simulators; matrices; a table of poles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import surrogate
+import thermofem as th
+from surrogate.export import DEMONSTRATIONS, FORMATS
+from surrogate.export.export_header import is_export
+from surrogate.export.poles import lit_part
+from thermofem import StateSpace, checks
+from thermofem.data import quantity
+from thermofem.errors import InputError
+
+from . import drive_texts, options
+from .command_files import check_outputs, expect, ring_of
+from .console import note, working, wrote
+
+RING = "Ring file (TOML), borghi2021, borghi2021-lumped or vanvaerenbergh2012: write its light and carriers, too."
+OUTPUT = "File to write; default: the model's name, with the ending of --to, if no other file has it."
+PLATFORMS = "Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm'; default: this platform."
+
+
+def export(
+    context: typer.Context,
+    model: options.Model,
+    to: Annotated[str, typer.Option(help="spice, verilog-a, fmu, mat or csv.")],
+    ring: Annotated[str | None, typer.Option(help=RING)] = None,
+    circuit: Annotated[Path | None, typer.Option(help="Circuit file (TOML) in place of --ring, for spice.")] = None,
+    power: Annotated[str | None, typer.Option(help="Also write a run from cold with this power in the bus.")] = None,
+    detuning: options.Detuning = "0 GHz",
+    fmi: Annotated[int, typer.Option(help="Version of FMI for fmu: 2 or 3.")] = 2,
+    platforms: Annotated[str, typer.Option(help=PLATFORMS)] = "",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
+) -> dict[str, Any]:
+    """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers."""
+    import coupled
+
+    ending = FORMATS[checks.choice("--to", to, FORMATS)]
+    expect(model, "model")
+    if ring and circuit:
+        raise InputError(f"--ring {ring} and --circuit {circuit} exclude each other; a circuit file has its rings")
+    if power is None:
+        options.unused(context, "is of the run that --power writes", "detuning")
+    loaded, provenance = surrogate.load_model(model), th.models.load_provenance(model)
+    target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
+    demo = target.with_name(f"{target.stem}_demo{DEMONSTRATIONS.get(to, '')}") if power and (ring or circuit) else None
+    check_outputs([target, demo], inputs=[model, ring, circuit])
+    if output is None and target.exists() and not is_export(target):
+        raise InputError(f"{target} exists and is no export of thermofem; give -o and a name, this one to replace it")
+    light: Any = ring_of(ring) if ring else coupled.Circuit.from_toml(circuit) if circuit else None
+    run: dict[str, Any] = {}
+    if power is not None:
+        run["power"] = quantity.not_negative(power, "W", name="--power")
+        run["detuning"] = 0.0 if light is None else drive_texts.detuning_of(detuning, _reference(light))
+        if ring:
+            with working("settled period"):
+                run["period"] = _period(light, loaded, run["power"], run["detuning"])
+    names = [name.strip() for name in platforms.split(",") if name.strip()]
+    surrogate.export_model(loaded, target, to=to, ring=light, provenance=provenance, fmi=fmi, platforms=names, **run)
+    wrote(target, demo)
+    return {"file": target, "demo": demo, "to": to, "period": run.get("period")}
+
+
+def _reference(light: Any) -> Any:
+    """The ring whose wavelength a detuning in pm refers to."""
+    return light.resonators[0] if hasattr(light, "resonators") else light
+
+
+def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:
+    """Settled period in s; None where the ring does not pulse."""
+    import coupled
+
+    channel = model.channel(*lit_part(model)) if isinstance(model, StateSpace) else model
+    try:
+        return float(coupled.limit_cycle(ring, channel, power=power, detuning=detuning).attrs["period"])
+    except InputError as error:
+        note(f"the largest step follows from the carriers' lifetime, because no settled period is known: {error}")
+        return None

@@ -1,1 +1,0 @@
-"""Commands on heat: geometry to training data."""

@@ -1,1 +1,0 @@
-"""Commands on compact models: training, reduction, judging, families."""

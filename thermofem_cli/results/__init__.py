@@ -1,1 +1,0 @@
-"""Commands on results: what a file holds, exports, references, this machine."""

@@ -1,0 +1,1 @@
+"""Commands on heat and its models: training data, compact models, families."""

@@ -1,0 +1,119 @@
+"""``thermofem reduce``: geometry in, certified reduced model out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import thermofem as th
+from thermofem import checks
+from thermofem.data import files, quantity
+from thermofem.errors import InputError
+
+from .. import options
+from ..command_files import check_outputs, section_of
+from ..console import say, working, written, wrote
+
+
+def reduce(
+    context: typer.Context,
+    geometry: options.Geometry = None,
+    tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
+    accuracy: options.Accuracy = 1e-3,
+    heated: Annotated[
+        str | None, typer.Option(help="Inputs, the ring first: 'core, heater'; default: the ring.")
+    ] = None,
+    read: Annotated[
+        str | None, typer.Option(help="Outputs: 'core, neighbour', parts and probes; default: the first input.")
+    ] = None,
+    positions: Annotated[
+        Path | None, typer.Option(help="Centres of many such rings: a table 'x (um),y (um)'; makes an array.")
+    ] = None,
+    output: options.Output = Path("model.json"),
+) -> dict[str, Any]:
+    """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
+    import surrogate
+
+    if positions is not None:
+        options.unused(context, "has no effect with --positions: every ring of an array is read", "read")
+    check_outputs([output], inputs=[geometry, positions])
+    section = section_of(geometry)
+    with working("meshing, assembling and reducing"):
+        heat = th.assemble(section, accuracy)
+        names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]
+        for name in names:
+            checks.choice("--heated", name, heat.heated)
+        outputs = [name.strip() for name in read.split(",")] if read else names[:1]
+        for name in outputs:
+            checks.choice("--read", name, heat.readable)
+        if positions is not None:
+            return _array(heat, positions, tolerance, names, output)
+        rom = surrogate.reduce(heat.channels(names, outputs), tolerance=tolerance)
+    provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
+    surrogate.save_model(rom.model, output, provenance=provenance)
+    say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
+    rows = surrogate.studies.inverse_search.channel_steps(rom.model) or []
+    for row in rows:
+        of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
+        say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")
+    wrote(output)
+    return {
+        "unknowns": heat.unknowns,
+        "poles": rom.order,
+        "error_bound": rom.error_bound,
+        "heated": names,
+        "read": outputs,
+        "thermal_resistance": _over(rows, names, outputs, "thermal_resistance"),
+        "rise_time": _over(rows, names, outputs, "rise_time"),
+        "model": output,
+    }
+
+
+def _over(rows: list[dict[str, Any]], inputs: list[str], outputs: list[str], name: str) -> float | list[list[float]]:
+    """A number of one channel, or of all: one list for each output."""
+    values = [row[name] for row in rows]
+    if len(values) == 1:
+        return float(values[0])
+    return [values[k * len(inputs) : (k + 1) * len(inputs)] for k in range(len(outputs))]
+
+
+def _array(
+    heat: th.fem.HeatProblem, positions: Path, tolerance: float, heated: list[str], output: Path
+) -> dict[str, Any]:
+    """Reduce an array of the ring at some places: one input and output for each, further inputs for its heaters."""
+    import surrogate
+
+    places = _places(positions)
+    array = surrogate.reduce_array(heat, places, tolerance, heated=heated[0], heaters=heated[1:])
+    surrogate.save_model(array.model, output, provenance=array.provenance)
+    say(f"{len(places)} rings, {array.poles} poles, error of Z(f) below {array.error_bound:.1e} of R_th everywhere")
+    outputs, crosstalk = array.model.outputs, array.crosstalk
+    for to, row in zip(outputs, crosstalk, strict=True):
+        say(f"R_th of {to} in K/mW: {', '.join(f'{value / 1e3:.4g}' for value in row)}")
+    wrote(output)
+    return {
+        "rings": len(places),
+        "poles": array.poles,
+        "error_bound": array.error_bound,
+        "heated": list(array.model.inputs),
+        "read": list(outputs),
+        "thermal_resistance": crosstalk.tolist(),
+        "model": output,
+    }
+
+
+def _places(path: Path) -> list[tuple[float, float]]:
+    """Rows x, y in m of a table with units in its header, 'x (um),y (um)', or at every number, '20 um, 0 um'."""
+    rows = [line.split(",") for line in files.read_text(path, "positions").splitlines() if line.strip()]
+    units = ["", ""]
+    if rows and not any(char.isdigit() for char in rows[0][0]):
+        units = [cell.partition("(")[2].partition(")")[0].strip() for cell in rows.pop(0)]
+    if not rows or any(len(row) != 2 for row in [*rows, units]):
+        raise InputError(f"{path} must have two columns, such as 'x (um),y (um)' and a row for each ring")
+    return [
+        (quantity.parse(f"{x.strip()} {units[0]}", "m", name=f"{path} x"),
+         quantity.parse(f"{y.strip()} {units[1]}", "m", name=f"{path} y"))
+        for x, y in rows
+    ]  # fmt: skip

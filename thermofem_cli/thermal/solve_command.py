@@ -1,0 +1,184 @@
+"""``thermofem solve``: geometry and drive in, training data and pictures out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import thermofem as th
+from thermofem import checks
+from thermofem.data import quantity
+from thermofem.errors import InputError
+
+from .. import options
+from ..command_files import check_outputs, section_of
+from ..console import bar, note, say, time_bar, working, written, wrote
+from ..drive_texts import heating, times_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FRAMES = 60  # of an animation whose times are not given
+
+
+def solve(
+    context: typer.Context,
+    geometry: options.Geometry = None,
+    power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
+    pulse: options.Pulse = None,
+    square: options.Square = None,
+    duty: options.Duty = None,
+    periodic: Annotated[
+        bool, typer.Option("--periodic", help="One period of the periodic state, not a start from rest.")
+    ] = False,
+    duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
+    samples: Annotated[int, typer.Option(help="Number of times in the result.")] = 801,
+    heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
+    read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
+    accuracy: options.Accuracy = 1e-3,
+    rtol: options.Rtol = 1e-4,
+    figure: options.Figure = None,
+    preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
+    no_solve: Annotated[bool, typer.Option("--no-solve", help="Only draw the --preview.")] = False,
+    field_times: options.FieldTimes = None,
+    paraview: options.Paraview = None,
+    animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
+    output: options.NetCDF = Path("heat.nc"),
+) -> dict[str, Any]:
+    """Solve the heat equation of one geometry and write training data (netCDF).
+
+    Heating is a step of POWER unless --pulse or --square is given.
+    """
+    if no_solve:
+        why = "has no effect with --no-solve, which draws the --preview alone"
+        solving = "power", "pulse", "square", "duty", "periodic", "duration", "samples", "heated", "read", "rtol"
+        options.unused(context, why, *solving, "figure", "field_times", "paraview", "animation", "output")
+        return _preview(geometry, accuracy, preview)
+    if periodic:
+        options.unused(context, "has no effect with --periodic: one period is solved", "duration")
+    section = section_of(geometry)
+    wave = heating(power, pulse, square, duty)
+    checks.between("--samples", samples, 2, 1_000_000)
+    files = [output, figure, preview, paraview, animation]
+    check_outputs(files, images=[figure, preview], inputs=[geometry])
+    if animation:
+        from thermofem.plot import check_film
+
+        check_film(animation)
+    length = quantity.positive(duration, "s", name="--duration")
+    if not periodic and (pulse or square) and not wave.breakpoints(0.0, length).size:
+        given = f"--pulse {pulse}" if pulse else f"--square {square}"
+        note(f"{given} is on all through --duration {duration}: the result is that of a step")
+    kept = _field_times(field_times, length, wanted=bool(paraview or animation), periodic=periodic)
+    if paraview:
+        from thermofem.data.fields import files_of
+
+        files_of(paraview, len(kept))
+    import numpy as np
+
+    with working("meshing and assembling"):
+        heat = th.assemble(section, accuracy)
+    if preview:
+        _draw_preview(section, heat.mesh, preview)
+    wanted = read[0] if read and len(read) == 1 else tuple(read or ()) or None
+    settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": rtol}
+    span = wave.period if periodic and wave.period else length
+    with time_bar(f"solving with {heat.unknowns} unknowns", span, periodic=periodic) as progress:
+        if periodic:
+            data = th.solve_periodic(heat, wave, samples, progress=progress, **settings)
+        else:
+            times = np.linspace(0, length, samples)
+            data = th.solve(heat, wave, times, field_times=kept, progress=progress, **settings)
+    with working("writing"):
+        th.save(data, output)
+        if paraview:
+            th.data.fields.write_fields(data, paraview)
+        if figure:
+            _draw(data, figure)
+    if animation:
+        _film(data, animation)
+    numbers = _say(data, None if pulse or square else float(wave.mean(0.0, length)))
+    wrote(*files)
+    numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}
+    return {**numbers, "wrote": [path for path in files if path]}
+
+
+def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
+    """Print R_th of every part that is read, with the rise time (10 to 90 % of R_th ``power``) of a step in W."""
+    import numpy as np
+
+    a, times = data.attrs, data["time"].values
+    source, names = a["heated"], a["read"].split(", ")
+    resistances = np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"]))
+    rises = data["delta_T"].values.reshape(times.size, -1) if data["delta_T"].dims[0] == "time" else None
+    rises = np.atleast_2d(data["delta_T"].values) if rises is None else rises.T
+    rise_times: dict[str, float | None] = {}
+    for name, R, rise in zip(names, resistances, rises, strict=True):
+        line = f"R_th of {name if name == source else f'{name} heated by {source}'} = {R / 1e3:.4g} K/mW"
+        if power:
+            share = rise / (R * power)
+            low, high = (float(np.interp(x, share, times)) for x in (0.1, 0.9))
+            rise_times[name] = high - low if share[-1] >= 0.9 else None
+            line += f", rise 10-90 % in {written(high - low, 's')}" if share[-1] >= 0.9 else ""
+            line += f", {share[-1]:.0%} of the steady rise at the end of the run" if share[-1] < 0.99 else ""
+        say(line)
+    largest = float(data["delta_T"].max())
+    say(f"largest rise {largest:.4g} K, energy imbalance {a['heat_imbalance']:.0e}")
+    numbers: dict[str, Any] = {"thermal_resistance": float(resistances[0]), "largest_rise": largest}
+    numbers |= {"heat_imbalance": a["heat_imbalance"], "heated": source}
+    if len(names) > 1:
+        numbers["thermal_resistances"] = dict(zip(names, map(float, resistances), strict=True))
+    return {**numbers, "rise_time": rise_times} if power else numbers
+
+
+def _preview(geometry: Path | None, accuracy: float, path: Path | None) -> dict[str, Any]:
+    """Draw cross-section and mesh, and solve nothing."""
+    if path is None:
+        raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
+    section = section_of(geometry)
+    check_outputs([path], images=[path], inputs=[geometry])
+    from thermofem.mesh import mesh_for
+
+    with working("meshing"):
+        mesh = mesh_for(section, accuracy)
+    _draw_preview(section, mesh, path)
+    say(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles")
+    wrote(path)
+    return {"preview": path}
+
+
+def _field_times(texts: list[str] | None, duration: float, *, wanted: bool, periodic: bool) -> tuple[float, ...]:
+    """Times in s at which the field is kept: those given, or evenly spread ones where a film wants them."""
+    given = times_of(texts)
+    if periodic and (given or wanted):
+        raise InputError("--periodic keeps no fields; leave out --field-times, --paraview and --animation, or it")
+    return tuple(k * duration / FRAMES for k in range(1, FRAMES + 1)) if wanted and not given else given
+
+
+def _draw_preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:
+    from thermofem import plot
+
+    plot.save_figure(plot.plot_preview(section, mesh), path)
+
+
+def _draw(data: xr.Dataset, path: Path) -> None:
+    """Draw the response under what was heated, and read where that is one other part; how; and from where."""
+    from thermofem import plot, waveforms
+
+    a = data.attrs
+    of = "" if "," in a["read"] or a["read"] == a["heated"] else f"{a['read']}, "
+    part = a["heated"] if a["read"] == a["heated"] else f"{of}{a['heated']} heated"
+    drive = waveforms.from_json(a["waveform"]).words.replace(" us", " µs")
+    begun = ", one period of the periodic state" if a["kind"] == "periodic" else ", from rest"
+    ax = plot.plot_response(data)
+    ax.set_title(f"{part}: {drive}{begun}", fontsize="small", loc="left")
+    plot.save_figure(ax, path)
+
+
+def _film(data: xr.Dataset, path: Path) -> None:
+    from thermofem import plot
+
+    with bar(f"drawing {path.name}") as progress:
+        plot.animate_field(data, path, on_frame=lambda at, total: progress(at + 1, total))

@@ -1,0 +1,215 @@
+"""``thermofem validate``: over which periods, and up to which power, models of a ring can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+import thermofem as th
+from surrogate.judging.validate import valid_range
+from thermofem import checks
+from thermofem.data import quantity
+from thermofem.data.files import IMAGES
+from thermofem.errors import InputError
+
+from .. import options
+from ..command_files import check_outputs, expect
+from ..console import say, show, working, wrote
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SAME = "no material depends on temperature: the same at every power"
+
+
+def validate(
+    context: typer.Context,
+    inputs: Annotated[list[Path], typer.Argument(metavar="GEOMETRY.toml | MODELS.json...", help="What to judge.")],
+    reference: Annotated[Path | None, typer.Option(help="What models are judged by: a model (JSON).")] = None,
+    power: Annotated[str, typer.Option(help="Power of the square wave.")] = "2 mW",
+    duty: Annotated[float, typer.Option(help="Its duty cycle.")] = 1 / 3,
+    shortest: Annotated[str, typer.Option(help="Shortest period.")] = "0.1 us",
+    longest: Annotated[str, typer.Option(help="Longest period.")] = "10 us",
+    accuracy: options.GeometryAccuracy = 1e-3,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    figure: options.Figure = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Curves (.nc); for a geometry also the figure (.png).")
+    ] = None,
+) -> dict[str, Any]:
+    """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
+
+    Given a geometry, the usual kinds of model are trained on it and judged by its FEM, with k(T) at the power asked;
+    given models, those.
+    """
+    import numpy as np
+
+    low, high = quantity.positive(shortest, "s", name="--shortest"), quantity.positive(longest, "s", name="--longest")
+    if low >= high:
+        raise InputError(f"--shortest = {shortest} must be below --longest = {longest}")
+    checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
+    wave = {"periods": np.geomspace(low, high, 41), "power": quantity.positive(power, "W", name="--power")}
+    settings: dict[str, Any] = {**wave, "duty": duty, "heated": heated, "read": read}
+    if any(path.suffix.lower() == ".toml" for path in inputs):
+        if len(inputs) > 1 or reference:
+            raise InputError("validate takes one geometry alone; models with --reference, without a geometry")
+        curves = output if output and output.suffix.lower() == ".nc" else None
+        figures = [path for path in (figure, output) if path and path != curves]
+        figures = figures if figures or curves else [Path("period_error.png")]
+        return _geometry(inputs[0], figures, curves, accuracy=accuracy, **settings)
+    if reference is None:
+        raise InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
+    options.unused(context, "is that of a geometry's mesh; models have none", "accuracy")
+    return _models(inputs, reference, output or Path("period_error.nc"), figure, **settings)
+
+
+def _models(
+    models: list[Path],
+    reference: Path,
+    output: Path,
+    figure: Path | None,
+    *,
+    heated: str | None,
+    read: str | None,
+    **wave: Any,
+) -> dict[str, Any]:
+    """Judge models from files."""
+    import surrogate
+
+    check_outputs([output, figure], images=[figure], inputs=[*models, reference])
+    if output.suffix.lower() in IMAGES:
+        raise InputError(f"--output = {output} takes the curves (.nc); --figure {output} draws them")
+    names = [path.stem for path in models]
+    checks.unique("MODELS", names, hint="curves are named after the files")
+    judge, curves = _channel(reference, heated, read), {}
+    for name, path in zip(names, models, strict=True):
+        curves[name] = surrogate.period_error(_channel(path, heated, read), judge, **wave)
+        say(f"{name}: {curves[name].attrs['validity']}")
+    _save(curves, output)
+    if figure:
+        _draw(curves, figure)
+    wrote(output, figure)
+    return {"models": {name: _judged(curve) for name, curve in curves.items()}, "curves": output, "figure": figure}
+
+
+def _channel(path: Path, heated: str | None, read: str | None) -> th.models.ThermalModel:
+    """Thermal model of a file; of one with several parts the channel that is asked for."""
+    import surrogate
+
+    expect(path, "model")
+    model: Any = surrogate.load_model(path)
+    if len(model.inputs) == len(model.outputs) == 1:
+        return model
+    if heated is None:
+        parts = f"inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}"
+        raise InputError(f"{path} has several parts ({parts}): pick two with --heated and --read")
+    checks.choice("--heated", heated, model.inputs)
+    return model.channel(heated, checks.choice("--read", read or heated, model.outputs))
+
+
+def _geometry(
+    path: Path,
+    figures: list[Path],
+    curves: Path | None,
+    *,
+    accuracy: float,
+    power: float,
+    duty: float,
+    periods: Any,
+    heated: str | None,
+    read: str | None,
+) -> dict[str, Any]:
+    """Train the usual kinds of model on a geometry and judge them by its FEM, with k(T) at the power given."""
+    from surrogate.judging.ladder import judge_geometry, verdict
+
+    check_outputs([*figures, curves], images=figures, inputs=[path])
+    expect(path, "geometry")
+    geometry = th.CrossSection.from_toml(path)
+    with working("solving, training models, judging"):
+        heat = th.assemble(geometry, accuracy)
+        heated = checks.choice("--heated", heated or heat.heated[0], heat.heated)
+        read = checks.choice("--read", read or heated, heat.readable)
+        channel = {"heated": heated, "read": read}
+        ladder, errors = judge_geometry(heat, power=power, periods=periods, duty=duty, **channel)
+        lines = [verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
+        lines += _against_power(ladder.reference) if heat.nonlinear else [SAME]
+    whole = errors.squeeze("power").rename(period_error="relative_error")
+    found = {name: whole.sel(model=name) for name in whole["model"].values.tolist()}
+    by = "its FEM with k(T)" if heat.nonlinear else "its FEM"
+    of = f"{geometry.name}: square waves of {power * 1e3:g} mW, {duty:.0%} duty, against {by}"
+    for figure in figures:
+        _draw(found, figure, of)
+    if curves:
+        _save(found, curves)
+    show(_table(found, ladder.refused, of))
+    for line in lines:
+        say(line)
+    wrote(*figures, curves)
+    judged = {name: _judged(curve) for name, curve in found.items()}
+    return {"models": judged, "refused": dict(ladder.refused), "advice": lines, "figures": figures, "curves": curves}
+
+
+def _against_power(system: Any) -> list[str]:
+    """Up to which power the steady rise of linear models and of an output map is within 1 and 10 % of k(T)."""
+    import numpy as np
+
+    from surrogate.judging.ladder import linear_reach
+
+    found, lines = linear_reach(system), []
+    power, rise, off = found["power"].values, found["rise"].values, np.abs(found["linear_error"].values)
+    for share in (0.01, 0.1):
+        crossing = min(share, float(off[-1]))  # off grows with power
+        at, warm = float(np.interp(crossing, off, power)), float(np.interp(crossing, off, rise))
+        end = " and beyond" if at >= power[-1] else "; above, take an output map or a quadratic reduction"
+        reach = f"up to {at * 1e3:.3g} mW, a rise of {warm:.3g} K"
+        lines.append(f"k(T): the steady rise of linear models is within {100 * share:g} % {reach}{end}")
+    error = float(abs(found["map_error"]).max())
+    reach = f"within {100 * error:.2g} % up to {power[-1] * 1e3:.3g} mW, {rise[-1]:.3g} K"
+    return [*lines, f"k(T): the steady rise of a linear model with output map is {reach}"]
+
+
+def _save(curves: Mapping[str, xr.Dataset], path: Path) -> None:
+    """Write the curves of several models over a dimension ``model``."""
+    import xarray as xr
+
+    joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
+    th.save(joined.assign_coords(model=list(curves)), path)
+
+
+def _judged(curve: xr.Dataset) -> dict[str, Any]:
+    """Largest error of a model, and the periods (s) over which it is within 1 and 10 %."""
+    import numpy as np
+
+    error = np.abs(curve["relative_error"].values)
+    ranges = {f"within_{share:g}": valid_range(curve, within=share) for share in (0.01, 0.1)}
+    return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
+
+
+def _draw(curves: Mapping[str, xr.Dataset], figure: Path, of: str = "") -> None:
+    from surrogate.plot import plot_period_errors
+    from thermofem.plot import save_figure
+
+    save_figure(plot_period_errors(curves, title=of)[0], figure)
+
+
+def _table(curves: Mapping[str, xr.Dataset], refused: Mapping[str, str], title: str) -> Table:
+    """Models and the periods over which they can be trusted."""
+    table = Table("model", "states", "within 1 % (µs)", "within 10 % (µs)", "largest error", title=title)
+    for name, curve in curves.items():
+        found = _judged(curve)
+        largest = found["largest_error"]
+        words = "no such period" if largest is None else f"{float(f'{100 * largest:.2g}'):g} %"
+        ranges = [", ".join(_range(*ends) for ends in found[f"within_{share:g}"]) or "nowhere" for share in (0.01, 0.1)]
+        table.add_row(name, f"{curve['states'].item():.0f}", *ranges, words)
+    for name, reason in refused.items():
+        table.add_row(name, "", "not trained", "", reason.split(";")[0])
+    return table
+
+
+def _range(low: float, high: float) -> str:
+    return f"{low * 1e6:.3g} to {high * 1e6:.3g}" if low <= high else "nowhere"
