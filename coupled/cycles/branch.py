@@ -236,7 +236,7 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     names = sorted((name for name in LASER if far[name] > 0), key=lambda name: -far[name])  # the cycle grows at first
     if not names:
         raise InputError("the Hopf point given as guess is at this power and detuning: its cycle has no size there")
-    base, place = replace(p, **own), None
+    base, place = replace(p, power=own["power"], detuning=own["detuning"]), None
     for name in names:
         ends = sorted((own[name], wanted[name]))
         span = ends[1] - ends[0]
@@ -257,5 +257,5 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
                 f"ends with {why}; continue_cycle shows where it goes"
             )
         own[name] = wanted[name]
-        base = replace(base, **own)
+        base = replace(base, power=own["power"], detuning=own["detuning"])
     return place.orbit  # type: ignore[union-attr]

@@ -142,7 +142,12 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), family.start())
     unit = weights(family, p.flow.scale(orbit.trace.rows), orbit.T)
     q, n = len(names), orbit.start.size
-    step = newton(nodes, linearised(family, nodes, rtol=FINEST), np.eye(n + 1 + q)[n + 1 :], np.zeros(q), unit)
+    known = linearised(family, nodes, rtol=FINEST)
+    step = known and newton(nodes, known, np.eye(n + 1 + q)[n + 1 :], np.zeros(q), unit)
+    if not step:
+        raise checks.InputError(
+            f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
+        )
     moves = step.moves / family.ranges[:, None, None]
     turns, places = moves[:, :, n].sum(axis=1), np.argsort(order)
     dy, dt = moves[:, places, :n], (np.cumsum(moves[:, :, n], axis=1) - moves[:, :, n])[:, places]

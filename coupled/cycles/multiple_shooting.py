@@ -219,7 +219,7 @@ def corrected(
     for k in range(MOST_STEPS):
         known = linearised(family, nodes, rtol)
         step = known and newton(nodes, known, rows, (rows * unit) @ (position(trial) - position(nodes)), unit)
-        if not step or not step.size < min(FARTHEST * extent, 2 * best) or not step.nodes.h.min() > 0:
+        if not known or not step or not step.size < min(FARTHEST * extent, 2 * best) or not step.nodes.h.min() > 0:
             return None
         if step.size <= CLOSE_ENOUGH * max(extent, SMALLEST):
             return place_of(family, nodes, known, step, k + 1)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from thermofem import Foster, OutputMap, Quadratic, checks
-from thermofem.arrays import Array
 
 from ..arguments import check_power
 from ..heaters import turned_by
@@ -60,7 +60,7 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
     ring, model = p.ring, p.model
     kind, number = _pole(name)
     if name in LASER:
-        return replace(p, **{name: check_power(value) if name == "power" else value})
+        return replace(p, power=check_power(value)) if name == "power" else replace(p, detuning=value)
     if kind == "fcd":
         terms = [(value, term[1]) if k == number else term for k, term in enumerate(ring.fcd)]
         ring = replace(ring, fcd=tuple(terms))
@@ -82,34 +82,15 @@ def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
     return [(4 / (2 * h), changed(p, name, h)), (-1 / (2 * h), changed(p, name, 2 * h)), (-3 / (2 * h), p)]
 
 
-def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
+def under_laser(p: Any, power: float, detuning: float) -> Any:
     """The ring and its heat under another laser."""
     from ..kernels import equations as eq
 
     power = check_power(power)
     turned = eq.internal_detuning(detuning + turned_by(p.rise, p.ring))
     at = p.at._replace(pump=eq.internal_pump(p.ring, power), detuning=turned)
-    floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)  # type: ignore[arg-type]
+    floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)
     return p._replace(at=at, floor=floor, power=power, detuning=detuning)
-
-
-def _by_laser(p: CycleProblem, name: str, states: Array) -> Array:
-    """`slope` for power and detuning: da/dt holds i pump - i detuning a."""
-    from ..kernels import equations as eq
-
-    out = np.zeros_like(states)
-    if name == "power":
-        out[..., 1] = p.at.pump / (2 * p.power)
-    else:
-        unit = eq.internal_detuning(1.0)
-        out[..., 0], out[..., 1] = unit * states[..., 1], -unit * states[..., 0]
-    return out
-
-
-def _flows(p: CycleProblem, states: Array) -> Array:
-    from ..kernels import orbits
-
-    return np.asarray(orbits.flows(np.ascontiguousarray(states), p.at))
 
 
 def _pole(name: str) -> tuple[str, int]:
