@@ -22,7 +22,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 KEPT = ROOT / "out" / "benchmarks.json"
 PAGE, FIGURE = ROOT / "docs" / "benchmarks.md", ROOT / "docs" / "images" / "cost.png"
-PEERS = ("numpy", "scipy", "scikit-fem", "qdldl", "numba", "ngsolve", "femwell", "pymor", "numbalsoda")
+PEERS = ("numpy", "scipy", "scikit-fem", "qdldl", "ngsolve", "femwell", "pymor")
 
 PARTS = {
     "transient": "import bench_peers, json; print(json.dumps(bench_peers.main({accuracy}, {repeats})))",
@@ -73,8 +73,7 @@ cores, the new code twice (44.4 and 44.5 s).""",
     "coupled": (
         "Coupled dynamics: 20 µs of self-pulsing",
         """(8 dBm, 0 GHz), 2001 output times, tolerances chosen for equal errors, root mean square over all states.
-SciPy's and numbalsoda's LSODA integrate our compiled right-hand side: SciPy's ratio is the cost of calling Python,
-numbalsoda's that of a multistep method that restarts at every spike and of a numerical Jacobian.""",
+SciPy's LSODA integrates our compiled right-hand side: its ratio is the cost of calling Python in every step.""",
     ),
     "circuit": (
         "Circuits: several rings with heat between them",

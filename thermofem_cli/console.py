@@ -26,7 +26,7 @@ from thermofem.errors import one_line
 
 PASSES = 7  # of `solve_periodic` over the period, six to eight as a rule: scale of its bar
 LINE = 20_000  # characters of a line of output, such as the equations of a network
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from thermofem import Foster, OutputMap, Quadratic, checks
 
 from ..arguments import check_power
-from ..heaters import turned_by
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
-from ..runs import window
 from ..thermal import Compact, compact
 from ..unknowns import FROM_ZERO, LIFETIMES, check_counts, idle, number_of, optical_names, varied
 from .cycle_problem import CycleProblem
@@ -80,17 +77,6 @@ def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
     if value != 0 or name == "detuning":
         return [(w / (12 * h), changed(p, name, value + k * h)) for k, w in ((1, 8), (-1, -8), (2, -1), (-2, 1))]
     return [(4 / (2 * h), changed(p, name, h)), (-1 / (2 * h), changed(p, name, 2 * h)), (-3 / (2 * h), p)]
-
-
-def under_laser(p: Any, power: float, detuning: float) -> Any:
-    """The ring and its heat under another laser."""
-    from ..kernels import equations as eq
-
-    power = check_power(power)
-    turned = eq.internal_detuning(detuning + turned_by(p.rise, p.ring))
-    at = p.at._replace(pump=eq.internal_pump(p.ring, power), detuning=turned)
-    floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)
-    return p._replace(at=at, floor=floor, power=power, detuning=detuning)
 
 
 def _pole(name: str) -> tuple[str, int]:
