@@ -142,10 +142,15 @@ def slopes(curves: dict[str, list[list[float]]]) -> str:
 
 
 def draw(curves: dict[str, list[list[float]]], path: Path) -> None:
-    """Time over size, both over those of the smallest size: how each cost grows, on one scale."""
+    """CPU time over size, both over those of the smallest size: how each cost grows, on one scale.
+
+    The campaign is in the table alone: its wall time contains the start of its worker.
+    """
     import matplotlib.pyplot as plt
 
-    colours = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+    curves = {name: points for name, points in curves.items() if not name.startswith("campaign")}
+
+    colours = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9"
     fig, ax = plt.subplots(figsize=(5.7, 4.6), layout="constrained")
     for colour, (name, points) in zip(colours, curves.items(), strict=True):
         size, seconds = np.array(points).T
