@@ -1,4 +1,4 @@
-"""Circuits beside `simulate`, beside single rings, and beside SciPy's LSODA on the same compiled right-hand side.
+"""Circuits beside `simulate`, beside single rings, and beside SciPy's LSODA on the kernel's right-hand side.
 
 python benchmarks/bench_circuit.py [--symbols 100] [--whole] [--peer]
 
@@ -14,14 +14,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from coupled.circuit.equations import right_hand_side
-from coupled.circuit.waves import detunings_at, lasers_at
 from scipy.integrate import LSODA
 
 import coupled
 import surrogate
 import thermofem as th
 from coupled.circuit.system import system_of
+from coupled.kernel.tableaus import Method
 
 RINGS, PITCH = 16, 25e-6
 PEER_SYMBOLS = 5  # LSODA runs so many; its time for more is in proportion
@@ -44,19 +43,14 @@ def ratio(one: Callable[[], Any], other: Callable[[], Any], repeats: int) -> tup
 def lsoda(circuit: Any, thermal: Any, stream: th.Symbols, duration: float, rtol: float) -> np.ndarray:
     """Energies (J) at the ends of the symbols by LSODA, restarted at every edge."""
     n = len(circuit.names)
-    parts = system_of(circuit, thermal, power={"in": stream}, duration=duration)
-    drive, found = parts.drive, []
-    laser, slope = (np.zeros(len(circuit.lasers), dtype=complex) for _ in range(2))
-    turned, bare, none = np.zeros(n), np.zeros(n), np.zeros(0, dtype=complex)
-    y, wanted = np.zeros(n * (3 + parts.heat.gain.shape[1])), stream.samples() * 1e9
-    for piece in range(drive.edges.size - 1):
-        lasers_at(drive, piece, drive.edges[piece], laser, slope)
-        detunings_at(drive, piece, drive.edges[piece], turned, bare)
+    problem, found = system_of(circuit, thermal, power={"in": stream}, duration=duration).problem(Method.RODAS5P), []
+    edges, y, wanted = problem.edges, problem.zero(), stream.samples() * 1e9
+    for piece in range(edges.size - 1):
 
-        def f(t: float, y: np.ndarray) -> np.ndarray:
-            return right_hand_side(y, laser, none, turned, parts.rings, parts.states, parts.net)
+        def f(t: float, y: np.ndarray, piece: int = piece) -> np.ndarray:
+            return problem.slopes(y, piece, t)[0]
 
-        solver = LSODA(f, drive.edges[piece], y, drive.edges[piece + 1], rtol=rtol, atol=rtol * 1e-3)
+        solver = LSODA(f, edges[piece], y, edges[piece + 1], rtol=rtol, atol=rtol * 1e-3)
         while solver.status == "running":
             solver.step()
             here = wanted[(wanted > solver.t_old) & (wanted <= solver.t)]

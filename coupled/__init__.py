@@ -1,9 +1,7 @@
 """Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
 
 from . import noise  # noqa: F401 - as coupled.noise
-from .carriers import pump_probe  # noqa: F401 - as coupled.carriers.pump_probe
-from .carriers.lifetime import ConstantLifetime
-from .carriers.shockley_read_hall import ShockleyReadHall
+from .carriers import ConstantLifetime, ShockleyReadHall
 from .circuit import (
     Circuit,
     Detector,
@@ -17,7 +15,7 @@ from .circuit import (
 from .cycles import cycle_folds, derivatives  # noqa: F401 - as coupled.cycles.derivatives
 from .cycles.continue_cycle import continue_cycle
 from .cycles.limit_cycle import limit_cycle
-from .equilibria import van_vaerenbergh  # noqa: F401 - as coupled.equilibria.van_vaerenbergh
+from .equilibria import onset  # noqa: F401 - as coupled.equilibria.onset
 from .equilibria.bifurcation_curves import fold_curves, hopf_curves
 from .equilibria.steady_states import steady_states
 from .equilibria.transmission import transmission

@@ -18,14 +18,14 @@ from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
-from thermofem.piecewise import bounds, hermite
+from thermofem.piecewise import hermite
 
-from .inputs import Pieces, add, pieces
+from .arguments import power_in_time
+from .inputs import Pieces, add
 from .resonator import RingResonator
 from .thermal import Compact, compact, moderate
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
-SMALLEST = 0.1  # K; errors of a smaller rise are relative to this
 LARGEST_POWER = 10.0  # W
 
 
@@ -61,13 +61,16 @@ def channels(
     for name in names:
         checks.choice("heaters", name, system.inputs)
     own = checks.choice("heated", heated, system.inputs, default=(free or system.inputs)[0])
-    if own in names:
-        raise checks.InputError(f"heaters holds {own!r}, which the light heats; give the power of other parts")
-    if read is None and own not in system.outputs:
-        raise checks.InputError(f"model does not read {own!r}; say with read= which of {system.outputs} detunes it")
-    out = checks.choice("read", read, system.outputs, default=own)
+    check_unlit(names, own)
+    out = checks.choice("read", read, system.outputs, default=own, hint="it is the output that detunes the light")
     small = compact(system.channel(own, out))
     return Channels(small, {name: moderate(system.channel(name, out).dynamics) for name in names})
+
+
+def check_unlit(heaters: Mapping[str, Any], lit: str) -> None:
+    """InputError where the part that the light heats is among the heaters."""
+    if lit in heaters:
+        raise checks.InputError(f"heaters holds {lit!r}, which the light heats; give the power of other parts")
 
 
 def _single(model: ThermalModel, names: Mapping[str, Any], heated: str | None, read: str | None) -> Compact:
@@ -123,12 +126,9 @@ def heating(found: Channels, heaters: Mapping[str, Any] | None, duration: float,
 
 def power_of(name: str, value: Any, duration: float) -> Pieces:
     """The power of a heater in W; InputError where it is negative or too large."""
-    found = pieces(f"heaters[{name!r}]", value, 0.0, float(duration))
-    low, high = bounds(found)
     hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
-    checks.between(f"heaters[{name!r}]", low if low < -1e-6 * high else 0.0, 0, LARGEST_POWER, unit="W", hint=hint)
-    checks.between(f"heaters[{name!r}]", high, 0, LARGEST_POWER, unit="W", hint=hint)
-    return found
+    found = power_in_time(value, duration, f"heaters[{name!r}]", LARGEST_POWER, hint)
+    return Pieces.constant(0.0, float(duration), found) if isinstance(found, float) else found
 
 
 def states_of(rate: Array, power: Pieces, times: Array, begin: Array | None = None) -> Array:
@@ -149,7 +149,8 @@ def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | N
     """
     edges = power.edges
     x = states_of(rate, power, edges, begin)
-    allowed = 384 * SHARE * rtol * np.maximum(np.abs(x @ gain.T).max(axis=0), SMALLEST)
+    # errors of a rise below 0.1 K are relative to that
+    allowed = 384 * SHARE * rtol * np.maximum(np.abs(x @ gain.T).max(axis=0), 0.1)
     slope = x[:-1]
     for k, factor in enumerate((1.0, 1.0, 2.0, 6.0)):  # the derivatives, up to the fourth
         slope = factor * power.coefficients[:, [k]] - rate * slope

@@ -13,6 +13,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
-DEEPEST = 10  # lists in lists
 ATTRIBUTE = "varying"
 HAIR = 1e-9  # of the largest value: what a fit of cubics to a constant leaves
 GAP = 1 / 50  # of a run; shorter pauses between two changes are not kept
@@ -69,33 +69,22 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     Raises InputError: another type, or a function that does not cover the whole window.
     """
     if isinstance(value, list | tuple) and not isinstance(value, Pieces):
-        if name.count("[") >= DEEPEST:  # such as a list that holds itself
-            raise checks.InputError(f"{name} is a list in lists; at most {DEEPEST} deep are added")
         if not value:
             raise checks.InputError(f"{name} is an empty list; give a number, a waveform, or a list of them, which add")
         return add([pieces(f"{name}[{k}]", item, start, stop) for k, item in enumerate(value)])
-    whole = np.array([start, stop])
     if isinstance(value, Pieces):
         return _window(name, value, start, stop)
     if hasattr(value, "c") and hasattr(value, "x"):
-        c = _powers(name, value)
-        if c.ndim != 2 or len(c) > DEGREE + 1:
-            raise checks.InputError(f"{name} is a polynomial with coefficients {c.shape}; at most cubic, and scalar")
+        # coefficients of a BPoly are those of Bernstein polynomials
+        if not isinstance(value, PPoly) or np.ndim(value.c) != 2 or len(value.c) > DEGREE + 1:
+            hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
+            raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed, at most cubic", hint)
+        c = checks.numbers(f"{name}: coefficients", value.c)
         coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
         return _window(name, Pieces(np.asarray(value.x, dtype=float), coefficients), start, stop)
     if isinstance(value, Waveform):
         return value.pieces(start, stop)
-    return Pieces(whole, np.array([[checks.finite(name, value), 0.0, 0.0, 0.0]]))
-
-
-def _powers(name: str, value: Any) -> Array:
-    """Coefficients of a piecewise polynomial of SciPy, highest power first."""
-    from scipy.interpolate import PPoly
-
-    if not isinstance(value, PPoly):  # such as BPoly, whose coefficients are those of Bernstein polynomials
-        hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
-        raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed", hint)
-    return checks.numbers(f"{name}: coefficients", value.c)
+    return Pieces.constant(start, stop, checks.finite(name, value))
 
 
 def add(parts: list[Pieces]) -> Pieces:

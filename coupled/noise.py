@@ -92,29 +92,19 @@ def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed
     True
     """
     linewidth = checks.positive("linewidth", linewidth, unit="Hz", at_most=1e12, hint="1e5 is 100 kHz")
-    if checks.positive("bandwidth", bandwidth, unit="Hz") < WIDER * linewidth:
-        raise checks.InputError(
-            f"bandwidth = {bandwidth:g} Hz is less than {WIDER:g} times the linewidth ({linewidth:g} Hz): the line "
-            "would be narrower than that; take a larger bandwidth"
-        )
+    hint = f"below {WIDER:g} times the linewidth the line would be narrower than that"
+    checks.between("bandwidth", bandwidth, WIDER * linewidth, 1e13, unit="Hz", hint=hint)
     return _wave(*_white(linewidth / np.pi, bandwidth, duration, seed, FREQUENCY))
 
 
 def _white(density: float, bandwidth: float, duration: float, seed: int, source: int) -> tuple[Array, Array]:
     """Times and samples of noise of a one-sided density below a bandwidth; each ``source`` has series of its own."""
-    bandwidth = checks.positive("bandwidth", bandwidth, unit="Hz", at_most=1e13, hint="1e9 is 1 GHz")
     duration = checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
-    seed = checks.seed(seed)
-    length = LONGER * duration
-    n = int(np.ceil(length * OVERSAMPLED * bandwidth))
-    if n > MOST:
-        raise checks.InputError(
-            f"bandwidth = {bandwidth:g} Hz over {duration:g} s takes {n} samples, at most {MOST}; shorten one of them"
-        )
-    n = max(n, 2 * OVERSAMPLED)
-    lines = int(bandwidth * length)
-    if lines < 1:
-        raise checks.InputError(f"bandwidth = {bandwidth:g} Hz has no period within {duration:g} s; raise it")
+    seed, length = checks.seed(seed), LONGER * duration
+    most, hint = MOST / (OVERSAMPLED * length), f"{duration:g} s hold one period at least and {MOST} samples at most"
+    bandwidth = checks.between("bandwidth", bandwidth, 1 / length, min(most, 1e13), unit="Hz", hint=hint)
+    n = max(int(np.ceil(length * OVERSAMPLED * bandwidth)), 2 * OVERSAMPLED)
+    lines = max(int(bandwidth * length), 1)
     rng = np.random.default_rng([seed, source])
     draw = rng.normal(size=(lines, 2)) @ [1, 1j]
     draw[-1] *= np.sqrt(bandwidth * length - lines + 0.5)

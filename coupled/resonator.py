@@ -9,18 +9,14 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from scipy.constants import c, hbar
 
 from thermofem import checks
 from thermofem.data import dataset, files
 
 from . import ring_toml
-from .carriers.lifetime import ConstantLifetime
-from .carriers.shockley_read_hall import ShockleyReadHall
-
-_RATE_HINT = "amplitude rates are in 1/s (did you mean 43e9?)"
-DERIVED = ("eta_fca", "eta_tpa", "g_tpa", "kerr_shift", "thermal_shift")
-_VOLUME_HINT = "volumes are in m^3 (1 um^3 is 1e-18)"
+from .carriers import ConstantLifetime, ShockleyReadHall
 
 
 @dataclass(frozen=True)
@@ -113,40 +109,15 @@ class RingResonator:
     def __post_init__(self) -> None:
         checks.plain(self)
         checks.text("name", self.name)
-        checks.between("frequency", self.frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
-        checks.between("bus_rate", self.bus_rate, 1e6, 1e13, unit="1/s", hint=_RATE_HINT)
-        checks.between("refractive_index", self.refractive_index, 1, 10)
-        checks.between("group_index", self.group_index, 1, 10)
-        checks.between("thermo_optic", self.thermo_optic, -1e-2, 1e-2, unit="1/K", hint="silicon has 1.86e-4")
-        hint = "cross-sections are in m^2 (1.5e-17 cm^2 is 1.5e-21)"
-        checks.between("fca_cross_section", self.fca_cross_section, 0, 1e-18, unit="m^2", hint=hint)
-        hint = "0.81 cm/GW is 8.1e-12 m/W"
-        checks.between("tpa_coefficient", self.tpa_coefficient, 0, 1e-9, unit="m/W", hint=hint)
-        for kind in ("tpa", "fca"):
-            checks.between(f"{kind}_confinement", getattr(self, f"{kind}_confinement"), 0, 2)
-            volume = getattr(self, f"{kind}_volume")
-            checks.between(f"{kind}_volume", volume, 1e-22, 1e-12, unit="m^3", hint=_VOLUME_HINT)
-        for name in ("loss_rate", "drop_rate", "scattering_rate"):  # zero, or in a range that excludes errors of units
-            if name == "drop_rate" and self.drop_rate is None:
-                continue
-            if checks.finite(name, getattr(self, name), unit="1/s", hint=_RATE_HINT) != 0:
-                checks.between(name, getattr(self, name), 1e5, 1e13, unit="1/s", hint=_RATE_HINT)
-        hint = "silicon has 4.5e-18 m^2/W"
-        checks.between("kerr_coefficient", self.kerr_coefficient, -1e-15, 1e-15, unit="m^2/W", hint=hint)
-        if self.index_confinement is not None:
-            hint = "it is dn_eff/dn of the mode, 1.07 for a silicon strip"
-            checks.between("index_confinement", self.index_confinement, 0.01, 3, hint=hint)
-        if not isinstance(self.carriers, ShockleyReadHall | ConstantLifetime):
-            kind = type(self.carriers).__name__
-            raise checks.InputError(f"carriers is a {kind}; ShockleyReadHall(...) or ConstantLifetime(30e-9) is needed")
-        for name, value in _pairs("rates", self.rates, "(name, value)"):
-            checks.choice("rates", name, DERIVED)
-            checks.finite(f"rates {name}", value)
-            if name != "thermal_shift" and value < 0:
-                raise checks.InputError(f"rates {name} = {value:g} must not be negative")
+        for name in ring_toml.FIELDS:
+            if getattr(self, name) is not None:
+                ring_toml.checked(name, getattr(self, name))
+        hint = "ShockleyReadHall(...) or ConstantLifetime(30e-9) is needed"
+        checks.instance("carriers", self.carriers, ShockleyReadHall, ConstantLifetime, hint=hint)
+        for name, value in self.rates:
+            checks.choice("rates", name, ring_toml.RATES)
+            checks.between(f"rates {name}", value, -math.inf if name == "thermal_shift" else 0, math.inf)
         _check_dispersion(self.fcd)
-        if self.lumped_fcd is not None:
-            _check_dispersion(((self.lumped_fcd, 1.0),))
 
     @property
     def omega(self) -> float:
@@ -275,8 +246,8 @@ class RingResonator:
         """
         checks.instance("base", base, RingResonator, hint="coupled.borghi2021() is one")
         found: dict[str, Any] = ring_toml.rates_of(frequency, loaded_q, intrinsic_q, buses, absorbed_fraction)
-        if (perimeter is None) != (mode_area is None):
-            raise checks.InputError("perimeter and mode_area make a volume together; give both or none")
+        given = {"perimeter": perimeter, "mode_area": mode_area}
+        ring_toml.check_determined({k for k, v in given.items() if v is not None}, tuple(given), ())
         if perimeter is not None and mode_area is not None:
             fixed = sorted(dict(base.rates).keys() & {"eta_tpa", "g_tpa", "kerr_shift"})
             if fixed:
@@ -314,36 +285,22 @@ class RingResonator:
 
     def with_swapped_srh(self) -> RingResonator:
         """Return the ring with the electron and the hole lifetime exchanged."""
-        if self.index_confinement is not None:
-            hint = "it is dn_eff/dn of the mode, 1.07 for a silicon strip"
-            checks.between("index_confinement", self.index_confinement, 0.01, 3, hint=hint)
         if not isinstance(self.carriers, ShockleyReadHall):
             raise checks.InputError(f"ring {self.name!r} has one constant lifetime; there is nothing to exchange")
         swapped = replace(self.carriers, tau_n=self.carriers.tau_p, tau_p=self.carriers.tau_n)
         return replace(self, name=f"{self.name}, swapped SRH", carriers=swapped)
 
 
-def _pairs(name: str, given: Any, pair: str) -> list[tuple[Any, Any]]:
-    """A sequence of pairs as a list, or InputError."""
-    try:
-        return [(first, second) for first, second in given]
-    except (TypeError, ValueError):
-        raise checks.InputError(f"{name} = {given!r} is no sequence of pairs; every term is {pair}") from None
-
-
-def _check_dispersion(terms: tuple[tuple[float, float], ...]) -> None:
+def _check_dispersion(terms: Any) -> None:
     """Raise InputError unless every term is (coefficient <= 0, exponent) and small at 1e23 carriers per m^3."""
-    if isinstance(terms, tuple | list) and not terms:
-        raise checks.InputError("fcd is empty; for no free-carrier dispersion give ((0.0, 1.0),)")
-    for term in _pairs("fcd", terms, "(coefficient, exponent)"):
-        coefficient = checks.finite("fcd coefficient", term[0])
-        exponent = checks.between("fcd exponent", term[1], 0.3, 3)
-        if coefficient > 0:
-            raise checks.InputError(
-                f"fcd coefficient = {coefficient:g} must be negative; free carriers lower the index"
-            )
-        hint = "N counts per m^3; multiply a coefficient for cm^-3 by 1e-6 to the power of its exponent"
-        checks.between("fcd index change at 1e23 per m^3", coefficient * 1e23**exponent, -0.05, 0, hint=hint)
+    if not isinstance(terms, tuple | list) or not terms or any(np.shape(term) != (2,) for term in terms):
+        said = f"fcd = {checks.shown(terms)} is empty, or no sequence of (coefficient, exponent)"
+        raise checks.InputError(said, "for no free-carrier dispersion give ((0.0, 1.0),)")
+    for coefficient, exponent in terms:
+        checks.between("fcd exponent", exponent, 0.3, 3)
+        moved = checks.finite("fcd coefficient", coefficient) * 1e23**exponent
+        hint = "it is negative, and N counts per m^3: multiply one for cm^-3 by 1e-6 to the power of its exponent"
+        checks.between("fcd index change at 1e23 per m^3", moved, -0.05, 0, hint=hint)
 
 
 PUBLISHED: dict[str, Callable[[], RingResonator]] = {}

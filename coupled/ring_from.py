@@ -9,7 +9,8 @@ Heat: (dn/dT) G = dn_eff/dT, so that w0 G/n_g (dn/dT) T is the shift by the temp
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scipy.constants import c
@@ -18,17 +19,24 @@ import thermofem as th
 from thermofem import checks
 from thermofem.checks import InputError
 from thermofem.data import quantity
+from thermofem.geometry import Bus
+from thermofem.geometry.parameter_paths import change
+from thermofem.optics.shape import ABOUT, Variation, numbers, variations
 
 from . import ring_toml
-from .carriers.lifetime import ConstantLifetime
+from .carriers import ConstantLifetime
 from .parameters.borghi2021 import borghi2021
 from .resonator import PUBLISHED, RingResonator
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from thermofem.fem import HeatProblem
     from thermofem.geometry import CrossSection
-    from thermofem.optics.modes import Mode
+    from thermofem.optics.coupler import Coupling
+    from thermofem.optics.mode import Mode
 
+SMALL = 1e-5  # largest relative change in the differences of closed forms
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed
 
 
@@ -59,23 +67,78 @@ class MadeRing:
     ring: RingResonator
     origins: dict[str, Origin]
     mode: Mode
+    _loss: float = field(repr=False)
+    _buses: tuple[_Bus, ...] = field(repr=False)
+    _rules: dict[str, bool] = field(repr=False)
 
     def to_toml(self) -> str:
         """The text of a ring file, with the origin beside each number."""
         return ring_toml.write_text(self.ring, {key: str(origin) for key, origin in self.origins.items()})
 
+    def derivatives(self, parameters: Sequence[str | Sequence[str]]) -> xr.Dataset:
+        """Derivatives of every computed number of the ring by paths as a campaign varies them.
+
+        The lengths of the section (the gap is kept where the guide moves), indices and thermo_optic of materials,
+        "light.loss", "light.wavelength", and gap and straight of a [[bus]]. The order of the resonance is held, and
+        what the bend radiates. With derivatives of a cycle by these numbers (`coupled.cycles.cycle_derivatives`) and
+        of the poles (`surrogate.pole_derivatives`) they give d(period)/d(width) with heat and light moving:
+        `coupled.ring_from.chain`. Against differences on the same moved mesh: 1e-6 (measured).
+
+        Returns
+        -------
+        xarray.Dataset
+            over "parameter", per SI unit of it, one variable for each field; kappa^2 of each bus, value and unit of the
+            parameter.
+
+        Raises
+        ------
+        InputError
+            as `thermofem.optics.Mode.derivatives`.
+        """
+        import xarray as xr
+
+        of_mode = self.mode.derivatives(parameters, **self._rules)
+        changes = [change(_section(self.mode), one) for one in parameters]
+        varied = variations(self.mode, changes)
+        at, rows = _numbers(self.mode, self._loss, self._buses, self._rules), []
+        for k, one in enumerate(varied):
+            slopes = {name: float(of_mode[name][k]) for name in ABOUT if name in at}
+            of_light = one.change.optical.get("light", {})
+            slopes |= {"loss": of_light.get("loss", 0.0), "wavelength": of_light.get("wavelength", 0.0)}
+            slopes["index"] = _index_slope(self.mode, one)
+            for number, bus in enumerate(self._buses):
+                made = bus.coupling
+                slopes[f"kappa {number}"] = made.derivative(one, slopes["n_eff"], bus.name) if made else 0.0
+            rows.append(_along(at, slopes, round(self.mode.order)))
+        units = ring_toml.UNITS
+        data = {
+            name: ("parameter", [row[name] for row in rows], {"units": f"{units.get(name, '1') or '1'} per unit"})
+            for name in rows[0]
+        }
+        return xr.Dataset(data, coords={name: of_mode[name] for name in ("parameter", "value", "unit")})
+
+
+class _Bus(NamedTuple):
+    """A bus: its name, kappa^2, how that was found, and the computed coupling."""
+
+    name: str
+    power: float
+    origin: str
+    error: float
+    coupling: Coupling | None
+
 
 def ring_from(
     geometry: CrossSection | HeatProblem,
     *,
-    wavelength: float,
-    loss: float | str,
+    wavelength: float | None = None,
+    loss: float | str | None = None,
     gap: float | None = None,
     coupling: float | None = None,
     straight: float = 0.0,
-    buses: int = 2,
+    buses: int | None = None,
     base: RingResonator | None = None,
-    mode: str = "TE0",
+    mode: str | None = None,
     dispersion: bool = False,
     spread_carriers: bool = False,
 ) -> MadeRing:
@@ -86,27 +149,29 @@ def ring_from(
     geometry : CrossSection or HeatProblem
         a ring; its perimeter is 2 pi R.
     wavelength : float, m
-        the resonance next to it is taken.
+        the resonance next to it is taken; default that of [light] in the geometry.
     loss : float, 1/m, or text such as "7 dB/cm"
-        power loss of the guide, all of it absorbed. What a tight bend radiates is added as scattering.
+        power loss of the guide, all of it absorbed; default that of [light]. What a tight bend radiates is added as
+        scattering.
     gap, coupling : float, m and 1
-        of each bus, one of the two: its gap, from which kappa^2 is computed (within 20 %), or kappa^2.
+        of each bus, one of the two: its gap, from which kappa^2 is computed (within 20 %), or kappa^2; default the
+        [[bus]] tables of the geometry.
     straight : float, m
         length of each of two straight sections of a racetrack with that perimeter; its bends have R - straight/pi.
     buses : int
-        1 or 2.
+        1 or 2; default 2, or as many as [[bus]] tables.
     base : RingResonator
         what is no geometry: carriers, sigmas, two-photon coefficient. Default `borghi2021` for a core of silicon;
         another core has no carriers, and the two-photon coefficient and n_2 of its material.
     mode : str
-        such as "TM0".
+        such as "TM0"; default that of [light], or TE0.
     dispersion, spread_carriers : bool
         rules for the volumes, see `thermofem.optics.Mode.volume`; the defaults are those of the paper's Table 2.
 
     Raises
     ------
     InputError
-        no guided mode; neither or both of gap and coupling; kappa^2 above 0.5; a base of silicon for another core.
+        no guided mode; no wavelength, loss or bus; kappa^2 above 0.5; a base of silicon for another core.
 
     >>> import coupled, thermofem as th
     >>> made = coupled.ring_from(th.strip_ring(), wavelength=1.555e-6, loss=161.0, coupling=0.063)
@@ -114,48 +179,99 @@ def ring_from(
     (6000.0, 'computed: mode TE0')
     """
     found = th.light(geometry, wavelength=wavelength).mode(mode)
-    section = found.light.geometry  # type: ignore[union-attr]
+    section = _section(found)
     if section.kind != "ring":
         raise InputError(f"{section.name!r} is a straight section; a ring is needed")
-    alpha = quantity.parse(loss, "1/m", name="loss") if isinstance(loss, str) else loss
+    given = loss if loss is not None or section.light is None else section.light.loss
+    if given is None:
+        raise InputError('loss is missing; give it, such as "2 dB/cm", or loss in [light] of the geometry')
+    alpha = quantity.parse(given, "1/m", name="loss") if isinstance(given, str) else given
     hint = '7 dB/cm are 161 1/m; text such as "7 dB/cm" is taken, too'
     alpha = checks.between("loss", alpha, 0, 1e6, unit="1/m", hint=hint)
-    buses = checks.integer("buses", buses, 1, 2)
-    if (gap is None) == (coupling is None):
-        raise InputError("gap and coupling: give one of them, the gap in m or kappa^2")
     material = section.material_of(found.core)
-    base = _base(base, material, wavelength)
-    length, speed = 2 * math.pi * found.radius, c / found.n_g
-    error = found.error / found.n_eff
-    computed = f"computed: mode {found.name}"
-    whole = round(found.order)
-    moved = (whole - found.order) * c / (found.n_g * found.radius) / (2 * math.pi)
-    power, how = _coupling(found, gap, coupling, straight)
-    bus = -speed / (2 * length) * math.log1p(-power)
-    radiated = _radiated(found)
-    G = found.confinement[found.core_material]
-    values = {
-        "frequency": Origin(c / wavelength + moved, f"{computed}, order {whole}, {moved / 1e9:.3g} GHz away", error),
-        "bus_rate": Origin(bus, how[0], how[1]),
-        "drop_rate": Origin(bus if buses == 2 else 0.0, how[0] if buses == 2 else "given", how[1] * (buses == 2)),
-        "loss_rate": Origin(alpha * speed / 2, "given: loss times v_g/2", error),
-        "scattering_rate": Origin(radiated, f"{computed}, radiation", 0.02 if radiated else 0.0),
-        "refractive_index": Origin(found.light.core_index, f"computed: index law of {material.name}"),  # type: ignore[union-attr]
-        "group_index": Origin(found.n_g, computed, error),
-        "index_confinement": Origin(G, f"{computed}, dn_eff/dn of {material.name}", 1e-3),
-        "thermo_optic": Origin(found.index_slope / G, f"{computed}, with the cladding's share", 1e-3),
-        "tpa_confinement": Origin(found.core_fraction(2), computed, 1e-3),
-        "tpa_volume": Origin(found.volume(2, dispersion=dispersion), computed, 1e-3),
-        "fca_confinement": Origin(found.core_fraction(3, spread_carriers=spread_carriers), computed, 1e-3),
-        "fca_volume": Origin(found.volume(3, dispersion=dispersion, spread_carriers=spread_carriers), computed, 1e-3),
-    }
-    fields: dict[str, Any] = {name: one.value for name, one in values.items()}
+    base = _base(base, material, found.wavelength)
+    rules = {"dispersion": dispersion, "spread_carriers": spread_carriers}
+    made = _buses(found, gap, coupling, straight, buses)
+    fields: dict[str, Any] = _fields(_numbers(found, alpha, made, rules), round(found.order))
+    fields["scattering_rate"] = _radiated(found)
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
+    ring_toml.tell_base(_name(base), base, fields)
+    return MadeRing(ring, _origins(ring, base, found, made), found, alpha, made, rules)
+
+
+def _section(mode: Mode) -> CrossSection:
+    return mode.light.geometry  # type: ignore[union-attr]
+
+
+def _numbers(mode: Mode, loss: float, buses: Sequence[_Bus], rules: Mapping[str, bool]) -> dict[str, float]:
+    """What the fields of the ring are made of."""
+    own = dict(zip(ABOUT, numbers(mode, **rules).tolist(), strict=False))
+    own |= {"radius": mode.radius, "wavelength": mode.wavelength, "loss": loss}
+    own["index"] = mode.light.core_index  # type: ignore[union-attr]
+    return own | {f"kappa {k}": bus.power for k, bus in enumerate(buses)}
+
+
+def _fields(n: Mapping[str, float], order: int) -> dict[str, float]:
+    """Fields of the ring, as functions of `_numbers`; the order of the resonance is whole."""
+    length, speed = 2 * math.pi * n["radius"], c / n["n_g"]
+    rates = [-speed / (2 * length) * math.log1p(-n[name]) for name in n if name.startswith("kappa")]
+    return {
+        "frequency": c / n["wavelength"] + order * speed / length - n["n_eff"] * speed / n["wavelength"],
+        "bus_rate": rates[0],
+        "drop_rate": rates[1] if len(rates) > 1 else 0.0,
+        "loss_rate": n["loss"] * speed / 2,
+        "refractive_index": n["index"],
+        "group_index": n["n_g"],
+        "index_confinement": n["index_confinement"],
+        "thermo_optic": n["thermo_optic"] * n["n_g"] / n["index_confinement"],
+        "tpa_confinement": n["core_fraction_2"],
+        "tpa_volume": n["volume_2"],
+        "fca_confinement": n["core_fraction_3"],
+        "fca_volume": n["volume_3"],
+    }
+
+
+def _along(at: Mapping[str, float], slopes: Mapping[str, float], order: int) -> dict[str, float]:
+    """Derivatives of the fields and of kappa^2 along those of the numbers."""
+    largest = max(abs(slope / at[name]) for name, slope in slopes.items() if at[name])
+    h = SMALL / (largest or 1.0)
+    ahead, behind = (_fields({name: v + sign * h * slopes[name] for name, v in at.items()}, order) for sign in (1, -1))
+    kappas = {f"kappa_{k[-1]}": slope for k, slope in slopes.items() if k.startswith("kappa")}
+    return {name: (ahead[name] - behind[name]) / (2 * h) for name in ahead} | kappas
+
+
+def _index_slope(mode: Mode, one: Variation) -> float:
+    """d(index of the core)/d(parameter)."""
+    law = _section(mode).material_of(mode.core).index
+    of_wavelength = (law.index(mode.wavelength) - law.group_index(mode.wavelength)) / mode.wavelength  # type: ignore[union-attr]
+    return one.materials.get(mode.core_material, {}).get("index", 0.0) + of_wavelength * one.wavelength
+
+
+def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Sequence[_Bus]) -> dict[str, Origin]:
+    """Origin and error of every field."""
+    error, computed, material = found.error / found.n_eff, f"computed: mode {found.name}", found.core_material
+    away = (ring.frequency - c / found.wavelength) / 1e9
+    drop = (buses[1].origin, buses[1].error) if len(buses) > 1 else ("given", 0.0)
+    words = {
+        "frequency": (f"{computed}, order {round(found.order)}, {away:.3g} GHz away", error),
+        "bus_rate": (buses[0].origin, buses[0].error),
+        "drop_rate": drop,
+        "loss_rate": ("given: loss times v_g/2", error),
+        "scattering_rate": (f"{computed}, radiation", 0.02 if ring.scattering_rate else 0.0),
+        "refractive_index": (f"computed: index law of {material}", math.nan),
+        "group_index": (computed, error),
+        "index_confinement": (f"{computed}, dn_eff/dn of {material}", 1e-3),
+        "thermo_optic": (f"{computed}, with the cladding's share", 1e-3),
+        **{f"{of}_{what}": (computed, 1e-3) for of in ("tpa", "fca") for what in ("confinement", "volume")},
+    }
     others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")
-    of = next((name for name, one in PUBLISHED.items() if one() == base), base.name)
-    ring_toml.tell_base(of, base, fields)
-    rest = {name: Origin(getattr(ring, name), f"base {of}") for name in others}
-    return MadeRing(ring, values | rest, found)
+    rest = {name: Origin(getattr(ring, name), f"base {_name(base)}") for name in others}
+    return {name: Origin(getattr(ring, name), *about) for name, about in words.items()} | rest
+
+
+def _name(base: RingResonator) -> str:
+    """Name of a base ring, of a published one as files have it."""
+    return next((name for name, one in PUBLISHED.items() if one() == base), base.name)
 
 
 def _base(base: RingResonator | None, material: Any, wavelength: float) -> RingResonator:
@@ -184,19 +300,60 @@ def _base(base: RingResonator | None, material: Any, wavelength: float) -> RingR
     )
 
 
-def _coupling(mode: Mode, gap: float | None, given: float | None, straight: float) -> tuple[float, tuple[str, float]]:
-    """kappa^2 of a bus, and its origin with the error."""
+def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, count: int | None) -> tuple[_Bus, ...]:
+    """kappa^2 of every bus, from the arguments or else from the [[bus]] tables."""
     from thermofem.optics.coupler import MOST, TRUSTED, coupling
 
+    section = _section(mode)
+    if gap is not None and given is not None:
+        raise InputError("gap and coupling are both given; give one of them, the gap in m or kappa^2")
+    if gap is None and given is None and not section.buses:
+        raise InputError("gap and coupling are missing: give one of them, or a [[bus]] with its gap in the geometry")
+    number = checks.integer("buses", count or (2 if (gap, given) != (None, None) else len(section.buses)), 1, 2)
     if given is not None:
         hint = "it is the power that a bus takes in one pass; the rate model fails above 0.5"
-        return checks.between("coupling", given, 1e-9, MOST, hint=hint), ("given: kappa^2", 0.0)
-    found = coupling(mode, gap, straight, radius=mode.radius - straight / math.pi)  # type: ignore[arg-type]
-    how = (
-        f"computed: kappa^2 = {found.power:.4f} of the supermodes, {found.by_gap * 1e-7:+.1f} % per nm of gap, "
-        f"{found.by_width * 1e-7:+.1f} % per nm of width"
-    )
-    return found.power, (how, TRUSTED)
+        given = checks.between("coupling", given, 1e-9, MOST, hint=hint)
+        return (_Bus("", given, "given: kappa^2", 0.0, None),) * number
+    wanted = section.buses if gap is None else (Bus("gap", checks.positive("gap", gap, unit="m"), straight),)
+    found = []
+    for bus in wanted:
+        width = _width(mode)
+        if bus.width is not None and not math.isclose(bus.width, width, rel_tol=1e-6):
+            raise InputError(
+                f"bus {bus.name!r} is {bus.width * 1e9:g} nm wide and the ring {width * 1e9:g} nm; couplers of unlike "
+                "guides are not computed",
+                "give coupling, the power that the bus takes in one pass",
+            )
+        made = coupling(mode, bus.gap, bus.straight, radius=mode.radius - bus.straight / math.pi)
+        how = (
+            f"computed: kappa^2 = {made.power:.4f} of the supermodes, {made.by_gap * 1e-7:+.1f} % per nm of gap, "
+            f"{made.by_width * 1e-7:+.1f} % per nm of width"
+        )
+        found.append(_Bus(bus.name, made.power, how, TRUSTED, made))
+    return tuple((found * number)[:number])
+
+
+def _width(mode: Mode) -> float:
+    (part,) = (part for part in _section(mode).parts if part.name == mode.core)
+    return part.outer_radius - part.inner_radius
+
+
+def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]:
+    """d(period, duty, swing, extinction)/d(parameter) from the derivatives of a cycle and of the numbers in it.
+
+        d(period)/d(p) = sum over numbers x of d(period)/dx dx/dp
+
+    Parameters
+    ----------
+    of_cycle : Dataset
+        of `coupled.cycles.cycle_derivatives`.
+    slopes : dict from number to float
+        of the ring (`MadeRing.derivatives`) and of the poles "R1", "tau1", ... (`surrogate.pole_derivatives`).
+    """
+    names = [name for name in map(str, of_cycle.parameter.values) if name in slopes]
+    weights = [slopes[name] for name in names]
+    kept = of_cycle.sel(parameter=names)
+    return {key: float(kept[key].values @ weights) for key in ("period", "duty", "swing", "extinction")}
 
 
 def _radiated(mode: Mode) -> float:

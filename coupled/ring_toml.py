@@ -33,7 +33,7 @@ import json
 import logging
 from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from scipy.constants import c, e, k, pi
 
@@ -43,66 +43,74 @@ from thermofem.data import files, quantity
 from thermofem.data.files import ANY, TABLE, TABLES, TEXT, read_table
 from thermofem.errors import one_line
 
-from .carriers.lifetime import ConstantLifetime
-from .carriers.shockley_read_hall import ShockleyReadHall
+from .carriers import ConstantLifetime, ShockleyReadHall
 
 SILICON = (3.0, 4.0)  # refractive index near 1.55 um: a smaller one is that of a mode or of another material
 log = logging.getLogger("thermofem")
 Ring = TypeVar("Ring", bound=Any)  # a RingResonator, which imports this module
 
-_FIELDS = {
-    "frequency": "Hz",
-    "bus_rate": "1/s",
-    "loss_rate": "1/s",
-    "drop_rate": "1/s",
-    "scattering_rate": "1/s",
-    "refractive_index": "",
-    "group_index": "",
-    "thermo_optic": "1/K",
-    "fca_cross_section": "m^2",
-    "tpa_coefficient": "m/W",
-    "kerr_coefficient": "m^2/W",
-    "tpa_confinement": "",
-    "tpa_volume": "m^3",
-    "fca_confinement": "",
-    "fca_volume": "m^3",
-    "lumped_fcd": "m^3",
-    "index_confinement": "",
+_RATE = "amplitude rates are in 1/s (did you mean 43e9?)"
+_VOLUME = "volumes are in m^3 (1 um^3 is 1e-18)"
+
+
+class Number(NamedTuple):
+    """A number of a ring: its unit, the range that excludes slips of units, and whether it may be 0 besides."""
+
+    unit: str
+    low: float
+    high: float
+    hint: str = ""
+    zero: bool = False
+
+
+FIELDS = {
+    "frequency": Number("Hz", 1e13, 1e16, "did you mean 192.88e12?"),
+    "bus_rate": Number("1/s", 1e6, 1e13, _RATE),
+    "loss_rate": Number("1/s", 1e5, 1e13, _RATE, zero=True),
+    "drop_rate": Number("1/s", 1e5, 1e13, _RATE, zero=True),
+    "scattering_rate": Number("1/s", 1e5, 1e13, _RATE, zero=True),
+    "refractive_index": Number("", 1, 10),
+    "group_index": Number("", 1, 10),
+    "thermo_optic": Number("1/K", -1e-2, 1e-2, "silicon has 1.86e-4"),
+    "fca_cross_section": Number("m^2", 0, 1e-18, "cross-sections are in m^2 (1.5e-17 cm^2 is 1.5e-21)"),
+    "tpa_coefficient": Number("m/W", 0, 1e-9, "0.81 cm/GW is 8.1e-12 m/W"),
+    "kerr_coefficient": Number("m^2/W", -1e-15, 1e-15, "silicon has 4.5e-18 m^2/W"),
+    "tpa_confinement": Number("", 0, 2),
+    "tpa_volume": Number("m^3", 1e-22, 1e-12, _VOLUME),
+    "fca_confinement": Number("", 0, 2),
+    "fca_volume": Number("m^3", 1e-22, 1e-12, _VOLUME),
+    "lumped_fcd": Number("m^3", -5e-25, 0, "it must be negative; -9.5e-21 cm^3 is -9.5e-27"),
+    "index_confinement": Number("", 0.01, 3, "it is dn_eff/dn of the mode, 1.07 for a silicon strip"),
 }
-_MEASURED = {
-    "wavelength": "m",
-    "loaded_q": "",
-    "intrinsic_q": "",
-    "buses": "",
-    "absorbed_fraction": "",
-    "perimeter": "m",
-    "mode_area": "m^2",
-    "resonance_shift": ANY,
-}
-_OTHERS = {"name": TEXT, "base": TEXT, "dispersion": TABLES, "carriers": TABLE, "rates": TABLE}
-_DISPERSION = {"coefficient": "", "exponent": ""}
+RATES = {
+    "eta_fca": "m^3/s", "eta_tpa": "1/s/J", "g_tpa": "1/m^3/s/J^2", "thermal_shift": "rad/s/K", "kerr_shift": "rad/s/J",
+}  # fmt: skip
 _SRH = {
-    "tau_n": "s",
-    "tau_p": "s",
-    "intrinsic_density": "1/m^3",
-    "hole_density": "1/m^3",
-    "trap_energy": "eV",
+    "tau_n": "s", "tau_p": "s", "intrinsic_density": "1/m^3", "hole_density": "1/m^3", "trap_energy": "eV",
     "temperature": "K",
-}
-_CARRIERS = {"lifetime": "s"} | _SRH
-_RATES = {
-    "eta_fca": "m^3/s",
-    "eta_tpa": "1/s/J",
-    "g_tpa": "1/m^3/s/J^2",
-    "thermal_shift": "rad/s/K",
-    "kerr_shift": "rad/s/J",
-}
-UNITS = {**_FIELDS, **_SRH, "thermal_energy": "eV", "tau": "s", "tau0": "s"}  # of every number of a ring that may vary
+}  # fmt: skip
+UNITS = {  # of every number of a ring that may vary
+    **{name: known.unit for name, known in FIELDS.items()}, **_SRH, "thermal_energy": "eV", "tau": "s", "tau0": "s",
+}  # fmt: skip
+_KEYS = {
+    **{name: known.unit for name, known in FIELDS.items()},
+    "wavelength": "m", "loaded_q": "", "intrinsic_q": "", "buses": "", "absorbed_fraction": "", "perimeter": "m",
+    "mode_area": "m^2", "resonance_shift": ANY, "name": TEXT, "base": TEXT, "dispersion": TABLES, "carriers": TABLE,
+    "rates": TABLE,
+}  # fmt: skip
 _NEEDED = (
     "frequency", "bus_rate", "loss_rate", "refractive_index", "group_index", "thermo_optic", "fcd",
     "fca_cross_section", "tpa_coefficient", "tpa_confinement", "tpa_volume", "fca_confinement", "fca_volume",
     "carriers",
 )  # fmt: skip
+
+
+def checked(name: str, value: Any) -> float:
+    """A field of a ring, or InputError where it is out of its range."""
+    known = FIELDS[name]
+    if known.zero and value == 0:
+        return float(value)
+    return checks.between(name, value, known.low, known.high, unit=known.unit, hint=known.hint)
 
 
 def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], Ring]]) -> Ring:
@@ -116,73 +124,85 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
         raise InputError(
             "this describes a cross-section; a ring file holds the optics: Q factors, perimeter, mode area"
         )
-    found = read_table(table, _FIELDS | _MEASURED | _OTHERS, "the ring file")
-    base = published[checks.choice("base", found["base"], published)]() if "base" in found else None
-    fields = {key: value for key, value in found.items() if key not in _OTHERS}
-    _resolve(fields, None if base is None else base.frequency)
-    fields["name"] = found.get("name", base.name if base else "ring")
-    if "dispersion" in found:
-        terms = [read_table(t, _DISPERSION, f"[[dispersion]] {n}", required=tuple(_DISPERSION))
-                 for n, t in enumerate(found["dispersion"], 1)]  # fmt: skip
-        fields["fcd"] = tuple((term["coefficient"], term["exponent"]) for term in terms)
-    if "carriers" in found:
-        fields["carriers"] = _carriers(found["carriers"])
-    rates = read_table(found.get("rates", {}), _RATES, "[rates]")
-    if "resonance_shift" in found:
-        if "thermal_shift" in rates:
-            raise InputError("resonance_shift and thermal_shift are both given; one determines the other")
-        rates["thermal_shift"] = _shift(
-            fields.pop("resonance_shift"), fields.get("frequency") or (base and base.frequency)
-        )
+    found = read_table(table, _KEYS, "the ring file")
+    name, terms, law = (found.pop(key, None) for key in ("name", "dispersion", "carriers"))
+    rates = read_table(found.pop("rates", {}), RATES, "[rates]")
+    source = found.pop("base", None)
+    base = None if source is None else published[checks.choice("base", source, published)]()
+    _resolve(found, rates, None if base is None else base.frequency)
+    fields: dict[str, Any] = found | {"name": name or (base.name if base else "ring")}
+    if terms is not None:
+        keys = {"coefficient": "", "exponent": ""}
+        every = [read_table(t, keys, f"[[dispersion]] {n}", required=tuple(keys)) for n, t in enumerate(terms, 1)]
+        fields["fcd"] = tuple((term["coefficient"], term["exponent"]) for term in every)
+    if law is not None:
+        fields["carriers"] = _carriers(law)
     if rates:
         fields["rates"] = tuple(sorted(rates.items()))
     if base:
-        _check_base(found["base"], base, fields)
+        index = fields.get("refractive_index", SILICON[0])
+        if index < SILICON[0]:
+            raise InputError(
+                f"refractive_index = {index:g} is below that of silicon, the core of {source}",
+                "give that of the material, 3.48, not the effective index of the mode; a core of another material "
+                "needs its own numbers and no base",
+            )
+        tell_base(str(source), base, fields)
         return replace(base, **fields)
-    missing = [key for key in _NEEDED if key not in fields]
+    missing = ", ".join("[[dispersion]]" if key == "fcd" else key for key in _NEEDED if key not in fields)
     if missing:
-        names = ", ".join("[[dispersion]]" if key == "fcd" else key for key in missing)
-        raise InputError(f'{names} missing; give them, or base = "borghi2021" to take them from there')
+        raise InputError(f'{missing} missing; give them, or base = "borghi2021" to take them from there')
     return ring(**fields)
 
 
-def _resolve(values: dict[str, Any], frequency: float | None) -> None:
-    """Replace wavelength, quality factors and perimeter by the fields that they determine.
+def _resolve(values: dict[str, Any], rates: dict[str, float], frequency: float | None) -> None:
+    """Replace wavelength, quality factors, perimeter and measured shift by the fields and rates that they determine.
 
     ``frequency`` is that of the base ring.
     """
+    check_determined(values, ("wavelength",), ("frequency",))
+    check_determined(values, ("loaded_q", "intrinsic_q"), ("bus_rate", "drop_rate", "loss_rate", "scattering_rate"))
+    check_determined(values, ("perimeter", "mode_area"), ("tpa_volume", "fca_volume"))
+    check_determined(values | rates, ("resonance_shift",), ("thermal_shift",))
     if "wavelength" in values:
-        if "frequency" in values:
-            raise InputError("wavelength and frequency are both given; one determines the other")
+        hint = "1550 nm is 1.55e-6"
         values["frequency"] = c / checks.between(
-            "wavelength", values.pop("wavelength"), 1e-7, 1e-4, unit="m", hint="1550 nm is 1.55e-6"
+            "wavelength", values.pop("wavelength"), 1e-7, 1e-4, unit="m", hint=hint
         )
-    _together(values, "loaded_q", "intrinsic_q", ("bus_rate", "drop_rate", "loss_rate", "scattering_rate"))
-    _together(values, "perimeter", "mode_area", ("tpa_volume", "fca_volume"))
+    frequency = values.get("frequency", frequency)
+    if frequency is None and ("loaded_q" in values or "resonance_shift" in values):
+        raise InputError("frequency or wavelength is missing; quality factors and resonance_shift need it")
     buses, share = values.pop("buses", 2), values.pop("absorbed_fraction", None)
     if buses not in (1, 2):
         raise InputError(f"buses = {buses:g} must be 1 or 2")
-    if "loaded_q" in values:
-        frequency = values.get("frequency", frequency)
-        if frequency is None:
-            raise InputError("frequency or wavelength is missing; quality factors need it")
-        values |= rates_of(
-            frequency, values.pop("loaded_q"), values.pop("intrinsic_q"), int(buses), 1.0 if share is None else share
-        )
+    if frequency is not None and "loaded_q" in values:
+        q = values.pop("loaded_q"), values.pop("intrinsic_q")
+        values |= rates_of(frequency, *q, int(buses), 1.0 if share is None else share)
     elif share is not None:
         raise InputError("absorbed_fraction goes with loaded_q and intrinsic_q; else give scattering_rate")
     elif buses == 1 and values.setdefault("drop_rate", 0.0):
         raise InputError("buses = 1 and a drop_rate are both given; a ring on one bus has none")
     if "perimeter" in values:
-        volume = values.pop("perimeter") * values.pop("mode_area")
-        values["tpa_volume"] = values["fca_volume"] = volume
+        values["tpa_volume"] = values["fca_volume"] = values.pop("perimeter") * values.pop("mode_area")
+    if frequency is not None and "resonance_shift" in values:
+        rates["thermal_shift"] = _shift(values.pop("resonance_shift"), frequency)
+
+
+def check_determined(values: Container[str], given: tuple[str, ...], fields: tuple[str, ...]) -> None:
+    """Raise InputError where keys that belong together are not all there, or stand beside what they determine."""
+    there = [key for key in given if key in values]
+    if there and len(there) < len(given):
+        raise InputError(f"{' and '.join(given)} belong together; give both or none")
+    twice = [key for key in fields if key in values]
+    if there and twice:
+        raise InputError(f"{there[0]} and {twice[0]} are both given; {' and '.join(given)} determine {twice[0]}")
 
 
 def rates_of(
     frequency: float, loaded_q: float, intrinsic_q: float, buses: int, absorbed_fraction: float
 ) -> dict[str, float]:
     """The frequency and the amplitude rates of a ring with these quality factors, by field."""
-    frequency = checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
+    frequency = checked("frequency", frequency)
     loaded_q = checks.between("loaded_q", loaded_q, 10, 1e10)
     intrinsic_q = checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
     absorbed_fraction = checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
@@ -202,10 +222,8 @@ def rates_of(
     }
 
 
-def _shift(given: Any, frequency: float | None) -> float:
+def _shift(given: Any, frequency: float) -> float:
     """rad/s/K of a measured shift of the resonance, as a length or a frequency per kelvin."""
-    if frequency is None:
-        raise InputError("frequency or wavelength is missing; resonance_shift needs it")
     try:
         return 2 * pi * quantity.parse(given, "Hz/K", name="resonance_shift")
     except InputError:
@@ -213,21 +231,9 @@ def _shift(given: Any, frequency: float | None) -> float:
         return 2 * pi * frequency**2 / c * checks.between("resonance_shift", moved, -1e-8, 1e-8, unit="m/K")
 
 
-def _check_base(name: str, base: Any, fields: dict[str, Any]) -> None:
-    """Log what a file takes from its base; InputError for an effective index in place of silicon's."""
-    index = fields.get("refractive_index")
-    if index is not None and index < SILICON[0]:
-        raise InputError(
-            f"refractive_index = {index:g} is below that of silicon, the core of {name}",
-            "give that of the material, 3.48, not the effective index of the mode; a core of another material needs "
-            "its own numbers and no base",
-        )
-    tell_base(name, base, fields)
-
-
 def tell_base(name: str, base: Any, own: Container[str]) -> None:
     """Log what a ring takes from a base: all fields but its own."""
-    taken = [key for key in (*_FIELDS, "fcd", "carriers") if key not in own and getattr(base, key) is not None]
+    taken = [key for key in (*FIELDS, "fcd", "carriers") if key not in own and getattr(base, key) is not None]
     log.warning("ring: taken from base %s: %s", name, ", ".join(taken))
 
 
@@ -240,7 +246,7 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
         return f"{text:<40}  # {comment}\n" if comment else f"{text}\n"
 
     text = f"name = {json.dumps(ring.name)}\n"
-    for key, unit in _FIELDS.items():
+    for key, (unit, *_) in FIELDS.items():
         value = getattr(ring, key)
         if value is not None:
             text += line(key, json.dumps(quantity.write(value, unit)) if unit else repr(float(value)), key)
@@ -255,27 +261,13 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
             text += line(key, json.dumps(quantity.write(srh[key], unit)), "carriers")
     if ring.rates:
         text += "\n[rates]\n" + "".join(
-            line(key, json.dumps(quantity.write(value, _RATES[key])), "rates") for key, value in ring.rates
+            line(key, json.dumps(quantity.write(value, RATES[key])), "rates") for key, value in ring.rates
         )
     return text
 
 
-def _together(values: dict[str, Any], first: str, second: str, instead_of: tuple[str, ...]) -> None:
-    """Raise InputError where one key of a pair is missing, or a key is given that the pair determines."""
-    if (first in values) != (second in values):
-        raise InputError(f"{first} and {second} belong together; give both or none")
-    twice = [key for key in instead_of if key in values]
-    if first in values and twice:
-        raise InputError(f"{first} and {twice[0]} are both given; {first} and {second} determine {twice[0]}")
-
-
 def _carriers(item: Any) -> ShockleyReadHall | ConstantLifetime:
-    given = read_table(item, _CARRIERS, "[carriers]")
-    if "lifetime" in given:
-        if len(given) > 1:
-            raise InputError(f"[carriers]: lifetime and {sorted(given.keys() - {'lifetime'})[0]} exclude each other")
-        return ConstantLifetime(given["lifetime"])
-    for key in _SRH:
-        if key not in given:
-            raise InputError(f"[carriers]: {key} is missing; or give a constant lifetime")
+    if isinstance(item, dict) and "lifetime" in item:
+        return ConstantLifetime(read_table(item, {"lifetime": "s"}, "[carriers] with a constant lifetime")["lifetime"])
+    given = read_table(item, _SRH | {"lifetime": "s"}, "[carriers]", required=tuple(_SRH))
     return ShockleyReadHall(thermal_energy=k * given.pop("temperature") / e, **given)

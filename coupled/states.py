@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
 
 SAME = 1e-6  # relative difference of time constants that were computed twice
-FIELD_HINT = "fields are in sqrt(J); 20 fJ is 1.4e-7"
-
-MOST_ORDER = 1_000_000  # states of a thermal model
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +38,10 @@ class State:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        try:
-            if isinstance(self.field, str):
-                raise TypeError
-            value = complex(self.field)
-        except (TypeError, ValueError, OverflowError):
-            raise checks.InputError(f"field = {checks.shown(self.field)} is not a complex number", FIELD_HINT) from None
+        value = complex(self.field)
         size = math.hypot(value.real, value.imag)
-        checks.between("field energy", size * size, 0, 1e-9, unit="J", hint=FIELD_HINT)
+        hint = "fields are in sqrt(J); 20 fJ is 1.4e-7"
+        checks.between("field energy", size * size, 0, 1e-9, unit="J", hint=hint)
         checks.between("carriers", self.carriers, 0, 1e28, unit="1/m^3", hint="1e17 cm^-3 is 1e23")
         object.__setattr__(self, "field", value)
         checks.keep(self, thermal=checks.array("thermal", self.thermal))
@@ -56,25 +49,19 @@ class State:
     @classmethod
     def cold(cls, order: int) -> State:
         """No light, no carriers and no heat, for a thermal model of ``order`` states."""
-        return cls(0.0, 0.0, np.zeros(checks.integer("order", order, 1, MOST_ORDER)))
+        return cls(0.0, 0.0, np.zeros(order))
 
     @classmethod
     def end_of(cls, run: xr.Dataset) -> State:
         """Where a run of `simulate` ended."""
-        if "final_state" not in getattr(run, "attrs", {}):
-            raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate, or a State")
-        values = checks.array("initial.attrs['final_state']", run.attrs["final_state"])
-        if values.size < 4:
-            raise checks.InputError(f"initial.attrs['final_state'] has {values.size} numbers; at least 4 are needed")
-        return cls.from_array(values)
+        return cls.from_array(final_state(run))
 
     @classmethod
     def from_array(cls, values: Array) -> State:
         """Inverse of `as_array`; a carrier density that round-off left below 0 becomes 0."""
-        numbers = checks.array("values", values)
-        if numbers.size < 4:
-            raise checks.InputError(f"values has {numbers.size} numbers; at least 4 are needed")
-        return cls(complex(numbers[0], numbers[1]), max(float(numbers[2]), 0.0), numbers[3:])
+        if values.size < 4:
+            raise checks.InputError(f"final_state has {values.size} numbers; at least 4 are needed")
+        return cls(complex(values[0], values[1]), max(float(values[2]), 0.0), values[3:])
 
     @property
     def energy(self) -> float:
@@ -111,6 +98,18 @@ def starting_point(
                 "temperature would jump; go on with that model, or give a coupled.State"
             )
     return state
+
+
+def final_state(run: xr.Dataset, tau: ArrayLike | None = None, size: int | None = None) -> Array:
+    """The state at the end of a run in SI; InputError where it has none, or is not of this size and these poles."""
+    if "final_state" not in getattr(run, "attrs", {}):
+        raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate, or a State")
+    values = checks.array("initial.attrs['final_state']", run.attrs["final_state"])
+    if size not in (None, values.size):
+        raise checks.InputError(f"initial has {values.size} states and not {size}; go on with the same rings and model")
+    if tau is not None:
+        check_same_heat(run.attrs.get("model_tau"), tau)
+    return values
 
 
 def check_same_heat(before: ArrayLike | None, tau: ArrayLike) -> None:

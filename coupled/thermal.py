@@ -12,6 +12,8 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
 
+from .resonator import RingResonator, origin
+
 Compact = Foster | OutputMap | Quadratic
 
 LARGEST_QUADRATIC = 60  # states
@@ -19,10 +21,7 @@ NEEDED = (
     "a thermal model is needed: thermofem.Foster, StateSpace, OutputMap or Quadratic, a Network or Cauer ladder, a fit "
     "or a reduction; coupled.cosimulate takes the FEM itself"
 )
-SETTLING = 10  # times the time in which the step response reaches 95 %
 HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Of a hotter one the light turns faster than any step follows
-WATCHED = 4001  # times of a run at which its rise is compared with what the model describes
-NEAR_TOP = 0.99  # of the highest rise of an output map; no physical model comes so far
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 
 
@@ -62,7 +61,8 @@ def _checked_poles(poles: Foster) -> Foster:
             f"model is a system of {poles.order} states, at most {LARGEST} can be integrated with the optics; "
             "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
         )
-    if not poles.passive or poles.thermal_resistance <= 0:
+    own = poles.inputs == poles.outputs  # what another part reads, or the light, may have poles of either sign
+    if (own and not poles.passive) or poles.thermal_resistance <= 0:
         raise checks.InputError(
             f"model has R = {np.min(poles.R):g} K/W; a passive network has none below 0, and R_th = "
             f"{poles.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
@@ -88,10 +88,8 @@ def moderate(poles: Foster) -> Foster:
 
 def check_resistance(value: float) -> None:
     """Raise InputError for a resistance that no ring has; a run would take steps without end."""
-    if not value <= HIGHEST:
-        raise checks.InputError(
-            f"model has R_th = {value:g} K/W, which is above {HIGHEST:g}; resistances are in K/W (2 K/mW is 2e3)"
-        )
+    hint = "resistances are in K/W (2 K/mW is 2e3)"
+    checks.between("R_th of the model", value, -HIGHEST, HIGHEST, unit="K/W", hint=hint)
 
 
 def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
@@ -105,7 +103,8 @@ def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
     inner = bare(model)
     if isinstance(inner, OutputMap):
         inner.of(linear)
-        if inner.coefficient < 0 and np.max(rise, initial=0.0) > NEAR_TOP * -0.25 / inner.coefficient:
+        # no physical model comes to 99 % of the highest rise of an output map
+        if inner.coefficient < 0 and np.max(rise, initial=0.0) > 0.99 * -0.25 / inner.coefficient:
             warn_at_top(inner, "the ring reaches it")
     warn_beyond(np.asarray(np.max(rise, initial=0.0)), getattr(inner, "largest_rise", None))
 
@@ -117,7 +116,8 @@ def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArr
     """
     inner = bare(model)
     falls = isinstance(inner, OutputMap) and inner.coefficient < 0
-    extra = np.linspace(0.0, duration, WATCHED)
+    # 4001 times at which the rise is compared with what the model describes
+    extra = np.linspace(0.0, duration, 4001)
     if not times.size or not (falls or getattr(inner, "largest_rise", None) is not None):
         extra = extra[:0]
     every = np.concatenate([times, extra])
@@ -140,6 +140,11 @@ def attributes(model: Compact) -> dict[str, Any]:
     return {"model_R": np.asarray(model.R), "model_tau": np.asarray(model.tau)}
 
 
+def provenance(kind: str, ring: RingResonator, model: Compact) -> dict[str, Any]:
+    """Attributes of a Dataset: its kind, the ring and the thermal network."""
+    return origin(kind, ring) | attributes(model)
+
+
 def long_enough(model: ThermalModel) -> float:
     """Duration in s of a run from cold that is long enough to tell whether the ring pulses.
 
@@ -150,4 +155,4 @@ def long_enough(model: ThermalModel) -> float:
     """
     small, times = compact(model), np.geomspace(1e-10, 1.0, 10_001)
     left = np.flatnonzero(small.step_response(times) < 0.95 * small.thermal_resistance)
-    return min(float(f"{SETTLING * times[left[-1]]:.1e}"), 1.0) if left.size else 1e-9
+    return min(float(f"{10 * times[left[-1]]:.1e}"), 1.0) if left.size else 1e-9

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -13,7 +13,7 @@ from thermofem.arrays import Array
 from thermofem.models import Foster, ThermalModel
 from thermofem.models.foster import second_order_parameters, second_order_poles
 
-from .carriers.shockley_read_hall import ShockleyReadHall
+from .carriers import ShockleyReadHall
 from .kernel.units import internal_rates
 from .parameters import borghi2021 as published
 from .resonator import RingResonator
@@ -88,8 +88,9 @@ def unknowns(
     Raises InputError: a parameter of a family that is not free, or not positive; an unknown, repeated or fixed name,
         names of two thermal laws, or bounds that are not positive and in order.
     """
-    if not isinstance(free, list | tuple | set | dict) or not free:
+    if isinstance(free, str) or not free:
         raise checks.InputError(f"free = {free!r} must be a list of names, such as ['kappa', 'tau_f', 'tau_s', 'eta']")
+    checks.unique("free", list(free))
     family = model if isinstance(model, ThermalFamily) else None
     laws = {*SECOND_ORDER, *NEWTON, *POLES, HEAT_CAPACITY}
     known = optical_names(ring) | (laws if family is None else _names_of(family, free, optical_names(ring)))
@@ -110,25 +111,17 @@ def unknowns(
             check_counts("free", name, ring)
         else:
             raise checks.InputError(f"free holds {name!r}, which goes with another thermal model than the one given")
-    checks.unique("free", free)
-    names = tuple(start)
-    values = np.array(
-        [checks.positive(name, start[name], hint="a free parameter must start above 0") for name in names]
-    )
-    low, high = values / SPAN, values * SPAN
-    for k, name in enumerate(names):
-        low[k], high[k] = ranges.get(name, (low[k], high[k]))
+    names, hint = tuple(start), "a free parameter must start above 0"
+    values = np.array([checks.positive(name, value, hint=hint) for name, value in start.items()])
+    low, high = np.array([ranges.get(n, (v / SPAN, v * SPAN)) for n, v in zip(names, values, strict=True)]).T
     for name, pair in checks.mapping("bounds", bounds, hint='such as {"kappa": (1e5, 1e7)}').items():
-        checks.choice("a name in bounds", name, names)
-        try:
-            a, b = checks.array(f"bounds[{name!r}]", pair)
-        except (checks.InputError, ValueError):
-            a, b = 0.0, 0.0
-        if not 0 < a < b:
-            raise checks.InputError(f"bounds[{name!r}] = {checks.shown(pair)} must be (low, high) with 0 < low < high")
-        k = names.index(name)
-        if name in ranges and not ranges[name][0] <= a < b <= ranges[name][1]:
-            raise checks.InputError(f"bounds[{name!r}] = ({a:g}, {b:g}) must lie inside the family's {ranges[name]!r}")
+        k = names.index(checks.choice("a name in bounds", name, names))
+        a, b = checks.array(f"bounds[{name!r}]", pair)
+        least, most = ranges.get(name, (0.0, np.inf))
+        if not (0 < a < b and least <= a and b <= most):
+            rule = "must be (low, high) with 0 < low < high"
+            within = f", which must lie inside the family's {ranges[name]!r}" if name in ranges else ""
+            raise checks.InputError(f"bounds[{name!r}] = {checks.shown(pair)} {rule}{within}")
         low[k], high[k] = a, b
         values[k] = min(max(values[k], low[k]), high[k])
     return Unknowns(ring, thermal, poles, names, np.log(values), np.log(low), np.log(high), family)
@@ -141,8 +134,6 @@ def _names_of(family: ThermalFamily, free: Sequence[str], optical: set[str]) -> 
         raise checks.InputError(
             f"{', '.join(held)} of the family must be free or held: family.held({held[0]}=...) as the model"
         )
-    for name, (low, _) in family.ranges.items():
-        checks.positive(f"the family's {name}", low, hint="the search is in logarithms; train it over positive values")
     both = sorted(optical & set(family.names))
     if both:
         raise checks.InputError(f"{', '.join(both)} is a name of the ring and of the family; rename it in the campaign")
@@ -151,29 +142,23 @@ def _names_of(family: ThermalFamily, free: Sequence[str], optical: set[str]) -> 
 
 def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Compact | None]:
     """Start values of the thermal law that the names belong to, or the network."""
-    asked = {
-        "the second-order equation": set(free) & set(SECOND_ORDER),
-        "Newton's law": set(free) & set(NEWTON),
-        "a network": set(free) & set(POLES),
-    }
-    laws = [law for law, names in asked.items() if names]
+    every = {"the second-order equation": SECOND_ORDER, "Newton's law": NEWTON, "a network": POLES}
+    laws = [law for law, names in every.items() if {*free} & {*names}]
     if len(laws) > 1:
         raise checks.InputError(f"free = {list(free)} mixes {' and '.join(laws)}; take the names of one")
     if model is not None and not laws and HEAT_CAPACITY not in free:
         return {}, compact(model)
     poles = linear(model, f"free {list(free)}") if model is not None else None
     if laws == ["the second-order equation"]:
-        p = published.SECOND_ORDER_FEM
-        start = {name: float(getattr(p, name)) for name in (*SECOND_ORDER, HEAT_CAPACITY)}
-        return (start if poles is None else start | second_order_parameters(poles, p.heat_capacity)), None
+        start = asdict(published.SECOND_ORDER_FEM)
+        return (start if poles is None else start | second_order_parameters(poles, start[HEAT_CAPACITY])), None
     if laws == ["Newton's law"] or (not laws and HEAT_CAPACITY in free):
-        q = published.NEWTON_FIT
         if poles is None:
-            return {"tau_th": q.tau_th, HEAT_CAPACITY: q.heat_capacity}, None
+            return asdict(published.NEWTON_FIT), None
         if poles.order != 1:
             raise checks.InputError(f"Newton's law has one pole, the model {poles.order}; free 'R' and 'tau' instead")
-        (tau,), (R,) = np.asarray(poles.tau, dtype=float), np.asarray(poles.R, dtype=float)
-        return {"tau_th": float(tau), HEAT_CAPACITY: float(tau / R)}, None
+        tau, R = float(np.ravel(poles.tau)[0]), float(np.ravel(poles.R)[0])
+        return {"tau_th": tau, HEAT_CAPACITY: tau / R}, None
     if poles is None:
         raise checks.InputError(f"free = {list(free)} has no thermal parameter; give the thermal model as model=")
     return {}, poles

@@ -120,7 +120,7 @@ judged = surrogate.judge(ladder_of_models.models, ladder_of_models.reference, pe
 print(surrogate.judging.ladder.verdict(judged))
 
 # %% surrogate.fit_sindy
-poles = th.models.network.gate([[-1e6]], [7e9], static=7e3)
+poles = th.models.gate([[-1e6]], [7e9], static=7e3)
 shells = th.solve(heat, th.SquareWave(2e-3, 1e-6, 1 / 3), np.linspace(0, 4e-6, 1201), read=("core", "box"))
 network = surrogate.fit_sindy(shells, [heat.thermal_resistance("core", name) for name in ("core", "box")]).model
 

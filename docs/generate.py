@@ -35,6 +35,8 @@ WORDS: dict[str, dict[str, str]] = {
         "probe": "what can be read besides layers and parts",
         "boundary": "what the sides do",
         "material": "`[material.NAME]`: changes or adds a material",
+        "light": "what guides, and at which wavelength; `light` can then be read like a part",
+        "bus": "one or two straight buses beside the ring",
     },
     "[[layer]]": {
         "name": "**required**; layers and parts share one set of names",
@@ -71,6 +73,18 @@ WORDS: dict[str, dict[str, str]] = {
         "top": "`insulated` (default), `isothermal` or `{ convection = ... }`: whatever faces up, ridges included",
         "outer": "`insulated` (default), `isothermal`, `open` or `{ convection = ... }`",
     },
+    "[light]": {
+        "wavelength": "**required**; in vacuum",
+        "part": "the core; default `core`, or the first heated part",
+        "polarisation": "`TE` (default) or `TM`: its fundamental mode is taken",
+        "loss": 'power loss of the guide, which heats; also `"7 dB/cm"`',
+    },
+    "[[bus]]": {
+        "name": "default `bus` and `drop`; a campaign varies `bus.NAME.gap`",
+        "gap": "**required**; between the walls of ring and bus at half height",
+        "straight": "length of the straight section over which a racetrack couples; default 0",
+        "width": "default that of the ring's guide; another one is refused",
+    },
     "{ convection }": {"convection": "**required**; heat transfer coefficient"},
     "[material.NAME]": {
         "conductivity": "text with a unit or a table, see below; required for a new material",
@@ -90,6 +104,8 @@ SCHEMA: dict[str, dict[str, str]] = {
     "[[interface]]": geometry_file._INTERFACE,
     "[[probe]]": geometry_file._PROBE,
     "[boundary]": geometry_file._BOUNDARY,
+    "[light]": geometry_file._LIGHT,
+    "[[bus]]": geometry_file._BUS,
     "{ convection }": geometry_file._COEFFICIENT,
     "[material.NAME]": geometry_file._MATERIAL,
 }

@@ -10,8 +10,7 @@ import numpy as np
 
 import coupled
 import surrogate
-from coupled.plot import plot_map
-from coupled.plot.cycles import plot_branch
+from coupled.plot import plot_branch, plot_map
 
 ring, newton, power = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9), 5e-3
 figure, (above, below) = plt.subplots(2, 1, figsize=(5.7, 7.4), layout="constrained")

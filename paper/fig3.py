@@ -21,7 +21,7 @@ def carriers():
     """Decay with the lifetimes as printed and exchanged; mean lifetimes as the paper's dashed lines."""
     data, numbers = {}, {}
     for name, law in (("printed", RING.carriers), ("exchanged", RING.with_swapped_srh().carriers)):
-        data[name] = coupled.carriers.pump_probe.carrier_decay(law, START, TIMES)
+        data[name] = coupled.carriers.carrier_decay(law, START, TIMES)
         N = data[name]["carriers"].values
         numbers[name] = {
             "low_injection_s": law.tau0, "high_injection_s": law.tau0 * law.a / law.b,

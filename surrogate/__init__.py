@@ -7,7 +7,6 @@ from thermofem.models.foster import newton, second_order
 from .arrays.array_reduction import reduce_array
 from .export import export_model
 from .family import load_family, train_family
-from .fitting import sindy_quadratic  # noqa: F401 - as surrogate.fitting.sindy_quadratic
 from .fitting.exponential_sums import fit_decay, fit_spectrum
 from .fitting.fit import fit_foster, fit_newton, fit_second_order
 from .fitting.sindy import fit_sindy

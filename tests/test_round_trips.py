@@ -56,9 +56,7 @@ RESULTS = {
     "stability_map": lambda heat: coupled.stability_map(RING, MODEL, POWERS, DETUNINGS),
     "fold_curves": lambda heat: coupled.fold_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
     "hopf_curves": lambda heat: coupled.hopf_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
-    "carrier_decay": lambda heat: coupled.carriers.pump_probe.carrier_decay(
-        RING.carriers, 1e23, np.linspace(0, 1e-7, 9)
-    ),
+    "carrier_decay": lambda heat: coupled.carriers.carrier_decay(RING.carriers, 1e23, np.linspace(0, 1e-7, 9)),
     "simulate a circuit": circuit,
     "spectrum": lambda heat: coupled.transmission(coupled.bus([RING, RING]), detuning=DETUNINGS),
     "circuit_steady_states": lambda heat: coupled.steady_states(

@@ -26,9 +26,9 @@ from .geometry import (
     straight_guide,
     strip_ring,
 )
+from .lighting import light
 from .materials import Material
 from .models import Foster, OutputMap, Quadratic, StateSpace
-from .optics import light
 from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
 from .version import __version__ as __version__

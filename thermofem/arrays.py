@@ -14,7 +14,7 @@ PIECE = 10_000_000  # numbers of an intermediate array
 
 
 def in_pieces(function: Callable[[Any], Any], x: NDArray[Any], width: int) -> NDArray[Any]:
-    """``function`` of a column of x, which makes a row of ``width`` numbers of each and sums it, in bounded memory."""
+    """Evaluate ``function(x[..., None])`` in chunks, so that its (x.size, width) intermediate stays below `PIECE`."""
     if x.size * width <= PIECE:
         return np.asarray(function(x[..., None]))
     pieces = np.array_split(x.ravel(), -(-x.size * width // PIECE))
@@ -22,7 +22,7 @@ def in_pieces(function: Callable[[Any], Any], x: NDArray[Any], width: int) -> ND
 
 
 def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Where each run of true values begins, and the place behind its end.
+    """First index of each run of true values, and the index after its last.
 
     >>> runs_of(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]

@@ -39,7 +39,7 @@ def _shortened(match: re.Match[str]) -> str:
 
 
 class Hint(str):
-    """A hint for callers who write numbers in SI; ``text`` is the one for readers of quantities with units.
+    """Hint of an InputError in two spellings: SI numbers for Python, quantities with units (``text``) for files.
 
     >>> Hint("lengths are in metres (did you mean 450e-9?)", text='did you mean "450 nm"?').text
     'did you mean "450 nm"?'

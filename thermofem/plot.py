@@ -338,9 +338,7 @@ def _times(model: Any) -> np.ndarray:
 def save_figure(ax: Axes, path: Any) -> None:
     """Write the figure of ``ax`` as an image at 200 dots per inch, whole or not at all, and close it."""
     check_image(path)
-    figure = ax.get_figure(root=True)
-    if figure is None:
-        raise InputError("ax belongs to no figure; nothing to save")
+    figure: Any = ax.get_figure(root=True)
     image = io.BytesIO()  # matplotlib's writers of files trip over a full disk
     figure.savefig(image, dpi=200, format=checks.path("path", path).suffix[1:])
     write_whole(path, lambda p: p.write_bytes(image.getvalue()))

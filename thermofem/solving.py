@@ -16,7 +16,7 @@ from .data import dataset
 from .fem.heat_problem import HeatProblem
 from .models import StateSpace
 from .transient.integration import Trajectory, integrate, integrate_periodic
-from .waveforms import Waveform, check_heating, period_times
+from .waveforms import Waveform, check_heating, check_wave, period_times
 
 if TYPE_CHECKING:
     from .mesh import Mesh
@@ -150,9 +150,7 @@ def solve_periodic(
 
 def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -> str:
     """Name of the heated part, after a check of the types of the arguments."""
-    checks.instance("heat", heat, HeatProblem, hint="th.assemble(geometry) makes the HeatProblem")
-    if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
-        raise checks.InputError(f"wave = {wave!r} is no waveform; e.g. th.Pulse(power=2e-3, width=20e-6)")
+    check_wave("wave", wave)
     checks.choice("method", method, ("auto", "stepping"))
     return checks.choice("heated", heated, heat.heated, default=heat.heated[0])
 

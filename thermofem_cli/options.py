@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from thermofem.campaign.workers import processes
+from thermofem.campaign.stored_tasks import processes
 from thermofem.errors import InputError, MissingLibraryError
 
 from . import console
@@ -73,7 +73,10 @@ Detunings = Annotated[str, typer.Option("--detuning", help="First and last laser
 Points = Annotated[str, typer.Option(help="Number of powers and of detunings.")]
 Duration = Annotated[str, typer.Option(help="Length of the run, from a cold start.")]
 Rtol = Annotated[float, typer.Option(help="Relative error of the integration.")]
-Wavelength = Annotated[str, typer.Option(help="Vacuum wavelength; a ring has the resonance next to it.")]
+Wavelength = Annotated[
+    str | None,
+    typer.Option(help="Vacuum wavelength; a ring has the resonance next to it. Default: that of [light], or 1550 nm."),
+]
 Pulse = Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'; default: a step.")]
 Square = Annotated[str | None, typer.Option(help="Heat in a square wave of this period, from rest, e.g. '1 us'.")]
 Duty = Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")]

@@ -72,6 +72,7 @@ def _ring(path: Path) -> dict[str, Any]:
     units = {**UNITS, **DERIVED}
     numbers |= {name: getattr(ring, name) for name in DERIVED}
     numbers |= {"wavelength": c / ring.frequency, "shift_per_kelvin": ring.shift_per_kelvin}
+    origins = _origins(path)
     for name, value in numbers.items():
         unit = units.get(name, "m" if name == "wavelength" else "")
         if name == "shift_per_kelvin":
@@ -80,8 +81,15 @@ def _ring(path: Path) -> dict[str, Any]:
             text = quantity.rounded(value, unit, 6)
         else:
             text = f"{value:.6g} {unit}" if isinstance(value, float) else str(value)
-        say(f"{name.replace('_', ' '):>20} : {text}")
-    return numbers
+        origin = origins.get(name, "")
+        say(f"{name.replace('_', ' '):>20} : {text}" + (f"   ({origin})" if origin else ""))
+    return numbers | {"origins": origins}
+
+
+def _origins(path: Path) -> dict[str, str]:
+    """Comments beside the numbers of a ring file, as `thermofem ring` writes them."""
+    lines = re.findall(r"^(\w+) = [^#\n]*?\s+# (.+)$", files.read_text(path, "ring"), re.MULTILINE)
+    return {name: comment.strip() for name, comment in lines}
 
 
 def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Several rings on one chip: light along waveguides and heat between neighbours."""
 
-from .circuit import Circuit
-from .parts import Detector, LaserPort, Splitter, Waveguide
+from .circuit import Circuit, Detector, LaserPort, Splitter, Waveguide
 from .ready import bus, crow, delay_loop, scissor
 
 __all__ = [

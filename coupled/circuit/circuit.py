@@ -1,9 +1,53 @@
-"""A circuit of rings: which terminal leads where, checked; fabrication scatter; ready-made ones are in `ready`."""
+"""A circuit of rings, its waveguides, splitters, lasers and detectors, and the file that describes it.
+
+Every ring has two couplers. Light enters the one at the terminal "in" and leaves at "through", and the other at "add"
+and "drop":
+
+    s_through = s_in + i sqrt(2 gamma_e) a,    s_drop = s_add + i sqrt(2 gamma_d) a
+
+"ring 2.through" is that terminal of the ring called "ring 2". A splitter has "in 1", "in 2", "out 1" and "out 2". In a
+circuit file, numbers have units:
+
+```toml
+name = "two rings on a bus"
+frequency = "192.88 THz"         # of detunings and phases; default that of the first ring
+
+[[ring]]
+name = "a"
+base = "borghi2021"              # or file = "ring.toml", a ring file beside this one
+shift = "5 GHz"                  # of its cold resonance; default 0
+[[ring]]
+name = "b"
+base = "borghi2021"
+
+[[waveguide]]                    # from a terminal that light leaves by to one that it enters by
+start = "a.through"
+stop = "b.in"
+loss = 0.3                       # dB
+phase = "0.5 rad"
+delay = "10 ps"
+
+[[splitter]]                     # terminals "in 1", "in 2", "out 1", "out 2"
+name = "s"
+cross = 0.5
+
+[[laser]]
+name = "in"
+stop = "a.in"
+offset = "0 GHz"                 # loss and phase as of a waveguide
+
+[[detector]]
+name = "out"
+start = "b.through"
+bandwidth = "20 GHz"             # default without limit
+```
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,13 +56,126 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.data import files
+from thermofem.data.files import NUMBER, TABLES, TEXT, read_table
 
-from ..resonator import RingResonator
-from . import file
-from .parts import IN, OUT, SPLITTER_IN, SPLITTER_OUT, Detector, LaserPort, Splitter, Waveguide, check_name
+from ..resonator import PUBLISHED, RingResonator
 
-MOST = 1000  # rings, and splitters
-_PARTS = {"waveguides": Waveguide, "lasers": LaserPort, "detectors": Detector, "splitters": Splitter}
+IN, OUT = ("in", "add"), ("through", "drop")  # of a ring
+SPLITTER_IN, SPLITTER_OUT = ("in 1", "in 2"), ("out 1", "out 2")
+
+
+def _transmission(self: Waveguide | LaserPort) -> complex:
+    """Amplitude at the terminal that the light enters by, per amplitude before it, at the reference frequency."""
+    return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
+
+
+@dataclass(frozen=True)
+class Waveguide:
+    """Light from one terminal to another.
+
+        s_stop(t) = 10^(-loss/20) exp(-i phase) s_start(t - delay)
+
+    Parameters
+    ----------
+    start, stop : str
+        a terminal that light leaves by, and one that it enters by: "ring 1.through", "ring 2.in".
+    loss : float, dB
+    phase : float, rad
+        whole phase of the light at the circuit's reference frequency.
+    delay : float, s
+        0 for a waveguide that is short against all that happens; then the phase does not depend on the frequency.
+    """
+
+    start: str
+    stop: str
+    loss: float = 0.0
+    phase: float = 0.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        of = f"waveguide from {self.start!r}: "
+        checks.between(f"{of}loss", self.loss, 0, 400, unit="dB", hint="a waveguide has no gain; 3 dB is a half")
+        checks.finite(f"{of}phase", self.phase, unit="rad")
+        checks.between(f"{of}delay", self.delay, 0, 1e-2, unit="s", hint="times are in s (did you mean 1e-9?)")
+
+    transmission = property(_transmission)
+
+
+@dataclass(frozen=True)
+class Splitter:
+    """A lossless directional coupler of two waveguides.
+
+        s_out1 = sqrt(1 - cross) s_in1 + i sqrt(cross) s_in2,    s_out2 = i sqrt(cross) s_in1 + sqrt(1 - cross) s_in2
+
+    Parameters
+    ----------
+    name : str
+    cross : float
+        share of the power that changes the waveguide, 0 to 1.
+    """
+
+    name: str
+    cross: float = 0.5
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        checks.check_name("splitter", self.name)
+        checks.between(f"splitter {self.name!r}: cross", self.cross, 0, 1)
+
+
+@dataclass(frozen=True)
+class LaserPort:
+    """Where light comes in; its power is given to `simulate` under its name.
+
+    Parameters
+    ----------
+    name, stop : str
+        the terminal that it enters by.
+    loss : float, dB
+        on the way there.
+    phase : float, rad
+    offset : float, Hz
+        its frequency minus that of the circuit's reference; several lasers may have different ones.
+    """
+
+    name: str
+    stop: str
+    loss: float = 0.0
+    phase: float = 0.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        checks.check_name("laser", self.name)
+        checks.between(f"laser {self.name!r}: loss", self.loss, 0, 400, unit="dB")
+        checks.finite(f"laser {self.name!r}: phase", self.phase, unit="rad")
+        checks.between(f"laser {self.name!r}: offset", self.offset, -5e12, 5e12, unit="Hz", hint="did you mean 1e9?")
+
+    transmission = property(_transmission)
+
+
+@dataclass(frozen=True)
+class Detector:
+    """Where light is read; a terminal without a waveguide has a detector of its own name anyway.
+
+    Parameters
+    ----------
+    name, start : str
+        the terminal that light leaves by.
+    bandwidth : float, Hz
+        of a single-pole low pass, dz/dt = 2 pi bandwidth (|s|^2 - z); 0 for a detector without limit.
+    """
+
+    name: str
+    start: str
+    bandwidth: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        checks.check_name("detector", self.name)
+        name = f"detector {self.name!r}: bandwidth"
+        checks.between(name, self.bandwidth, 0, 1e13, unit="Hz", hint="10e9 is a detector of 10 GHz")
 
 
 @dataclass(frozen=True)
@@ -63,22 +220,27 @@ class Circuit:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        object.__setattr__(self, "rings", _named(self.rings))
-        for field, kind in _PARTS.items():
+        given = [self.rings] if isinstance(self.rings, RingResonator) else self.rings
+        if not isinstance(given, Mapping):
+            given = {f"ring {k}": ring for k, ring in enumerate(given, 1)}
+        object.__setattr__(self, "rings", dict(given))
+        for name, ring in self.rings.items():
+            checks.check_name("ring", name)
+            checks.instance(f"ring {name!r}", ring, RingResonator, hint="it must be a RingResonator")
+        for field, kind in (
+            ("waveguides", Waveguide), ("lasers", LaserPort), ("detectors", Detector), ("splitters", Splitter)
+        ):  # fmt: skip
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
-        if len(self.splitters) > MOST:
-            raise checks.InputError(f"splitters holds {len(self.splitters)} splitters; at most {MOST} are possible")
+        for what, some in (("ring", self.rings), ("laser", self.lasers)):
+            if not some:
+                raise checks.InputError(f"the circuit has no {what}", "lasers=[coupled.LaserPort('in', 'ring 1.in')]")
         checks.text("name", self.name)
         if self.frequency is None:
             object.__setattr__(self, "frequency", self.resonators[0].frequency)
         checks.between("frequency", self.frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
-        checks.unique(
-            "list of names of rings and splitters", [*self.names, *(splitter.name for splitter in self.splitters)]
-        )
+        checks.unique("list of names of rings and splitters", [*self.names, *(s.name for s in self.splitters)])
         checks.unique("list of laser names", [laser.name for laser in self.lasers])
         checks.unique("list of detector names", [detector.name for detector in self.detectors])
-        if not self.lasers:
-            raise checks.InputError("the circuit has no laser; give lasers=[coupled.LaserPort('in', 'ring 1.in')]")
         for what, terminals, known in (
             ("enter", [*(w.stop for w in self.waveguides), *(laser.stop for laser in self.lasers)], self.entries),
             ("leave", [*(w.start for w in self.waveguides), *(d.start for d in self.detectors)], self.exits),
@@ -115,7 +277,7 @@ class Circuit:
 
     @cached_property
     def outputs(self) -> dict[str, str]:
-        """Name and terminal of every detector, those of free terminals included; not of couplers that do not couple."""
+        """Terminal of every detector by name, and of every free terminal; drop ports that stay dark are left out."""
         used = {w.start for w in self.waveguides} | {d.start for d in self.detectors}
         known = {d.name: d.start for d in self.detectors}
         return known | {exit: exit for exit in self.exits if exit not in used and not self._dark(exit)}
@@ -157,7 +319,7 @@ class Circuit:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Circuit:
-        """Read a circuit file; its keys stand in `coupled.circuit.file`.
+        """Read a circuit file; its keys stand at the top of this module.
 
         Raises
         ------
@@ -165,34 +327,42 @@ class Circuit:
             a file that cannot be read, unknown or missing keys, or what `Circuit` refuses.
         """
         folder = checks.path("path", path).parent
-        return files.read_toml(path, "circuit", lambda text: cls(**file.fields(text, folder)))
+        return files.read_toml(path, "circuit", lambda text: cls(**_fields(text, folder)))
 
 
-def _named(rings: Any) -> dict[str, RingResonator]:
-    """Rings by name."""
-    if isinstance(rings, RingResonator):
-        rings = [rings]
-    if not isinstance(rings, Mapping | Sequence) or isinstance(rings, str):
-        raise checks.InputError(
-            f"rings is a {type(rings).__name__}; give a list of RingResonator, or a dict of them by name"
-        )
-    if not 1 <= len(rings) <= MOST:
-        raise checks.InputError(f"rings holds {len(rings)} rings; 1 to {MOST} are needed")
-    named = dict(rings) if isinstance(rings, Mapping) else {f"ring {k}": ring for k, ring in enumerate(rings, 1)}
-    named = {check_name("ring", name): ring for name, ring in named.items()}
-    for name, ring in named.items():
-        checks.instance(f"ring {name!r}", ring, RingResonator, hint="it must be a RingResonator")
-    return _ByName(named)
+_KINDS: dict[str, tuple[type, dict[str, str]]] = {
+    "waveguide": (Waveguide, {"start": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "delay": "s"}),
+    "splitter": (Splitter, {"name": TEXT, "cross": NUMBER}),
+    "laser": (LaserPort, {"name": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "offset": "Hz"}),
+    "detector": (Detector, {"name": TEXT, "start": TEXT, "bandwidth": "Hz"}),
+}
 
 
-class _ByName(dict[str, RingResonator]):
-    """Rings by name, read-only: what is written later is not checked."""
+def _fields(text: str, folder: Path | None = None) -> dict[str, Any]:
+    """The fields of the `Circuit` that the text of a circuit file describes; ring files are in ``folder``."""
+    keys = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *_KINDS], TABLES)}
+    top = read_table(files.from_toml(text), keys, "the circuit file")
 
-    def _refuse(self, *_: Any, **__: Any) -> Any:
-        raise TypeError("the rings of a Circuit cannot be changed; dataclasses.replace makes another Circuit")
+    def tables(kind: str, keys: dict[str, str], required: Sequence[str]) -> list[dict[str, Any]]:
+        several = enumerate(top.get(kind, []), 1)
+        return [read_table(item, keys, f"{kind} number {k}", required=required) for k, item in several]
 
-    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
+    several = tables("ring", {"name": TEXT, "base": TEXT, "file": TEXT, "shift": "Hz"}, ["name"])
+    checks.unique("list of ring names", [table["name"] for table in several])
+    found: dict[str, Any] = {"rings": {table["name"]: _ring(table, folder) for table in several}}
+    for kind, (make, units) in _KINDS.items():
+        needed = [one.name for one in fields(make) if one.default is MISSING]
+        found[f"{kind}s"] = tuple(make(**values) for values in tables(kind, units, needed))
+    return found | {"frequency": top.get("frequency"), "name": top.get("name", "circuit")}
 
-    def __reduce__(self) -> Any:
-        """Pickled as a plain dict, which unpickling may fill."""
-        return type(self), (dict(self),)
+
+def _ring(values: dict[str, Any], folder: Path | None) -> RingResonator:
+    """The ring of a table: a published set or a file, its resonance shifted."""
+    where = f"ring {values['name']!r}"
+    if ("base" in values) == ("file" in values):
+        raise checks.InputError(f"{where}: give base (one of {', '.join(PUBLISHED)}) or file")
+    if "base" in values:
+        ring = PUBLISHED[checks.choice(f"{where}: base", values["base"], PUBLISHED)]()
+    else:
+        ring = RingResonator.from_toml((folder or Path()) / values["file"])
+    return replace(ring, frequency=ring.frequency + values.get("shift", 0.0))

@@ -17,17 +17,12 @@ from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
 from .circuit import Circuit
-from .fixed_points import autonomous
 from .run import run_circuit
+from .stationary import autonomous
 from .system import System
 
-RTOL = 1e-10  # of the flow over a period
-CLOSED = 1e-7  # relative distance of the two ends of a cycle
 LAPS = (1, 2, 3, 4)  # pulses in one period, tried in turn
-ITERATIONS = 12
 SWING = 1e-3  # relative, below which a state counts as at rest
-# difference from 1 of the multiplier of a shift in time; differences of steep pulses leave 5e-6 (measured)
-TURNED = 0.01
 
 
 def circuit_limit_cycle(
@@ -44,17 +39,15 @@ def circuit_limit_cycle(
 
         phi_T(y) = y,    f(y) . dy = 0 in every Newton step,    multipliers = eig(d phi_T/dy)
 
-    A run of the length ``settle`` leads to its neighbourhood; Newton's method closes it. The derivatives of the flow
-    are central differences. Only a cycle that attracts is found; `limit_cycle` has more for a ring alone.
+    A run of the length ``settle`` leads to its neighbourhood; Newton's method closes it. Only a cycle that attracts is
+    found; `limit_cycle` has more for a ring alone.
 
     Parameters
     ----------
     circuit, thermal, power, heaters, detuning
         as for `steady_states`.
-    settle : float, s
-        long against the slowest time scale of the heat.
-    samples : int
-        times in the period, its two ends included.
+    settle : float, s, long against the slowest time scale of the heat.
+    samples : int, times in the period, its two ends included.
 
     Returns
     -------
@@ -85,23 +78,25 @@ def circuit_limit_cycle(
     run = run_to(duration=settle, rtol=1e-6, times=None, initial=None)
     guess, units = _period(run, settle), eq.units(system.heat.gain.shape[1], len(system.circuit.names))
     start = np.asarray(run.attrs["final_state"]) / units
-    for laps in LAPS:
-        closed = _closed(system, start, laps * guess * 1e9)
-        if closed is not None:
-            break
-    else:
-        raise checks.InputError(
-            f"settle = {settle:g} s leads to no cycle that repeats within {LAPS[-1]} pulses",
-            "lengthen it, unless the pulses die away or never repeat",
-        )
-    y, period, multipliers = closed
+    y, period, multipliers = _repeating(system, start, guess * 1e9, settle)
     begin = xr.Dataset(attrs=run.attrs | {"final_state": y * units})
-    duration = period * 1e-9
-    times = np.linspace(0.0, duration, int(samples))
-    cycle = run_to(duration=duration, rtol=1e-9, times=times, initial=begin)
+    times = np.linspace(0.0, period * 1e-9, int(samples))
+    cycle = run_to(duration=times[-1], rtol=1e-9, times=times, initial=begin)
     cycle["multipliers"] = ("multiplier", multipliers, {"units": "1", "long_name": "Floquet multipliers"})
-    cycle.attrs["period"] = duration
+    cycle.attrs["period"] = float(times[-1])
     return cycle
+
+
+def _repeating(system: System, start: Array, pulse: float, settle: float) -> tuple[Array, float, Any]:
+    """The cycle of the fewest pulses of ``pulse`` ns that Newton's method closes."""
+    for laps in LAPS:
+        closed = _closed(system, start, laps * pulse)
+        if closed is not None:
+            return closed
+    raise checks.InputError(
+        f"settle = {settle:g} s leads to no cycle that repeats within {LAPS[-1]} pulses",
+        "lengthen it, unless the pulses die away or never repeat",
+    )
 
 
 def _period(run: xr.Dataset, settle: float) -> float:
@@ -133,7 +128,7 @@ def _problem(system: System, period: float) -> Problem:
 
 
 def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any] | None:
-    """State, period in ns and multipliers of the cycle that Newton's method finds, or None."""
+    """Newton's method for phi_T(y) = y: state, period in ns and multipliers, or None where it does not converge."""
     n = len(system.circuit.names)
     x = np.abs(y[3 * n :])
     light = np.repeat(np.abs(y[0 : 3 * n : 3] + 1j * y[1 : 3 * n : 3]), 3).reshape(n, 3)
@@ -142,20 +137,23 @@ def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any]
         np.concatenate([light.ravel(), x]),
         np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(x.size, 1e-3 * x.max())]),
     )
-    for _ in range(ITERATIONS):
+    for _ in range(12):
         problem = _problem(system, period)
-        run = problem.integrate(y, rtol=RTOL, times=np.array([period]), keep_steps=True)
+        # to 1e-10 of the flow over a period
+        run = problem.integrate(y, rtol=1e-10, times=np.array([period]), keep_steps=True)
         end = run.y
         missed = (end - y) / scale
         if not np.linalg.norm(missed) < 10.0 * np.sqrt(y.size):  # nan too
             return None
         M = problem.follow(y, run.steps, np.diag(scale))[1] / scale[:, None]
-        if np.linalg.norm(missed) < CLOSED * np.sqrt(y.size):
+        # a closed cycle: its ends are 1e-7 apart
+        if np.linalg.norm(missed) < 1e-7 * np.sqrt(y.size):
             values = np.linalg.eigvals(M)
             moves = (
                 np.linalg.norm(problem.slopes(y)[0] / scale) * period > SWING
             )  # at a fixed point every period closes
-            if not moves or np.abs(values - 1).min() > TURNED:
+            # 0.01 from 1: the multiplier of a shift in time, which is right to 5e-6 (measured)
+            if not moves or np.abs(values - 1).min() > 0.01:
                 return None
             return y, period, values[np.argsort(-np.abs(values))]
         along, leaving = problem.slopes(end)[0] / scale, problem.slopes(y)[0] / scale

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, StateSpace, checks
+from thermofem import OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array
+from thermofem.models.contract import bare
 from thermofem.models.state_space import eigenmodes
 
 from ..heaters import power_of, rises, states_of
@@ -23,14 +24,13 @@ from ..thermal import check_resistance, compact
 
 log = logging.getLogger("thermofem")
 
-MOST = 20_000  # thermal states of all rings
-FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
+MOST = 20_000  # states: their matrices are dense
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 
 @dataclass(frozen=True, eq=False)
 class RingHeat:
-    """Thermal states of N rings in SI, K for each, those that a ring lacks without gain.
+    """Heat of N rings in SI with K states each; a ring with fewer has the others at zero gain.
 
         dx_jk/dt = gain_jk P_j - rate_jk x_jk,    dT_i = sum_jk read_ijk x_jk
 
@@ -56,39 +56,28 @@ class RingHeat:
 
 
 def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
-    """Read a thermal model for the rings of these names.
+    """Heat of the rings of these names under a thermal model.
 
     thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: with one input and output, it serves every
         ring and no heat goes between them; a StateSpace with as many outputs as rings has the rings first among its
         inputs, then heaters. Rings that it names belong to those of the same names, and others in their order.
     Raises InputError: another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
     """
-    model, rings = _model_of(thermal), len(names)
+    model, rings = bare(thermal), len(names)
     if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):
         return _of_array(model, names)
     small = compact(model)
-    if hasattr(small, "H"):
-        raise checks.InputError(
-            "thermal is quadratic; a circuit takes linear models, and an OutputMap over a Foster network"
-        )
-    network = getattr(small, "linear", small)
-    if not isinstance(network, Foster):
-        raise checks.InputError(f"thermal is a {type(model).__name__}; a circuit takes Foster, StateSpace or OutputMap")
-    order = network.order
-    read = np.zeros((rings, rings, order))
+    if isinstance(small, Quadratic):
+        raise checks.InputError("thermal is quadratic; a circuit takes linear models, and an OutputMap over one")
+    network = small.linear if isinstance(small, OutputMap) else small
+    read = np.zeros((rings, rings, network.order))
     read[np.arange(rings), np.arange(rings)] = 1.0
     gain, rate = (np.tile(values, (rings, 1)) for values in (network.gain, 1 / np.asarray(network.tau)))
     return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, {})
 
 
-def _model_of(thermal: Any) -> Any:
-    """The model itself of a reduction or a fit."""
-    inner = getattr(thermal, "model", None)
-    return thermal if inner is None or callable(inner) else inner
-
-
 def _by_name(model: StateSpace, names: Sequence[str]) -> StateSpace:
-    """The model with its rings in the order of ``names``, where it has those names; otherwise as it is."""
+    """The model with its rings sorted as ``names`` where it has these names, otherwise unchanged."""
     own = [*model.inputs[: len(names)]]
     if own != [*model.outputs] or {*own} != {*names}:
         if own != [f"ring {k + 1}" for k in range(len(names))]:
@@ -120,34 +109,25 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
         used = residue > NOTHING * scale
         parts.append((rate[used], B[used, j], C[:, used]))
     most = max(len(part[0]) for part in parts[:rings])
-    if most * rings > MOST:
-        raise checks.InputError(
-            f"thermal makes {most * rings} states of {rings} rings, more than {MOST}; reduce it first"
-        )
-    most = most if most < FEW else -(-most // 4) * 4
+    # from 8 states on a multiple of 4, the numbers that a processor adds at once
+    most = most if most < 8 else -(-most // 4) * 4
     gain, rates, read = np.zeros((rings, most)), np.full((rings, most), rate.max()), np.zeros((rings, rings, most))
     for j, (own_rate, own_gain, own_read) in enumerate(parts[:rings]):
         k = len(own_rate)
         gain[j, :k], rates[j, :k], read[:, j, :k] = own_gain, own_rate, own_read
     heaters = dict(zip(model.inputs[rings:], parts[rings:], strict=True))
     heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters)
-    if np.any(heat.thermal_resistance <= 0):
-        ring = model.outputs[int(np.argmin(heat.thermal_resistance))]
-        raise checks.InputError(
-            f"thermal has R_th = {heat.thermal_resistance.min():g} K/W of {ring!r}; it must be positive"
-        )
+    checks.positive("thermal: R_th of every ring", heat.thermal_resistance.min(), unit="K/W")
     return heat
 
 
 def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
     """Rates, and B and C in the modes of a small symmetric system."""
-    from scipy.sparse import issparse
-
     if model.order > MOST:
         raise checks.InputError(
             f"thermal is a system of {model.order} states; reduce it first (surrogate.reduce_array)"
         )
-    E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (model.E, model.A))
+    E, A = (m.toarray() if hasattr(m, "toarray") else np.asarray(m, dtype=float) for m in (model.E, model.A))
     if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))) and np.diag(A).max() < 0:
         return -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)  # its own modes
     rate, modes = eigenmodes(model)
@@ -164,34 +144,28 @@ def heater_offsets(
 
     before: states of all heaters in their order, with those that are not given now, which cool.
     """
-    given = {} if heaters is None else heaters
-    checks.has(
-        "heaters", given, "items", hint="give powers by the names of the thermal model's inputs, {'heater 1': 1e-3}"
-    )
+    given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given:
-        if not heat.heaters:
-            raise checks.InputError(f"heaters has {name!r}, and the thermal model has no heaters among its inputs")
-        checks.choice("a name in heaters", name, heat.heaters)
+        hint = "" if heat.heaters else "the thermal model has no heaters among its inputs"
+        checks.choice("a name in heaters", name, heat.heaters, hint=hint)
     powers = {name: power_of(name, value, duration) for name, value in given.items()}
     sizes = [rate.size for rate, *_ in heat.heaters.values()]
     if before is not None and before.size != sum(sizes):
         raise checks.InputError(
             f"initial has {before.size} states of heaters and the thermal model {sum(sizes)}; go on with the same model"
         )
-    started = np.split(np.zeros(sum(sizes)) if before is None else before, np.cumsum(sizes)[:-1]) if sizes else []
-    whole = np.array([0.0, duration])
-    dark = Pieces(whole, np.zeros((1, 4)))
+    started = np.split(np.zeros(sum(sizes)) if before is None else before, np.cumsum(sizes)[:-1])
+    whole, dark = np.array([0.0, duration]), Pieces.constant(0.0, duration, 0.0)
     offsets, ends = [[dark] for _ in heat.gain], [np.empty(0)]
-    for (name, (rate, gain, read)), begin in zip(heat.heaters.items(), started, strict=True):
+    for (name, (rate, gain, read)), begin in zip(heat.heaters.items(), started, strict=False):
         value, power = given.get(name, 0.0), powers.get(name, dark)
-        if hasattr(value, "__float__"):
-            settled = gain / rate * float(value)
-            if before is None or np.array_equal(begin, settled):
-                for parts, rise in zip(offsets, read @ settled, strict=True):
-                    parts.append(Pieces(whole, np.array([[rise, 0.0, 0.0, 0.0]])))
-                ends.append(settled)
-                continue
-        for parts, rising in zip(offsets, rises(rate, read * gain, power, rtol, begin / gain), strict=True):
-            parts.append(rising)
-        ends.append(gain * states_of(rate, power, whole, begin / gain)[-1])
-    return powers, [add(parts) if len(parts) > 1 else parts[0] for parts in offsets], np.concatenate(ends)
+        settled = gain / rate * float(value) if hasattr(value, "__float__") else None
+        if settled is not None and (before is None or np.array_equal(begin, settled)):
+            parts = [Pieces.constant(0.0, duration, rise) for rise in read @ settled]
+            ends.append(settled)
+        else:
+            parts = rises(rate, read * gain, power, rtol, begin / gain)
+            ends.append(gain * states_of(rate, power, whole, begin / gain)[-1])
+        for every, part in zip(offsets, parts, strict=True):
+            every.append(part)
+    return powers, [add(every) for every in offsets], np.concatenate(ends)

@@ -22,10 +22,8 @@ from thermofem.arrays import Array, Complex, NDArray
 
 from ..kernel import units as eq
 from ..kernel.integrator import LOOPS, ORDERED, Network
-from .circuit import Circuit
-from .parts import Waveguide
+from .circuit import Circuit, Waveguide
 
-SINGULAR = 1e-8  # smallest pivot of 1 - C S over the largest, below which a loop without delay counts as lossless
 NOTHING = 1e-14  # of the largest entry of M: round-off
 
 
@@ -87,7 +85,8 @@ def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
         pivots = np.abs(factors.U.diagonal())
     except RuntimeError:  # exactly singular
         pivots = np.zeros(1)
-    if pivots.min() < SINGULAR * pivots.max() or not pivots.max():
+    # pivots of 1 - C S below 1e-8 of the largest: a loop without delay and without loss
+    if pivots.min() < 1e-8 * pivots.max() or not pivots.max():
         raise checks.InputError(
             "the waveguides form a loop without delay and without loss in which light piles up; "
             "give one of them a delay, a loss or another phase"
@@ -114,7 +113,7 @@ def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
 
 
 def order_of_rings(between: Complex) -> NDArray[np.int64]:
-    """An order of the rings in which light only goes forward, or nothing where it runs in loops."""
+    """Topological order of the rings along the light between them; empty where that runs in loops."""
     n = len(between)
     size = np.abs(between).max(initial=0.0)
     feeds = (np.abs(between) > NOTHING * size) & ~np.eye(n, dtype=bool)
@@ -148,7 +147,7 @@ def _way(w: Waveguide) -> str:
 
 
 def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
-    """The waveguides as the kernel takes them, without what round-off left of M.
+    """The waveguides in the kernel's units; entries of M that are round-off become 0.
 
     corner [shape (Q,) or empty, 1/ns]: 2 pi times the bandwidths of the detectors; hair [ns].
     """
@@ -177,7 +176,7 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
 
 
 def _one_waveguide(M: Complex, order: NDArray[np.int64]) -> tuple[Complex | None, Complex | None]:
-    """Factors of an M that is taken_i sent_j below its diagonal, as along one bus; else None."""
+    """The vectors of M_ij = taken_i sent_j below its diagonal, as along one bus, or None where M has no such form."""
     if len(M) < 2 or order.size == 0 or not M[order[-1], order[0]]:
         return None, None
     ordered = M[np.ix_(order, order)]

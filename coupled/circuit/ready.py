@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from thermofem import checks
 
 from ..resonator import RingResonator
-from .circuit import Circuit
-from .parts import Detector, LaserPort, Waveguide
+from .circuit import Circuit, Detector, LaserPort, Waveguide
 
 
 def bus(
@@ -39,9 +38,9 @@ def bus(
     >>> coupled.bus(coupled.borghi2021()).ports
     ('through', 'drop 1')
     """
-    every = _rings(rings)
+    every = _several(rings)
     n = len(every)
-    between = [Waveguide(f"ring {k}.through", f"ring {k + 1}.in", loss, phase, delay) for k in range(1, n)]
+    between = _chain(n, "through", "in", loss, phase, delay)
     drops = [Detector(f"drop {k}", f"ring {k}.drop") for k, ring in enumerate(every, 1) if ring.drop_bus_rate]
     through = Detector("through", f"ring {n}.through")
     return Circuit(every, between, (LaserPort("in", "ring 1.in"),), (through, *drops), name="bus")
@@ -75,12 +74,12 @@ def scissor(
     >>> coupled.scissor([coupled.borghi2021()] * 3).ports
     ('through', 'drop')
     """
-    every = _rings(rings)
+    every = _several(rings)
     n = len(every)
-    ways = [Waveguide(f"ring {k}.through", f"ring {k + 1}.in", loss, phase, delay) for k in range(1, n)]
+    ways = _chain(n, "through", "in", loss, phase, delay)
     detectors = [Detector("through", f"ring {n}.through")]
     if any(ring.drop_bus_rate for ring in every):
-        ways += [Waveguide(f"ring {k + 1}.drop", f"ring {k}.add", loss, phase, delay) for k in range(1, n)]
+        ways += _chain(n, "drop", "add", loss, phase, delay, back=True)
         detectors.append(Detector("drop", "ring 1.drop"))
     return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="scissor")
 
@@ -110,15 +109,11 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     >>> coupled.crow([coupled.borghi2021()] * 3).ports
     ('through', 'drop')
     """
-    every = _rings(rings)
+    every = _several(rings)
     n, quarter = len(every), -math.pi / 2
     for k, ring in enumerate(every, 1):
-        if not ring.drop_bus_rate:
-            raise checks.InputError(f"ring {k} has no second coupler (drop_rate = 0), by which it would reach the next")
-    ways = []
-    for k in range(1, n):
-        ways.append(Waveguide(f"ring {k}.drop", f"ring {k + 1}.in", phase=quarter))
-        ways.append(Waveguide(f"ring {k + 1}.through", f"ring {k}.add", phase=quarter))
+        checks.positive(f"drop_rate of ring {k}", ring.drop_bus_rate, hint="a second coupler leads to the next ring")
+    ways = _chain(n, "drop", "in", 0.0, quarter) + _chain(n, "through", "add", 0.0, quarter, back=True)
     detectors = (Detector("through", "ring 1.through"), Detector("drop", f"ring {n}.drop"))
     return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="crow")
 
@@ -144,18 +139,16 @@ def delay_loop(ring: RingResonator, delay: float, *, loss: float = 3.0, phase: f
     >>> coupled.circuit.delay_loop(coupled.borghi2021(), delay=1e-9).ports
     ('drop',)
     """
-    if not isinstance(ring, RingResonator):
-        raise checks.InputError(f"ring = {checks.shown(ring)} must be one RingResonator, with a drop_rate")
-    if not ring.drop_bus_rate:
-        raise checks.InputError("ring has no second coupler (drop_rate = 0), by which the light could come back")
+    checks.positive("drop_rate", ring.drop_bus_rate, hint="the light comes back by a second coupler")
     loop = Waveguide("ring 1.through", "ring 1.add", loss, phase, delay)
     return Circuit([ring], (loop,), (LaserPort("in", "ring 1.in"),), (Detector("drop", "ring 1.drop"),), name="loop")
 
 
-def _rings(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonator]:
-    if isinstance(rings, RingResonator):
-        return [rings]
-    every = checks.instances("rings", rings, RingResonator)
-    if not every:
-        raise checks.InputError("rings is empty; give at least one RingResonator")
-    return list(every)
+def _several(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonator]:
+    return [rings] if isinstance(rings, RingResonator) else list(rings)
+
+
+def _chain(rings: int, start: str, stop: str, *of: float, back: bool = False) -> list[Waveguide]:
+    """Waveguides from each ring to the next, or to the one before; ``of`` are loss, phase and delay."""
+    pairs = [(k + 1, k) if back else (k, k + 1) for k in range(1, rings)]
+    return [Waveguide(f"ring {a}.{start}", f"ring {b}.{stop}", *of) for a, b in pairs]

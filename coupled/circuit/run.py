@@ -19,13 +19,12 @@ from ..heaters import heater_powers
 from ..inputs import Spans, attribute, beats, changes, pieces, spans
 from ..kernel import units as eq
 from ..kernel.tableaus import Method
-from ..states import check_same_heat
+from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .drive import beat_of, corners, warn_of_fast_streams
 from .heat import RingHeat
 from .network import NOTHING, Light, check_delays
-from .system import System, system_of
+from .system import System, beat_of, system_of, warn_of_fast_streams
 
 NAMES = {
     "output": ("W", "power at the ports"),
@@ -65,7 +64,7 @@ def run_circuit(
         circuit, thermal, power=power, heaters=heaters, detuning=detuning, duration=duration, rtol=rtol, before=before
     )
     warn_of_fast_streams(circuit, power)
-    light, corner = system.light, corners(circuit, system.light)
+    light, corner = system.light, system.corner
     wanted = np.empty(0) if times is None else check_times(times, duration)
     asked, kept = dense_times(thermal, wanted, duration)
     alone = len(circuit.names) == 1 and not circuit.waveguides
@@ -102,15 +101,7 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
         return np.zeros(n * (3 + K))
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
-    if "final_state" not in getattr(initial, "attrs", {}):
-        raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate")
-    values = checks.array("initial.attrs['final_state']", initial.attrs["final_state"])
-    if values.size != n * (3 + K):
-        raise checks.InputError(
-            f"initial has {values.size} states and this circuit {n * (3 + K)}; go on with the same circuit and model"
-        )
-    check_same_heat(initial.attrs.get("model_tau"), 1 / heat.rate)
-    return np.asarray(values / eq.units(K, n))
+    return np.asarray(final_state(initial, 1 / heat.rate, n * (3 + K)) / eq.units(K, n))
 
 
 def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner: Array, average: bool) -> xr.Dataset:
@@ -122,16 +113,10 @@ def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner:
     further = rows[:, 1 + 4 * n :]
     waves = (further[:, : 2 * Q : 2] + 1j * further[:, 1 : 2 * Q : 2]).T * eq.UW**0.5 if further.size else None
     waves = system.waves(fields, time) if waves is None else waves
-    power, energy = np.abs(waves) ** 2, np.abs(fields) ** 2
-    loss, fca, tpa = system.rings.modes[:, 0, 1:4].T[:, :, None]
-    heating = 2 * (loss + fca * states[:, :, 2].T + tpa * energy / eq.FJ) * energy / eq.FJ * eq.UW
-    of_rings = {
-        "energy": energy,
-        "carriers": states[:, :, 2].T * eq.DENSITY,
-        "delta_T": states[:, :, 3].T,
-        "absorbed": heating,
-        "scattered": 2 * np.array([ring.scattering_rate for ring in circuit.resonators])[:, None] * energy,
-    }
+    power = np.abs(waves) ** 2
+    of_rings = system.by_ring(fields / eq.FJ**0.5, states[:, :, 2].T, states[:, :, 3].T)
+    scattering = np.array([ring.scattering_rate for ring in circuit.resonators])[:, None]
+    of_rings["scattered"] = 2 * scattering * of_rings["energy"]
     shown, seen = power[D : D + ports], slice(D, D + ports)
     variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
     variables["output"] = (("port", "time"), shown, described("output"))
@@ -176,7 +161,7 @@ def described(name: str) -> dict[str, str]:
 
 
 def varies(system: System, duration: float) -> dict[str, str]:
-    """When which input varies at each ring: lasers whose light reaches it, heaters, lasers that beat in it.
+    """Intervals in which inputs of each ring vary: lasers whose light reaches it, heaters, lasers that beat in it.
 
     The attribute that `driven.varies_in` reads. Where heat goes from ring to ring, what drives one drives all.
     """
@@ -197,7 +182,7 @@ def varies(system: System, duration: float) -> dict[str, str]:
 
 
 def reached(light: Light) -> Any:
-    """Which lasers' light comes to which rings, on any way, shape (N, L)."""
+    """Whether light of each laser reaches each ring, directly or through others, shape (N, L)."""
 
     def some(matrix: Any) -> Any:  # more than round-off
         return np.abs(matrix) > NOTHING * np.abs(matrix).max(initial=0.0)

@@ -11,13 +11,12 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring, one_laser
+from ..arguments import check_detuning, check_power, check_ring
 from ..contradictions import check_geometry
-from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from . import branch
 from .closing import nontrivial
 from .guess import from_guess
@@ -36,7 +35,6 @@ MOST = 100_000  # cycles of a branch
 SAME_RISE = 1e-6  # of a rise by heaters: what one model makes of equal powers
 
 
-@one_laser
 def continue_cycle(
     ring: RingResonator,
     model: ThermalModel,

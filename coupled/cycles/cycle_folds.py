@@ -11,7 +11,7 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
-from ..arguments import check_axis, check_ring, one_laser
+from ..arguments import check_axis, check_ring
 from ..equilibria.bifurcation_curves import plane_of, unwatched
 from ..heaters import constant
 from ..resonator import RingResonator
@@ -34,7 +34,6 @@ SEEDS = 100  # cycles of a branch from a Hopf point
 POINTS = 300  # of a curve, each way
 
 
-@one_laser
 def cycle_fold_curves(
     ring: RingResonator,
     model: ThermalModel,

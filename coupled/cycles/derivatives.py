@@ -21,12 +21,11 @@ from thermofem.arrays import Array
 from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring, one_laser
-from ..equilibria.observables import provenance
+from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from .guess import from_guess
 from .measures import ENERGY, HEAT, measure
 from .orbit import CycleProblem, Orbit, problem, settle
@@ -41,7 +40,6 @@ BIT, SMALL = 5e-4, 1e-4  # of a mesh interval: steps for first and second deriva
 FINE = 1e-10  # error of the polynomials between the stages where duty and swing are differentiated
 
 
-@one_laser
 def cycle_derivatives(
     ring: RingResonator,
     model: ThermalModel,

@@ -2,7 +2,7 @@
 
     x = x_0 + r Re(q exp(i w t)),     J q = i w q,     dr/dt = growth r + g r^3
 
-r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`equilibria.lyapunov`).
+r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`equilibria.onset`).
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 10.2.
 """

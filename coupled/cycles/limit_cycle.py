@@ -18,13 +18,12 @@ from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.cycle import circuit_limit_cycle
 from ..contradictions import check_geometry
-from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..kernel.integrator import PoleHeat
 from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import trusted
+from ..thermal import provenance, trusted
 from .cycle_problem import CycleProblem
 from .hopf_start import is_hopf_point, near_hopf
 from .orbit import problem

@@ -137,6 +137,6 @@ def _network_with(model: Compact, kind: str, number: int, value: float) -> Compa
     linear = _poles_of(model)
     R, tau = np.array(linear.R, dtype=float), np.array(linear.tau, dtype=float)
     (R if kind == "R" else tau)[number] = value
-    poles = Foster(R=R, tau=tau)  # checks them and sorts them
+    poles = replace(linear, R=R, tau=tau)  # checks them and sorts them
     checks.keep(poles, R=R, tau=tau)  # states and names keep their poles where one time constant passes another
     return compact(replace(model, linear=poles) if isinstance(model, OutputMap) else poles)

@@ -28,8 +28,8 @@ from thermofem.models import ThermalModel
 from ..kernel.units import EPSILON, Rates, internal_rates
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
+from .contours import zeros
 from .heat_at_rest import Heat, heat_of
-from .zeros import zeros
 
 SPACING = 0.02  # of s, in the search for turning points; pairs of them closer than this are found by their slope
 PUMPS = 1000  # surveyed at one go: 1000 x 500 points of s are 4 MB an array

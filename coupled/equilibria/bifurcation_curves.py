@@ -11,7 +11,7 @@ and the real part leaves one real equation over the plane of U and w,
 
     D = Im A/Im B,      (Im A)^2 - Im A Im B Re B + (Im B)^2 Re A = 0,
 
-whose zero contours are found on a lattice (`lattice`) and refined by Newton's method in (log U, D, log w). Where Im A
+whose zero contours are found on a lattice (`contours`) and refined by Newton's method in (log U, D, log w). Where Im A
 and Im B vanish, contours of two different D cross: they are cut there, and joined to the nearest end.
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
@@ -35,15 +35,12 @@ from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, energy, farthest_s, internal_ring
-from .lattice import Segment, joined, one_sign, refined
-from .lyapunov import first_lyapunov
+from .contours import Segment, intervals_in_window, joined, one_sign, refined, zeros
+from .onset import first_lyapunov
 from .spectrum import jacobians, secular, states
-from .zeros import intervals_in_window, zeros
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window
-JOIN = 0.3  # in log U, arsinh(D/loss) and log w: a few cells of that grid
-STRETCH = 0.01  # of the window: the longest straight line in a Hopf curve
 
 
 class Plane(NamedTuple):
@@ -96,7 +93,7 @@ def hopf_curves(
 
 
 def unwatched(plane: Plane) -> list[xr.Dataset]:
-    """The `hopf_curves`, whatever the training of the thermal model."""
+    """`hopf_curves` without the warning about the training of the thermal model."""
     curves = []
     for U, D, omega, leading, growth in _hopf(plane):
         curve = _dataset(plane, "Hopf curve", U, D, omega)
@@ -119,7 +116,8 @@ def _hopf(plane: Plane) -> Iterator[tuple[Array, Array, Array, NDArray[np.bool_]
     def place(point: Array) -> Array:
         return np.array([point[0], np.arcsinh(point[1] / plane.at.rates.loss), point[2]])
 
-    for line in joined(_pieces(plane), place, JOIN):
+    # ends within 0.3 in log U, arsinh(D/loss) and log w, a few cells of the lattice, belong together
+    for line in joined(_pieces(plane), place, 0.3):
         every = _from_outside(plane, *_smooth(plane, line))
         for part in _inside(plane, *every[:2]):
             U, D, omega = (values[part] for values in every)
@@ -172,7 +170,7 @@ def _trusted(model: ThermalModel, plane: Plane, curves: list[xr.Dataset]) -> lis
 
 
 def _frequencies(plane: Plane) -> Array:
-    """From far below the slowest thermal pole to above the beat of laser and resonance, in rad/ns."""
+    """Frequencies of the lattice in rad/ns, from far below the slowest thermal pole to above the beat of the laser."""
     here = balance(plane.energies, plane.at)
     highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
     return np.geomspace(1e-4 * plane.at.heat.slowest, 2 * highest, FREQUENCIES)
@@ -236,7 +234,8 @@ def _smooth(plane: Plane, line: Array) -> tuple[Array, Array, Array]:
         at = _window(plane, np.exp(line[0]), line[1])
         low, high = np.minimum(at[:, 1:], at[:, :-1]), np.maximum(at[:, 1:], at[:, :-1])
         near = np.all((low < 1.2) & (high > -0.2), axis=0)
-        long = np.flatnonzero(near & (np.hypot(*(high - low)) > STRETCH))
+        # no straight line is longer than 0.01 of the window
+        long = np.flatnonzero(near & (np.hypot(*(high - low)) > 0.01))
         if long.size == 0:
             break
         start = (line[:, long] + line[:, long + 1]) / 2

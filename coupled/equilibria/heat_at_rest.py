@@ -20,7 +20,6 @@ from ..kernel.units import FJ, NS, UW
 from ..thermal import Compact
 
 TERMS = (16, 32, 64, 128, 256)
-EXACT = 1e-12  # of f, what the last terms may amount to: the steady states themselves are no better
 
 
 class Linearised(NamedTuple):
@@ -155,7 +154,8 @@ def _series(model: Quadratic, largest: float) -> Array:
         powers = (1 + chebyshev.chebpts1(terms)) / 2 * largest
         states = np.array([model.steady_state(power) for power in powers])  # no warning: none need be reached
         f = np.asarray(chebyshev.chebfit(2 * powers / largest - 1, states / powers[:, None], terms - 1), dtype=float)
-        if np.abs(f[-3:]).max() < EXACT * np.abs(f).max():
+        # the last terms are below 1e-12 of f, the error of the steady states themselves
+        if np.abs(f[-3:]).max() < 1e-12 * np.abs(f).max():
             return f
     raise checks.InputError(
         f"model is quadratic and near the end of its steady states at {largest:g} W of heat; lower the power"

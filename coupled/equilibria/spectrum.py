@@ -23,7 +23,6 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from ..kernel.units import Rates
 from .balance import InternalRing, balance, dispersion, fixed_points
 
-REAL = 1e-6  # |Im|/|lambda| below which an eigenvalue is real: a double one splits by the root of round-off
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
 
 Complex = NDArray[np.complex128]
@@ -114,7 +113,8 @@ def eigenvalues(U: Array, D: Array, ring: InternalRing) -> Complex:
 def leading(values: Complex) -> tuple[Array, Array, NDArray[np.intp]]:
     """Return the largest real part of each row, its angular frequency (0 if real), and how many modes grow."""
     first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0]
-    omega = np.where(np.abs(first.imag) > REAL * np.abs(first), np.abs(first.imag), 0.0)
+    # real, too, with |Im|/|lambda| below 1e-6: a double eigenvalue splits by the root of round-off
+    omega = np.where(np.abs(first.imag) > 1e-6 * np.abs(first), np.abs(first.imag), 0.0)
     return first.real, omega, (values.real > 0).sum(axis=1)
 
 

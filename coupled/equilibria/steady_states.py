@@ -8,19 +8,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from thermofem.arrays import Array
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
-from ..circuit.fixed_points import circuit_steady_states
+from ..circuit.stationary import circuit_steady_states
 from ..contradictions import check_geometry
 from ..heaters import constant
-from ..kernel.units import internal_detuning, internal_pump
+from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import trusted
-from .balance import absorbable, fixed_points, internal_ring
-from .observables import observables, provenance
+from ..thermal import provenance, trusted
+from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
+from .spectrum import eigenvalues, kinds, leading
 
 
 def steady_states(
@@ -67,7 +68,7 @@ def steady_states(
         part; 0 if it is real) and regime:
         "stable", no growing mode; "saddle", an odd number of them, as on the middle branch of a bistability;
         "unstable focus", two or more and the fastest of them oscillates; "unstable node", it does not.
-        Of a circuit what `circuit.fixed_points` returns: over state, by ring and port.
+        Of a circuit what `circuit.stationary` returns: over state, by ring and port.
 
     Raises
     ------
@@ -107,3 +108,21 @@ def steady_states(
         attrs=provenance("steady states", ring, at.model)
         | {"input_power": float(power), "detuning": float(detuning), **warm.attributes, **doubts},
     )
+
+
+def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, powers: Array) -> dict[str, Any]:
+    """Energy, carriers, rise, port powers and stability at fixed points (U, D; internal units), by name, in SI."""
+    here = balance(U, at)
+    growth, omega, growing = leading(eigenvalues(U, D, at))
+    coupling, dropped = 2 * ring.bus_rate * NS, 2 * ring.drop_bus_rate * NS
+    return {
+        "energy": U * FJ,
+        "carriers": here.N * DENSITY,
+        "delta_T": here.dT,
+        "drop": dropped * U * UW,
+        "through": powers * np.abs(1 - coupling / (here.gamma - 1j * D)) ** 2,
+        "absorbed": here.P_abs * UW,
+        "growth_rate": growth / NS,
+        "frequency": omega / (2 * np.pi * NS),
+        "regime": kinds(omega, growing),
+    }

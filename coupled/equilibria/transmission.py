@@ -15,12 +15,13 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
-from ..circuit.low_power import low_power_transmission
+from ..circuit.stationary import low_power_transmission
 from ..contradictions import check_geometry
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import NEEDED, trusted
+from ..thermal import provenance, trusted
 from .balance import (
+    SPACING,
     InternalRing,
     absorbable,
     balance,
@@ -31,13 +32,11 @@ from .balance import (
     internal_ring,
     tilted,
 )
-from .observables import observables, provenance
+from .contours import equidistant, intervals_in_window, zeros
 from .spectrum import eigenvalues
-from .zeros import equidistant, intervals_in_window
+from .steady_states import observables
 
 POINTS = 600  # of a curve
-HALVINGS = 10  # of a step of a sweep, until it is clear which fixed point follows on which
-CLEAR = 0.3  # of the gap between two energies, on a logarithmic scale, and of a factor e: what a clear step may change
 
 
 def transmission(
@@ -85,38 +84,44 @@ def transmission(
     if isinstance(ring, Circuit):
         return low_power_transmission(ring, detuning, power)
     check_ring(ring)
-    checks.has("model", model, "dynamics", hint=NEEDED)
     doubts = check_geometry(ring, model)
     P, nu = _ends("power", power), _ends("detuning", detuning)
-    at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
-    if (P.size, nu.size) == (1, 2):
-        pump = internal_pump(ring, P[0])
-        end = farthest_s(2 * np.pi * NS * float(np.abs(nu).max()), pump, at)
-
-        def curve(s: Array) -> tuple[Array, ...]:
-            U, D, shift, _ = tilted(s, pump, at)
-            return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS)
-
-        U, D, powers, detunings = _in_range(curve, -end, end, 3, nu)
-    elif (P.size, nu.size) == (2, 1):
-        shift_0 = 2 * np.pi * NS * nu[0]
-        weak, strong = (internal_pump(ring, p) for p in P)
-        high = float(np.log(energy(0.0, strong, at)))
-        low = float(np.log(energy(farthest_s(abs(shift_0), weak, at), weak, at)))
-
-        def curve(s: Array) -> tuple[Array, ...]:
-            here = balance(np.exp(s), at)
-            D = here.shift - shift_0
-            powers = np.exp(s) * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2
-            return np.exp(s), D, powers, np.full(s.size, nu[0])
-
-        U, D, powers, detunings = _in_range(curve, low, high, 2, P)
-    else:
+    if {P.size, nu.size} != {1, 2}:
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
+    at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
+    U, D, powers, detunings = (_at_one_power if P.size == 1 else _at_one_detuning)(ring, at, P, nu)
     found = _dataset(ring, at, U, D, powers, detunings)
     _trust(model, at, found)
     found.attrs |= provenance("transmission", ring, at.model) | doubts
     return found
+
+
+def _at_one_power(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Array, ...]:
+    """U, D, power and detuning along the tilted resonance within a range of detunings."""
+    pump = internal_pump(ring, P[0])
+    end = farthest_s(2 * np.pi * NS * float(np.abs(nu).max()), pump, at)
+
+    def curve(s: Array) -> tuple[Array, ...]:
+        U, D, shift, _ = tilted(s, pump, at)
+        return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS)
+
+    return _in_range(curve, -end, end, 3, nu)
+
+
+def _at_one_detuning(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Array, ...]:
+    """U, D, power and detuning along the energies of one detuning within a range of powers."""
+    shift_0 = 2 * np.pi * NS * nu[0]
+    weak, strong = (internal_pump(ring, p) for p in P)
+    high = float(np.log(energy(0.0, strong, at)))
+    low = float(np.log(energy(farthest_s(abs(shift_0), weak, at), weak, at)))
+
+    def curve(s: Array) -> tuple[Array, ...]:
+        here = balance(np.exp(s), at)
+        D = here.shift - shift_0
+        powers = np.exp(s) * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2
+        return np.exp(s), D, powers, np.full(s.size, nu[0])
+
+    return _in_range(curve, low, high, 2, P)
 
 
 def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
@@ -140,24 +145,14 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     Raises
     ------
     InputError
-        a drop power that is not positive, a detuning or a model as for `steady_states`, shapes that do not go
-        together.
+        a drop power that is not positive, a detuning or a model as for `steady_states`.
     """
     check_ring(ring)
-    lights = checks.numbers("drop", drop), checks.numbers("detuning", detuning)
-    try:
-        wanted, nu = np.broadcast_arrays(*lights)
-    except ValueError:
-        shapes = f"{lights[0].shape} and {lights[1].shape}"
-        raise checks.InputError(f"drop and detuning have shapes {shapes}, which do not go together") from None
-    if not wanted.size:
-        rule = "one value or more is needed"
-        raise checks.InputError(f"drop and detuning of shape {wanted.shape} hold {wanted.size} values; {rule}")
-    if not (np.all(wanted > 0) and np.all(wanted < 1)):
-        raise checks.InputError(f"drop = {np.min(wanted):g} .. {np.max(wanted):g} W must lie between 0 and 1 W")
+    wanted, nu = np.broadcast_arrays(checks.numbers("drop", drop), checks.numbers("detuning", detuning))
+    for value in (wanted.min(), wanted.max()):
+        check_power(value, "drop")
     check_detuning(float(nu.ravel()[np.abs(nu).argmax()]))
-    if ring.drop_bus_rate == 0:
-        raise checks.InputError(f"ring {ring.name!r} has no drop port")
+    checks.positive("drop_rate of the ring", ring.drop_bus_rate, unit="1/s", hint="it has no drop port")
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / FJ
     rates, _ = internal_rates(ring)
     N = carriers(U, rates)[0]
@@ -179,8 +174,8 @@ def sweep(
 ) -> xr.Dataset:
     """Follow the fixed point of a laser whose power or detuning changes so slowly that the ring is always at rest.
 
-    From step to step the ring stays on its branch; wide steps are divided until it is clear which fixed point follows.
-    Where the branch ends in a fold the ring jumps to the nearest stable one. Where it turns unstable without ending (a
+    From step to step the ring stays on its branch, the piece of the curve of all fixed points between two folds. Where
+    the branch ends in a fold the ring jumps to the nearest stable point. Where it turns unstable without ending (a
     Hopf point) the ring begins to pulse; the fixed point is followed on, and regime says so: `simulate` with a waveform
     says what the ring does there.
 
@@ -212,21 +207,17 @@ def sweep(
     at = internal_ring(ring, model, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
-    pumps, shifts = internal_pump(ring, 1.0) * np.sqrt(P), 2 * np.pi * NS * nu
-    U, D, step = fixed_points(pumps, shifts, at)
-    every = np.split(np.array([U, D]), np.flatnonzero(np.diff(step)) + 1, axis=1)
-
-    def points_at(k: float) -> Array:
-        if k == int(k):
-            return every[int(k)]
-        power, shift = (float(np.interp(k, np.arange(steps), values)) for values in (P, shifts))
-        return np.array(fixed_points(internal_pump(ring, power), shift, at)[:2])
-
-    path, jumped, before = np.empty((2, steps)), np.zeros(steps, dtype=bool), None
+    U, D, step = fixed_points(internal_pump(ring, 1.0) * np.sqrt(P), 2 * np.pi * NS * nu, at)
+    stable = eigenvalues(U, D, at).real.max(axis=1) < 0
+    branch = _branches(ring, U, D, P, nu, at)
+    path, jumped = np.empty(steps, dtype=int), np.zeros(steps, dtype=bool)
     for k in range(steps):
-        points, here, jumped[k] = _followed(points_at, max(k - 1, 0), k, before, at, HALVINGS)
-        path[:, k], before = points[:, here], (points[0], here)
-    found = _dataset(ring, at, path[0], path[1], P, nu, "step")
+        here = np.flatnonzero(step == k)
+        same = here[branch[here] == branch[path[k - 1]]] if k else here[:0]
+        rest = here[stable[here]] if stable[here].any() else here
+        nearest = np.abs(np.log(U[rest] / U[path[k - 1]])).argmin() if k else 0
+        path[k], jumped[k] = (same[0], False) if same.size else (rest[nearest], k > 0)
+    found = _dataset(ring, at, U[path], D[path], P, nu, "step")
     _trust(model, at, found)
     found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
     found.attrs |= provenance("slow sweep", ring, at.model)
@@ -245,10 +236,6 @@ def _in_range(
     """The part of a curve within the range of its power or detuning (``row``), both ends of the range included."""
     grid = np.linspace(low, high, POINTS)
     parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
-    if not parts:  # between two neighbouring floats
-        name, unit = ("power", "W") if row == 2 else ("detuning", "Hz")
-        span = f"{ends[0]:.17g} to {ends[1]:.17g} {unit}"
-        raise checks.InputError(f"{name} = {span} is narrower than round-off; widen it")
     points = equidistant(lambda s: np.array(curve(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
     values = list(curve(np.concatenate(points)))
     stops = np.cumsum([s.size for s in points])
@@ -257,57 +244,29 @@ def _in_range(
     return tuple(values)
 
 
-def _followed(
-    points_at: Callable[[float], Array], first: float, last: float, before: tuple[Array, int] | None, at: InternalRing,
-    halvings: int,
-) -> tuple[Array, int, bool]:  # fmt: skip
-    """Fixed points (U, D) at the end of a step, which one follows on that of ``before``, and whether that is a jump."""
-    points = points_at(last)
-    if before is not None and _clear(points[0], before[0]):
-        return points, before[1], False
-    if before is None or not halvings:
-        return points, *_next(points[0], before, _stable(points[0], points[1], at))
-    middle = (first + last) / 2
-    between, here, jumped = _followed(points_at, first, middle, before, at, halvings - 1)
-    points, here, again = _followed(points_at, middle, last, (between[0], here), at, halvings - 1)
-    return points, here, jumped or again
+def _branches(ring: RingResonator, U: Array, D: Array, P: Array, nu: Array, at: InternalRing) -> NDArray[np.intp]:
+    """Number of the branch that each fixed point of a sweep lies on: of the piece between two folds of its curve.
 
-
-def _clear(U: Array, earlier: Array) -> bool:
-    """Whether as many fixed points have moved by much less than they lie apart: each then follows on its own."""
-    if U.size != earlier.size:
-        return False
-    gaps = np.diff(np.log(earlier))
-    return bool(np.abs(np.log(U / earlier)).max() <= CLEAR * min(1.0, gaps.min(initial=1.0)))
-
-
-def _next(U: Array, before: tuple[Array, int] | None, stable: NDArray[np.bool_]) -> tuple[int, bool]:
-    """Which of the fixed points of energies ``U`` follows on the one of the step before, and whether that is a jump.
-
-    In the order of their energies every second one is a saddle; they come and go in pairs with a neighbour.
+    The curve is the tilted resonance at one power, and the power against energy at one detuning.
     """
-    if before is None:
-        rest = [i for i in range(U.size) if stable[i]]
-        return (rest or [0])[0], False
-    earlier, at = before
-    alike = range(at % 2, U.size, 2) or range(U.size)
-    nearest = min(alike, key=lambda i: abs(np.log(U[i] / earlier[at])))
-    if U.size >= earlier.size:
-        return nearest, False
-    pair = int(np.argmin(np.diff(np.log(earlier))))  # the two that met and vanished
-    if at not in (pair, pair + 1):
-        return nearest, False
-    rest = [i for i in range(U.size) if stable[i]] or list(range(U.size))
-    return min(rest, key=lambda i: abs(np.log(U[i] / earlier[at]))), True
+    shift_0 = 2 * np.pi * NS * nu[0]
 
+    def by_detuning(s: Array, _: Any) -> Array:
+        return tilted(s, internal_pump(ring, P[0]), at)[3]
 
-def _stable(U: Array, D: Array, at: InternalRing) -> NDArray[np.bool_]:
-    """Whether each of the fixed points is stable."""
-    return np.asarray(eigenvalues(U, D, at).real.max(axis=1) < 0)
+    def by_power(s: Array, _: Any) -> Array:  # d log P/d log U
+        here = balance(np.exp(s), at)
+        D = here.shift - shift_0
+        turned = here.gamma * here.gamma_slope + D * here.shift_slope
+        return np.asarray(1 + 2 * np.exp(s) * turned / (here.gamma**2 + D**2))
+
+    place = np.arcsinh(D / balance(U, at).gamma) if np.ptp(nu) else np.log(U)
+    grid = np.linspace(place.min(), place.max(), int(np.ceil(np.ptp(place) / SPACING)) + 2)
+    return np.searchsorted(zeros(by_detuning if np.ptp(nu) else by_power, grid)[0], place)
 
 
 def _ends(name: str, value: float | ArrayLike) -> Array:
-    """One number, or an increasing pair."""
+    """A power or detuning that is one number or an increasing pair, as an array."""
     ends = checks.array(name, value)
     if ends.size > 2 or (ends.size == 2 and ends[0] >= ends[1]):
         raise checks.InputError(f"{name} = {value!r} must be one number or a pair (first, last) with first < last")

@@ -15,7 +15,7 @@ from thermofem.models.contract import bare
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..parameters import borghi2021 as borghi
 from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
-from ..parameters.laws import NewtonParameters, SecondOrderParameters
+from ..parameters.borghi2021 import NewtonParameters, SecondOrderParameters
 from ..resonator import RingResonator
 from .rings import place_of
 

@@ -19,7 +19,7 @@ from thermofem.data.files import check_target, write_whole
 from thermofem.models import ThermalModel
 from thermofem.version import __version__
 
-from ..arguments import check_detuning, check_power, one_laser
+from ..arguments import check_detuning, check_power
 from ..contradictions import check_geometry
 from ..heaters import heater_power
 from ..resonator import RingResonator
@@ -66,7 +66,6 @@ class Page:
         return f'<iframe srcdoc="{text}" style="width:100%;height:900px;border:0" title="ring"></iframe>'
 
 
-@one_laser
 def explore(
     ring: RingResonator,
     models: ThermalModel | Mapping[str, ThermalModel] | None = None,

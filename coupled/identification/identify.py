@@ -14,8 +14,7 @@ from thermofem.arrays import Array
 from thermofem.data import dataset, quantity
 from thermofem.models import HasModel, ThermalModel
 
-from ..arguments import check_ring
-from ..bar import bar
+from ..arguments import bar, check_ring
 from ..contradictions import check_geometry
 from ..resonator import RingResonator
 from ..thermal import Compact

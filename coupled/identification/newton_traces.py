@@ -10,8 +10,7 @@ import numpy as np
 
 from thermofem import checks
 
-from ..arguments import check_ring
-from ..bar import bar
+from ..arguments import bar, check_ring
 from ..resonator import RingResonator
 from ..unknowns import unknowns
 from .cycles import HARMONICS

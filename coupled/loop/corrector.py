@@ -10,6 +10,15 @@ Contract of a `Corrector`. Any object that satisfies it can be used: COMSOL behi
 3. ``corrector.accept()`` makes the end of the last call the accepted state. The first window starts at t = 0.
 4. The corrector itself includes all other heat sources, such as a heater or a neighbouring ring.
 5. ``corrector.summary()`` returns numbers that are stored with the result; this method is optional.
+
+A co-simulation begins cold, where another one ended, or on the settled cycle of a compact model, lifted to the mesh:
+the field is periodic under the power that the cycle absorbs. In the fields V of the FEM's own reduction the periodic
+state is closed form; the full-order FEM advances all of it for a period, and
+
+    x(0) <- x(T) + V diag(m/(1 - m)) V^T E [x(T) - x(0)],     m = exp(-rate T)
+
+takes the slow fields to where all later periods would. One period does for constant conductivities; with k(T) and
+c_p(T) the periods go on until the temperature repeats.
 """
 
 from __future__ import annotations
@@ -18,20 +27,31 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from thermofem import checks
 from thermofem.algebra.krylov import CYCLES, krylov
+from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import card
+from thermofem.data.variables import contents
 from thermofem.fem import HeatProblem
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
 from thermofem.solving import check_fields, mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
-from thermofem.waveforms import Waveform, to_json
+from thermofem.waveforms import Cubic, Waveform, to_json
 
+from ..heaters import check_unlit
+from ..states import State
+from ..thermal import Compact
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PERIODS = 6  # of the FEM alone, at most
+KINDS = "a run of coupled.cosimulate with the same heat, or a cycle of coupled.limit_cycle"
 SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
 
 
@@ -81,12 +101,9 @@ class FEM:
         names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs
         self.heaters = checks.mapping("heaters", heaters, hint="e.g. {'heater': th.Constant(5e-3)}")
         self.heated = checks.choice("heated", heated, names, default=names[0])
-        for name, wave in self.heaters.items():
+        for name in self.heaters:
             checks.choice("heaters", name, names)
-            if name == self.heated:
-                raise checks.InputError(f"heaters holds {name!r}, which the light heats; give the power of other parts")
-            if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
-                raise checks.InputError(f"heaters[{name!r}] = {wave!r} is no waveform; e.g. th.Constant(5e-3)")
+        check_unlit(self.heaters, self.heated)
         kept = checks.array("field_times", field_times, increasing=True, empty=True)
         if kept.size and self.problem is None:
             raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
@@ -113,13 +130,8 @@ class FEM:
     def __repr__(self) -> str:
         return f"FEM({self.problem!r})"
 
-    def _repr_html_(self) -> str:
-        """HTML for notebooks."""
-        return card("FEM", [("heat", repr(self.problem or "matrices from elsewhere"))])
-
     def advance(self, times: Array, power: Waveform) -> Array:
         """Rise of the heated part in K at ``times``."""
-        times = checks.array("times", times, increasing=True)
         outputs, *self._tried = self.field.advance(
             self.state, [power, *self.heaters.values()], times, keep=self._kept(times)
         )
@@ -153,14 +165,10 @@ class FEM:
     @property
     def tried(self) -> Array:
         """Field at the end of the last call of `advance`, K."""
-        if self._tried is None:
-            raise checks.InputError("tried comes after advance()")
         return self.field.temperature(self._tried[0])
 
     def accept(self) -> None:
         """Keep the end of the last call, and its fields."""
-        if self._tried is None:
-            raise checks.InputError("accept() comes after advance()")
         self.state, fields = self._tried
         self.fields.extend(fields)
 
@@ -221,3 +229,83 @@ def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...]) -> 
     B, C = linear.B[:, columns], linear.C[[row]]
     picked = StateSpace(linear.E, linear.A, B, C, inputs=inputs, outputs=(inputs[0],))
     return replace(system, linear=picked) if isinstance(system, NonlinearSystem) else picked
+
+
+class Beginning(NamedTuple):
+    """State of light, carriers and predictor, and the temperature of the corrector in K."""
+
+    state: State
+    rise: float
+
+
+def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beginning:
+    """Set the corrector to the initial state of a run and return that of light, carriers and predictor.
+
+    Raises
+    ------
+    InputError
+        neither a run nor a cycle, one of another mesh, or a corrector that is not the FEM.
+    """
+    if not isinstance(corrector, FEM):
+        if initial is not None:
+            raise checks.InputError(
+                "initial goes with a HeatProblem or matrices; another corrector keeps its own state"
+            )
+        return Beginning(State.cold(model.order), 0.0)
+    if initial is None:
+        if corrector.state.time > 0:
+            raise checks.InputError(
+                "heat is a coupled.FEM that made a run before and is still hot; give initial= that run, or a new one"
+            )
+        return Beginning(State.cold(model.order), 0.0)
+    if "pulses" in initial.attrs:
+        initial = contents("initial", initial, ("absorbed", "time"), what=KINDS)
+        light, states = np.split(State.end_of(initial).as_array(), [3])
+        corrector.begin(_lifted(initial, corrector))
+    else:
+        field = contents("initial", initial, ("final_rise",), what=KINDS)["final_rise"].values
+        light, states = checks.array("initial.attrs['final_light']", initial.attrs["final_light"]), None
+        own = corrector.problem.mesh if corrector.problem is not None else None
+        known = initial.attrs.get("mesh_hash")
+        if field.shape != (corrector.linear.order,) or (own is not None and known not in (None, mesh_hash(own))):
+            raise checks.InputError("initial was made on another mesh; go on with the same")
+        corrector.begin(field)
+    at = State(complex(light[0], light[1]), max(float(light[2]), 0.0), _predicted(corrector, model, states))
+    return Beginning(at, corrector.rise)
+
+
+def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:
+    """States of the predictor: the FEM's own reduction holds its fields, a model of the cycle's order the cycle's."""
+    if model is corrector.predictor:
+        if isinstance(model, Quadratic):
+            return np.asarray(corrector.state.z)
+        fields = (corrector.linear.C[0] @ corrector.basis.vectors) * corrector.state.z
+        return np.asarray(fields[np.argsort(1 / corrector.basis.rate)])
+    if states is not None and states.size == model.order:
+        return states
+    return np.zeros(model.order)
+
+
+def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
+    """The field at the start of a cycle, K."""
+    time = checks.array("initial['time']", cycle["time"].values, increasing=True)
+    power = np.array(checks.array("initial['absorbed']", cycle["absorbed"].values))
+    power[-1] = power[0]
+    wave = Cubic(time, power, CubicSpline(time, power, bc_type="periodic")(time, 1))
+    period, basis, C = float(time[-1]), fem.basis, fem.linear.C
+    if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
+        raise checks.InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")
+    E = fem.linear.E
+    z = cubic_pole_responses(basis.rate, *wave.pieces(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
+    field = basis.vectors @ z
+    shrink = np.exp(-basis.rate * period)
+    for _ in range(PERIODS):
+        fem.begin(field)
+        fem.advance(time.copy(), wave)
+        end = fem.tried
+        change = end - field
+        field = end + basis.vectors @ (shrink / (1 - shrink) * (basis.vectors.T @ (E @ change)))
+        # the temperature may still change by 0.3 of the largest discrepancy in a period
+        if np.abs(C @ change).max() <= 0.3 * fem.max_discrepancy:
+            break
+    return np.asarray(field)

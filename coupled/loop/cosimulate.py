@@ -13,7 +13,7 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
-from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
+from ..arguments import check_run, detuning_in_time, power_in_time
 from ..contradictions import check_geometry
 from ..heaters import heater_powers, power_of
 from ..inputs import attribute, spans
@@ -22,8 +22,7 @@ from ..runs.record import provenance, traces
 from ..runs.window import Window
 from ..states import State
 from ..thermal import Compact, compact
-from .beginning import beginning
-from .corrector import FEM, Corrector
+from .corrector import FEM, Corrector, beginning
 from .relaxation import Passed, Relaxation
 
 if TYPE_CHECKING:
@@ -33,11 +32,9 @@ if TYPE_CHECKING:
 NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
 """A predictor of zero temperature rise: the fed-back discrepancy is the whole temperature."""
 
-INTEGER = 63  # bits of the largest integer of a file, beside its sign
 FIRST = 0.25e-6  # s, about the first window
 
 
-@one_laser
 def cosimulate(
     ring: RingResonator,
     heat: HeatProblem | StateSpace | NonlinearSystem | Corrector,
@@ -115,8 +112,8 @@ def cosimulate(
     )
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     kept = checks.array("field_times", field_times, increasing=True, empty=True)
-    if kept.size and not 0 <= kept[0] <= kept[-1] <= duration:
-        raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")
+    for time in kept[[0, -1]] if kept.size else ():
+        checks.between("field_times", time, 0, duration, unit="s", hint="they lie between 0 and the duration")
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
         known = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
         known = {name: _over(name, power, duration) for name, power in known.items()}
@@ -219,7 +216,7 @@ def _dataset(
             "cpu_corrector": loop.seconds["corrector"],
         },
     )
-    data.attrs.update(_summary(loop.corrector, data.attrs))
+    data.attrs = dict(getattr(loop.corrector, "summary", dict)()) | data.attrs
     fem = loop.corrector
     if isinstance(fem, FEM):
         end = loop.state
@@ -230,23 +227,6 @@ def _dataset(
         kept = fields(fem.problem, np.array(fem.fields), fem.field_times)
         data = data.merge(kept, combine_attrs="override")
     return data
-
-
-def _summary(corrector: Any, taken: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The summary of a corrector, if it has one, checked so that a file can hold it beside what is taken."""
-    said = corrector.summary() if callable(getattr(corrector, "summary", None)) else {}
-    if not isinstance(said, Mapping):
-        raise checks.InputError(f"corrector.summary() returned a {type(said).__name__}; a dict of numbers is needed")
-    for name, value in said.items():
-        if not isinstance(name, str) or not isinstance(value, str | int | float | np.number):
-            raise checks.InputError(
-                f"corrector.summary() has {name!r}: a {type(value).__name__}; names with numbers or texts are needed"
-            )
-        if name in taken:
-            raise checks.InputError(f"corrector.summary() has {name!r}, which the result uses itself; rename it")
-        if isinstance(value, int) and value.bit_length() > INTEGER:
-            raise checks.InputError(f"corrector.summary() has {name!r} = {checks.shown(value)}; a file holds 64 bits")
-    return said
 
 
 def _joined(parts: list[Passed]) -> Window:

@@ -33,10 +33,7 @@ from .corrector import FEM, Corrector
 
 MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
-ROWS = 1000  # steps of the light beyond which a window does not double
-SHORTEST = 1e-12  # s; windows below are given up
 STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
-HOTTEST = 1e5  # K; no solid is
 CLOSE = 0.05  # of the largest discrepancy: what the FEM's temperature may still move, since later windows magnify it
 KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
@@ -111,7 +108,8 @@ class Relaxation:
                 self._accept(found)
                 return found
             self.abandoned += 1
-            if (stop - start) / 2 < SHORTEST:
+            # a window below 1 ps is given up
+            if (stop - start) / 2 < 1e-12:
                 raise checks.InputError(
                     f"the co-simulation stops at t = {start:g} s: {reason} even in a window of {stop - start:g} s; "
                     "does the corrector return the same result for the same power?"
@@ -125,16 +123,13 @@ class Relaxation:
         for passes in range(1, MOST_PASSES + 1):
             rise = self._asked(self.corrector.advance, run)
             self.passes += 1
-            if rise.shape != run.time.shape:
-                raise checks.InputError(
-                    f"corrector.advance returned an array of shape {rise.shape} for {run.time.size} times; "
-                    "one temperature each is needed"
-                )
-            self._check_start(start, passes, float(rise[0]))
+            checks.shape("the answer of corrector.advance", rise, run.time.shape)
+            self._check_start(start, float(rise[0]))
             change = float(np.abs(rise - run.delta_T).max())
             if not np.isfinite(change):
                 return None, f"the corrector's temperature is not finite (pass {passes})"
-            if np.abs(rise).max() > HOTTEST:
+            # no solid is at 1e5 K
+            if np.abs(rise).max() > 1e5:
                 return (
                     None,
                     f"the corrector says {rise[np.abs(rise).argmax()]:.3g} K (a rise in K is needed; pass {passes})",
@@ -193,22 +188,18 @@ class Relaxation:
     def _asked(self, way: Callable[[Array, Cubic], Any], run: Window) -> Array:
         """The corrector's temperature under the absorbed power of a run."""
         clock = process_time()
-        rise = _answer(way(run.time.copy(), Cubic(run.time, run.absorbed, run.absorbed_slope)))
+        rise = np.array(way(run.time.copy(), Cubic(run.time, run.absorbed, run.absorbed_slope)), dtype=float)
         self.seconds["corrector"] += process_time() - clock
         return rise
 
-    def _check_start(self, start: float, passes: int, first: float) -> None:
+    def _check_start(self, start: float, first: float) -> None:
         """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
         if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan has its own error
             return
-        if start == 0 and passes == 1 and not self.abandoned and not self.accepted:
-            raise checks.InputError(
-                f"corrector.advance returned {first:.6g} K at t = 0, before anything is heated; it must return the "
-                "rise over ambient temperature, which starts at 0 K"
-            )
         raise checks.InputError(
-            f"corrector.advance returned {first:.6g} K at t = {start:g} s, where the accepted window ended at "
-            f"{self.accepted:.6g} K; each call must start from the accepted state, which only accept() moves"
+            f"corrector.advance returned {first:.6g} K at t = {start:g} s, where the accepted state has "
+            f"{self.accepted:.6g} K",
+            "it must return the rise over ambient, 0 K at first, and start from what accept() kept last",
         )
 
     def _guess(self, start: float, stop: float) -> Any:
@@ -232,21 +223,9 @@ class Relaxation:
             self.rest -= float(self.background(np.array([self.time]))[0])
         if found.passes > MANY:
             self.index, self.level = 2 * self.index, self.level + 1
-        elif found.passes <= FEW and found.run.time.size <= ROWS and self.index % 2 == 0 and self.level > 0:
+        # of more than 1000 steps of the light a window does not double
+        elif found.passes <= FEW and found.run.time.size <= 1000 and self.index % 2 == 0 and self.level > 0:
             self.index, self.level = self.index // 2, self.level - 1
-
-
-def _answer(rise: Any) -> Array:
-    """A copy of the array that a corrector returned, which the corrector may reuse; checked."""
-    try:
-        if np.iscomplexobj(rise) or np.ma.is_masked(rise):
-            raise TypeError
-        return np.array(rise, dtype=float)
-    except (TypeError, ValueError):
-        raise checks.InputError(
-            f"corrector.advance returned a {type(rise).__name__} that is no array of real numbers; "
-            "one temperature in K is needed for each time"
-        ) from None
 
 
 def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:

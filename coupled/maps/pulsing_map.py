@@ -20,18 +20,16 @@ from thermofem.data import dataset
 from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
-from ..arguments import check_duration, one_laser
-from ..bar import bar
+from ..arguments import bar, check_duration
 from ..contradictions import check_geometry
 from ..cycles.orbit import check_carriers, has_carriers
-from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..kernels.interrupts import new_watch
 from ..resonator import RingResonator
 from ..runs.pulsing import Regime
 from ..runs.resting import Rest
 from ..states import State
-from ..thermal import Compact, long_enough
+from ..thermal import Compact, long_enough, provenance
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .trace_of_point import pulse, rests
@@ -58,7 +56,6 @@ class _Cell(NamedTuple):
     reason: str
 
 
-@one_laser
 def pulsing_map(
     ring: RingResonator,
     model: ThermalModel,

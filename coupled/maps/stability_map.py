@@ -16,12 +16,11 @@ from thermofem.models.contract import bare
 
 from ..contradictions import check_geometry
 from ..equilibria.balance import absorbable, internal_ring
-from ..equilibria.observables import provenance
 from ..equilibria.spectrum import survey
 from ..heaters import constant
 from ..kernel.units import NS, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import Compact, compact, warn_at_top
+from ..thermal import Compact, compact, provenance, warn_at_top
 from .grid import Grid, grid_of
 from .trust import trusted_map
 

@@ -7,22 +7,43 @@ and "FEM" are the origins that the tables give.
 
 from __future__ import annotations
 
-from ..carriers.shockley_read_hall import ShockleyReadHall
+from dataclasses import dataclass
+
+from ..carriers import ShockleyReadHall
 from ..resonator import RingResonator, published
-from .laws import NewtonParameters, SecondOrderParameters
 
-MASS = 1.09e-14  # kg, of the core; Table 1, Exp.
-SPECIFIC_HEAT = 700.0  # J/(kg K), c_p,ref; Table 1, from Johnson et al., Opt. Express 14, 817 (2006)
-HEAT_CAPACITY = MASS * SPECIFIC_HEAT  # J/K
 
-FCD_LUMPED = -9.5e-27  # m^3, sigma_FCD, for Newton's law; Table 1, Fit
-FCD_ELECTRONS = -1.07e-27  # m^3, sigma_FCD,1, for the second-order law; Table 1, Fit
-FCD_HOLES = -1.63e-22  # m^2.4, sigma_FCD,2; Table 1, Fit
-FCD_HOLES_EXPONENT = 0.8  # Appendix A, from Lin, Painter and Agrawal, Opt. Express 15, 16604 (2007)
+@dataclass(frozen=True)
+class NewtonParameters:
+    """dT/dt = -dT/tau_th + P_abs/(m c_p), Eq. 2.3."""
 
-BOLTZMANN = 8.61e-5  # eV/K, rounded as in Table 2, so that the lifetimes follow the print
-TEMPERATURE = 293.15  # K; Table 2, Exp.
+    tau_th: float
+    """s"""
+    heat_capacity: float
+    """m c_p in J/K"""
 
+
+@dataclass(frozen=True)
+class SecondOrderParameters:
+    """Eq. 3, dT'' + (1/tau_f + 1/tau_s) dT' + dT/(tau_f tau_s) = (kappa P_abs + eta P_abs')/(m c_p).
+
+    The print leaves m c_p out of the last term; with it eta is the dimensionless number that the text quotes.
+    """
+
+    kappa: float
+    """1/s"""
+    tau_f: float
+    """s"""
+    tau_s: float
+    """s"""
+    eta: float
+    """dimensionless"""
+    heat_capacity: float
+    """m c_p in J/K"""
+
+
+HEAT_CAPACITY = 1.09e-14 * 700.0
+"""J/K: the mass of the core (kg; Table 1, Exp.) times its c_p (Table 1, from Johnson et al., Opt. Express 14, 817)."""
 NEWTON_MAPS = NewtonParameters(tau_th=275e-9, heat_capacity=HEAT_CAPACITY)
 """Of the maps of Fig. 4(a, b) and of Model 1 in Fig. 4(c); goes with the lumped dispersion."""
 NEWTON_FIT = NewtonParameters(tau_th=417e-9, heat_capacity=6.9 * HEAT_CAPACITY)
@@ -52,7 +73,9 @@ def borghi2021() -> RingResonator:
         refractive_index=3.485,  # Table 1, from Johnson et al. 2006
         group_index=4.4,  # Table 1, Exp.
         thermo_optic=1.86e-4,  # 1/K, Table 1, from Johnson et al. 2006
-        fcd=((FCD_ELECTRONS, 1.0), (FCD_HOLES, FCD_HOLES_EXPONENT)),
+        # sigma_FCD,1 in m^3 and sigma_FCD,2 in m^2.4, for the second-order law, Table 1, Fit; the exponent .8 from Lin,
+        # Painter and Agrawal, Opt. Express 15, 16604 (2007)
+        fcd=((-1.07e-27, 1.0), (-1.63e-22, 0.8)),
         fca_cross_section=1.5e-21,  # m^2, Table 1, Fit
         tpa_coefficient=8.1e-12,  # m/W, Table 1, Fit
         tpa_confinement=0.992,  # Table 1, FEM
@@ -65,7 +88,7 @@ def borghi2021() -> RingResonator:
             intrinsic_density=5e17,  # 1/m^3, Table 2, from Sze and Ng, Physics of Semiconductor Devices (2006)
             hole_density=1e21,  # 1/m^3, Table 2, Exp.
             trap_energy=0.66 - 0.56,  # eV, E_t - E_i, Table 2, Fit; E_i from Aldaya et al., Optica 4, 1219 (2017)
-            thermal_energy=BOLTZMANN * TEMPERATURE,
+            thermal_energy=8.61e-5 * 293.15,  # eV; k_B rounded as in Table 2, so that the lifetimes follow the print
         ),
-        lumped_fcd=FCD_LUMPED,
+        lumped_fcd=-9.5e-27,  # m^3, sigma_FCD, for Newton's law, Table 1, Fit
     )

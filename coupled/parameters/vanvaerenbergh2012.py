@@ -11,19 +11,12 @@ from __future__ import annotations
 
 from scipy.constants import c
 
-from ..carriers.lifetime import ConstantLifetime
+from ..carriers import ConstantLifetime
 from ..resonator import RingResonator, published
-from .laws import NewtonParameters
+from .borghi2021 import NewtonParameters
 
-COUPLING = 205e-12  # s, tau_c: 1/tau_c is the amplitude decay rate into the bus, and that of the ring's own loss
-ABSORBED = 0.4  # of the ring's own linear loss, eta_lin
-
-HEATED_MASS = 2330 * 3.19e-18  # kg, rho V_th
-SPECIFIC_HEAT = 700.0  # J/(kg K)
-THERMAL_CONFINEMENT = 0.9355  # of the absorbed power, what heats that mass
-NEWTON = NewtonParameters(tau_th=65e-9, heat_capacity=HEATED_MASS * SPECIFIC_HEAT / THERMAL_CONFINEMENT)
-
-FCA_CONFINEMENT = 0.9996
+NEWTON = NewtonParameters(tau_th=65e-9, heat_capacity=2330 * 3.19e-18 * 700.0 / 0.9355)
+"""rho V_th (kg/m^3, m^3) times c_p (J/(kg K)), over the share of the absorbed power that heats that mass."""
 
 
 @published
@@ -38,22 +31,25 @@ def vanvaerenbergh2012() -> RingResonator:
     >>> round(vanvaerenbergh2012().loaded_q)
     62171
     """
+    tau_c = 205e-12  # s; 1/tau_c is the amplitude decay rate into the bus, and that of the ring's own loss
+    absorbed = 0.4  # of the ring's own linear loss, eta_lin
+    confinement = 0.9996  # of free carriers
     return RingResonator(
         name="Van Vaerenbergh 2012",
         frequency=c / 1552.770e-9,  # Hz
-        bus_rate=1 / COUPLING,
+        bus_rate=1 / tau_c,
         drop_rate=0.0,
-        loss_rate=ABSORBED / COUPLING,
-        scattering_rate=(1 - ABSORBED) / COUPLING,
+        loss_rate=absorbed / tau_c,
+        scattering_rate=(1 - absorbed) / tau_c,
         refractive_index=3.476,
         group_index=3.476,
         thermo_optic=1.86e-4,  # 1/K
         fcd=((-1.73e-27, 1.0),),  # m^3
-        fca_cross_section=1e-21 * FCA_CONFINEMENT / 2,  # m^2
+        fca_cross_section=1e-21 * confinement / 2,  # m^2
         tpa_coefficient=8.4e-12,  # m/W
         tpa_confinement=0.9964,
         tpa_volume=2.59e-18,  # m^3
-        fca_confinement=FCA_CONFINEMENT,
+        fca_confinement=confinement,
         fca_volume=2.36e-18,  # m^3
         carriers=ConstantLifetime(5.3e-9),  # s
     )

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ..circuit import Circuit
 
 RUN = "a Dataset of coupled.simulate"
-PANELS = 8  # of a figure; further lines share the last one
 PITCH, RADIUS, BUS = 2.4, 0.7, 0.85  # distance and size of the rings, and height of the buses above and below
 _SIDES = {"in": (-0.75, -BUS), "through": (0.75, -BUS), "add": (0.75, BUS), "drop": (-0.75, BUS)}
 _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "out 2": (0.4, 0.2)}
@@ -95,7 +94,8 @@ def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes
     """
     names = values[over].values
     if ax is None:
-        panels = min(names.size, PANELS)
+        # further lines share the eighth panel
+        panels = min(names.size, 8)
         size = (SIZE[0], 0.9 + 1.1 * panels)
         figure, column = plt.subplots(
             panels, 1, figsize=size, sharex=True, sharey=True, squeeze=False, layout="constrained"

@@ -10,12 +10,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
-from thermofem.checks import InputError, choice, mapping, numbers
+from thermofem.checks import InputError, choice, mapping
 from thermofem.data.variables import contents
 from thermofem.plot import INK, WIDTH
 from thermofem.plot import axes as new_axes
 
-from .axes import LIGHT, curves_over, dbm, joined, readable
+from .curves import LIGHT, curves_over, dbm, joined, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,7 +81,7 @@ def plot_map(
     else:
         factor, label = _SCALED[show]
         values = 1 / data["period"] if show == "frequency" and "period" in data else data[show]
-        low, high = (None, None) if limits is None else _ends(limits)
+        low, high = limits or (None, None)
         cells = ax.pcolormesh(x, y, values.values * factor, cmap="viridis", vmin=low, vmax=high, rasterized=True)
         if key:
             ax.figure.colorbar(cells, ax=ax, label=label)
@@ -142,14 +142,6 @@ def plot_maps(
     return axes
 
 
-def _ends(limits: Any) -> tuple[float, float]:
-    """Both ends of a colour scale."""
-    values = numbers("limits", limits)
-    if values.shape != (2,) or not values[0] <= values[1]:
-        raise InputError(f"limits = {limits!r} must be (lowest, highest)")
-    return float(values[0]), float(values[1])
-
-
 def _hopf_of(name: str, given: Any) -> list[Any]:
     dims = ("power", "detuning", "leading", "lyapunov")
     return curves_over(name, given, dims, what="a Dataset of coupled.hopf_curves")
@@ -165,10 +157,7 @@ def _check(name: str, data: Any, what: str) -> Any:
     dims = [str(one) for one in data["regime"].dims]
     if len(dims) != 2 or not set(dims) <= {*data.variables}:
         raise InputError(f"{name}['regime'] is over ({', '.join(dims)}), not over two axes; this function takes {what}")
-    data = contents(name, data, ("regime", *dims), what=what)
-    for one in dims:
-        numbers(f"{name}[{one!r}]", data[one].values)
-    return data
+    return contents(name, data, ("regime", *dims), what=what)
 
 
 def _maps_key(

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.checks import InputError, choice, numbers
+from thermofem.checks import InputError, choice
 from thermofem.data.variables import contents
 from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes
 
-from .axes import HEAT, LIGHT, readable
+from .curves import HEAT, LIGHT, readable
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
 RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate"
-SWITCHING = 1e-3  # of a run: its first share, in which the light that was switched on rings
 OTHERS = (GREEN, PURPLE, ORANGE)
 OUTPUTS = {
     "drop": "drop power",
@@ -75,7 +74,8 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def _switched(t: np.ndarray) -> int:
     """Number of the first sample after the light has been switched on; 0 of samples that are too coarse to show it."""
     with np.errstate(invalid="ignore"):  # times of any origin: at least two samples are left
-        return max(int(np.argmax(t - t[0] >= SWITCHING * (t[-1] - t[0]))) - 1, 0)
+        # in the first thousandth of a run the light that was switched on rings
+        return max(int(np.argmax(t - t[0] >= 1e-3 * (t[-1] - t[0]))) - 1, 0)
 
 
 def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
@@ -123,9 +123,6 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     """
     choice("show", show, OUTPUTS)
     run = contents("run", run, ("time", "drop", show), what=RUN)
-    for name in ("detuning", "input_power", show):
-        if name in run:
-            numbers(f"run[{name!r}]", run[name].values)
     swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]
     if not swept:
         raise InputError("run has a constant laser; a sweep needs a detuning or power that varies")

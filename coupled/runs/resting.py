@@ -15,10 +15,9 @@ from thermofem import Foster, OutputMap, Quadratic
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
-from ..carriers.lifetime import ConstantLifetime
-from ..carriers.shockley_read_hall import ShockleyReadHall
+from ..carriers import ConstantLifetime, ShockleyReadHall
 from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
-from ..equilibria.observables import observables
+from ..equilibria.steady_states import observables
 from ..heaters import turned_by
 from ..inputs import varies_in
 from ..kernel.tableaus import Method

@@ -21,8 +21,7 @@ from rich.table import Table
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign.store import Store
-from thermofem.campaign.workers import processes
+from thermofem.campaign.stored_tasks import Store, processes
 from thermofem.data import files
 
 from .page import page

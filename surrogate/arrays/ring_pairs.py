@@ -74,9 +74,6 @@ def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) 
     kinds: list[Kind] = []
     of = np.empty(count, dtype=np.intp)
     for i, one in enumerate(every):
-        checks.has(
-            "heat", one, "discretization", "geometry", hint="th.assemble(geometry) makes the HeatProblem of one ring"
-        )
         known = next((k for k, kind in enumerate(kinds) if _equal(kind.heat, one)), None)
         if known is None:
             part = one.heated[0] if heated is None else checks.choice("heated", heated, one.heated)

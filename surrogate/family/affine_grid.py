@@ -19,7 +19,7 @@ import numpy as np
 from thermofem import Boundary, CrossSection
 from thermofem.arrays import Array, NDArray
 from thermofem.fem.mesh_division import PERFECT
-from thermofem.geometry.parameters import Change
+from thermofem.geometry.parameter_paths import Change
 from thermofem.geometry.regions import outlines
 from thermofem.materials.material_library import VOID, Material
 from thermofem.materials.property_laws import PowerLaw

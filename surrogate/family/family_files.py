@@ -119,11 +119,10 @@ def read(path: str | Path) -> dict[str, Any]:
     try:
         arrays = unpack(raw)
         content = from_json(str(arrays.pop("header")))
-        if content["format"] != FORMAT:
-            raise ValueError("another format")
+        known = content["format"] == FORMAT
     except (KeyError, TypeError, ValueError) as error:
         raise checks.InputError(f"{path} is not a family that thermofem wrote ({error}); is it complete?") from None
-    if content.get("schema") != SCHEMA:
+    if not known or content.get("schema") != SCHEMA:
         raise checks.InputError(f"{path} has schema {checks.shown(content.get('schema'))}; this version reads {SCHEMA}")
     try:
         _check_arrays(arrays)

@@ -225,7 +225,5 @@ def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> flo
 
 
 def _nonlinear_system(heat: HeatProblem, channel: tuple[str, str]) -> NonlinearSystem:
-    found = heat.model(*channel)
-    if not isinstance(found, NonlinearSystem):
-        raise TypeError("the geometry has laws of temperature")
+    found: Any = heat.model(*channel)  # nonlinear, as the geometry has laws of temperature
     return found

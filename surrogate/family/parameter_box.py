@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy as np
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem.mesh_division import PERFECT
-from thermofem.geometry.parameters import Change, change
+from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_library import Material
 
 MOST = 2**24  # members at once: half a gigabyte of parameters
@@ -150,10 +149,6 @@ class Box:
 
     def rows(self, values: Mapping[str, ArrayLike]) -> Array:
         """Parameters of many members, broadcast against each other, shape (..., p)."""
-        if not isinstance(values, Mapping):
-            raise checks.InputError(
-                f"values is a {type(values).__name__}; a mapping from parameter to number is needed"
-            )
         if (row := self._plain(values)) is not None:
             return row
         for name in values:
@@ -170,13 +165,6 @@ class Box:
                     f"{name} = {out.flat[0]:g} {unit} is outside the box of this family, {low:g} .. {high:g} {unit}; "
                     "train one with a wider range"
                 )
-        shapes = ", ".join(f"{name} {c.shape}" for name, c in zip(self.names, columns, strict=True))
-        try:
-            count = math.prod(np.broadcast_shapes(*(c.shape for c in columns)))
-        except ValueError:
-            raise checks.InputError(f"the shapes do not fit together: {shapes}") from None
-        if count > MOST:
-            raise checks.InputError(f"the shapes make {count} members, at most {MOST} at once: {shapes}")
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def _plain(self, values: Mapping[str, Any]) -> Array | None:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from thermofem import CrossSection, StateSpace, assemble, checks
 from thermofem.arrays import Array
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
 from thermofem.data.netcdf import DAMAGE
 from thermofem.fem import HeatProblem

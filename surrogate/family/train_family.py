@@ -24,7 +24,7 @@ from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import read_toml
 
 from .affine_grid import NotAffineError
@@ -260,10 +260,8 @@ def train_family(
     members: AffineMembers | MovedMeshMembers
     if found.terms is not None:
         members = found.terms
-    elif isinstance(engine, MovedMeshEngine):
-        members = MovedMeshMembers(engine, found.basis, ports)
-    else:
-        raise TypeError("the engine on lines gives terms")
+    else:  # of the engine on moved meshes: that on lines gives terms
+        members = MovedMeshMembers(engine, found.basis, ports)  # type: ignore[arg-type]
     small = [members.member(row) for row in rows]
     modes = [one.modes() for one in small]
     errors = [difference(one, truth, heated) for one, truth in zip(modes, fine_members, strict=True)]

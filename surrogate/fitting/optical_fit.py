@@ -79,7 +79,6 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int, readout: MZ
 
     Only phi_T of ``readout`` is taken as known; its bias and visibility are the first of several starts.
     """
-    checks.instance("readout", readout, MZI, hint="thermofem.MZI(shift=...) makes one")
     if not readout.shift:
         raise checks.InputError("readout: shift = 0 rad/K turns no phase; give phi_T = 2 pi L (dn/dT)/wavelength")
     each: Any = data if isinstance(data, list | tuple) else [data]

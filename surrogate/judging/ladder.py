@@ -17,13 +17,12 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
-from ..fitting.sindy import fit_sindy
-from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..fitting.sindy import fit_sindy, fit_sindy_quadratic
 from ..reduction.balanced import balanced_truncation
 from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
 from .temperature_swing import swings
-from .validate import PERIODS, check_models, error_curve, widest_range
+from .validate import PERIODS, error_curve, widest_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,7 +93,6 @@ def train_all(
         a power or duty out of range, a name that is none of the models', of no heated part, of nothing that is read.
     """
     power = checks.power("power", power)
-    checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
     part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = part if read is None else checks.text("read", read)
     system = heat.channels(part, read)
@@ -238,8 +236,6 @@ def judge(
     """
     import xarray as xr
 
-    check_models(models)
-    check_models({"reference": reference})
     periods = checks.array("periods", periods, increasing=True)
     watts = checks.array("powers", powers, increasing=True)
     checks.unique("powers", watts.tolist())

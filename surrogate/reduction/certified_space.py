@@ -119,7 +119,7 @@ def certify(
     omega = _frequencies(projection, shifts, per_decade or PER_DECADE)
     grams = [symmetric_part(projection.remainder.T @ w) for w in solutions]
     phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
-    return _over(projection, omega, _bounds(omega, shifts, grams, phi, pairs), pairs)
+    return _certificate(projection, omega, _bounds(omega, shifts, grams, phi, pairs), pairs)
 
 
 def certify_defect(
@@ -148,7 +148,7 @@ def certify_defect(
     bounds = _bounds(omega, shifts, [symmetric_part(parts.T @ w) for w in solutions], residual, pairs)
     a, b = pairs
     leak = residual.transpose(0, 2, 1) @ (parts.T @ projection.modes @ Y)
-    return _over(projection, omega, bounds + np.abs(leak[:, a, b]), pairs)
+    return _certificate(projection, omega, bounds + np.abs(leak[:, a, b]), pairs)
 
 
 def leftover(projection: Projection, defect: Array, weight: Array) -> float:
@@ -194,7 +194,7 @@ def _bounds(
     return np.array([np.sqrt(one * other) / _rho(omega, s, t)[:, None] for (s, one), (t, other) in both])
 
 
-def _over(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indices, Indices]) -> Certificate:
+def _certificate(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indices, Indices]) -> Certificate:
     """The certificate from several bounds at ``omega``, shape (bounds, m, c); the smallest holds."""
     k, (a, b), static = projection.rate.size, pairs, projection.gain.diagonal()
     each = np.maximum(bounds, ROUND_OFF * np.sqrt(static[a] * static[b]))
@@ -221,7 +221,7 @@ def _phi(projection: Projection, shift: float, solution: Array, gram: Array, ome
     return np.asarray(projection.shares - G @ Y, dtype=complex)
 
 
-EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
+EXHAUSTED = 1e-13  # share of a port outside the basis that is round-off
 
 
 class CertifiedSpace(krylov.KrylovSpace):

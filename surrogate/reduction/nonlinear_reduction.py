@@ -44,7 +44,7 @@ from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import other_geometry, responses_of, warn_of
 from thermofem.models import HasModel, NonlinearSystem, check_single
-from thermofem.transient.curvature import cubic_form, operators
+from thermofem.transient.nonlinear import cubic_form, operators
 
 from .reduce import Reduction, reduce
 
@@ -79,7 +79,6 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
     """
     power = check_nonlinear(system, power)
     if linear is not None:
-        checks.instance("linear", linear, Foster, hint="a linear network is needed, such as surrogate.reduce gives")
         own, given = system.thermal_resistance, linear.thermal_resistance
         if abs(given - own) > 0.1 * own:  # 0.1: relative difference of thermal resistances that is told
             log.warning("linear has R_th = %.4g K/W and the system %.4g: is it of another ring?", given, own)
@@ -107,7 +106,6 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     InputError
         data without power or rise.
     """
-    checks.instance("linear", linear, Foster, hint="a linear network is needed, such as surrogate.reduce gives")
     responses = responses_of(data)
     warn_of(responses)
     datasets: Any = data if isinstance(data, list | tuple) else [data]

@@ -309,8 +309,6 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     """
     import xarray as xr
 
-    checks.has("heat", heat, "unknowns", "discretization", hint="th.assemble(geometry) makes the HeatProblem")
-    checks.has("reduction", reduction, "model", "basis", hint="surrogate.reduce gives one")
     model = reduction.model
     if not isinstance(model, Foster):
         raise checks.InputError("pole_derivatives needs one input and one output; reduce heat.channels(heated, read)")

@@ -403,7 +403,7 @@ CASES = [
     (lambda: coupled.Circuit([3], (), [coupled.LaserPort("in", "ring 1.in")]), "is a int; it must be a RingResonator"),
     (lambda: coupled.Waveguide("ring 1.through", "ring 2.in", loss=-1), "loss = -1 must lie.*no gain"),
     (lambda: coupled.Waveguide("a", "b", delay=1), "did you mean 1e-9"),
-    (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "ring 1 has no second coupler"),
+    (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "drop_rate of ring 1 = 0 must be positive"),
     (lambda: light_of(looped()), "light piles up"),
     (lambda: run(coupled.circuit.delay_loop(RING, 1e-15)), "shorter than 0.01 of the rings' photon lifetime"),
     (lambda: run(coupled.bus(RING), inputs={"inn": 1e-3}), "did you mean 'in'"),
@@ -441,9 +441,9 @@ def test_what_cannot_be_is_refused_in_one_line(call, words):
 
 
 def test_a_circuit_file_is_the_circuit_that_it_documents(tmp_path):
-    from coupled.circuit import file
+    from coupled.circuit import circuit as module
 
-    text = (file.__doc__ or "").split("```toml\n")[1].split("```")[0]
+    text = (module.__doc__ or "").split("```toml\n")[1].split("```")[0]
     (tmp_path / "circuit.toml").write_text(text)
     circuit = coupled.Circuit.from_toml(tmp_path / "circuit.toml")
     assert circuit.names == ("a", "b")
@@ -477,14 +477,8 @@ def test_heat_goes_to_the_rings_that_the_model_names(caplog):
     assert "thermal is of core, heater: they stand for the rings a, b, in this order" in caplog.text
 
 
-def test_a_circuit_cannot_be_changed_behind_its_checks():
+def test_a_circuit_can_be_copied_and_sent_to_a_worker():
     circuit = coupled.bus([RING])
-    rings = circuit.rings
-    for change in (lambda: rings.update(b=RING), lambda: rings.__setitem__("b", 1), rings.clear):
-        with pytest.raises(TypeError, match="rings of a Circuit cannot be changed"):
-            change()
     again = pickle.loads(pickle.dumps(circuit))
     assert again == circuit == copy.deepcopy(circuit)
     assert list(again.rings) == ["ring 1"]
-    with pytest.raises(ValueError, match="read-only"):
-        coupled.State.cold(2).thermal[0] = 1.0

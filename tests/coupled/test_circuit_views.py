@@ -60,5 +60,5 @@ def test_every_line_has_its_panel(run, plot, count):
 
 
 def test_traces_of_one_ring_refuse_a_circuit(run):
-    with pytest.raises(th.InputError, match=r"without 'drop'.*coupled\.plot\.circuit draws those of"):
+    with pytest.raises(th.InputError, match=r"run has no 'drop'.*coupled\.plot\.circuit draws those of"):
         plot_traces(run)

@@ -359,8 +359,8 @@ class Impatient(Exact):
 @pytest.mark.parametrize(
     ("broken", "message"),
     [
-        (Absolute, r"returned 293.15 K at t = 0, before anything is heated; .* rise over ambient"),
-        (Impatient, r"each call must start from the accepted state, which only accept\(\) moves"),
+        (Absolute, r"returned 293.15 K at t = 0 s, where the accepted state has 0 K; .* rise over ambient"),
+        (Impatient, r"start from what accept\(\) kept last"),
     ],
 )
 def test_a_corrector_that_breaks_its_contract_is_named(broken, message):

@@ -197,7 +197,7 @@ def test_what_is_refused_says_what_to_do():
         ({"heaters": {"heater": -1e-3}}, "heater.* = -0.001 must"),
         ({"heaters": {"heater": "hot"}}, "heater"),
         ({"heaters": [1e-3]}, "heaters = .* must be a mapping"),
-        ({"heated": "heater"}, "does not read 'heater'"),
+        ({"heated": "heater"}, "read = 'heater' is unknown"),
     ):
         with pytest.raises(th.InputError, match=words):
             coupled.simulate(RING, model, **arguments, **run)

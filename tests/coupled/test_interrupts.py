@@ -110,31 +110,3 @@ def test_an_interrupted_map_leaves_nothing_queued():
     with pytest.raises(KeyboardInterrupt):
         coupled.pulsing_map(coupled.borghi2021(), MODEL, [1e-3, 2e-3, 3e-3], [0.0], duration=1e-6, executor=executor)
     assert [job.cancelled() for job in executor.jobs] == [False, True, True]
-
-
-@pytest.mark.parametrize("command", [False, True])
-def test_ctrl_c_while_llvm_calls_back_is_no_lost_code(command, tmp_path):
-    """Python drops what is raised in a callback; Numba then missed the machine code, "no compiled object yet"."""
-    (tmp_path / "kernel.py").write_text("def double(x):\n    return 2 * x\n")
-    code = """
-import os, signal, sys
-import numba.core.codegen as codegen
-codegen.CPUCodeLibrary._object_compiled_hook = classmethod(lambda *_: os.kill(os.getpid(), signal.SIGINT))
-from coupled.kernels.compiling import compiled
-from thermofem.__main__ import _interrupt
-import kernel
-if len(sys.argv) > 1:
-    signal.signal(signal.SIGINT, _interrupt)
-try:
-    compiled(kernel.double)(1.0)
-except KeyboardInterrupt:
-    print("interrupted")
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code, *["command"] * command], cwd=tmp_path, capture_output=True, text=True, check=False,
-        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)},
-    )  # fmt: skip
-    if command:
-        assert (done.returncode, done.stderr) == (130, "thermofem: interrupted\n")
-    else:
-        assert (done.returncode, done.stdout) == (0, "interrupted\n")

@@ -98,7 +98,7 @@ HOT = {
 @pytest.mark.parametrize("name", HOT)
 def test_a_resistance_that_no_ring_has_is_refused(name):
     """R = 1e30 K/W: the detuning turned so fast that a run of .1 ns took millions of steps."""
-    with pytest.raises(th.InputError, match=r"above 1e\+09; resistances are in K/W"):
+    with pytest.raises(th.InputError, match=r"between -1e\+09 and 1e\+09.*resistances are in K/W"):
         coupled.simulate(RING, HOT[name], power=1e-4, duration=1e-10)
 
 
@@ -153,7 +153,7 @@ def _two(B):
 def test_heat_of_another_part_is_bounded_as_well():
     """A heater of 1e20 K/W kept a run of .1 ns busy for minutes; circuits took any array."""
     heated, array = _two([[1e10, 1e26], [1e26, 1e10]]), _two([[1e36, 0], [0, 1e36]])
-    with pytest.raises(th.InputError, match=r"above 1e\+09"):
+    with pytest.raises(th.InputError, match=r"between -1e\+09 and 1e\+09"):
         coupled.simulate(RING, heated, power=1e-4, duration=1e-10, heaters={"b": 1e-3})
-    with pytest.raises(th.InputError, match=r"above 1e\+09"):
+    with pytest.raises(th.InputError, match=r"between -1e\+09 and 1e\+09"):
         coupled.simulate(coupled.bus([RING, RING]), array, power={"in": 1e-4}, duration=1e-10)

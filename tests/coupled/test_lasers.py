@@ -125,7 +125,7 @@ def test_a_weak_probe_sees_the_carriers_of_a_pump_pulse_decay():
     run = coupled.simulate(ring, NETWORK, power=pump, lasers=probe, duration=120e-9, times=times, rtol=1e-9)
     N, t = run["carriers"].values[1:], times[1:]
     assert N[0] > 3e22
-    decay = coupled.carriers.pump_probe.carrier_decay(ring.carriers, N[0], t - t[0])
+    decay = coupled.carriers.carrier_decay(ring.carriers, N[0], t - t[0])
     assert abs(N / decay["carriers"].values - 1).max() < 1e-4
     index = ring.thermo_optic * run["delta_T"].values[1:] + sum(c * N**p for c, p in ring.fcd)
     D = -after.index_rate * index - 2 * np.pi * 20e9

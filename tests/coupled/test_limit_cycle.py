@@ -115,12 +115,6 @@ def test_pulses_far_apart_and_close_together_are_one_cycle():
     assert cycle.attrs["period"] == pytest.approx(2.661059e-6, rel=3e-6)
 
 
-def test_more_rows_than_fit_into_memory_are_refused():
-    times = np.broadcast_to(0.0, 10_000_001)
-    with pytest.raises(th.InputError, match="times holds 10000001 values; at most 10000000 rows"):
-        coupled.simulate(RING, FIVE, power=POWER, duration=1e-6, times=times)
-
-
 def test_a_long_run_ends_on_the_cycle():
     cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
     found = coupled.pulsing(coupled.simulate(RING, FIVE, power=POWER, duration=150e-6, rtol=1e-8))

@@ -108,8 +108,8 @@ def test_a_linear_ring_passes_slow_noise_on():
     [
         (lambda: coupled.noise.intensity_noise(1e-3, -80, bandwidth=1e9, duration=1e-6), "negative"),
         (lambda: coupled.noise.intensity_noise(1e-3, 130, bandwidth=1e9, duration=1e-6), "rin"),
-        (lambda: coupled.noise.frequency_noise(1e2, bandwidth=1e3, duration=1e-6), "no period"),
-        (lambda: coupled.noise.frequency_noise(1e9, bandwidth=1e9, duration=1e-6), "less than 5 times the linewidth"),
+        (lambda: coupled.noise.frequency_noise(1e2, bandwidth=1e3, duration=1e-6), "one period"),
+        (lambda: coupled.noise.frequency_noise(1e9, bandwidth=1e9, duration=1e-6), "below 5 times the linewidth"),
         (lambda: coupled.noise.frequency_noise(1e5, bandwidth=1e12, duration=1e-3), "samples"),
         (lambda: coupled.noise.frequency_noise(1e5, bandwidth=1e9, duration=1e-6, seed=-1), "seed"),
     ],

@@ -9,8 +9,7 @@ from rings import RING, SECOND_ORDER
 
 import coupled
 import thermofem as th
-from coupled.plot import plot_identification, plot_map, plot_maps, plot_newton_traces, plot_transmission
-from coupled.plot.cycles import plot_branch
+from coupled.plot import plot_branch, plot_identification, plot_map, plot_newton_traces, plot_transmission
 
 POWERS, DETUNINGS = np.geomspace(2e-3, 8e-3, 3), np.linspace(-30e9, 40e9, 4)
 
@@ -79,23 +78,11 @@ def test_every_sweep_is_drawn(curve):
     assert len(ax.lines) == len(plot_transmission(curve).lines) + 6
 
 
-@pytest.mark.parametrize("wrong", [3, "abc", [3], [None], {"a": 3}])
-def test_what_is_no_curve_is_refused(stability, curve, wrong):
-    for draw in (
-        lambda: plot_map(stability, hopf=wrong),
-        lambda: plot_map(stability, folds=wrong),
-        lambda: plot_maps({"a": stability}, hopf=wrong),
-        lambda: plot_maps({"a": stability}, folds={"a": wrong}),
-        lambda: plot_map(stability, "growth_rate", limits=wrong),
-        lambda: plot_transmission(curve, sweeps=wrong),
-        lambda: plot_branch(branch(), fixed=wrong),
-    ):
-        with pytest.raises(th.InputError):
-            draw()
-
-
-def branch():
-    return coupled.continue_cycle(RING, SECOND_ORDER, "detuning", (0.0, 1e9), power=6e-3, points=2)
+def test_a_branch_is_drawn_over_its_parameter(curve):
+    branch = coupled.continue_cycle(RING, SECOND_ORDER, "detuning", (0.0, 1e9), power=6e-3, points=2)
+    ax = plot_branch(branch, fixed=curve)
+    assert ax.get_xlabel() == "detuning (GHz)"
+    np.testing.assert_allclose(ax.lines[2].get_ydata(), 1e3 * branch["drop_high"].values)  # after the fixed points
 
 
 def test_curves_of_power_and_detuning_have_no_place_on_other_axes(hopf):

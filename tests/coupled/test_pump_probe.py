@@ -22,7 +22,7 @@ TIMES = np.linspace(0, 400e-9, 81)
 @pytest.mark.parametrize("carriers", [PRINTED, SWAPPED, replace(PRINTED, trap_energy=-0.3)])
 @pytest.mark.parametrize("initial", [1e19, 1e21, 3e23, 1e25])
 def test_decay_is_what_an_integrator_finds(carriers, initial):
-    found = coupled.carriers.pump_probe.carrier_decay(carriers, initial, TIMES)
+    found = coupled.carriers.carrier_decay(carriers, initial, TIMES)
     slope = lambda t, y: -1 / carriers.lifetime(np.exp(y) * initial)  # noqa: E731 - of ln N
     other = solve_ivp(slope, (0, TIMES[-1]), [0.0], t_eval=TIMES, rtol=1e-11, atol=1e-13, method="DOP853")
     assert np.log(found["carriers"].values / initial) == pytest.approx(other.y[0], rel=1e-9, abs=1e-11)
@@ -32,7 +32,7 @@ def test_decay_is_what_an_integrator_finds(carriers, initial):
 def test_the_published_lifetimes():
     """Appendix B as printed: 35.6 to 57.5 ns; with tau_n and tau_p exchanged 23.4 to 57.5 ns (the text: 25 to 60)."""
     for carriers, least in ((PRINTED, 35.59162e-9), (SWAPPED, 23.41999e-9)):
-        found = coupled.carriers.pump_probe.carrier_decay(carriers, 1e28, [0.0, 3e-6])
+        found = coupled.carriers.carrier_decay(carriers, 1e28, [0.0, 3e-6])
         # the ends are reached within p0/N0 = 1e-7; the rest is half a unit of the last digit given
         assert found["lifetime"].values == pytest.approx([57.5e-9, least], rel=3.2e-7, abs=0)
 
@@ -40,9 +40,9 @@ def test_the_published_lifetimes():
 def test_fit_gives_back_what_a_noisy_decay_determines():
     rng, found = np.random.default_rng(5), []
     for _ in range(40):
-        data = coupled.carriers.pump_probe.carrier_decay(SWAPPED, 2e23, TIMES)
+        data = coupled.carriers.carrier_decay(SWAPPED, 2e23, TIMES)
         data["carriers"] = data["carriers"] * np.exp(0.02 * rng.normal(size=TIMES.size))
-        found.append(coupled.carriers.pump_probe.fit_carrier_decay(data, PRINTED))
+        found.append(coupled.carriers.fit_carrier_decay(data, PRINTED))
     true = {
         "tau0": SWAPPED.tau0, "tau_high": 57.5e-9, "tau_n": 22.5e-9, "tau_p": 35e-9, "initial_density": 2e23,
     }  # fmt: skip
@@ -56,13 +56,13 @@ def test_fit_gives_back_what_a_noisy_decay_determines():
 
 def test_standard_errors_are_those_of_a_fit_of_the_lifetimes_themselves():
     """(tau_n, tau_p) fitted by SciPy with its own numerical derivatives; here they follow from (tau0, tau_high)."""
-    data = coupled.carriers.pump_probe.carrier_decay(SWAPPED, 2e23, TIMES)
+    data = coupled.carriers.carrier_decay(SWAPPED, 2e23, TIMES)
     data["carriers"] = data["carriers"] * np.exp(0.02 * np.random.default_rng(7).normal(size=TIMES.size))
-    fit = coupled.carriers.pump_probe.fit_carrier_decay(data, PRINTED)
+    fit = coupled.carriers.fit_carrier_decay(data, PRINTED)
 
     def log_density(times, scale, tau_n, tau_p):
         carriers = replace(PRINTED, tau_n=tau_n * 1e-9, tau_p=tau_p * 1e-9)
-        return np.log(coupled.carriers.pump_probe.carrier_decay(carriers, scale * 1e23, times)["carriers"].values)
+        return np.log(coupled.carriers.carrier_decay(carriers, scale * 1e23, times)["carriers"].values)
 
     best, covariance = curve_fit(log_density, TIMES, np.log(data["carriers"].values), p0=(2, 25, 30), xtol=1e-12)
     for name, unit, k in (("initial_density", 1e23, 0), ("tau_n", 1e-9, 1), ("tau_p", 1e-9, 2)):
@@ -72,24 +72,24 @@ def test_standard_errors_are_those_of_a_fit_of_the_lifetimes_themselves():
 
 
 def test_no_decay_determines_the_trap_energy():
-    data = coupled.carriers.pump_probe.carrier_decay(PRINTED, 2e23, TIMES)
-    fit = coupled.carriers.pump_probe.fit_carrier_decay(data, PRINTED)
+    data = coupled.carriers.carrier_decay(PRINTED, 2e23, TIMES)
+    fit = coupled.carriers.fit_carrier_decay(data, PRINTED)
     assert fit.standard_errors["trap_energy"] == np.inf
     low, high = fit.trap_energies
     assert low < 0.1 < high
     for energy in (low, 0.0, high):
-        other = coupled.carriers.pump_probe.fit_carrier_decay(data, replace(PRINTED, trap_energy=energy))
-        same = coupled.carriers.pump_probe.carrier_decay(other.carriers, 2e23, TIMES)
+        other = coupled.carriers.fit_carrier_decay(data, replace(PRINTED, trap_energy=energy))
+        same = coupled.carriers.carrier_decay(other.carriers, 2e23, TIMES)
         assert same["carriers"].values == pytest.approx(data["carriers"].values, rel=1e-7, abs=0)
     with pytest.raises(th.InputError, match="gives no positive lifetimes"):
-        coupled.carriers.pump_probe.fit_carrier_decay(data, replace(PRINTED, trap_energy=0.5))
+        coupled.carriers.fit_carrier_decay(data, replace(PRINTED, trap_energy=0.5))
 
 
 def test_a_fit_finds_lifetimes_that_differ_by_hundreds():
     """One search from the mean slopes, within a factor of 30 of them, ended at half of tau0 and twice tau_high."""
     true = replace(PRINTED, trap_energy=0.35, tau_n=5e-9, tau_p=30e-9)
-    fit = coupled.carriers.pump_probe.fit_carrier_decay(
-        coupled.carriers.pump_probe.carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200)), true
+    fit = coupled.carriers.fit_carrier_decay(
+        coupled.carriers.carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200)), true
     )
     # round-off of ln N, 4e-16 at 200 samples, through the condition of the fit, 1e3
     assert fit.parameters["tau0"] == pytest.approx(true.tau0, rel=1e-9)
@@ -99,18 +99,18 @@ def test_a_fit_finds_lifetimes_that_differ_by_hundreds():
 def test_trap_energies_are_the_range_about_the_one_held():
     """With tau0 > tau_high there are two ranges, and the whole from the first to the last was returned."""
     true = replace(PRINTED, trap_energy=0.3, tau_n=5e-9, tau_p=30e-9)
-    data = coupled.carriers.pump_probe.carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200))
-    low, high = coupled.carriers.pump_probe.fit_carrier_decay(data, true).trap_energies
+    data = coupled.carriers.carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200))
+    low, high = coupled.carriers.fit_carrier_decay(data, true).trap_energies
     assert 0 < low <= 0.3 <= high
     for energy in np.linspace(low, high, 4):
-        other = coupled.carriers.pump_probe.fit_carrier_decay(data, replace(true, trap_energy=energy))
+        other = coupled.carriers.fit_carrier_decay(data, replace(true, trap_energy=energy))
         assert other.residual < 1e-9
     with pytest.raises(th.InputError, match=r"only -0\.56 to -0\.296 and 0\.297 to 0\.56 eV do"):
-        coupled.carriers.pump_probe.fit_carrier_decay(data, replace(true, trap_energy=0.0))
+        coupled.carriers.fit_carrier_decay(data, replace(true, trap_energy=0.0))
 
 
 def test_figure_labels_itself():
-    axes = plot_carrier_decay(coupled.carriers.pump_probe.carrier_decay(PRINTED, 2e23, TIMES))
+    axes = plot_carrier_decay(coupled.carriers.carrier_decay(PRINTED, 2e23, TIMES))
     assert [ax.get_xlabel() for ax in axes] == ["time (ns)", "carrier density (cm$^{-3}$)"]
     names = [
         text.get_text() for text in axes[0].get_legend().get_texts()
@@ -122,12 +122,12 @@ def test_figure_labels_itself():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: coupled.carriers.pump_probe.carrier_decay(PRINTED, -1, [0]), "initial"),
-        (lambda: coupled.carriers.pump_probe.carrier_decay(PRINTED, 1e23, [0, 50]), r"times\[-1\] = 50"),
-        (lambda: coupled.carriers.pump_probe.carrier_decay(PRINTED, 1e23, [-1e-9, 0]), r"times\[0\]"),
+        (lambda: coupled.carriers.carrier_decay(PRINTED, -1, [0]), "initial"),
+        (lambda: coupled.carriers.carrier_decay(PRINTED, 1e23, [0, 50]), r"times\[-1\] = 50"),
+        (lambda: coupled.carriers.carrier_decay(PRINTED, 1e23, [-1e-9, 0]), r"times\[0\]"),
         (
-            lambda: coupled.carriers.pump_probe.fit_carrier_decay(
-                coupled.carriers.pump_probe.carrier_decay(PRINTED, 1e23, TIMES[:5]), PRINTED
+            lambda: coupled.carriers.fit_carrier_decay(
+                coupled.carriers.carrier_decay(PRINTED, 1e23, TIMES[:5]), PRINTED
             ),
             "at least 8",
         ),
@@ -142,5 +142,5 @@ def test_slips_are_named_in_one_line(call, message):
 def test_a_constant_lifetime_decays_exponentially():
     """It divided by zero."""
     times = np.array([0.0, 1e-8, 1e-6])
-    found = coupled.carriers.pump_probe.carrier_decay(coupled.ConstantLifetime(10e-9), 1e23, times)
+    found = coupled.carriers.carrier_decay(coupled.ConstantLifetime(10e-9), 1e23, times)
     assert found.carriers.values == pytest.approx(1e23 * np.exp(-times / 10e-9), rel=1e-12)

@@ -101,7 +101,7 @@ def test_slips_in_a_ring_are_named(change, message):
     ("change", "message"),
     [
         ({"tau_n": 35}, "35e-9"),
-        ({"tau_p": 0.0}, "positive"),
+        ({"tau_p": 0.0}, "tau_p"),
         ({"hole_density": 0}, "cm"),
         ({"trap_energy": 660}, "eV"),
         ({"thermal_energy": 293.15}, "k_B T"),

@@ -10,6 +10,11 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.contradictions import check_geometry
+from coupled.cycles.derivatives import cycle_derivatives
+from coupled.ring_from import chain
+from surrogate.reduction.reduce import pole_derivatives
+from thermofem.fem.heat_problem import on_mesh
+from thermofem.mesh.mesh_motion import moved
 
 
 def nitride():
@@ -195,3 +200,82 @@ def test_python_lists_what_a_base_gives_too(caplog):
     (line,) = caplog.messages
     assert "carriers" in line
     assert "bus_rate" not in line
+
+
+def neighbour(heat, path, value):
+    """The same mesh with its vertices moved to another geometry."""
+    other = heat.geometry.with_({path: value})
+    return on_mesh(other, replace(heat.mesh, points=moved(heat.mesh, heat.geometry, other)), 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "step"), [("part.core.width", 450e-9, 5e-11), ("part.core.radius", 8.0e-6, 1e-9)]
+)
+def test_derivatives_of_the_ring(path, value, step):
+    """Against rings of modes solved anew on meshes whose vertices moved, at the order of the resonance."""
+    heat, given = th.assemble(th.strip_ring(radius=8e-6)), {"wavelength": 1.555e-6, "loss": 161.0, "coupling": 0.05}
+    d = coupled.ring_from(heat, **given).derivatives([path])
+    ends = [coupled.ring_from(neighbour(heat, path, value + sign * step), **given).ring for sign in (1, -1)]
+    for name in d.data_vars:
+        if name.startswith("kappa"):
+            continue
+        slope = (getattr(ends[0], name) - getattr(ends[1], name)) / (2 * step)
+        # a step's square, and round-off of a number over what it changes by
+        size = abs(getattr(ends[0], name)) * 1e-12 / step
+        assert float(d[name][0]) == pytest.approx(slope, rel=3e-6, abs=size), name
+
+
+def test_the_period_by_the_width_with_the_optics_moving():
+    """d(period)/d(width) through mode, rates, heat and cycle, against the cycles of two moved meshes."""
+    heat, given = th.assemble(th.strip_ring(radius=8e-6)), {"wavelength": 1.555e-6, "loss": 161.0, "coupling": 0.063}
+
+    def made_of(problem):
+        lit = problem.with_light(th.light(problem, wavelength=1.555e-6).mode())
+        return lit, coupled.ring_from(lit, **given), surrogate.reduce(lit.channels("core", "light"), tolerance=1e-4)
+
+    def cycle(problem):
+        _, made, rom = made_of(problem)
+        return coupled.limit_cycle(made.ring, rom.model, power=6.31e-3).attrs["period"]
+
+    lit, made, rom = made_of(heat)
+    of_ring = made.derivatives(["part.core.width"]).isel(parameter=0)
+    poles = pole_derivatives(lit, rom, ["part.core.width"]).isel(parameter=0)
+    slopes = {name: float(of_ring[name]) for name in of_ring.data_vars}
+    slopes |= {f"R{k + 1}": float(poles.R[k]) for k in range(poles.sizes["pole"])}
+    slopes |= {f"tau{k + 1}": float(poles.tau[k]) for k in range(poles.sizes["pole"])}
+    names = [name for name in slopes if not name.startswith("kappa") and slopes[name]]
+    of_cycle = cycle_derivatives(made.ring, rom.model, names, power=6.31e-3)
+    step = 2e-10
+    ends = [cycle(neighbour(heat, "part.core.width", 450e-9 + sign * step)) for sign in (1, -1)]
+    slope = (ends[0] - ends[1]) / (2 * step)
+    # poles of two reductions, each within 1e-4 of its mesh, leave some 1e-4
+    assert chain(of_cycle, slopes)["period"] == pytest.approx(slope, rel=1e-3)
+
+
+FILE = """
+[light]
+wavelength = "1555 nm"
+loss = "7 dB/cm"
+[[bus]]
+gap = "250 nm"
+straight = "3 um"
+"""
+
+
+def test_a_geometry_with_light_and_buses_needs_no_arguments(made):
+    section = th.CrossSection.from_toml_text(th.strip_ring().to_toml() + FILE)
+    own = coupled.ring_from(section)
+    assert own.ring.bus_rate == pytest.approx(made.ring.bus_rate, rel=1e-9)
+    assert own.ring.drop_rate == 0.0  # one [[bus]]
+    assert own.ring.loss_rate == pytest.approx(made.ring.loss_rate, rel=2e-3)  # 7 dB/cm are 161.2 1/m
+    wider = coupled.ring_from(section.with_({"bus.bus.gap": 300e-9}))
+    d = own.derivatives(["bus.bus.gap", "light.loss"])
+    assert float(d.kappa_0[0]) / 0.0524 == pytest.approx(-1.6e7, rel=0.02)  # an independent code: -1.6 % per nm
+    assert wider.ring.bus_rate / own.ring.bus_rate == pytest.approx(math.exp(-1.6e7 * 5e-8), rel=0.05)
+    assert float(d.loss_rate[1]) == pytest.approx(c / own.mode.n_g / 2, rel=1e-9)
+
+
+def test_two_buses_have_rates_of_their_own():
+    text = th.strip_ring().to_toml() + FILE + '[[bus]]\ngap = "300 nm"\nstraight = "3 um"\n'
+    ring = coupled.ring_from(th.CrossSection.from_toml_text(text)).ring
+    assert 0.4 < ring.drop_rate / ring.bus_rate < 0.5  # exp(-1.6 % nm 50) = 0.45

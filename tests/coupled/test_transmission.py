@@ -56,12 +56,6 @@ def test_a_curve_against_power_holds_all_branches_of_a_narrow_range():
         assert np.count_nonzero(curve.power.values == ends[0]) == states.sizes["branch"]
 
 
-def test_a_range_of_round_off_is_refused():
-    """NumPy's "need at least one array to concatenate" came of it."""
-    with pytest.raises(th.InputError, match=r"detuning = 1e-08 to 1.00\d*e-07 Hz is narrower than round-off"):
-        coupled.transmission(RING, EXPERIMENT, power=5e-3, detuning=(1e-8, 1.00001e-7))
-
-
 def test_a_weak_laser_sees_a_lorentzian():
     curve = coupled.transmission(RING, EXPERIMENT, power=1e-9, detuning=(-50e9, 50e9))
     delta, gamma = 2 * np.pi * curve.detuning.values, RING.linear_rate
@@ -141,6 +135,22 @@ def test_power_sweeps_too():
     # the step after the fold, up; the step below it, down; steps of 4.7 %, and the curve's own 1.5 %
     assert up / high == pytest.approx(1.03, abs=0.04)
     assert down / low == pytest.approx(0.97, abs=0.04)
+
+
+def test_a_bistability_between_two_steps_is_a_jump():
+    """Just below the cusp three points exist in 5 % of the power: the ring jumps there, whatever the steps."""
+    folds = max(
+        coupled.fold_curves(RING, EXPERIMENT, np.geomspace(1e-4, 1e-2, 9), [-60e9, 0.0]), key=lambda c: c.sizes["point"]
+    )
+    cusp = int(folds.detuning.values.argmax())
+    nu = float(folds.detuning[cusp]) - 1e9
+    below, above = float(folds.power[cusp]) * np.array([0.8, 1.25])
+    counts = [coupled.steady_states(RING, EXPERIMENT, power=p, detuning=nu).sizes["branch"] for p in (below, above)]
+    between = np.linspace(below, above, 200)
+    assert counts == [1, 1]
+    assert 3 in {coupled.steady_states(RING, EXPERIMENT, power=p, detuning=nu).sizes["branch"] for p in between}
+    loop = coupled.equilibria.transmission.sweep(RING, EXPERIMENT, power=[below, above, below], detuning=nu)
+    assert loop.jumped.values.tolist() == [False, True, True]
 
 
 def test_figure_labels_itself():

@@ -107,19 +107,19 @@ def quadratic() -> th.Quadratic:
     return th.Quadratic(-np.diag(rate), H, 3e3 * rate[:, None] * couple, rate * R, np.ones(3))
 
 
-def identified_network() -> th.models.network.Network:
+def identified_network() -> th.models.Network:
     """A chain of three heat capacities, core to ground, as SINDy writes it: A is not symmetric."""
     c, g = np.array([8e-12, 4e-11, 3e-10]), np.array([4e-4, 3e-4, 2.5e-4])  # J/K, W/K
     K = np.diag(g + np.append(0, g[:-1])) - np.diag(g[:-1], 1) - np.diag(g[:-1], -1)
     A, b = -K / c[:, None], np.array([1 / c[0], 0, 0])
-    poles = th.models.network.gate(A, b, float((1 / g).sum()))
-    return th.models.network.Network(A, b, ("core", "near", "far"), poles, largest_rise=20.0)
+    poles = th.models.gate(A, b, float((1 / g).sum()))
+    return th.models.Network(A, b, ("core", "near", "far"), poles, largest_rise=20.0)
 
 
 @cache
 def identified_quadratic():
     """A fit of a polynomial network to a chain whose conductances depend on temperature."""
-    return surrogate.fitting.sindy_quadratic.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
+    return surrogate.fitting.sindy.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
 
 
 @cache

@@ -11,7 +11,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled import ring_toml
-from coupled.circuit import file as circuit_file
+from coupled.circuit import circuit as circuit_file
 from thermofem.campaign import Campaign
 from thermofem.waveforms import from_json, to_json
 from thermofem_cli.command_files import kind_of

@@ -250,8 +250,6 @@ def test_a_stack_that_is_cut_is_refused():
 
 
 def test_other_things_are_no_heat_problem(ring):
-    with pytest.raises(th.InputError, match="heat is a StateSpace"):
-        surrogate.reduce_array(ring.system, SQUARE)
     with pytest.raises(th.InputError, match="heaters = 'core' is unknown"):
         surrogate.reduce_array(ring, SQUARE, heaters=("core",))
 

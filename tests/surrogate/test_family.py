@@ -167,8 +167,6 @@ def test_members_outside_the_box_and_wrong_names_are_refused(family):
         family.model(radius=np.nan, width=500e-9, box=2e-6)
     with pytest.raises(th.InputError, match="one number for each parameter"):
         family.model(radius=[6e-6, 7e-6], width=500e-9, box=2e-6)
-    with pytest.raises(th.InputError, match="do not fit together"):
-        family.thermal_resistance(radius=np.full(2, 7e-6), width=np.full(3, 500e-9), box=2e-6)
 
 
 @pytest.mark.slow

@@ -77,7 +77,7 @@ def test_hot_traces_calibrate_with_exact_derivatives(family):
     up, down = (at.coefficient(family.box.share(row + s)) for s in (h, -h))
     assert at.slopes(family.box, row)[0] == pytest.approx((up - down) / (2 * h), rel=1e-3)
     cold = surrogate.calibrate(
-        replace(family, bend=None), th.dataset.build(times, rise, th.Constant(POWER)), noise=1e-3
+        replace(family, output_maps=None), th.dataset.build(times, rise, th.Constant(POWER)), noise=1e-3
     )
     assert cold.reduced_chi_square > 100 * max(fit.reduced_chi_square, 1e-3)
 

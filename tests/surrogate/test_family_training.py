@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 import multiprocessing
 import os
@@ -22,7 +23,7 @@ from surrogate.family.projected_matrices import MemberMatrices, MemberModes, Mov
 from surrogate.family.snapshots import Solver
 from surrogate.family.train_family import _without_effect
 from thermofem.campaign import Variation
-from thermofem.campaign.store import Store
+from thermofem.campaign.stored_tasks import Store
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -145,8 +146,9 @@ def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_too_few_members_for_the_tolerance_are_said(caplog, monkeypatch):
-    monkeypatch.setattr("surrogate.family.train_family.MOST_BATCHES", 1)
-    monkeypatch.setattr("surrogate.family.train_family.Trainer._first", lambda self: self.box.middle[None])
+    training = importlib.import_module("surrogate.family.train_family")
+    monkeypatch.setattr(training, "MOST_BATCHES", 1)
+    monkeypatch.setattr(training.Trainer, "_first", lambda self: self.box.middle[None])
     radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=20e-6)
     with caplog.at_level(logging.WARNING):
         family = surrogate.train_family(campaign(radius, BOX), 1e-3, held_out=2)

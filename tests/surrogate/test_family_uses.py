@@ -178,13 +178,6 @@ def test_a_parameter_is_given_once_and_as_a_number(family):
             ),
             "width is in fixed and in free",
         ),
-        (lambda: family.at([7e-6, 5e-7, 2e-6]), "values is a list; a mapping"),
-        (
-            lambda: family.thermal_resistance(
-                radius=np.full((9999, 1), 7e-6), width=np.full((1, 9999), 5e-7), box=2e-6
-            ),
-            "99980001 members, at most",
-        ),
         (lambda: family.derivatives([-1e-6], radius=7e-6, width=5e-7, box=2e-6), "times holds -1e-06 s"),
     ):
         with pytest.raises(th.InputError, match=words):
@@ -251,7 +244,6 @@ def test_optics_follow_the_geometry(family):
         (surrogate.Optics({"a": {"width": ("a", "b")}}), "table of a"),
         (surrogate.Optics({"a": {"width": (1.0, 2.0, 3.0)}}), "two arrays of one length"),
         (surrogate.Optics({}, at={"width": "500 nm"}), "at width = '500 nm' is not a number"),
-        (surrogate.Optics(None), "slopes is a NoneType"),
     ):
         with pytest.raises(th.InputError, match=words):
             optics.check(family)

@@ -147,11 +147,11 @@ def test_the_global_random_state_is_left_alone(five):
 )
 def test_the_gate_refuses_with_its_reason(A, b, static, reason):
     with pytest.raises(th.InputError, match=reason):
-        th.models.network.gate(A, b, static)
+        th.models.gate(A, b, static)
 
 
 def test_the_gate_passes_a_sound_network():
-    passed = th.models.network.gate([[-2.0, 1.0], [1.0, -2.0]], [1.0, 0.0], 2 / 3)
+    passed = th.models.gate([[-2.0, 1.0], [1.0, -2.0]], [1.0, 0.0], 2 / 3)
     assert pytest.approx([1 / 6, 1 / 2]) == passed.R
     assert passed.tau == pytest.approx([1 / 3, 1])
 
@@ -174,7 +174,7 @@ def test_unusable_data_are_named(change, reason):
         surrogate.fit_sindy(change(data), [7000.0, 7000.0])
 
 
-@pytest.mark.parametrize("fit", [surrogate.fit_sindy, surrogate.fitting.sindy_quadratic.fit_sindy_quadratic])
+@pytest.mark.parametrize("fit", [surrogate.fit_sindy, surrogate.fitting.sindy.fit_sindy_quadratic])
 @pytest.mark.parametrize("samples", [1e-3, 0.9, 1e6])
 def test_windows_of_no_sample_and_of_all_are_refused(fit, samples):
     """One below a sample ended in pysindy's ValueError."""

@@ -15,7 +15,7 @@ def data():
 
 @pytest.fixture(scope="module")
 def fitted(data):
-    return surrogate.fitting.sindy_quadratic.fit_sindy_quadratic(data, **known())
+    return surrogate.fitting.sindy.fit_sindy_quadratic(data, **known())
 
 
 def test_a_known_network_is_found_again(fitted):
@@ -35,7 +35,7 @@ def test_a_known_network_is_found_again(fitted):
 def test_the_network_keeps_where_it_comes_from(data):
     for first, geometry in (("a ring", "a ring"), ("another", None)):  # one geometry of all data, or none
         named = [d.assign_attrs(geometry=g) for d, g in zip(data, [first, *["a ring"] * (len(data) - 1)], strict=True)]
-        model = surrogate.fitting.sindy_quadratic.fit_sindy_quadratic(named, **known()).model
+        model = surrogate.fitting.sindy.fit_sindy_quadratic(named, **known()).model
         assert model.origin["method"].startswith("SINDy")
         assert model.origin["geometry"] == geometry
 
@@ -68,7 +68,7 @@ def test_noise_is_refused(data):
     draw = np.random.default_rng(1)
     noisy = [d.assign(delta_T=d.delta_T + 10 * draw.standard_normal(d.delta_T.shape)) for d in data]
     with pytest.raises(th.InputError, match="refused"):
-        surrogate.fitting.sindy_quadratic.fit_sindy_quadratic(noisy, **known())
+        surrogate.fitting.sindy.fit_sindy_quadratic(noisy, **known())
 
 
 @pytest.mark.parametrize(
@@ -83,9 +83,9 @@ def test_noise_is_refused(data):
 )
 def test_what_does_not_fit_the_data_is_named(data, change, reason):
     with pytest.raises(th.InputError, match=reason):
-        surrogate.fitting.sindy_quadratic.fit_sindy_quadratic(data[0], **{**known(), **change})
+        surrogate.fitting.sindy.fit_sindy_quadratic(data[0], **{**known(), **change})
 
 
 def test_datasets_must_share_probes_and_times(data):
     with pytest.raises(th.InputError, match="same probes and times"):
-        surrogate.fitting.sindy_quadratic.fit_sindy_quadratic([data[0], data[1].isel(time=slice(0, 4000))], **known())
+        surrogate.fitting.sindy.fit_sindy_quadratic([data[0], data[1].isel(time=slice(0, 4000))], **known())

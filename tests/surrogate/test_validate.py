@@ -255,7 +255,6 @@ def test_telegraph_dwells_as_long_as_it_says():
         (lambda: surrogate.period_error(FAST, SLOW, [2e-6, 1e-6]), "must increase"),
         (lambda: surrogate.period_error(FAST, SLOW, [1e-6], duty=1.5), "duty"),
         (lambda: surrogate.period_error(FAST, SLOW, [1e-6], power=-1), "power"),
-        (lambda: surrogate.compare({}, FAST), "at least one model"),
         (lambda: surrogate.compare({"a": FAST}, FAST, [th.Pulse(0.0, 1e-6)]), "does not move"),
         (lambda: surrogate.compare({"a": FAST}, FAST, [th.Sampled([0, 1e-6], [0, 1e-3])]), "how long a Sampled"),
         (lambda: th.Chirp(1e-3, 1e-6, 1e-6, 1e-5), "take a SquareWave"),

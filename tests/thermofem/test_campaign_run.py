@@ -18,7 +18,7 @@ import xarray as xr
 from campaigns import make, marks, write
 
 import thermofem as th
-from thermofem.campaign.workers import WorkerDiedError, completed
+from thermofem.campaign.stored_tasks import WorkerDiedError, completed
 
 pytestmark = pytest.mark.slow
 

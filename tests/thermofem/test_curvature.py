@@ -11,9 +11,9 @@ from scipy.integrate import odeint
 
 import thermofem as th
 from thermofem.algebra.krylov import krylov
-from thermofem.transient.curvature import Curvature, curvature
 from thermofem.transient.deflation import FieldIntegrator
 from thermofem.transient.fast_part import FastPart
+from thermofem.transient.nonlinear import Curvature, curvature
 from thermofem.waveforms import Cubic
 
 TIMES = np.linspace(0, 0.2e-6, 41)

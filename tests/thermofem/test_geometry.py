@@ -12,7 +12,7 @@ from sections import CELL, NM, core, on_oxide, random_parts, says
 
 from thermofem.checks import InputError
 from thermofem.geometry import CrossSection, disc, heated_ring, rib_ring, strip_ring
-from thermofem.geometry.parts import OPEN, Boundary, Part, Probe
+from thermofem.geometry.section_parts import OPEN, Boundary, Part, Probe
 from thermofem.mesh import content_hash
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm), 2e-16 * 16 * 600

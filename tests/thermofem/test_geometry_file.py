@@ -10,7 +10,7 @@ from sections import HEATER, STRIP, says
 
 from thermofem.checks import InputError
 from thermofem.geometry import CrossSection, strip_ring
-from thermofem.geometry.parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Probe
+from thermofem.geometry.section_parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Probe
 from thermofem.materials import Polynomial, PowerLaw, Table
 from thermofem.materials.material_library import LIBRARY, Material
 

@@ -11,7 +11,7 @@ from models import coarse_warm_fem
 
 import thermofem as th
 from thermofem.algebra.krylov import krylov
-from thermofem.transient.curvature import curvature
+from thermofem.transient.nonlinear import curvature
 
 
 @cache

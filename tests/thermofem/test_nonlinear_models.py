@@ -140,7 +140,7 @@ def test_models_survive_as_files(tmp_path):
     back = surrogate.load_model(surrogate.save_model(mapped, tmp_path / "m.json"))
     assert (back.coefficient, back.largest_rise, *back.linear.R) == (-4.13e-4, 150.0, 7800.0)
     A, b = np.array([[-2e6, 1e6], [1e6, -2e6]]), np.array([1e10, 0.0])
-    net = th.models.network.Network(A, b, ("core", "shell"), th.models.network.gate(A, b, 2e4 / 3), 12.0)
+    net = th.models.Network(A, b, ("core", "shell"), th.models.gate(A, b, 2e4 / 3), 12.0)
     back = surrogate.load_model(surrogate.save_model(net, tmp_path / "n.json"))
     assert np.array_equal(back.A, A)
     assert np.array_equal(back.b, b)
@@ -150,7 +150,7 @@ def test_models_survive_as_files(tmp_path):
 
 def test_a_file_of_a_network_that_the_gate_refuses_is_refused(tmp_path):
     A, b = np.array([[-2e6, 1e6], [1e6, -2e6]]), np.array([1e10, 0.0])
-    net = th.models.network.Network(A, b, ("core", "shell"), th.models.network.gate(A, b, 2e4 / 3), 12.0)
+    net = th.models.Network(A, b, ("core", "shell"), th.models.gate(A, b, 2e4 / 3), 12.0)
     path = surrogate.save_model(net, tmp_path / "n.json")
     path.write_text(path.read_text().replace("-2000000.0", "2000000.0"))
     with pytest.raises(th.InputError, match="not stable"):

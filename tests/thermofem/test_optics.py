@@ -374,3 +374,70 @@ def test_what_only_the_heat_feels_moves_no_light():
     assert float(mode.derivatives(["material.SiO2.conductivity"]).n_eff[0]) == 0.0
     with pytest.raises(th.InputError, match=r"part\.cor"):
         mode.derivatives(["part.cor.width"])
+
+
+def test_derivatives_by_index_and_wavelength():
+    """dn_eff/dn_i is G_i, and dn_eff/dlambda = (n_eff - n_g)/lambda: identities of the discrete problem."""
+    text = th.strip_ring().to_toml() + "[material.Si]\nindex = 3.48\n[material.SiO2]\nindex = 1.444\n"
+    mode = th.light(th.CrossSection.from_toml_text(text + '[light]\nwavelength = "1.55 um"\n')).mode()
+    d = mode.derivatives(["material.Si.index", "material.SiO2.index", "light.wavelength", "material.SiO2.thermo_optic"])
+    slopes = [mode.confinement["Si"], mode.confinement["SiO2"], (mode.n_eff - mode.n_g) / 1.55e-6, 0.0]
+    assert d.n_eff.values == pytest.approx(slopes, rel=1e-6)
+    assert float(d.thermo_optic[3]) == pytest.approx(mode.confinement["SiO2"] / mode.n_g, rel=1e-6)
+
+
+def test_derivative_of_the_temperature_that_the_light_sees():
+    """Against differences on the moved mesh, whose mode is solved anew."""
+    from thermofem.fem.heat_problem import on_mesh
+    from thermofem.mesh.mesh_motion import moved
+
+    geometry = nitride(1e-6, 0.4e-6, radius=20e-6)
+    heat = th.assemble(geometry)
+    lit = heat.with_light(th.light(heat, wavelength=1.55e-6).mode())
+    for path, value, step in (("part.core.height", 400e-9, 1e-10), ("part.core.radius", 20e-6, 2e-9)):
+        rises = []
+        for sign in (1, -1):
+            other = geometry.with_({path: value + sign * step})
+            found = on_mesh(other, replace(heat.mesh, points=moved(heat.mesh, geometry, other)), 1e-3)
+            found = found.with_light(th.light(found, wavelength=1.55e-6).mode())
+            rises.append([found.thermal_resistance("core", "light"), *step_rise(found)])
+        d = th.derivatives(lit, [path], times=[1e-8, 1e-6], read="light")
+        slopes = (np.array(rises[0]) - np.array(rises[1])) / (2 * step)
+        assert float(d.thermal_resistance[0]) == pytest.approx(slopes[0], rel=2e-6)
+        assert d.step_response[0].values == pytest.approx(slopes[1:], rel=1e-4)
+
+
+def step_rise(heat):
+    return th.solve(heat, th.Constant(1.0), times=[1e-8, 1e-6], read="light", rtol=1e-7).delta_T.values
+
+
+def test_coupling_and_its_derivatives():
+    """Against supermodes solved anew on meshes whose vertices moved, and the values of an independent code."""
+    from thermofem.geometry.parameter_paths import change
+    from thermofem.optics.coupler import coupling, supermodes
+    from thermofem.optics.shape import variations
+
+    geometry = th.strip_ring(radius=7e-6)
+    mode = th.light(geometry, wavelength=1.555e-6).mode()
+    found = coupling(mode, 250e-9, 3e-6)
+    assert found.split == pytest.approx(0.021553, rel=3e-3)  # of an independent code; order 2 leaves 6e-4 to 2e-3
+    assert found.power == pytest.approx(0.0523, rel=0.01)
+    assert coupling(mode, 250e-9).power == pytest.approx(0.0100, rel=0.01)
+    # the same code, within the digits given
+    assert (found.by_gap * 1e-9, found.by_width * 1e-9) == pytest.approx((-0.016, -0.020), abs=7e-4)
+    for path in ("part.core.width", "part.core.height", "part.core.radius"):
+        (one,) = variations(mode, [change(geometry, path)])
+        moved = one.on(mode.light, found.window)
+        corners = one.change.outlines["core"]
+        moved[0] += (float(corners[1:3, 0].mean()) - one.centre - moved[0]) * found.beyond
+        n_eff, h = mode.derivatives([path]).n_eff.item(), 1e-11 if "radius" not in path else 1e-9
+        ends = []
+        for sign in (1, -1):
+            light = replace(mode.light, geometry=geometry.with_({path: one.change.value + sign * h}))
+            own = replace(mode, light=light, square=(mode.k0 * (mode.n_eff + sign * h * n_eff)) ** 2)
+            window = one.window(found.window, moved, sign * h)
+            ends.append(supermodes(own, 250e-9, 3e-6, 7e-6 + sign * h * one.centre, window, found.beyond).power)
+        # the square of the step, and eigenvalues to 1e-13, leave 1e-7 to 1e-6
+        assert found.derivative(one, n_eff) == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=3e-6)
+    wider, closer = (coupling(mode, 250e-9 + sign * 1e-9, 3e-6).power for sign in (1, -1))
+    assert found.by_gap == pytest.approx((wider - closer) / 2e-9 / found.power, rel=2e-3)  # meshes drawn anew

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from paths import ROOT
 from test_pinched import CHECKERS, checkerboard
 
 import surrogate
@@ -103,17 +102,6 @@ def test_triangles_at_a_corner_contact_are_not_divided_without_end(needs_mesher)
     assert np.sort(sizes)[1] > mesh_division.FINEST * 60e-6 / 4
     assert heat.unknowns < 6000
     assert heat.mesh_error() > 0.1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [4, 16, 22])
-def test_a_random_corner_contact_is_covered(seed, needs_mesher, monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "tests" / "audit"))
-    import corners
-
-    exponent, true, estimated = corners.audit(corners.cross_section(seed), 1e-2)
-    assert exponent < 0.5
-    assert true < estimated
 
 
 def test_conductors_that_touch_in_a_corner_are_reduced():

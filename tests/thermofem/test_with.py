@@ -66,9 +66,6 @@ def test_materials_boundaries_angles_and_words():
         ({"boundary.top": "insulated", "boundary.top.convection": 1e4}, "'boundary.top' twice"),
         ({"part": "x", "part.core.width": 5e-7}, "path 'part' names a table, and no value in it"),
         ({"part.core.radius": 5.0}, "did you mean 5e-6"),
-        ("radius", "a mapping is needed"),
-        ([], "a mapping is needed"),
-        (np.array([1.0, 2.0]), "a mapping is needed"),
     ],
 )
 def test_what_cannot_be_changed(values, words):

@@ -16,9 +16,8 @@ Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
 SINGULAR = "a matrix of the heat problem is singular; is a boundary held, and every heat capacity positive?"
-PATIENCE = (
-    4  # times a shift is factorized in the shared place before it gets its own: numbers alone cost 1/5 (measured)
-)
+# times a shift is factorized by the shared solver before it gets its own: new numbers alone cost 1/5 (measured)
+PATIENCE = 4
 
 
 def check_symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
@@ -27,7 +26,7 @@ def check_symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
     if getattr(matrix, "format", "") in ("csr", "csc") and matrix.nnz and matrix.has_canonical_format:
         mirrored = mirrored.asformat(matrix.format)
         if np.array_equal(matrix.indptr, mirrored.indptr) and np.array_equal(matrix.indices, mirrored.indices):
-            matrix, mirrored = matrix.data, mirrored.data  # the same places: a third of the time of sparse arithmetic
+            matrix, mirrored = matrix.data, mirrored.data  # one pattern: a third of the time of sparse arithmetic
     # 1e-9 of the largest entry, in which round-off may leave a matrix asymmetric
     if not abs(matrix - mirrored).max() <= 1e-9 * abs(matrix).max() < np.inf:
         raise checks.InputError(f"{name} is not symmetric", hint)
@@ -77,9 +76,9 @@ _thread = threading.local()
 
 
 def solve_once(matrix: Any, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve with a symmetric definite sparse matrix that is not needed again.
+    """Solve one system with a symmetric definite sparse matrix; its factors are not kept.
 
-    Matrices with the same places, one after the other in a thread, share an ordering and a symbolic factorization.
+    Matrices of one sparsity pattern, one after the other in a thread, share an ordering and a symbolic factorization.
     """
     from scipy.sparse import csc_matrix, triu
 
@@ -127,24 +126,24 @@ class Pencil:
         self._data = np.zeros((2, every.size))
         for row, (at, data) in zip(self._data, triangles, strict=True):
             row[slice(None) if at.size == every.size else np.searchsorted(every, at)] = data
-        self._places = every
+        self._pattern = every
         self._shape = E.shape
         self.factorizations = 0
         self._forget()
 
     def _forget(self) -> None:
-        """Start without factors."""
+        """Drop all factors."""
         self._shared: Any = None
         self._there: tuple[float, float] | None = None
         self._asked = (0.0, 0.0), (0.0, 0.0)  # the last combination, and its key
         self._own: dict[tuple[float, float], Any] = {}  # factorizations by combination
         self._seen: dict[tuple[float, float], int] = {}
-        self._spare: list[Any] = []  # qdldl's solvers with an ordering and a symbolic factorization for these places
+        self._spare: list[Any] = []  # qdldl's solvers with an ordering and a symbolic factorization for this pattern
         self._lock = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
         """The matrices alone: factors and locks cannot be copied or sent to another process."""
-        return {name: getattr(self, name) for name in ("_indices", "_indptr", "_data", "_places", "_shape")}
+        return {name: getattr(self, name) for name in ("_indices", "_indptr", "_data", "_pattern", "_shape")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Factors are made again when they are needed."""
@@ -153,11 +152,11 @@ class Pencil:
         self._forget()
 
     def inherit(self, other: Pencil) -> None:
-        """Take over the factors of another pencil with the same places: their ordering and symbolic part are kept.
+        """Take over the factors of another pencil of the same sparsity pattern: ordering and symbolic part are kept.
 
-        The other one makes its factors again if it is asked once more. Nothing happens where the places differ.
+        The other one makes its factors again if it is asked once more. Nothing happens where the patterns differ.
         """
-        if self is other or not np.array_equal(self._places, other._places) or _qdldl(self._shape[0]) is None:
+        if self is other or not np.array_equal(self._pattern, other._pattern) or _qdldl(self._shape[0]) is None:
             return
         with other._lock:
             solvers = [*other._spare, *other._own.values()]
@@ -167,18 +166,18 @@ class Pencil:
         with self._lock:
             self._spare += solvers
 
-    def places(self, matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    def entries(self, matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Indices (as used by `replace`) and values of the entries of a symmetric matrix on and above its diagonal."""
         place, data = _upper_triangle(matrix)
-        return np.searchsorted(self._places, place), data
+        return np.searchsorted(self._pattern, place), data
 
     @property
     def rows_and_columns(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Row and column of each place."""
-        return self._indices, self._places // self._shape[0]
+        """Row and column of each entry of the pattern."""
+        return self._indices, self._pattern // self._shape[0]
 
     def replace(self, E: NDArray[np.float64], K: NDArray[np.float64]) -> None:
-        """Other values in all places of E and K."""
+        """Other values of E and K on the same sparsity pattern."""
         with self._lock:
             self._data = np.stack([E, K])
             self._there = None
@@ -186,7 +185,7 @@ class Pencil:
             self._seen.clear()
 
     def ready(self, a: float, b: float) -> bool:
-        """Whether `solve` has factors for this combination."""
+        """Whether factors of a E + b K are kept."""
         key = _key(a, b)
         return key == self._there or key in self._own
 
@@ -219,14 +218,14 @@ class Pencil:
             return self._keep(key, self._matrix(*key))
 
     def _matrix(self, a: float, b: float) -> Any:
-        """Upper triangle of a E + b K, with the places of both."""
+        """Upper triangle of a E + b K on the union of both sparsity patterns (CSC)."""
         from scipy.sparse import csc_matrix
 
         self.factorizations += 1
         return csc_matrix((a * self._data[0] + b * self._data[1], self._indices, self._indptr), shape=self._shape)
 
     def _replace(self, key: tuple[float, float], matrix: Any) -> None:
-        """The numbers of another combination in the shared place."""
+        """Factorize another combination with the shared solver."""
         if self._shared is None and self._spare:
             self._shared = self._spare.pop()
         with singular_refused():
@@ -237,7 +236,7 @@ class Pencil:
         self._there = key
 
     def _keep(self, key: tuple[float, float], matrix: Any) -> Solve:
-        """A factorization of its own."""
+        """Factorize a combination with a solver of its own, which is kept."""
         if len(self._own) >= 24:  # 24: factorizations that a Pencil keeps
             del self._own[next(iter(self._own))]
         if self._spare:
@@ -256,7 +255,7 @@ def _key(a: float, b: float) -> tuple[float, float]:
 
 
 def _upper_triangle(matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Places column n + row, increasing, and values of the entries of a symmetric matrix on and above its diagonal."""
+    """Positions column n + row, increasing, and values of a symmetric matrix's entries on and above its diagonal."""
     from scipy.sparse import csr_matrix
 
     matrix = csr_matrix(matrix)  # its rows are its columns

@@ -180,7 +180,7 @@ class Rounds(KrylovSpace):
         self.others = self.V[:, :0] if others is None else others
 
     def grow(self) -> None:
-        """One round; the space stays as it is once it holds everything."""
+        """Add one solve at each shift; nothing once the space holds every unknown."""
         for solve in self.solvers:
             if self.order < self.M.shape[0]:
                 self.extend(np.column_stack([solve(b) for b in self.remainder.T]))
@@ -281,7 +281,7 @@ def check_pair(E: Any, K: Any, hint: str) -> None:
 
 
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:
-    """`both` without M times the basis."""
+    """The M-orthonormal basis of `both`."""
     return both(W, M, V, MV, most=most, smallest=smallest)[0]
 
 

@@ -15,7 +15,10 @@ BLOCK = 2_000_000  # numbers of one evaluation, so that many times and poles nee
 
 
 def phi(y: Array) -> Array:
-    """phi_0 .. phi_3 of y >= 0, shape (4, *y.shape): a series downwards below 1, the recursion upwards above."""
+    """phi_m(y) = int_0^1 exp(-y (1 - u)) u^m du for m = 0..3 and y >= 0, shape (4, *y.shape).
+
+    Backward recursion from a series below y = 1, forward recursion above: no cancellation in either.
+    """
     small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
     out = np.empty((4, *y.shape))
     out[3] = 0.0
@@ -32,7 +35,7 @@ def phi(y: Array) -> Array:
 
 
 def smooth_pole_responses(rate: Array, wave: Waveform, times: Array, stop: float, *, periodic: bool) -> Array:
-    """Answers of poles dx/dt = -rate x + P(t) to any waveform through its piecewise cubic (`heating_pieces`).
+    """Response x of poles dx/dt = -rate x + P(t) to any waveform, as a piecewise cubic (`heating_pieces`).
 
     rate [shape (n,), 1/s]
     times [shape (m,), s]: from 0 to ``stop``.
@@ -67,13 +70,13 @@ def cubic_pole_responses(
 
 
 def _gained(rate: Array, coefficients: Array, u: Array) -> Array:
-    """Part of each pole's response that the power since the edge of its piece has made, shape (pieces, poles)."""
+    """sum_m c_m u^(m + 1) phi_m(rate u): response to the power since the start of each piece, shape (pieces, poles)."""
     weights = coefficients * u[:, None] ** np.arange(1, 5)
     return np.asarray(np.einsum("km,mkn->kn", weights, phi(np.multiply.outer(u, rate))))
 
 
 def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, periodic: bool = False) -> Array:
-    """Answers of poles dx/dt = -rate x + P(t) to a waveform, in closed form.
+    """Response x of poles dx/dt = -rate x + P(t) to a waveform, in closed form.
 
     From rest at t = 0, or in the periodic state, where x(0) = x_cold(T) / (1 - exp(-rate T)).
 
@@ -82,7 +85,6 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
     Returns [shape (m, n), J]
     Raises InputError: a negative or non-finite time; a function of time that is negative or cannot be resolved.
     """
-    checks.has("wave", wave, "breakpoints", hint="give a waveform; a function f of time is thermofem.Function(f)")
     t = checks.array("times", times)
     if t.min() < 0:
         raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")

@@ -10,8 +10,8 @@ collection     the folder, and all results as one Dataset
 """
 
 from .campaign_file import Drive, Variation
+from .campaign_run import Summary
 from .collection import open_campaign
 from .plan import Campaign, Case
-from .run import Summary
 
 __all__ = ["Campaign", "Case", "Drive", "Summary", "Variation", "open_campaign"]

@@ -62,8 +62,6 @@ class Variation:
     def __post_init__(self) -> None:
         checks.check_name("vary:", self.name)
         checks.choice(f"vary {self.name!r}: unit", self.unit, quantity.SI, hint="it is in SI")
-        if not self.paths:
-            raise InputError(f"vary {self.name!r} needs at least one path", "e.g. 'part.core.width'")
         if self.values:
             return
         low, high = checks.finite(f"{self.name}: from", self.low), checks.finite(f"{self.name}: to", self.high)

@@ -33,7 +33,7 @@ from ..arrays import Array
 from ..data import dataset, files, netcdf
 from ..data.variables import describe
 from ..errors import InputError
-from .store import Store
+from .stored_tasks import Store
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case

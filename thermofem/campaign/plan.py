@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -21,14 +20,14 @@ from .. import checks, waveforms
 from ..data import files
 from ..data.variables import known
 from ..errors import InputError
-from ..geometry.parameters import check_once, place
+from ..geometry.parameter_paths import check_once, place
 from ..mesh.element_sizes import sizes
 from ..version import __version__
 from . import campaign_file
 from .campaign_file import Drive, Value, Variation
 
 if TYPE_CHECKING:
-    from .run import Summary
+    from .campaign_run import Summary
 
 LARGEST = 1_000_000  # geometries of one campaign
 # names of variables and dimensions of the index and of the training collection
@@ -102,9 +101,7 @@ class Campaign:
         """InputError where two names are equal, or one is that of a variable of the index."""
         taken = {*INDEX, *(f"{kind}_{d.name}" for d in self.drives for kind in ("time", "power", "delta_T"))}
         for what, items in (("drive", self.drives), ("vary", self.variations)):
-            for name, count in Counter(item.name for item in items).items():
-                if count > 1:
-                    raise InputError(f"{what} name = {name!r} is given twice")
+            checks.unique(f"{what} names", [item.name for item in items])
         for variation in self.variations:
             own = known(variation.name)
             if variation.name in taken or (own and own.unit != variation.unit):
@@ -139,8 +136,6 @@ class Campaign:
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:
         """Text of the geometry file with these values."""
-        if len(values) != len(self.variations):
-            raise InputError(f"values holds {len(values)} values; {len(self.variations)} vary")
         table = json.loads(json.dumps(self._table))
         for variation, value in zip(self.variations, values, strict=True):
             for path in variation.paths:
@@ -175,6 +170,6 @@ class Campaign:
         report: Callable[[Summary], None] | None = None,
     ) -> Summary:
         """Compute every geometry that the folder does not hold yet; see `run.run`."""
-        from .run import run
+        from .campaign_run import run
 
         return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)

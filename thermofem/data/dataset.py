@@ -92,7 +92,6 @@ def build(
     Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform;
         more than one period where ``periodic``.
     """
-    checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
     read = checks.instances("read", read, str)
     times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):
@@ -268,10 +267,10 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
 
 def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
     """Times with those that round-off has moved from an edge of the power put on it: 20 us x 1e-6 is no 2e-5 s."""
-    hair = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
+    slack = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
     edges = np.append(wave.breakpoints(times[0], times[-1] + 1e-3 * float(np.ptp(times))), np.inf)
-    near = edges[np.searchsorted(edges, times - hair)]  # the first that is not before
-    return np.where(np.abs(near - times) <= hair, near, times)
+    near = edges[np.searchsorted(edges, times - slack)]  # the first that is not before
+    return np.where(np.abs(near - times) <= slack, near, times)
 
 
 def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import checks
 from ..checks import InputError, one_line, shown
 from .files import regular, write_whole
 from .variables import in_si
@@ -38,7 +37,6 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
 
     Raises InputError: no Dataset, values that netCDF cannot hold, a folder that cannot be written.
     """
-    checks.instance("data", data, xr.Dataset, hint="a Dataset is needed; surrogate.save_model writes models")
     if not packed(data):
         data = data.assign_attrs(signed(data.variables, data.attrs))
     # 1000: values above which a variable is written deflated

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError
 from ..geometry.cross_section import CrossSection
-from ..geometry.rings import strip_ring
+from ..geometry.ring_sections import strip_ring
 from ..mesh import find_committed, make, mesh_for
 from ..mesh.element_sizes import sizes
 from ..mesh.gmsh_mesher import read_committed
@@ -90,6 +90,8 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
         triangles are divided. The meshes of the reference strip are committed, and other strips take them with moved
         vertices where their error allows; any other mesh is made by gmsh.
 
+    With [light] in the geometry the mode is solved, too, and "light" can be read.
+
     Raises
     ------
     InputError
@@ -97,9 +99,7 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    hint = "th.strip_ring() or th.CrossSection.from_toml(path) makes one"
-    checks.instance("geometry", geometry, CrossSection, hint=hint)
-    return meshed(geometry, checks.finite("accuracy", accuracy))[0]
+    return meshed(geometry, checks.finite("accuracy", accuracy))[0].lit
 
 
 def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
@@ -119,13 +119,13 @@ def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatPro
     Raises InputError, MissingLibraryError: as `assemble`.
     """
     if not base:
-        return assemble(geometry, accuracy)
+        return meshed(geometry, accuracy)[0]
     key = base, accuracy
     if getattr(_thread, "key", None) != key:
         _thread.leader = _leader(base, accuracy)
         _thread.key = key
     if _thread.leader is None:
-        return assemble(geometry, accuracy)
+        return meshed(geometry, accuracy)[0]
     found = _thread.leader.follow(geometry) or adapted(geometry, mesh_for(geometry, accuracy), accuracy)
     return found[0]
 

@@ -19,7 +19,8 @@ from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
 from ..arrays import Array, NDArray
-from ..optics.reading import LIGHT, light_integral
+from ..geometry.guides import LIGHT
+from ..optics.reading import light_integral
 from .probe_means import probe_integral
 from .surfaces import surface_terms
 from .weak_forms import element_capacity, element_conduction, volume

@@ -2,7 +2,7 @@
 
 The facets of a side are drawn outwards in steps that grow by `STEP`, each with the material beside it, and the other
 sides go on. The new ends are open: at `FAR` times the size of the domain little is left of what 1/d does not describe
-(`parts.Boundary`). The mesh of the domain itself stays as it is, and so does what is heated and read. Measured on
+(`section_parts.Boundary`). The mesh of the domain itself is unchanged, and so is what is heated and read. Measured on
 slabs and anisotropic substrates, and on 16 random stacks with closed and with open sides, against domains of 2 to 3 mm:
 the change of R_th within 3 % from 5e-4 of R_th on; what is less drowns in the difference of the meshes.
 
@@ -201,14 +201,14 @@ log = logging.getLogger("thermofem")
 CLOSED = 'if the chip goes on there, say bottom = "open", outer = "open" in [boundary], or geometry.opened()'
 OPEN = "heat that runs along a layer or one axis of a material is still felt at its open sides: move them outwards"
 NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by less a line of information
-AGAIN = 2.0  # times the largest error that the log told of a domain: one as much larger is told, too
-_told: dict[tuple[str, str, float, float], float] = {}
+AGAIN = 2.0  # times the largest error that was logged for a domain: one larger by this factor is logged again
+_reported: dict[tuple[str, str, float, float], float] = {}
 
 
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     """Relative change of R_th if the stack continued beyond its bottom and outer side, see `beyond`.
 
-    Sides with convection are mounts, not cuts, and stay as they are. Of open sides it is what 1/d does not describe,
+    Sides with convection are mounts, not cuts, and are not moved. Of open sides it is what 1/d does not describe,
     such as heat that runs along a layer. Where much is left beyond the far ends they are moved outwards once more, and
     what is left then counts as error, too: where heat leaves along a plate alone, no domain is wide enough. For a
     straight section it includes the heat that leaves through the ends of the guide.
@@ -228,13 +228,13 @@ def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what:
     """Log that the end of the domain changes R_th, or ``what``, by more than the accuracy, and the remedy.
 
     A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Of geometries of
-    one name and size the first is told, and what errs `AGAIN` times as much or is the first above `NOTABLE`.
+    one name and size the first is logged, then what errs `AGAIN` times as much or is the first above `NOTABLE`.
     """
     size = geometry.name, what, geometry.outer_radius, geometry.bottom_z
-    told = _told.get(size, 0.0)
-    if domain <= min(AGAIN * told, NOTABLE if told <= NOTABLE else math.inf):
+    reported = _reported.get(size, 0.0)
+    if domain <= min(AGAIN * reported, NOTABLE if reported <= NOTABLE else math.inf):
         return
-    _told[size] = domain
+    _reported[size] = domain
     log.log(
         logging.WARNING if domain > NOTABLE else logging.INFO,
         "%s: the domain ends %.3g um below and %.3g um beside the axis, which moves %s by %.1e (accuracy = %g); %s",

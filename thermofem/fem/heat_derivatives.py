@@ -29,8 +29,9 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.dataset import describe
-from ..geometry.parameters import Change, change
-from .shape_derivatives import Tangent, tangent, vertex_velocities
+from ..geometry.parameter_paths import Change, change
+from ..mesh.mesh_motion import vertex_velocities
+from .shape_derivatives import Tangent, tangent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -139,9 +140,8 @@ class ModalDerivative:
 
 Parameter = str | Sequence[str]
 
-SETTLED = (
-    1e-7  # change of a derivative over two rounds, relative to the largest over times; 1e-9 is then left (measured)
-)
+# change of a derivative over two rounds, relative to its largest over times; 1e-9 is then left (measured)
+SETTLED = 1e-7
 FEWEST, ROUNDS = 8, 24  # of the Krylov space: the derivative errs like the field, so more than for the response itself
 
 
@@ -200,7 +200,6 @@ def derivatives(
     >>> (d.thermal_resistance * d.value / heat.thermal_resistance()).round(2).values
     array([ 0.37, -0.98])
     """
-    checks.has("heat", heat, "heated", "readable", "mesh", hint="th.assemble(geometry) makes the HeatProblem")
     heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = checks.choice("read", read, heat.readable, default=heated)
     t = None if times is None else step_times(times)
@@ -218,8 +217,6 @@ def tangents_of(
 ) -> tuple[list[Change], Array, list[Tangent]]:
     """The `Change` of each parameter, the velocities of the vertices and the derivative of the matrices with it."""
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
-    if not each:
-        raise checks.InputError("parameters is empty; name at least one path, e.g. 'part.core.radius'")
     changes = [change(heat.geometry, one) for one in each]
     checks.unique("parameters", [one.name for one in changes])
     velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, channel[1]))
@@ -254,7 +251,7 @@ def _responses(
         space.grow()
         projected = project(tangents, channel, free, space.V)
         before, found = found, _Answer.of(space, space.order, projected, b, c, t, f)
-        if space.order == size or found.near(before):
+        if space.order == size or found.settled(before):
             break
     return found.resistance, found.step, found.impedance
 
@@ -286,8 +283,8 @@ class _Answer:
         step = None if t is None else modal.step_response(t)
         return cls(modal.resistance(), step, None if f is None else modal.impedance(f))
 
-    def near(self, other: _Answer) -> bool:
-        """Whether nothing changed from the other one."""
+    def settled(self, other: _Answer) -> bool:
+        """Whether every derivative differs from the other's by less than `SETTLED` of its largest."""
         for now, before in ((self.step, other.step), (self.impedance, other.impedance)):
             if now is not None and before is not None:
                 size = np.abs(now).max(axis=1, keepdims=True)

@@ -10,7 +10,7 @@ are the matrices at the ambient temperature T0, and `HeatProblem.model` is the n
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -19,9 +19,11 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
+from ..geometry.guides import LIGHT
 from ..materials.property_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
-from ..optics.reading import LIGHT, light_integral
+from ..optics.modes import Light
+from ..optics.reading import light_integral
 from ..transient.integration import Ledger
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
@@ -111,12 +113,16 @@ class HeatProblem:
         >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 2)
         1.0
         """
-        checks.has("mode", mode, "thermal_density", hint='th.light(heat, wavelength=1.55e-6).mode("TE0") is one')
         if LIGHT in self.regions or any(probe.name == LIGHT for probe in self.geometry.probes):
             raise checks.InputError(f"{self.geometry.name!r} has a region or probe called 'light'; rename it")
         integral = light_integral(mode, self.discretization.basis)
         means = {**self.discretization.means, LIGHT: integral / integral.sum()}
         return replace(self, light=mode, discretization=replace(self.discretization, means=means))
+
+    @cached_property
+    def lit(self) -> HeatProblem:
+        """`with_light` of the mode that [light] of the geometry names; the problem itself where there is no [light]."""
+        return self if self.geometry.light is None or self.light else self.with_light(Light.of(self).mode())
 
     @property
     def judged(self) -> tuple[tuple[str, str], ...]:
@@ -285,12 +291,10 @@ class HeatProblem:
     def estimate(self, *channels: tuple[str, str]) -> Estimate:
         """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`.
 
-        InputError: a channel that is no pair of a heated part and a readable one.
+        InputError: a channel of a part that is not heated, or of what cannot be read.
         """
-        for channel in channels:
-            if not isinstance(channel, tuple) or len(channel) != 2:
-                raise checks.InputError(f"channel {checks.shown(channel)} is no pair such as ('core', 'core')")
-            self._channel(*channel)
+        for heated, read in channels:
+            self._channel(heated, read)
         found = self._mesh_error.estimate(channels or self.judged)
         self._estimated.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
         return found
@@ -388,8 +392,6 @@ def _names(
     argument: str, given: str | Sequence[str] | None, known: Sequence[str], default: Sequence[str]
 ) -> tuple[str, ...]:
     """One or several names, each checked against the known ones."""
-    if not isinstance(given, str | Iterable | None):
-        raise checks.InputError(f"{argument} = {given!r} is no name; give one or several of {', '.join(known)}")
     each = default if given is None else (given,) if isinstance(given, str) else given
     names = checks.instances(argument, each, str)
     if not names:

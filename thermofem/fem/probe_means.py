@@ -33,7 +33,7 @@ from .weak_forms import volume
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..geometry.parts import Probe
+    from ..geometry.section_parts import Probe
     from ..mesh import Mesh
 
 FINENESS = 24  # small triangles along each edge of a triangle that the shell's edge cuts

@@ -8,7 +8,6 @@ corners, dk and d(rho c_p) per unit of the parameter, their derivatives are exac
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,41 +15,17 @@ import numpy as np
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
-from ..geometry.outline_motion import CornerMotion
+from ..geometry.guides import LIGHT
 from ..geometry.regions import nearest
 from ..mesh.triangles import radii
+from ..optics.shape import light_slope
 from .probe_means import FINENESS, Cut, cut_shell, shell_integral
 from .surfaces import surface_tangent
 from .weak_forms import assembled, maps, properties, reference
 
 if TYPE_CHECKING:
-    from ..geometry.cross_section import CrossSection
-    from ..geometry.parameters import Change
-    from ..mesh import Mesh
+    from ..geometry.parameter_paths import Change
     from .heat_problem import HeatProblem
-
-
-def vertex_velocities(
-    geometry: CrossSection, mesh: Mesh, changes: Sequence[Change], *, roles: Collection[str] = ()
-) -> Array:
-    """Velocity of every vertex for every parameter, in m per unit; shape (parameters, vertices, 2).
-
-    mesh: of this geometry, cut open along interfaces or not.
-    roles: regions that are heated or read.
-    Raises InputError: a face would appear or vanish.
-    """
-    from ..mesh.mesh_motion import Motion
-
-    total = np.zeros((len(changes), *mesh.points.shape))
-    moving = [k for k, change in enumerate(changes) if change.moves]
-    if not moving:
-        return total
-    outlines, motion = CornerMotion(geometry, roles), Motion(mesh, geometry)
-    number = {(r, z): k for k, (r, z) in enumerate(outlines.edges.corners.tolist())}
-    order = [number[r, z] for r, z in motion.corners.tolist()]
-    for k in moving:
-        total[k] = motion.velocity(outlines.corner_velocities(changes[k])[order])
-    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +174,8 @@ def _properties(heat: HeatProblem, change: Change) -> tuple[Array, Array]:
 def _mean(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
     """Derivative of the volume mean over a region or a shell."""
     basis, mesh = heat.discretization.basis, heat.mesh
+    if name == LIGHT and heat.light is not None:
+        return light_slope(heat.light, basis, change)
     if name not in mesh.region_names:
         return _probe(heat, change, moved, name)
     inside = mesh.region == mesh.region_names.index(name)

@@ -24,7 +24,7 @@ from .mesh_division import beside, contacts
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..geometry.parameters import Change
+    from ..geometry.parameter_paths import Change
     from ..mesh import Mesh
     from .heat_problem import HeatProblem
 
@@ -37,7 +37,7 @@ class Side:
     facets, cells [shape (f,)]: numbers, and the triangle beside each.
     dofs [shape (f, m)]
     shape [shape (f, m, q)]: the functions at the points.
-    at, weight [shape (q,)]: places 0 to 1 and weights of the points.
+    at, weight [shape (q,)]: positions 0 to 1 and weights of the Gauss points.
     ends [shape (2, 2 ends, f), m]
     outward [shape (f,)]: 1 or -1: (dz, -dr) of the facet times it points away from the triangle.
     """
@@ -54,7 +54,7 @@ class Side:
 
     @classmethod
     def of(cls, basis: Any, facets: NDArray[np.intp]) -> Side:
-        """The side that some facets make."""
+        """Functions, points and orientation on some facets of a basis."""
         grid = basis.mesh
         cells = grid.f2t[0, facets]
         local = (grid.t2f[:, cells] == facets).argmax(axis=0)
@@ -129,7 +129,7 @@ class Surfaces:
 
     held: at the ambient temperature; where a part with a resistance R lies there, `convection` has it with 1/R.
     convection [dict from h in W/(m^2 K) to an array of int]
-    open: beyond which the material goes on, see `parts.Boundary`.
+    open: beyond which the material goes on, see `section_parts.Boundary`.
     source [shape (2,), m]: place (r, z) of the heat, from which the open sides are seen; r = 0 for a ring.
     length [m]: of the line source in a straight section; None for 1/d.
     contacts [dict from resistance in m^2 K/W to two arrays of int]: facets that lie on each other, both in the same
@@ -282,7 +282,7 @@ def surface_tangent(heat: HeatProblem, change: Change, moved: Array, k: Array, o
 
 
 def _of_sides(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
-    """d(-1/h) of the side of the domain on which each facet lies; 0 on an isothermal one."""
+    """Derivative of -1/h of the side of the domain on which each facet lies; 0 on an isothermal one."""
     grid, geometry = heat.discretization.basis.mesh, heat.geometry
     r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
     found = np.zeros(len(facets))
@@ -293,14 +293,14 @@ def _of_sides(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Ar
 
 
 def _contact(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
-    """d of the resistance that the part beside each facet brings."""
+    """Derivative of the contact resistance of the part beside each facet."""
     cells = heat.discretization.basis.mesh.f2t[0, facets]
     there = np.array([change.contact.get(name, 0.0) for name in heat.mesh.region_names])
     return there[heat.mesh.region[cells]]
 
 
 def _source(heat: HeatProblem, change: Change) -> Array:
-    """d of `source_of`."""
+    """Derivative of `source_of`."""
     part = next(part for part in heat.geometry.parts if part.heated)
     velocity = change.outlines.get(part.name)
     if velocity is None:
@@ -310,7 +310,7 @@ def _source(heat: HeatProblem, change: Change) -> Array:
 
 
 def _velocity(side: Side, moved: Array) -> Array:
-    """Of the ends of the facets, shape (2, 2 ends, f)."""
+    """Velocity of the ends of the facets, shape (2, 2 ends, f)."""
     return np.asarray(moved[:, side.basis.mesh.facets[:, side.facets]])
 
 

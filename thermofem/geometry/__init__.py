@@ -2,10 +2,11 @@
 
 from .cross_section import CrossSection
 from .gdsfactory_import import from_gdsfactory
-from .parts import Boundary, Interface, Layer, Part, Probe
-from .rings import disc, heated_ring, rib_ring, straight_guide, strip_ring
+from .guides import Bus, Guide
+from .ring_sections import disc, heated_ring, rib_ring, straight_guide, strip_ring
+from .section_parts import Boundary, Interface, Layer, Part, Probe
 
 __all__ = [
-    "Boundary", "CrossSection", "Interface", "Layer", "Part", "Probe", "disc", "from_gdsfactory", "heated_ring",
-    "rib_ring", "straight_guide", "strip_ring",
+    "Boundary", "Bus", "CrossSection", "Guide", "Interface", "Layer", "Part", "Probe", "disc", "from_gdsfactory",
+    "heated_ring", "rib_ring", "straight_guide", "strip_ring",
 ]  # fmt: skip

@@ -23,13 +23,27 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..data import files
 from ..materials.material_library import VOID, Material, find
-from . import geometry_file, parameters
-from .parts import INSULATED, ISOTHERMAL, OPEN, SAME, THINNEST, Boundary, Interface, Layer, Part, Probe, images, length
+from . import geometry_file, parameter_paths
+from .guides import Bus, Guide, check_guides
 from .regions import Subdivision, check_held, check_places, subdivide
+from .section_parts import (
+    INSULATED,
+    ISOTHERMAL,
+    OPEN,
+    SAME,
+    THINNEST,
+    Boundary,
+    Interface,
+    Layer,
+    Part,
+    Probe,
+    images,
+    length,
+)
 
 KINDS = ("ring", "straight")
 
-_LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe}
+_LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe, "buses": Bus}
 
 
 @dataclass(frozen=True)
@@ -58,6 +72,10 @@ class CrossSection:
     length, half_width : float, m
         of a straight section: along the guide, and from x = 0 to either end of the domain. Heat does not flow along the
         guide: what leaves through its ends is neglected.
+    light : Guide
+        what guides, and at which wavelength; "light" can then be read like a part: the temperature that the mode sees.
+    buses : tuple of Bus
+        none, one or two.
 
     Raises
     ------
@@ -79,6 +97,8 @@ class CrossSection:
     kind: str = "ring"
     length: float | None = None
     half_width: float | None = None
+    light: Guide | None = None
+    buses: tuple[Bus, ...] = ()
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -101,6 +121,7 @@ class CrossSection:
         if self.top.kind == "open":
             raise checks.InputError("top = 'open': only bottom and outer can be open; give top a convection")
         check_held(self)
+        check_guides(self)
 
     def _check_kind(self) -> None:
         """Sizes of the domain, and parts of its kind."""
@@ -217,7 +238,7 @@ class CrossSection:
         return self.subdivision.on_side(side, r, z)
 
     def opened(self) -> CrossSection:
-        """The stack continued beyond its bottom and outer side (`parts.Boundary`, "open").
+        """The stack continued beyond its bottom and outer side (`section_parts.Boundary`, "open").
 
         >>> strip_ring().opened().bottom.kind
         'open'
@@ -245,9 +266,8 @@ class CrossSection:
         (3e-06, True)
         """
         values = {} if values is None else values
-        checks.has("values", values, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
         table = geometry_file.table_of(self)
-        parameters.change_values(table, {**values, **more})
+        parameter_paths.change_values(table, {**values, **more})
         return self.from_toml_text(files.to_toml(table))
 
     @classmethod

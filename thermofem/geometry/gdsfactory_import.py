@@ -12,7 +12,7 @@ from typing import Any
 
 from .. import checks
 from .cross_section import CrossSection
-from .parts import Boundary, Layer, Part, ring
+from .section_parts import Boundary, Layer, Part, ring
 
 UM = 1e-6
 THIN = 1e-4  # um; levels closer than this touch
@@ -60,8 +60,6 @@ def from_gdsfactory(
     """
     gf = _library()
     stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
-    checks.has("layer_stack", stack, "layers", hint="a gdsfactory LayerStack is needed")
-    checks.has("component", component, "settings", hint="a gdsfactory ring component is needed, such as ring_double")
     settings = dict(component.settings)
     checks.choice("setting of the component", "cross_section", settings, hint="is it a ring, such as ring_double?")
     levels, known = stack.layers, MATERIALS | {k.lower(): v for k, v in (materials or {}).items()}
@@ -112,7 +110,6 @@ def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:
 
 def _loop(component: Any, guide: Any) -> float:
     """Length in um of the only closed waveguide: the edge of its hole, which turns once, and pi times the width."""
-    checks.has("component", component, "get_region", hint="a gdsfactory ring component is needed, such as ring_double")
     polygons = list(component.get_region(guide.layer, merge=True).each())
     edges = [list(polygon.each_edge(k + 1)) for polygon in polygons for k in range(polygon.holes())]
     if len(edges) != 1:

@@ -17,7 +17,8 @@ from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.index_laws import read_index, write_index
 from ..materials.material_library import LAW_KEYS, LIBRARY, PROPERTIES, Material, read_property, write_property
-from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
+from .guides import BUSES, Bus, Guide
+from .section_parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
@@ -36,6 +37,8 @@ _TOP = {
     "probe": TABLES,
     "boundary": TABLE,
     "material": TABLE,
+    "light": TABLE,
+    "bus": TABLES,
 }
 _LAYER = {"name": TEXT, "material": TEXT, "thickness": "m", "datum": FLAG}
 _PART = {
@@ -54,13 +57,15 @@ _PART = {
 _INTERFACE = {"part": TEXT, "resistance": "m^2*K/W"}
 _PROBE = {"name": TEXT, "part": TEXT, "shell": "m", "distance": "m"}
 _BOUNDARY = {"bottom": ANY, "top": ANY, "outer": ANY}
+_LIGHT = {"wavelength": "m", "part": TEXT, "polarisation": TEXT, "loss": "1/m"}
+_BUS = {"name": TEXT, "gap": "m", "straight": "m", "width": "m"}
 _COEFFICIENT = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
 _OPTICAL = {"thermo_optic": "1/K", "two_photon": "m/W", "kerr": "m^2/W"}
 _MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT, "index": ANY, **_OPTICAL}
 
 _UNITS = {
     key: unit
-    for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _COEFFICIENT, _MATERIAL)
+    for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _COEFFICIENT, _MATERIAL, _LIGHT, _BUS)
     for key, unit in keys.items()
     if unit in quantity.SI
 } | {"conductivity": "W/m/K", "specific_heat": "J/kg/K", "exponent": "", "reference": "K"}
@@ -101,6 +106,8 @@ def fields(text: str) -> dict[str, Any]:
         "outer": _boundary(boundary, "outer", INSULATED),
         "materials": tuple(_material(name, item) for name, item in top.get("material", {}).items()),
         "ambient": top.get("ambient", 293.15),
+        "light": _light(top["light"], top["part"]) if "light" in top else None,
+        "buses": tuple(_bus(item, k) for k, item in enumerate(top.get("bus", []))),
     }
 
 
@@ -137,6 +144,20 @@ def _interface(table: dict[str, Any], k: int) -> Interface:
 
 def _probe(table: dict[str, Any], k: int) -> Probe:
     return Probe(**read_table(table, _PROBE, _where("probe", table, k), required=("name", "part")))
+
+
+def _light(table: dict[str, Any], parts: list[dict[str, Any]]) -> Guide:
+    """What guides; default the part "core", or else the first heated one."""
+    values = read_table(table, _LIGHT, "[light]", required=("wavelength",))
+    names = [part.get("name") for part in parts]
+    heated = [part.get("name") for part in parts if part.get("heated")]
+    default = "core" if "core" in names or not heated else heated[0]
+    return Guide(**{"part": default, **values})
+
+
+def _bus(table: dict[str, Any], k: int) -> Bus:
+    where = _where("bus", table, k + 1)
+    return Bus(**{"name": BUSES[min(k, 1)], **read_table(table, _BUS, where, required=("gap",))})
 
 
 def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
@@ -185,6 +206,8 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
         "probe": [_texts(asdict(probe)) for probe in geometry.probes],
         "boundary": {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY},
         "material": {m.name: _material_values(m) for m in geometry.materials},
+        "light": None if geometry.light is None else _texts(asdict(geometry.light)),
+        "bus": [_texts(asdict(bus)) for bus in geometry.buses],
     }
     return {key: table for key, table in tables.items() if table}
 

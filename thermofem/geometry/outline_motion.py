@@ -21,7 +21,7 @@ from .regions import GRID, distance, outlines
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
-    from .parameters import Change
+    from .parameter_paths import Change
 
 Point = tuple[float, float]
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed

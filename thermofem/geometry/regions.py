@@ -16,7 +16,7 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, NDArray
 from ..materials.material_library import VOID
-from .parts import THINNEST
+from .section_parts import THINNEST
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection

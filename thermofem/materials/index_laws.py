@@ -91,6 +91,11 @@ def constant_index(n: float) -> Sellmeier:
     return Sellmeier(constant=checks.between("index", n, 1, MOST) ** 2)
 
 
+def constant(law: Any) -> float | None:
+    """The index of a law without dispersion, else None."""
+    return math.sqrt(law.constant) if isinstance(law, Sellmeier) and not law.terms else None
+
+
 def _check_range(wavelength: float, low: float, high: float) -> None:
     hint = "" if 1e-7 < wavelength < 1e-4 else "wavelengths are in m (did you mean 1.55e-6?)"
     checks.between("wavelength", wavelength, low, high, unit="m, where the index law holds", hint=hint)

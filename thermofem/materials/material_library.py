@@ -88,14 +88,8 @@ class Material:
         checks.between(f"{of}conductivity", self.conductivity, 1e-4, 1e4, unit="W/m/K", hint="silicon has 130 W/m/K")
         checks.between(f"{of}density", self.density, 1e-2, 3e4, unit="kg/m^3", hint="silicon has 2330 kg/m^3")
         checks.between(f"{of}specific_heat", self.specific_heat, 10, 2e4, unit="J/kg/K", hint="silicon has 700 J/kg/K")
-        for name in ("conductivity_law", "specific_heat_law"):
-            checks.has(
-                f"{of}{name}", getattr(self, name), "factor", "integral", hint="th.materials.PowerLaw(-1.3) is one"
-            )
         if self.conductivity_z is not None:
             checks.between(f"{of}conductivity_z", self.conductivity_z, 1e-4, 1e4, unit="W/m/K")
-        if self.index is not None:
-            checks.has(f"{of}index", self.index, "index", "group_index", hint="th.materials.Sellmeier() is one")
         checks.between(f"{of}thermo_optic", self.thermo_optic, -1e-2, 1e-2, unit="1/K", hint="silicon has 1.86e-4")
         checks.between(f"{of}two_photon", self.two_photon, 0, 1e-9, unit="m/W", hint="0.8 cm/GW is 8e-12 m/W")
         checks.between(f"{of}kerr", self.kerr, -1e-15, 1e-15, unit="m^2/W", hint="silicon has 4.5e-18 m^2/W")
@@ -318,7 +312,7 @@ def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
 
 
 def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
-    """A property's table, in texts, with another value; the law stays, so that a table of temperatures is scaled."""
+    """A property's table, in texts, with another value; the law is kept, so that a table of temperatures is scaled."""
     rest = {name: one for name, one in given.items() if name not in ("value", "r")}
     if "values" not in rest:
         return {**rest, "value": text}

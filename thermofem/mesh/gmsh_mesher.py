@@ -62,7 +62,7 @@ def write_references(folder: str | Path) -> str:
 
     Raises InputError, MissingLibraryError: as `mesh_for`; a folder that cannot be written.
     """
-    from ..geometry.rings import strip_ring
+    from ..geometry.ring_sections import strip_ring
 
     rows = []
     for accuracy in (1e-3, 1e-4):

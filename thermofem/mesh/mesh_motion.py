@@ -16,6 +16,7 @@ so that W times the velocity of the corners is the velocity of every vertex.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,10 +26,12 @@ import numpy as np
 from ..algebra.factor import factorize
 from ..arrays import Array, NDArray
 from ..checks import InputError
+from ..geometry.outline_motion import CornerMotion
 from .triangles import Mesh, signed_areas
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
+    from ..geometry.parameter_paths import Change
     from ..geometry.regions import Face
 
 NEAR = 1e-9  # of the largest coordinate: a vertex this near to an edge lies on it
@@ -92,7 +95,7 @@ class Motion:
 
     @cached_property
     def _weights(self) -> Array:
-        """W, shape (2, places, c): how far r and z of each vertex go when that of one corner goes by one."""
+        """W, shape (2, vertices, c): derivative of r and z of each vertex by that of each corner."""
         stiffness = _stiffness(self._once)
         weights = np.zeros((2, *self._shares.shape))
         for axis, held in enumerate(self._held.T):
@@ -190,3 +193,24 @@ def _stiffness(mesh: Mesh) -> Any:
     local = np.einsum("eix,ejx->eij", edges, edges) / (4 * area ** (1 + SOFT / 2))[:, None, None]
     rows, columns = (np.broadcast_to(t, local.shape) for t in (mesh.triangles[:, :, None], mesh.triangles[:, None, :]))
     return csr_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(mesh.points),) * 2)
+
+
+def vertex_velocities(
+    geometry: CrossSection, mesh: Mesh, changes: Sequence[Change], *, roles: Collection[str] = ()
+) -> Array:
+    """Velocity of every vertex for every parameter, in m per unit; shape (parameters, vertices, 2).
+
+    mesh: of this geometry, cut open along interfaces or not.
+    roles: regions that are heated or read.
+    Raises InputError: a face would appear or vanish.
+    """
+    total = np.zeros((len(changes), *mesh.points.shape))
+    moving = [k for k, change in enumerate(changes) if change.moves]
+    if not moving:
+        return total
+    outlines, motion = CornerMotion(geometry, roles), Motion(mesh, geometry)
+    number = {(r, z): k for k, (r, z) in enumerate(outlines.edges.corners.tolist())}
+    order = [number[r, z] for r, z in motion.corners.tolist()]
+    for k in moving:
+        total[k] = motion.velocity(outlines.corner_velocities(changes[k])[order])
+    return total

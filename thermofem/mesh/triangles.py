@@ -19,7 +19,7 @@ from ..data import files
 
 LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
-ROUND_OFF = 1e-9  # of the size of a mesh: places this close are one
+ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
 
 _COUNT = re.compile(rb"(?<!\S)[0-9]{9,}(?!\S)")  # memory that meshio takes before it knows that the numbers are there
 _log = logging.getLogger("thermofem")
@@ -103,8 +103,8 @@ def check_triangles(
     """
     points, triangles, region = (
         checks.numbers("points", points, most=np.inf),
-        whole("triangles", triangles),
-        whole("region", region),
+        np.asarray(triangles),
+        np.asarray(region),
     )
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
@@ -125,16 +125,6 @@ def check_triangles(
     if flat.any():
         raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
     return points, np.where(area[:, None] < 0, triangles[:, ::-1], triangles), region
-
-
-def whole(name: str, value: Any) -> NDArray[np.int64]:
-    """An array of whole numbers; InputError for another one."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
-        return value
-    found = checks.numbers(name, value)
-    if np.any(found != np.trunc(found)):
-        raise InputError(f"{name} of the mesh must be whole numbers from 0; they count points and regions")
-    return found.astype(np.int64)
 
 
 def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:

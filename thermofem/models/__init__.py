@@ -3,8 +3,8 @@
 from .cauer import Cauer
 from .contract import HasModel, OutsideTrainingWarning, ThermalModel, bare, check_single
 from .foster import BORGHI2021_HEAT_CAPACITY, Foster, OutputMap, linear_poles, newton, second_order
+from .identified_network import Network, gate
 from .model_files import KINDS, load_model, load_provenance, save_model
-from .network import Network, gate
 from .nonlinear_models import NonlinearSystem, Quadratic
 from .state_space import StateSpace, foster
 

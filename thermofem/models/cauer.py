@@ -169,7 +169,6 @@ def foster_of(ladder: Cauer) -> Foster:
     InputError
         no ladder.
     """
-    checks.has("ladder", ladder, "R", "C", hint="surrogate.cauer(model) makes a Cauer ladder")
     R, C = np.asarray(ladder.R), np.asarray(ladder.C)
     D = np.eye(R.size) - np.eye(R.size, k=1)
     _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))

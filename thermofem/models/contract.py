@@ -34,7 +34,7 @@ from ..checks import check_names
 
 
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
-    """What ``run`` gives at times that do not fall, for times of any order and shape."""
+    """``run(times)`` for times of any order and shape, where ``run`` needs times that do not fall."""
     t = checks.numbers("times", times)
     if t.ndim == 1 and not np.any(np.diff(t) < 0):
         return run(t)
@@ -155,7 +155,7 @@ class HasModel(Delegates):
 
 
 def bare(model: Any) -> Any:
-    """Return the model that a fit or a reduction holds; any other model as it is."""
+    """The model inside a fit or a reduction; any other model unchanged."""
     return bare(model.model) if isinstance(model, HasModel) else model
 
 
@@ -205,23 +205,23 @@ def reader(read: Callable[[type[Kind], Mapping[str, Any]], Kind]) -> Callable[[t
 
 
 def names(model: Any) -> dict[str, list[str]]:
-    """Fields of the heated and read parts."""
+    """The fields ``inputs`` and ``outputs`` of a model file."""
     return {"inputs": list(model.inputs), "outputs": list(model.outputs)}
 
 
 def parts(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Heated and read parts, as keyword arguments of a model."""
+    """``inputs`` and ``outputs`` of a model file, as keyword arguments of a model."""
     return {which: check_names(which, content[which]) for which in ("inputs", "outputs")}
 
 
 def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[dict[str, float]]:
-    """Two arrays, each with its name, as a list of objects."""
+    """A list of JSON objects from two named arrays, the inverse of `columns`."""
     pairs = zip(np.asarray(first[1]).tolist(), np.asarray(second[1]).tolist(), strict=True)
     return [{first[0]: one, second[0]: other} for one, other in pairs]
 
 
 def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, Any]:
-    """Each named number of a list of objects, not empty, as a list; ``units`` by name, for errors."""
+    """Transpose a list of JSON objects into one list of numbers for each key of ``units``."""
     return {
         name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(content[which])]
         for name, unit in units.items()

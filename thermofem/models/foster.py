@@ -148,7 +148,6 @@ def check_residues(R: Array, *, round_off: float = 0.0) -> None:
 
 def linear_poles(model: Any, purpose: str) -> Foster:
     """Return the poles of a linear model, or InputError that says which models ``purpose`` holds for."""
-    checks.has("model", model, "dynamics", hint="a thermal model is needed, such as thermofem.Foster or a fit")
     found = model.dynamics
     if not isinstance(found, Foster):
         raise checks.InputError(
@@ -298,7 +297,6 @@ class OutputMap(AtSmallPower):
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        checks.instance("linear", self.linear, Foster, hint="a thermofem.Foster is needed, such as the model of a fit")
         hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"
         object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
         check_rise(self.largest_rise)

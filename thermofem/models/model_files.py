@@ -27,7 +27,7 @@ from ..data.files import digest_tree, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
 from .foster import Foster, OutputMap
-from .network import Network
+from .identified_network import Network
 from .nonlinear_models import Quadratic
 from .state_space import StateSpace
 

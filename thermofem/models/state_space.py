@@ -228,7 +228,6 @@ def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
     """A copy of a matrix as real floats: an array, or one with columns or rows in compressed form where ``sparse``."""
     from scipy.sparse import csc_matrix, csr_matrix, issparse
 
-    checks.has(name, value, "shape", "dtype", hint="an array or a sparse matrix is needed")
     held = issparse(value)
     found = checks.numbers(name, value.tocoo().data if held else value)
     if not held:

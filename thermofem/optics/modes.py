@@ -1,245 +1,33 @@
-"""Guided modes of a ring or a straight guide, and what a resonator needs of them.
-
-    n_g = (1/n_eff) int s n n_gm |E|^2 dA / int (1/s) (e - grad p).e dA,     n n_gm = n (n - lambda dn/dlambda)
-    d n_eff = sum_i G_i dn_i,     G_i = int_i s n |E|^2 dA / (n_eff int (1/s) (e - grad p).e dA)
-    d w/w = -d n_eff/n_g
-
-exact for the discrete problem; s = r/R, and |E|^2 = e_r^2 + e_z^2 + (beta p/s)^2: the axial field is in quadrature.
-n_eff = beta/k0 belongs to the radius R of the core's centre (of a full disc, of its edge); nu = beta R does not.
-"""
+"""The guided modes of a ring or a straight guide: where they are looked for, which there are, and their names."""
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from .. import checks
-from ..arrays import Array, NDArray
+from ..arrays import Array
 from ..checks import InputError
+from .mode import Mode, nearest
 from .space import Space, eigenpairs
 from .window import UM, Window, energy_index, index_of, limits, material_of, window
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from ..fem import HeatProblem
     from ..geometry import CrossSection, Part
     from ..mesh import Mesh
 
 TAIL = 1e-7  # of the power: what of a mode the window may cut off
-REACHES = 1e-4  # of the power: a substrate or a metal that so much of the mode reaches is reported
+REACHES = 1e-4  # of the power: a metal that so much of the mode reaches is refused
+LEAKS = 1e-6  # of the power: where so much of the mode reaches a substrate its leak is computed, and reported above
+LEAK = 0.01  # dB/cm
+RIDGE = 0.9  # of dn_eff/dn of the core's material: a part with less is the ridge of a rib, or the rim of a disc
 HELD = 0.4  # of the energy, in the core's material over the core's width: less is no mode of this guide
-DRAWN = 1e-3  # accuracy of the heat mesh that `light` makes for a geometry
 
 log = logging.getLogger("thermofem")
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """One guided mode.
-
-    Attributes
-    ----------
-    name : str
-        TE0, TM0, TE1, ... by the larger transverse component and by falling n_eff.
-    wavelength : float, m
-    radius : float, m
-        R that n_eff belongs to; inf for a straight guide.
-    """
-
-    name: str
-    wavelength: float
-    radius: float
-    core: str
-    window: Window = field(repr=False)
-    space: Space = field(repr=False)
-    light: Light | None = field(repr=False)
-    square: float = field(repr=False)
-    x: Array = field(repr=False)
-
-    @property
-    def k0(self) -> float:
-        """2 pi/wavelength in 1/um."""
-        return 2 * math.pi / (self.wavelength * UM)
-
-    @property
-    def n_eff(self) -> float:
-        """Effective index beta/k0 at the radius R."""
-        return math.sqrt(self.square) / self.k0
-
-    @property
-    def order(self) -> float:
-        """Angular order nu = beta R; whole at a resonance."""
-        return math.sqrt(self.square) * self.radius * UM
-
-    @cached_property
-    def _indices(self) -> tuple[Array, Array]:
-        """eps and n n_gm of every triangle."""
-        eps, group = energy_index(self.window.materials, self.window.names, self.wavelength)
-        return eps[self.window.region], group[self.window.region]
-
-    @cached_property
-    def fields(self) -> tuple[Array, Array, Array]:
-        """E_r, E_z and E_phi/i at the quadrature points, shape (triangles, points); the power flow is 1."""
-        e, _, p, _ = self.space.functions
-        own = (self.x / math.sqrt(self._flow))[self.space.dofs].T
-        e_r, e_z = np.einsum("it,ictq->ctq", own[: len(e)], e)
-        axial = np.einsum("it,itq->tq", own[len(e) :], p)
-        return e_r, e_z, math.sqrt(self.square) * axial / self.space.arc
-
-    @cached_property
-    def _flow(self) -> float:
-        """x.B x, the power flow of the vector as it is."""
-        B = self.space.matrices(self._indices[0], self.k0)[1]
-        return float(self.x @ (B @ self.x))
-
-    @cached_property
-    def intensity(self) -> Array:
-        """|E|^2 at the quadrature points."""
-        return np.asarray(sum(f**2 for f in self.fields))
-
-    def integral(self, values: Array) -> float:
-        """int values s dA in um^2; values of shape (triangles, points)."""
-        return float((values * self.space.arc * self.space.dx).sum())
-
-    @cached_property
-    def n_g(self) -> float:
-        """Group index n_eff + w dn_eff/dw, from the fields."""
-        return self.integral(self._indices[1][:, None] * self.intensity) / self.n_eff
-
-    @cached_property
-    def te_fraction(self) -> float:
-        """int s e_r^2 / int s (e_r^2 + e_z^2)."""
-        r, z = (self.integral(f**2) for f in self.fields[:2])
-        return r / (r + z)
-
-    @property
-    def core_material(self) -> str:
-        """Name of the core's material."""
-        return self.window.materials[self.window.names.index(self.core)].name
-
-    @cached_property
-    def share(self) -> float:
-        """Share of n^2 |E|^2 in the core's material over the core's width."""
-        x = self.space.mesh.p[0][self.space.mesh.t]
-        own = x[:, self.window.inside(self.core)]
-        column = (x.mean(axis=0) > own.min()) & (x.mean(axis=0) < own.max())
-        energy = self._indices[0][:, None] * self.intensity
-        inside = (self.window.inside(self.core_material) & column)[:, None]
-        return self.integral(energy * inside) / self.integral(energy)
-
-    @cached_property
-    def confinement(self) -> dict[str, float]:
-        """G = dn_eff/dn of every region and of every material in reach; above 1 where light is slow."""
-        density = np.sqrt(self._indices[0])[:, None] * self.intensity
-        names = {material.name for material in self.window.materials} | set(self.window.names)
-        return {name: self.integral(density * (self._named(name))[:, None]) / self.n_eff for name in sorted(names)}
-
-    def _named(self, name: str) -> NDArray[np.bool_]:
-        """Triangles of a region, or else of a material."""
-        if name in self.window.names:
-            return np.asarray(self.window.region == self.window.names.index(name))
-        return self.window.inside(name)
-
-    @cached_property
-    def thermal_density(self) -> Array:
-        """n (dn/dT) |E|^2 at the quadrature points: what the temperature is weighted with, not normalised."""
-        slopes = np.array([material.thermo_optic for material in self.window.materials])[self.window.region]
-        return np.sqrt(self._indices[0])[:, None] * slopes[:, None] * self.intensity
-
-    @property
-    def index_slope(self) -> float:
-        """dn_eff/dT in 1/K of an even temperature."""
-        return self.integral(self.thermal_density) / self.n_eff
-
-    @property
-    def thermo_optic(self) -> float:
-        """K = -d ln(w)/dT = (dn_eff/dT)/n_g in 1/K of an even temperature."""
-        return self.index_slope / self.n_g
-
-    def volume(
-        self, power: int, *, length: float | None = None, dispersion: bool = False, spread_carriers: bool = False
-    ) -> float:
-        """Mode volume in m^3 of two-photon absorption (power 2) or of the carriers made by it (3).
-
-            V_2 = (int n^2 I)^2 / int n^4 I^2,     V_3 = [(int n^2 I)^3 / int n^6 I^3]^(1/2),     I = |E|^2, all space
-
-        Parameters
-        ----------
-        power : int
-            2 or 3.
-        length : float, m
-            2 pi R of a ring, and the length of a straight section, where it is not given.
-        dispersion : bool
-            n n_g of the material in place of n^2 in the numerators: the stored energy with dispersion; silicon +7 %.
-        spread_carriers : bool
-            (3) carriers even over the core's material, as they diffuse in 10 ps: (V_core V_2/Gamma_2)^(1/2).
-
-        Source: P. E. Barclay, K. Srinivasan, O. Painter, Opt. Express 13, 801 (2005); the dispersion is derived.
-        """
-        checks.integer("power", power, 2, 3)
-        length = self._length(length)
-        if power == 3 and spread_carriers:
-            two = self.volume(2, length=length, dispersion=dispersion) / self.core_fraction(2)
-            return math.sqrt(self.core_volume(length) * two)
-        eps, group = self._indices
-        stored = self.integral((group if dispersion else eps)[:, None] * self.intensity)
-        dense = self.integral((eps[:, None] * self.intensity) ** power)
-        return float((stored**power / dense) ** (1 / (power - 1))) / UM**2 * length
-
-    def core_fraction(self, power: int, *, spread_carriers: bool = False) -> float:
-        """Share of int n^(2 power) I^power in the core's material: Gamma_TPA (2) and Gamma_FC (3; 1 when spread)."""
-        checks.integer("power", power, 2, 3)
-        if power == 3 and spread_carriers:
-            return 1.0
-        dense = (self._indices[0][:, None] * self.intensity) ** power
-        return self.integral(dense * self.window.inside(self.core_material)[:, None]) / self.integral(dense)
-
-    def core_volume(self, length: float | None = None) -> float:
-        """Volume in m^3 of the core's material within the window."""
-        inside = np.ones_like(self.intensity) * self.window.inside(self.core_material)[:, None]
-        return self.integral(inside) / UM**2 * self._length(length)
-
-    def _length(self, length: float | None) -> float:
-        if length is not None:
-            return checks.positive("length", length, unit="m")
-        own = None if self.light is None else self.light.geometry.length
-        return own or 2 * math.pi * self.radius
-
-    @cached_property
-    def error(self) -> float:
-        """Estimated error of n_eff: the difference to elements of order 3 (of those of order 3, to order 2)."""
-        other = replace(self.space, order=5 - self.space.order)
-        return abs(nearest(self, other, self.window).n_eff - self.n_eff)
-
-    @property
-    def q_radiation(self) -> float:
-        """Quality factor of the bend's radiation, w n_g/(2 c Im beta); inf where it is above 1e11 and round-off.
-
-        Within 2 % up to 1e9 (measured against exact rings and published bends).
-        """
-        from .radiation import radiation_q
-
-        return radiation_q(self)
-
-    @property
-    def substrate_loss(self) -> float:
-        """Power loss in dB/cm of the straight guide into a substrate that guides by itself; 0 without one."""
-        from .radiation import substrate_loss
-
-        return substrate_loss(self)
-
-    def derivatives(self, parameters: Sequence[str | Sequence[str]]) -> xr.Dataset:
-        """Derivatives by paths as a campaign varies them, see `shape.mode_derivatives`."""
-        from .shape import mode_derivatives
-
-        return mode_derivatives(self, parameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,6 +40,23 @@ class Light:
     part: str
     element_order: int
     accuracy: float
+
+    @classmethod
+    def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
+        """Those on the mesh of a heat problem, see `lighting.light`."""
+        geometry, given = heat.geometry, heat.geometry.light
+        if given is not None:
+            wavelength, part = wavelength or given.wavelength, part or given.part
+        if wavelength is None:
+            raise InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
+        hint = "wavelengths are in m (did you mean 1.55e-6?)"
+        wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
+        default = "core" if any(one.name == "core" for one in geometry.parts) else geometry.heated[0]
+        found = cls(
+            geometry, heat.mesh, wavelength, part or default, checks.integer("order", order, 2, 3), heat.accuracy
+        )
+        found.core_index, found._part  # noqa: B018 - both are checked now
+        return found
 
     @cached_property
     def _part(self) -> Part:
@@ -369,12 +174,13 @@ class Light:
         found = [self._kept.get(one.name) or nearest(one, self.space, self.window) for one in self._straight]
         return tuple(mode for mode in found if mode.share >= HELD)
 
-    def mode(self, name: str = "TE0") -> Mode:
-        """The mode of a name.
+    def mode(self, name: str | None = None) -> Mode:
+        """The mode of a name; default that of the polarisation in [light] of the geometry, else TE0.
 
         Raises InputError: no such mode is guided; the bend is so tight that the mode leaves the core.
         """
-        name = checks.choice("mode", name, self.names)
+        given = self.geometry.light
+        name = checks.choice("mode", name or ("TE0" if given is None else given.mode), self.names)
         if name not in self._kept:
             straight = self._straight[self.names.index(name)]
             same = math.isinf(self.radius) and self.element_order == straight.space.order
@@ -395,84 +201,31 @@ class Light:
             )
         return mode
 
+    @property
+    def at_edge(self) -> bool:
+        """Whether R is that of the edge, of a disc or its rim, and not of the core's centre."""
+        return self.centre == self._part.outer_radius
+
     def _report(self, mode: Mode) -> None:
-        """Log what lies within the mode's reach and takes light from it."""
-        reach = self.reach(mode.n_eff, REACHES)
+        """Log what within the mode's reach takes light from it, and a core that is only a part of the guide."""
+        share = mode.confinement[self.part] / mode.confinement[mode.core_material]
+        if share < RIDGE:
+            log.warning(
+                "%s: %r is %.0f %% of the %s that guides %s: volumes and confinements are of all of it; the mean over "
+                "the part is not the temperature that the light sees; read 'light'",
+                self.geometry.name, self.part, 100 * share, mode.core_material, mode.name,
+            )  # fmt: skip
+        reach, leaks = (self.reach(mode.n_eff, tail) for tail in (REACHES, LEAKS))
         for name, away in self.limits[1].items():
-            if away < reach:
-                material = material_of(self.geometry, name)
-                if material.index is None:
-                    raise InputError(
-                        f"{name!r} ({material.name}) lies {away * UM:.3g} um from {self.part!r}, within the reach of "
-                        f"{mode.name}, and has no refractive index",
-                        f"move it {reach * UM:.2g} um away, or give it in [material.{material.name}] index = ...",
-                    )
+            material = material_of(self.geometry, name)
+            if material.index is None and away < reach:
+                raise InputError(
+                    f"{name!r} ({material.name}) lies {away * UM:.3g} um from {self.part!r}, within the reach of "
+                    f"{mode.name}, and has no refractive index",
+                    f"move it {reach * UM:.2g} um away, or give it in [material.{material.name}] index = ...",
+                )
+            if material.index is not None and away < leaks and mode.substrate_loss > LEAK:
                 log.warning(
                     "%s: %s leaks into %r, %.3g um away: %.2g dB/cm; that loss heats nothing in the core",
                     self.geometry.name, mode.name, name, away * UM, mode.substrate_loss,
                 )  # fmt: skip
-
-
-def nearest(like: Mode, space: Space, within: Window) -> Mode:
-    """The mode on a space over the same cross-section with about the same n_eff, and held by the core as well.
-
-    Radiation modes of a bend may lie between: the best held of several is taken where the nearest is one of them.
-    """
-    found = _nearby(like, space, within, 1)
-    if not found or _likeness(found[0], like) < 0.9 * _likeness(like, like):
-        found = _nearby(like, space, within, 6)
-    return max(found, key=lambda mode: _likeness(mode, like))
-
-
-def _likeness(mode: Mode, like: Mode) -> float:
-    """Share of the energy in the core, times that of the same polarisation."""
-    return mode.share * (mode.te_fraction if like.te_fraction > 0.5 else 1 - mode.te_fraction)
-
-
-def _nearby(like: Mode, space: Space, within: Window, count: int) -> list[Mode]:
-    eps = energy_index(within.materials, within.names, like.wavelength)[0][within.region]
-    found = [
-        replace(like, space=space, window=within, radius=space.radius / UM, square=square.real, x=x)
-        for square, x in eigenpairs(space, eps, like.k0, like.n_eff, count)
-        if square.real > 0
-    ]
-    return [mode for mode in found if mode._flow > 0]
-
-
-def light(section: CrossSection | HeatProblem, *, wavelength: float, part: str | None = None, order: int = 2) -> Light:
-    """The guided modes of a cross-section.
-
-    Parameters
-    ----------
-    section : CrossSection or HeatProblem
-        of a heat problem its mesh is taken, cut to a window about the part; of a geometry that of `assemble`. Where the
-        heat has no triangles (air above the stack, voids) a mesh is drawn.
-    wavelength : float, m
-    part : str
-        the core; default "core", or the first heated part.
-    order : int
-        of the elements, 2 or 3. On the mesh for 1e-3 of the heat n_eff and n_g are within 2e-4 (order 2) and 2e-5 (3).
-
-    Raises
-    ------
-    InputError
-        no guided mode; a material without an index in its reach; a wavelength outside an index law's range.
-
-    >>> import thermofem as th
-    >>> mode = th.light(th.strip_ring(), wavelength=1.55e-6).mode("TE0")
-    >>> round(mode.n_eff, 2), round(mode.n_g, 2)
-    (2.36, 4.29)
-    """
-    from ..fem import HeatProblem, assemble
-    from ..geometry import CrossSection
-
-    hint = "th.strip_ring() is a geometry, th.assemble(geometry) a heat problem"
-    checks.instance("section", section, CrossSection, HeatProblem, hint=hint)
-    hint = "wavelengths are in m (did you mean 1.55e-6?)"
-    wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
-    heat = section if isinstance(section, HeatProblem) else assemble(section, DRAWN)
-    geometry = heat.geometry
-    default = "core" if any(one.name == "core" for one in geometry.parts) else geometry.heated[0]
-    found = Light(geometry, heat.mesh, wavelength, part or default, checks.integer("order", order, 2, 3), heat.accuracy)
-    found.core_index, found._part  # noqa: B018 - both are checked now
-    return found

@@ -18,7 +18,8 @@ from .space import Space, eigenpairs
 from .window import UM, Box, drawn, energy_index, material_of
 
 if TYPE_CHECKING:
-    from .modes import Light, Mode
+    from .mode import Mode
+    from .modes import Light
 
 DEPTH = 1.5e-6  # m, of the layers where there is room
 ASIDE = 1.2e-6  # m, at least, between the core and the layers

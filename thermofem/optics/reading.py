@@ -15,21 +15,24 @@ from ..arrays import Array, NDArray
 from .window import UM
 
 if TYPE_CHECKING:
-    from .modes import Light, Mode
+    from .mode import Mode
+    from .modes import Light
 
-LIGHT = "light"  # the name under which it is read
 
+def light_integral(mode: Mode, basis: Any, mesh: Any = None, shift: float = 0.0) -> Array:
+    """Integral of n (dn/dT) |E|^2 times each function of a scalar basis on the heat mesh, shape (functions,).
 
-def light_integral(mode: Mode, basis: Any) -> Array:
-    """Integral of n (dn/dT) |E|^2 times each function of a scalar basis on the heat mesh, shape (functions,)."""
+    mesh, shift: scikit-fem's mesh of the basis with its vertices moved, and by how many m the core's centre moved.
+    """
+    mesh = basis.mesh if mesh is None else mesh
     light: Light = mode.light  # type: ignore[assignment]
     weight = mode.thermal_density * mode.space.arc * mode.space.dx
     hot = np.flatnonzero(weight.any(axis=1))  # air has no heat and no triangles
-    places = mode.space.points[:, hot].reshape(2, -1) / UM + np.array([[light.centre], [0.0]])
+    places = mode.space.points[:, hot].reshape(2, -1) / UM + np.array([[light.centre + shift], [0.0]])
     if light.geometry.mirrored:
         places[0] = np.abs(places[0])
-    cells, _ = containing(basis.mesh, places)
-    local = basis.mesh.mapping().invF(places[:, :, None], tind=cells)[:, :, 0]
+    cells, _ = containing(mesh, places)
+    local = mesh.mapping().invF(places[:, :, None], tind=cells)[:, :, 0]
     values = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
     shares = values * weight[hot].ravel()
     found = np.bincount(basis.element_dofs[:, cells].ravel(), shares.ravel(), minlength=basis.N)

@@ -223,7 +223,10 @@ def index_of(material: Material, wavelength: float, region: str) -> float:
             f"{region!r}: material {material.name!r} has no refractive index and lies within the mode's reach",
             f'give it in [material.{material.name}] index = 1.444, or "Si, Salzberg 1957", or move it away',
         )
-    return material.index.index(wavelength)
+    try:
+        return material.index.index(wavelength)
+    except InputError as error:
+        raise InputError(f"index of {material.name!r}, the material of {region!r}: {error}") from None
 
 
 def energy_index(materials: tuple[Material, ...], names: tuple[str, ...], wavelength: float) -> tuple[Array, Array]:

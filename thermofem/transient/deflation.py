@@ -9,7 +9,7 @@ which is the full-order problem. Because r is small and smooth, a tolerance in k
 `thermofem.transient`). The method is exact for any V, even an empty one; V only changes the work. F and H are those of
 `nonlinear`; without temperature dependence they are K x and E x.
 
-With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P with f(z) and e(z) of `curvature`, so
+With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P with f(z) and e(z) of `Curvature`, so
 that r holds only what these leave, and
 
     d/dt [H(x) - E V (z + e)] = (B - E V V^T B) P - D z + K V z + E V f - F(x).
@@ -32,12 +32,11 @@ from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis, LinearSystem
 from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
-from .curvature import Curvature, curvature, flow_of
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import Advanced, FastPart, FieldState, Inside, Piece
 from .integration import Ledger, between
 from .newton_stages import GUESS, NewtonStepper
-from .nonlinear import NonlinearEquations, NonlinearLedger
+from .nonlinear import Curvature, NonlinearEquations, NonlinearLedger, curvature, flow_of
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
@@ -120,7 +119,7 @@ class FieldIntegrator:
     ) -> tuple[Array, FieldState, Array]:
         """Advance from ``state`` to the last of ``times``.
 
-        state: at ``times[0]``; it stays as it is.
+        state: at ``times[0]``; not changed.
         waves [one Waveform for each input]
         times [s]: where the outputs are read, increasing.
         keep [s]: where the whole field is kept, increasing, within the window.
@@ -145,7 +144,7 @@ class FieldIntegrator:
             t = begin + done * h
             step = self._step(fast, state, t, h)
             if step is None:
-                if count > 4**20:  # 20: rungs of 4 below a window before it is given up
+                if count > 4**20:  # 20 levels of 4 below a window before it is given up
                     raise checks.InputError(
                         f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?",
                         self.stepper.doubt(state.r),

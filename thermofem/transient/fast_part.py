@@ -7,7 +7,7 @@ Between two grid times (wanted times and the breakpoints of the waves) P is one 
 Between grid times z is the cubic through its values and slopes; behind a jump of the power the grid is graded, since a
 fast pole does not move like a cubic there.
 
-With k(T) and c_p(T) the amplitudes follow what these do to the fields (`curvature`): w = z + e(z) and
+With k(T) and c_p(T) the amplitudes follow what these do to the fields (`nonlinear.curvature`): w = z + e(z) and
 
     dw/dt = -rate w + heating P + g(z),    g(z) = rate e(z) - f(z)
 
@@ -28,8 +28,8 @@ from ..algebra.krylov import Basis
 from ..algebra.pole_responses import phi
 from ..arrays import Array, ArrayLike
 from ..waveforms import Cubic, Waveform, check_wave
-from .curvature import Curvature
 from .esdirk import STAGE_TIMES
+from .nonlinear import Curvature
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # on [-1, 1]
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
@@ -176,7 +176,7 @@ class FastPart:
 
 
 def _followed(z: Array, decay: Array, forcing: Array) -> Array:
-    """z_0 = z, z_(k+1) = decay_k z_k + drive_k."""
+    """z_0 = z, z_(k+1) = decay_k z_k + forcing_k, shape (intervals + 1, k)."""
     values = np.empty((len(decay) + 1, z.size))
     values[0] = z
     for k in range(len(decay)):

@@ -83,7 +83,7 @@ class Trajectory:
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
 PASSES = 30
-FINEST = 40  # rungs below the length of a piece before a run is given up
+FINEST = 40  # step levels below the length of a piece before a run is given up
 
 
 def integrate(
@@ -192,11 +192,11 @@ def _stepper(
 
 @dataclass(frozen=True)
 class _Plan:
-    """The steps taken along one smooth piece: rung k means a step of (stop - start)/4^k."""
+    """The steps taken along one smooth piece: at level k a step is (stop - start)/4^k long."""
 
     start: float
     stop: float
-    rungs: tuple[int, ...]
+    levels: tuple[int, ...]
 
 
 def _cross(
@@ -204,14 +204,14 @@ def _cross(
 ) -> tuple[Array, _Plan]:
     """Cross one smooth piece with error control."""
     length = stop - start
-    rung = control.first_rung(length, record.first_wanted(start, stop))
+    level = control.first_level(length, record.first_wanted(start, stop))
     slope = stepper.start_slope(x, start, length, stop)
     done = 0
     taken: list[int] = []
-    while done < 4**rung:
-        while not stepper.resolves(start + done * length / 4**rung, length / 4**rung):
-            done, rung = 4 * done, rung + 1
-        h = length / 4**rung
+    while done < 4**level:
+        while not stepper.resolves(start + done * length / 4**level, length / 4**level):
+            done, level = 4 * done, level + 1
+        h = length / 4**level
         t = start + done * h
         tried = stepper.step(x, slope, h, stepper.powers(t, h, stop))
         error = np.inf
@@ -219,22 +219,22 @@ def _cross(
             slopes, states = tried
             error = control.error(h * ((WEIGHTS - EMBEDDED) @ slopes), states[-1])
         if error > 1:
-            if rung > FINEST:
+            if level > FINEST:
                 raise checks.InputError(
                     f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?",
                     stepper.doubt(x),
                 )
             stepper.rejected += 1
-            # 4**1.5 of a first step's error from rung to rung: behind an edge the rise is t - a t^1.5 (measured)
+            # 4**1.5 of a first step's error from level to level: behind a breakpoint the rise is t - a t^1.5 (measured)
             down = int(np.ceil(np.log(error) / np.log(4**1.5))) if not taken and np.isfinite(error) else 1
-            done, rung = 4**down * done, rung + down
+            done, level = 4**down * done, level + down
             continue
         record.add(t, h, slopes, states)
         x, slope = states[-1], slopes[-1]
-        taken.append(rung)
+        taken.append(level)
         done += 1
-        if error * 4**4 < 1 and done % 4 == 0 and rung > 0:
-            done, rung = done // 4, rung - 1
+        if error * 4**4 < 1 and done % 4 == 0 and level > 0:
+            done, level = done // 4, level - 1
     control.first_step = length / 4 ** taken[0]
     record.deliver(start, stop)
     return x, _Plan(start, stop, tuple(taken))
@@ -257,8 +257,8 @@ def _march(stepper: Stepper, plan: Sequence[_Plan], x: Array, record: _Record) -
     for piece in plan:
         length, t = piece.stop - piece.start, piece.start
         slope = stepper.start_slope(x, t, length, piece.stop)
-        for rung in piece.rungs:
-            h = length / 4**rung
+        for level in piece.levels:
+            h = length / 4**level
             done = stepper.step(x, slope, h, stepper.powers(t, h, piece.stop))
             if done is None:
                 raise checks.InputError(
@@ -292,8 +292,8 @@ class _Control:
         field = self.stepper.norm(estimate) / max(self.field, np.finfo(float).tiny)
         return float(max(field, ratios.max(initial=0.0)) / (SAFETY * self.rtol))
 
-    def first_rung(self, length: float, wanted: float) -> int:
-        """Rung of the first step.
+    def first_level(self, length: float, wanted: float) -> int:
+        """Level of the first step.
 
         At most the first wanted time, 16 times the first step of the last piece, and the shortest rise time. An
         L-stable step across a whole transient is accurate at its end only; its interior and its estimate are not.
@@ -377,8 +377,8 @@ class _Record:
 
 def between(times: Array, start: float, stop: float) -> NDArray[np.intp]:
     """Indices of the sorted ``times`` in (start, stop], with a tolerance for round-off at both ends."""
-    hair = 1e-9 * (stop - start)
-    first, end = np.searchsorted(times, [start + hair, stop + hair], side="right")
+    slack = 1e-9 * (stop - start)
+    first, end = np.searchsorted(times, [start + slack, stop + slack], side="right")
     return np.arange(first, end)
 
 

@@ -36,15 +36,13 @@ from .nonlinear import NonlinearLedger
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
 KNOWN_LOW, KNOWN_HIGH, KNOWN_SPAN = 3.0, 60.0, 3.3  # the same where one field a decade is known: half the fields do
-KNOWN_LEAST, KNOWN_REACH = (
-    0.8e9,
-    2.0,
-)  # least of the last shift there, 1/s, and how far beyond it the known fields reach
+# smallest last shift there, 1/s, and the factor beyond it up to which the known fields are accurate
+KNOWN_LEAST, KNOWN_REACH = 0.8e9, 2.0
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
-FEWEST, ROUNDS = 2, 25  # first looked at, and left to the integrator
+FEWEST, ROUNDS = 2, 25  # rounds before the first comparison, and before the integrator takes over
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
 STORED = 4.0  # the same of the stored heat, of which less is left at the end than at its largest
-LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such an edge, so the shifts follow
+LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such a breakpoint
 WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
 MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
 
@@ -59,7 +57,7 @@ class Answer:
 
 
 class Modal:
-    """The space of one heated part, kept from run to run. Safe to share between threads.
+    """Krylov spaces of one heated part, kept from run to run. Safe to share between threads.
 
     system: E and -A symmetric positive definite; of its outputs nothing is kept.
     factors: of E and -A, where the caller keeps them.
@@ -83,7 +81,7 @@ class Modal:
         self._forget()
 
     def _forget(self) -> None:
-        """Start without spaces."""
+        """Drop all spaces."""
         self._spaces: dict[tuple[float, bool], Rounds] = {}
         self._lock = threading.Lock()
 

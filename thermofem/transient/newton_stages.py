@@ -44,7 +44,7 @@ for _i, (_at, _k) in THROUGH.items():
     SLOPED[_i, [*_at, 6]] = np.linalg.solve(_rows.T, STAGE_TIMES[_i] ** _p)
 
 
-def _foresee(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
+def _predicted(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
     """Guess for stage i from those before it; ``h`` times a slope is dx/dt times the step."""
     return np.asarray(SLOPED[i, :i] @ states[:i] + SLOPED[i, 6] * h * slopes[THROUGH[i][1]])
 
@@ -116,7 +116,7 @@ class NewtonStepper(Stepper):
         shift = GAMMA * h
         for i in range(1, 6):
             known = x + h * (STAGES[i, :i] @ slopes[:i])
-            found = self._newton(_foresee(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
+            found = self._newton(_predicted(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
             if found is None:
                 return None
             states[i] = found
@@ -137,7 +137,7 @@ class NewtonStepper(Stepper):
         for i in range(1, 6):
             known = start + h * (STAGES[i, :i] @ flows[:i])
             target = known + shift * (self.B @ powers[i])
-            found = self._newton(_foresee(i, states, slopes, per_slope), target, shift)
+            found = self._newton(_predicted(i, states, slopes, per_slope), target, shift)
             if found is None:
                 return None
             states[i], extended = found, self.system.content.extended(found)
@@ -258,7 +258,7 @@ class _Nodal:
 
 
 class _Neighbour:
-    """The symmetric approximation of the derivative of a `NodalOperator`, as values in the places of a `Pencil`."""
+    """Symmetric approximation of the Jacobian of a `NodalOperator`, on the sparsity pattern of a `Pencil`."""
 
     def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
         self.operator, self.laws = operator, []
@@ -269,7 +269,7 @@ class _Neighbour:
         for _, at in operator.laws:
             block = operator.matrix[:, start : start + at.size].tocsc()
             start += at.size
-            where, values = pencil.places(_spread(block, at, n))
+            where, values = pencil.entries(_spread(block, at, n))
             local = np.zeros(n, dtype=np.intp)
             local[at] = np.arange(at.size)
             self.laws.append((where, values, local[rows[where]], local[columns[where]]))
@@ -277,7 +277,7 @@ class _Neighbour:
 
     @staticmethod
     def _add(pencil: Pencil, matrix: Any, total: Array) -> None:
-        where, values = pencil.places(matrix)
+        where, values = pencil.entries(matrix)
         total[where] += values
 
     def drift(self, x: Array) -> float:

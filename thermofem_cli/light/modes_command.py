@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
@@ -17,8 +18,8 @@ from ..console import say, working, wrote
 
 def modes(
     geometry: options.Geometry = None,
-    wavelength: options.Wavelength = "1550 nm",
-    part: Annotated[str | None, typer.Option(help="Part that guides; default: core.")] = None,
+    wavelength: options.Wavelength = None,
+    part: Annotated[str | None, typer.Option(help="Part that guides; default: that of [light], or core.")] = None,
     accuracy: options.Accuracy = 1e-3,
     figure: options.Figure = None,
 ) -> dict[str, Any]:
@@ -30,13 +31,16 @@ def modes(
     check_outputs([figure], images=[figure], inputs=[geometry])
     with working("solving"):
         light = th.light(
-            th.assemble(section, accuracy),
-            wavelength=quantity.positive(wavelength, "m", name="--wavelength"),
-            part=part,
+            th.assemble(replace(section, light=None), accuracy),
+            wavelength=wavelength_of(section, wavelength),
+            part=part or (section.light.part if section.light else None),
         )
         found = light.modes
         first = light.mode(found[0].name)
     numbers = [_numbers(mode) for mode in found]
+    if not math.isinf(light.radius):
+        where = "the edge" if light.at_edge else "the centre of the core"
+        say(f"n_eff belongs to R = {light.radius * 1e6:.6g} um, {where}")
     for mode in found:
         say(_words(mode))
     say(f"{first.name}: n_eff within {first.error:.0e} of finer elements")
@@ -45,7 +49,19 @@ def modes(
 
         plot.save_figure(plot.plot_mode(first), figure)
         wrote(figure)
-    return {"modes": numbers, "n_eff_error": first.error, "wrote": [figure] if figure else []}
+    return {
+        "modes": numbers,
+        "radius": None if math.isinf(light.radius) else light.radius,
+        "n_eff_error": first.error,
+        "wrote": [figure] if figure else [],
+    }
+
+
+def wavelength_of(section: th.CrossSection, given: str | None) -> float:
+    """Wavelength in m of --wavelength, or of [light]."""
+    if given is None and section.light is not None:
+        return section.light.wavelength
+    return quantity.positive(given or "1550 nm", "m", name="--wavelength")
 
 
 def _numbers(mode: th.optics.Mode) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from .. import checks
 from .cross_section import CrossSection
-from .parts import Layer, Part, length, ring, slip
+from .section_parts import Layer, Part, length, ring, slip
 
 
 def strip_ring(

@@ -1,25 +1,136 @@
-"""Decay of free carriers after a pump pulse, their lifetime over time, and the fit of a measured decay."""
+"""Free-carrier recombination, with one lifetime or through one trap level; decays after a pump pulse and their fit."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+import xarray as xr
+from scipy.optimize import least_squares
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
+from thermofem.data import dataset
 from thermofem.data.variables import in_si
 
-from .shockley_read_hall import ShockleyReadHall
-
-if TYPE_CHECKING:
-    import xarray as xr
-
+SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
 FEWEST = 8  # samples of a decay
 FARTHEST = 690.0  # of a logarithm: the largest number
 GRID, SEARCHES = 24, 4  # lifetimes on each axis where searches may begin; how many do
 HALF_GAP = 0.56  # eV, of silicon: trap levels lie within it
+
+
+@dataclass(frozen=True)
+class ConstantLifetime:
+    """dN/dt = -N/tau: the usual model, accurate at low carrier density and where carriers are swept out.
+
+    Parameters
+    ----------
+    tau : float, s
+
+    >>> float(ConstantLifetime(10e-9).lifetime(1e23))
+    1e-08
+    """
+
+    tau: float
+    a: ClassVar[float] = 0.0
+    b: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        hint = "lifetimes are in s (did you mean 10e-9 for 10 ns?)"
+        checks.between("tau", self.tau, SHORTEST, 0.1, unit="s", hint=hint)
+
+    @property
+    def tau0(self) -> float:
+        """The lifetime in s."""
+        return self.tau
+
+    def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
+        """Tau in s, shape of ``density``."""
+        return np.full(checks.numbers("density", density).shape, float(self.tau))
+
+
+@dataclass(frozen=True)
+class ShockleyReadHall:
+    """Carrier lifetime through one trap level, in its low- and high-injection limits and between.
+
+        tau(N) = tau0 (1 + a N) / (1 + b N)
+        a = (tau_p + tau_n) / (tau_p (n0 + n1) + tau_n (p0 + p1)),   b = 1 / (n0 + p0)
+        tau0 = (tau_p (n0 + n1) + tau_n (p0 + p1)) / (n0 + p0)
+        n0 = n_i^2 / p0,   n1 = n_i exp(E/kT),   p1 = n_i exp(-E/kT),   E = E_trap - E_i
+
+    Parameters
+    ----------
+    tau_n, tau_p : float, s
+        characteristic lifetimes of electrons and of holes: 1/(trap density x capture cross-section x velocity).
+    intrinsic_density : float, 1/m^3
+        n_i.
+    hole_density : float, 1/m^3
+        p0, the holes at equilibrium (p-type material).
+    trap_energy : float, eV
+        E, the trap level above the intrinsic Fermi level.
+    thermal_energy : float, eV
+        k_B T.
+
+    Raises
+    ------
+    InputError
+        a number that is not finite, not positive, or out of the range of its unit.
+
+    Source: Shockley and Read, Phys. Rev. 87, 835 (1952), as in Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1, 4.
+    """
+
+    tau_n: float
+    tau_p: float
+    intrinsic_density: float
+    hole_density: float
+    trap_energy: float
+    thermal_energy: float
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        hint = "lifetimes are in s (did you mean 35e-9 for 35 ns?)"
+        for name in ("tau_n", "tau_p"):
+            checks.between(name, getattr(self, name), SHORTEST, 0.1, unit="s", hint=hint)
+        hint = "densities are in 1/m^3 (1e15 cm^-3 is 1e21)"
+        for name in ("intrinsic_density", "hole_density"):
+            checks.between(name, getattr(self, name), 1e10, 1e28, unit="1/m^3", hint=hint)
+        checks.between("trap_energy", self.trap_energy, -2, 2, unit="eV", hint="counted from the intrinsic Fermi level")
+        checks.between("thermal_energy", self.thermal_energy, 1e-4, 0.2, unit="eV", hint="k_B T is 0.0253 eV at 293 K")
+        # its exponential is a factor of the densities
+        checks.between("trap_energy/thermal_energy", self.trap_energy / self.thermal_energy, -200, 200)
+
+    @property
+    def _weighted(self) -> tuple[float, float]:
+        """tau_p (n0 + n1) + tau_n (p0 + p1) in s/m^3, and n0 + p0 in 1/m^3."""
+        n0, p0 = self.intrinsic_density**2 / self.hole_density, self.hole_density
+        boltzmann = math.exp(self.trap_energy / self.thermal_energy)
+        n1, p1 = self.intrinsic_density * boltzmann, self.intrinsic_density / boltzmann
+        return self.tau_p * (n0 + n1) + self.tau_n * (p0 + p1), n0 + p0
+
+    @property
+    def tau0(self) -> float:
+        """Lifetime at vanishing carrier density in s."""
+        weighted, equilibrium = self._weighted
+        return weighted / equilibrium
+
+    @property
+    def a(self) -> float:
+        """Coefficient of N in the numerator in m^3."""
+        return (self.tau_p + self.tau_n) / self._weighted[0]
+
+    @property
+    def b(self) -> float:
+        """Coefficient of N in the denominator in m^3."""
+        return 1 / self._weighted[1]
+
+    def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
+        """tau(N) in s at the excess density ``density`` in 1/m^3, shape of ``density``."""
+        N = checks.numbers("density", density)
+        return np.asarray(self.tau0 * (1 + self.a * N) / (1 + self.b * N))
 
 
 def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) -> xr.Dataset:
@@ -54,10 +165,6 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
     >>> print([f"{v * 1e9:.1f} ns" for v in found["lifetime"].values])
     ['57.3 ns', '57.0 ns', '40.9 ns']
     """
-    import xarray as xr
-
-    from thermofem.data import dataset
-
     hint = "densities are in 1/m^3 (1e17 cm^-3 is 1e23)"
     N0 = checks.positive("initial", initial, unit="1/m^3", at_most=1e28, hint=hint)
     checks.has("carriers", carriers, "tau0", "lifetime", hint="the .carriers of a ring are needed")
@@ -123,8 +230,6 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Fig. 3(b) and Appendix B, whose E_t is a fit as well.
     """
-    from scipy.optimize import least_squares
-
     checks.instance("material", material, ShockleyReadHall, hint="coupled.borghi2021().carriers is one")
     data = in_si("data", data)
     t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
@@ -134,29 +239,17 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
             f"data has {N.size} densities from {np.min(N):g} 1/m^3 on at {t.size} times; at least {FEWEST}, all above 0"
         )
 
-    def misfit(x: Array) -> Array:
-        N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
-        with np.errstate(all="ignore"):
-            off = np.log(_density(t - t[0], N0, low, high / low * material.b, material.b) / N)
-        return np.nan_to_num(off, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
-
-    starts = _starts(misfit, t, N)
-    tries = [least_squares(misfit, x, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac") for x in starts]
-    best = min(tries, key=lambda one: float(one.cost))
+    best = _least_squares(t, N, material.b)
     N0, low, high = np.exp(best.x)
-    if np.linalg.matrix_rank(best.jac) < 3:
-        raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
     covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
     held = material.trap_energy
     tau_n, tau_p, rows = _lifetimes(material, held, low, high)
-    energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
-    possible = _intervals(energies, np.array([min(_lifetimes(material, E, low, high)[:2]) > 0 for E in energies]))
+    possible = _possible(material, low, high)
     if min(tau_n, tau_p) <= 0:
         ranges = " and ".join(f"{first:.3g} to {last:.3g}" for first, last in possible)
-        said = f"only {ranges} eV do" if possible else "no trap energy does"
         raise checks.InputError(
             f"trap_energy = {held:g} eV gives no positive lifetimes for this decay (tau0 = {low:.3g} s, tau_high = "
-            f"{high:.3g} s); {said}"
+            f"{high:.3g} s); {f'only {ranges} eV do' if possible else 'no trap energy does'}"
         )
     scale = np.diag([N0, low, high])
     absolute = scale @ covariance @ scale  # of N0, tau0, tau_high
@@ -172,18 +265,30 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     )
 
 
-def _starts(misfit: Any, t: Array, N: Array) -> list[Array]:
-    """The logarithms (N0, tau0, tau_high) with the smallest misfits on a grid, where searches begin."""
-    span = t[-1] - t[0]
-    tau = np.log(span * np.geomspace(1e-4, 1e4, GRID))
+def _least_squares(t: Array, N: Array, b: float) -> Any:
+    """The best search for ln(N0, tau0, tau_high) of those that begin at the smallest misfits on a grid of lifetimes."""
+
+    def misfit(x: Array) -> Array:
+        N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
+        with np.errstate(all="ignore"):
+            off = np.log(_density(t - t[0], N0, low, high / low * b, b) / N)
+        return np.nan_to_num(off, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
+
+    tau = np.log((t[-1] - t[0]) * np.geomspace(1e-4, 1e4, GRID))
     grid = [np.array([np.log(N[0]), low, high]) for low in tau for high in tau]
-    costs = [float(np.sum(misfit(x) ** 2)) for x in grid]
-    return [grid[k] for k in np.argsort(costs)[:SEARCHES]]
+    starts = sorted(grid, key=lambda x: float(np.sum(misfit(x) ** 2)))[:SEARCHES]
+    tries = [least_squares(misfit, x, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac") for x in starts]
+    best = min(tries, key=lambda one: float(one.cost))
+    if np.linalg.matrix_rank(best.jac) < 3:
+        raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
+    return best
 
 
-def _intervals(values: Array, holds: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """First and last of each run of values for which something holds."""
-    return [(float(values[a]), float(values[b - 1])) for a, b in runs_of(holds)]
+def _possible(material: ShockleyReadHall, low: float, high: float) -> list[tuple[float, float]]:
+    """Ranges of trap energies in the band gap, eV, at which tau0 and tau_high belong to positive lifetimes."""
+    energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
+    holds = np.array([min(_lifetimes(material, E, low, high)[:2]) > 0 for E in energies])
+    return [(float(energies[a]), float(energies[b - 1])) for a, b in runs_of(holds)]
 
 
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:

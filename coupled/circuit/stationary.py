@@ -1,4 +1,4 @@
-"""Fixed points of a circuit under constant light, and their stability: Newton from many starts, dense eigenvalues."""
+"""Circuits at rest: fixed points under constant light and their stability, and the transmission at low power."""
 
 from __future__ import annotations
 
@@ -10,22 +10,24 @@ import numpy as np
 import xarray as xr
 
 from thermofem import checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, Complex
 from thermofem.data import dataset
 
+from ..arguments import check_axis
+from ..heaters import heater_power
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
 from ..thermal import trusted
 from .circuit import Circuit
+from .network import light_of
 from .run import described
 from .system import System, system_of
 
-LARGEST = 500  # states; the Jacobian is dense
-CLOSED = 1e-11  # relative size of the last Newton correction
 SAME = 1e-6  # relative difference of the states of two fixed points that count as one
 ITERATIONS, SWEEPS, RAMP = 60, 40, 30
-LINES = 5.0  # half widths of a resonance beyond which light hardly heats
+WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
+RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
 
 
 def circuit_steady_states(
@@ -64,7 +66,7 @@ def circuit_steady_states(
     Raises
     ------
     InputError
-        powers that vary, lasers of different frequency, delays, or more than 500 states.
+        powers that vary, lasers of different frequency, or delays.
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
@@ -76,11 +78,11 @@ def circuit_steady_states(
     system = autonomous(circuit, thermal, power, heaters, detuning)
     problem = system.problem(Method.RODAS5P)
     found: list[Array] = []
+    n = len(circuit.names)
     for guess in _guesses(system, starts, seed):
         y = _newton(system, problem, guess)
-        if y is not None and not any(_same(y, other, len(circuit.names)) for other in found):
+        if y is not None and all(_distance(y[: 3 * n], other[: 3 * n]) > SAME for other in found):
             found.append(y)
-    n = len(circuit.names)
     found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
     states = _described(system, problem, found)
     trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
@@ -90,17 +92,16 @@ def circuit_steady_states(
 def autonomous(
     circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
-    """A circuit under constant light, or InputError."""
-    checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
+    """The system of a circuit under constant light of one frequency; InputError for any other."""
     heaters = checks.mapping("heaters", heaters)
-    for what, values in (("power", power), ("heaters", heaters), ("detuning", {"": detuning})):
-        checks.has(what, values, "items", hint="give numbers by name, {'in': 1e-3}")
-        for name, value in values.items():
-            if not isinstance(value, int | float | np.number):
-                named = f"{what}[{name!r}]" if name else what
-                raise checks.InputError(
-                    f"{named} is a {type(value).__name__}; fixed points and limit cycles belong to a number"
-                )
+    given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
+    numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
+    for name, value in numbers.items():
+        if not isinstance(value, int | float | np.number):
+            kind = type(value).__name__
+            raise checks.InputError(f"{name} is a {kind}; fixed points and limit cycles belong to a number")
+    for heater, watts in heaters.items():
+        heater_power(heater, watts)
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
     lit = [laser for laser in circuit.lasers if power.get(laser.name, 0.0) > 0] or list(circuit.lasers)
@@ -109,12 +110,8 @@ def autonomous(
     for name in power:
         checks.choice("a name in power", name, [laser.name for laser in circuit.lasers])
     own = {laser.name: power.get(laser.name, 0.0) for laser in lit}
-    system = system_of(
-        replace(circuit, lasers=lit), thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6
-    )
-    if system.size > LARGEST:
-        raise checks.InputError(f"the circuit has {system.size} states, more than {LARGEST}; reduce its heat further")
-    return system
+    alone = replace(circuit, lasers=lit)
+    return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6)
 
 
 def _newton(system: System, problem: Problem, y: Array) -> Array | None:
@@ -127,7 +124,8 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
             step = np.linalg.solve(J, -rate)
             scale = np.maximum(np.abs(y), least)
             size = float(np.linalg.norm(step / scale))
-            if size < CLOSED * np.sqrt(y.size):
+            # the last correction is below 1e-11
+            if size < 1e-11 * np.sqrt(y.size):
                 y = y + step
                 return y if np.all(y[2 : 3 * n : 3] >= -least[2]) else None
             damping = 1.0
@@ -155,7 +153,8 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     rng = np.random.default_rng(checks.seed(seed))
     for _ in range(starts):
         u = rng.uniform(-1, 1, n)
-        yield _state_at(system, LINES * system.rings.modes[:, 0, 0] * u * np.abs(u))
+        # within five half widths of the resonance; beyond light hardly heats
+        yield _state_at(system, 5.0 * system.rings.modes[:, 0, 0] * u * np.abs(u))
 
 
 def _state_at(system: System, D: Array) -> Array:
@@ -178,9 +177,9 @@ def _state_at(system: System, D: Array) -> Array:
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
 
 
-def _same(y: Array, other: Array, rings: int) -> bool:
-    light, before = y[: 3 * rings], other[: 3 * rings]
-    return bool(np.linalg.norm(light - before) <= SAME * np.linalg.norm(light))
+def _distance(light: Array, other: Array) -> float:
+    """Relative difference of fields and carriers."""
+    return float(np.linalg.norm(light - other) / np.linalg.norm(light))
 
 
 def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
@@ -188,23 +187,15 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     circuit = system.circuit
     n, K = system.heat.gain.shape
     y = np.array(found).reshape(len(found), 3 * n + n * K)
-    field = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3]
-    N, x = y[:, 2 : 3 * n : 3], y[:, 3 * n :].reshape(len(y), n, K)
-    U = np.abs(field) ** 2
+    field, x = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3], y[:, 3 * n :].reshape(len(y), n, K)
     own = np.einsum("iik,sik->si", system.heat.read, x)
     rises = np.einsum("ijk,sjk->si", system.heat.read, x) + system.heat.curvature * own**2
     rises = rises + np.array([float(offset(0.0)) for offset in system.offsets])
-    absorbed, fca, tpa = system.rings.modes[:, 0, 1:4].T
     waves = system.waves(field.T * eq.FJ**0.5, np.zeros(len(y)))[: len(circuit.ports)].T
     values = [np.linalg.eigvals(problem.slopes(one)[1]) for one in y]
     first = [v[np.argmax(v.real)] for v in values]
-    by_ring = {
-        "energy": U * eq.FJ,
-        "carriers": N * eq.DENSITY,
-        "delta_T": rises,
-        "absorbed": 2 * (absorbed + fca * N + tpa * U) * U * eq.UW,
-    }
-    variables: dict[str, Any] = {k: (("state", "ring"), v, described(k)) for k, v in by_ring.items()}
+    by_ring = system.by_ring(field.T, y[:, 2 : 3 * n : 3].T, rises.T)
+    variables: dict[str, Any] = {k: (("state", "ring"), v.T, described(k)) for k, v in by_ring.items()}
     variables["output"] = (("state", "port"), np.abs(waves) ** 2, described("output"))
     rate = np.array([v.real / eq.NS for v in first])
     turn = np.array([abs(v.imag) / (2 * np.pi * eq.NS) for v in first])
@@ -215,3 +206,79 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     coordinates = {"ring": list(circuit.names), "port": list(circuit.ports)}
     attrs = dataset.stamp("fixed points of a circuit") | {"circuit": circuit.name, "detuning": system.detuning or 0.0}
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+
+
+def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:
+    """Transmission from one laser to every port at low power.
+
+        [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
+
+    Parameters
+    ----------
+    circuit : Circuit
+    detuning : array, shape (n,), Hz
+        increasing; laser minus the circuit's reference frequency.
+    power : mapping of laser name to float, W, optional
+        which laser is lit, by at most 1 uW; default the first one. Its offset counts.
+
+    Returns
+    -------
+    xarray.Dataset
+        transmission (power at the port per power of the laser) and phase (rad) by port, and energy (J per W) by ring,
+        over detuning.
+
+    Raises
+    ------
+    InputError
+        detunings that do not increase, a resonance of a loop of waveguides without loss, a name that is no laser, or
+        more than low power.
+
+    >>> import coupled
+    >>> at = coupled.transmission(coupled.bus(coupled.borghi2021()), detuning=[0.0])
+    >>> at.transmission.sel(port="drop 1").round(4).values
+    array([0.8834])
+    """
+    nu = check_axis("detuning", detuning)
+    names = [one.name for one in circuit.lasers]
+    lit = [name for name, value in checks.mapping("power", power).items() if value > 0]
+    for name in lit:
+        checks.choice("power", name, names)
+    if len(lit) > 1 or max((dict(power or {})[name] for name in lit), default=0.0) > WEAK:
+        raise checks.InputError(
+            f"power = {power!r} must hold one laser of at most {WEAK:g} W: the transmission of a circuit is that of "
+            "low power; steady_states finds fixed points at more"
+        )
+    k = names.index(lit[0]) if lit else 0
+    responses = [_response(circuit, float(one), k) for one in nu + circuit.lasers[k].offset]
+    seen, fields = (np.array(columns).T for columns in zip(*responses, strict=True))
+    return xr.Dataset(
+        {
+            "transmission": (("port", "detuning"), np.abs(seen) ** 2, {"units": "1", "long_name": "transmission"}),
+            "phase": (("port", "detuning"), np.angle(seen), {"units": "rad", "long_name": "phase"}),
+            "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
+        },
+        coords={
+            "port": list(circuit.ports),
+            "ring": list(circuit.names),
+            "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
+        },
+    )
+
+
+def _response(circuit: Circuit, detuning: float, k: int) -> tuple[Complex, Complex]:
+    """Waves at the ports and fields of the rings for a unit wave of laser ``k``, at low power.
+
+    Waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u.
+    """
+    light, late = light_of(circuit, detuning), slice(0, sum(w.delay > 0 for w in circuit.waveguides))
+    A, B, around = light.seen_ring[late], light.seen_laser[late, k], np.eye(late.stop) - light.seen_delay[late]
+    if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
+        what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"
+        raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
+    back = light.from_delay @ np.linalg.inv(around)
+    turn = 2 * np.pi * np.array([float(circuit.frequency or 0) + detuning - r.frequency for r in circuit.resonators])
+    own = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * turn)
+    a = np.linalg.solve(own - light.between - 1j * back @ A, 1j * (light.from_laser[:, k] + back @ B))
+    u = np.linalg.solve(around, A @ a + B)
+    waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
+    return waves[late.stop : late.stop + len(circuit.ports)], np.asarray(a)

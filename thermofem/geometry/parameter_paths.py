@@ -19,19 +19,27 @@ from .. import checks
 from ..arrays import Array
 from ..checks import InputError
 from ..data import quantity
+from ..materials.index_laws import constant
 from ..materials.material_library import with_value
 from ..materials.property_laws import Law, PowerLaw
 from . import geometry_file as geometry_file
-from .parts import SAME, Boundary, images
+from .guides import BUSES, LIGHT
 from .regions import outlines
+from .section_parts import SAME, Boundary, images
 
 if TYPE_CHECKING:
     from ..materials.material_library import Material
     from .cross_section import CrossSection
-    from .parts import Part
+    from .section_parts import Part
 
-_NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part"}  # lists of tables, and what names one
-_TABLES = ("material", "boundary")
+_NAMED = {
+    "part": "name",
+    "layer": "name",
+    "probe": "name",
+    "interface": "part",
+    "bus": "name",
+}  # lists of tables, and what names one
+_TABLES = ("material", "boundary", "light")
 _LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
 _CENTRE, _EDGES = ("radius", "width"), ("inner_radius", "outer_radius")
 _FORMS = f"{' and '.join(_CENTRE)}, or {' and '.join(_EDGES)}"
@@ -89,17 +97,19 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
         return
     key = middle.pop()
     name = ".".join(middle)  # names may hold dots
+    for number, bus in enumerate(table.get("bus", [])):
+        bus.setdefault("name", BUSES[min(number, 1)])
     if kind in _NAMED and name:
         items = {item.get(_NAMED[kind]): item for item in table.get(kind, [])}
         items[checks.choice(f"path {path!r}: {kind}", name, [str(k) for k in items])][key] = text
-    elif kind == "boundary" and not name:
+    elif kind in ("boundary", "light") and not name:
         table.setdefault(kind, {})[key] = text
     elif kind == "material" and middle[1:] and middle[-1] in _LAWS:
         material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
         given = material.get(middle[-1], {})
         law = given if isinstance(given, dict) else {"value": given}
         material[middle[-1]] = with_value(middle[-1], law, text) if key == "value" else {**law, key: text}
-    elif kind in _TABLES and name:
+    elif kind in ("material", "boundary") and name:
         values = table.setdefault(kind, {})
         if kind == "boundary":
             values[name] = {key: text}
@@ -117,6 +127,7 @@ _PART = {
     "straight": ("x", "width", "bottom", "height", "sidewall_angle"),
 }
 _MATERIAL = ("conductivity", "density", "specific_heat")
+_OPTICAL = {"index": "", "thermo_optic": "1/K"}
 _STEP = 1e-3  # K; of the central difference of a law of temperature, whose error is 1e-9 of its curvature
 
 
@@ -131,6 +142,8 @@ class Change:
         in J/(m^3 K) at the ambient temperature, per unit.
     contact, convection, shell [dict from part, side or probe to float]: of the contact resistance, the coefficient and
         the thickness, per unit.
+    optical [dict from material, bus or "light" to dict from key to float]: of index, thermo_optic, gap, straight, loss
+        and wavelength, per unit.
     """
 
     name: str
@@ -142,6 +155,7 @@ class Change:
     contact: dict[str, float] = field(default_factory=dict)
     convection: dict[str, float] = field(default_factory=dict)
     shell: dict[str, float] = field(default_factory=dict)
+    optical: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
     def moves(self) -> bool:
@@ -162,6 +176,10 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
         raise InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
     kinds = ("outlines", "conductivity", "heat_capacity", "contact", "convection", "shell")
     sums = {kind: _sum([getattr(one, kind) for one in single]) for kind in kinds}
+    sums["optical"] = {}
+    for one in single:
+        for name, slopes in one.optical.items():
+            sums["optical"][name] = _sum([sums["optical"].get(name, {}), slopes])
     return Change(" + ".join(paths), single[0].value, units[0], **sums)
 
 
@@ -181,7 +199,10 @@ def _change(geometry: CrossSection, path: str) -> Change:
         return _ambient(geometry)
     if kind == "material" and len(middle) >= 2:
         return _material(geometry, path, middle)
+    if kind == "light" and len(middle) == 1:
+        return _guided(geometry, path, "", middle[0])
     readers = {
+        "bus": _guided,
         "part": _part,
         "layer": _layer,
         "interface": _interface,
@@ -284,6 +305,18 @@ def _probe(geometry: CrossSection, path: str, name: str, key: str) -> Change:
     return Change(path, probe.shell, "m", shell={name: 1.0})
 
 
+def _guided(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    """A number of [light] or of a [[bus]], which moves no mesh."""
+    given: Any = geometry.light
+    if name:
+        given = _named(path, "bus", name, {bus.name: bus for bus in geometry.buses})
+    units = {"gap": "m", "straight": "m"} if name else {"wavelength": "m", "loss": "1/m"}
+    checks.choice(f"path {path!r}: key", key, units)
+    if getattr(given, key, None) is None:
+        raise InputError(f"path {path!r} leads nowhere; {geometry.name!r} does not give it")
+    return Change(path, float(getattr(given, key)), units[key], optical={name or LIGHT: {key: 1.0}})
+
+
 def _boundary(geometry: CrossSection, path: str, side: str, key: str) -> Change:
     checks.choice(f"path {path!r}: side", side, ("bottom", "top", "outer"))
     units = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
@@ -303,7 +336,12 @@ def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Chang
     name, keys = ".".join(middle[:-split]), middle[-split:]
     hint = "no layer or part is made of it" if name not in names else ""
     material = names[checks.choice(f"path {path!r}: material", name, names, hint=hint)]
-    checks.choice(f"path {path!r}: property", keys[0], _MATERIAL)
+    checks.choice(f"path {path!r}: property", keys[0], (*_MATERIAL, *_OPTICAL))
+    if keys[0] in _OPTICAL:
+        value = material.thermo_optic if keys[0] == "thermo_optic" else constant(material.index)
+        if value is None:
+            raise InputError(f"path {path!r} has no derivative: the index of {name!r} is no constant")
+        return Change(path, value, _OPTICAL[keys[0]], optical={name: {keys[0]: 1.0}})
     kind, key = keys[0], keys[1] if len(keys) > 1 else "value"
     T0 = geometry.ambient
     if kind == "density":

@@ -19,9 +19,10 @@ from ..errors import InputError, MissingLibraryError
 from ..fem import HeatProblem
 from ..fem.assembly import assemble_like
 from ..geometry import CrossSection
+from ..geometry.guides import LIGHT
 from ..solving import solve, solve_periodic
 from .collection import NUMBERS, Folder, Row, write_collections
-from .workers import completed
+from .stored_tasks import completed
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case
@@ -90,14 +91,14 @@ def run(
     ------
     InputError
         no drive; the folder cannot be written or is in use; a base geometry that cannot be solved; an executor that
-        breaks. What is finished stays.
+        breaks. Finished results are kept.
     MissingLibraryError
         meshes must be made and gmsh cannot be loaded.
     """
     if not campaign.drives:
         raise InputError(f"campaign {campaign.name!r} has no drive", "add a [[drive]] table (a family needs none)")
     report = report or (lambda summary: None)
-    folder, cases = Folder(Path(directory)), campaign.cases()
+    folder, cases = Folder(Path(directory).absolute()), campaign.cases()  # workers have other working folders
     with folder.opened():
         folder.write_plan(campaign, cases)
         there = folder.store.intact([case.key for case in cases])
@@ -136,6 +137,8 @@ def _assembled(campaign: Campaign, geometry: str) -> HeatProblem:
     """The heat problem of one geometry, on the moved mesh of the base where that keeps the accuracy."""
     base = campaign.geometry if campaign.variations else ""
     heat = assemble_like(base, CrossSection.from_toml_text(geometry), campaign.accuracy)
+    if LIGHT in campaign.read:
+        heat = heat.lit
     heat.channels(campaign.heated or heat.heated[0], campaign.read or None)
     return heat
 

@@ -46,7 +46,6 @@ class Network(Delegates):
     def __post_init__(self) -> None:
         checks.plain(self)
         object.__setattr__(self, "names", check_names("states", self.names))
-        checks.instance("poles", self.poles, Foster, hint="thermofem.models.gate makes them")
         checks.positive("largest_rise", self.largest_rise, unit="K")
         checks.keep(self, A=checks.numbers("A", self.A), b=checks.numbers("b", self.b))
 

@@ -15,7 +15,7 @@ from ..data import quantity
 from ..materials.material_library import VOID
 
 VERTICAL = math.pi / 2
-SAME = 2e-15  # m; places this close are one (two steps of the grid on which outlines are cut)
+SAME = 2e-15  # m; points this close are one (two steps of the grid on which outlines are cut)
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 _LONGEST = 0.1  # m; nothing on a chip is longer
 

@@ -1,1 +1,0 @@
-"""Lifetimes of the free carriers, and their measurement by pump and probe."""

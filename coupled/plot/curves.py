@@ -1,0 +1,165 @@
+"""Figures of curves of fixed points and of cycles; the units of axes and styles of lines that all figures share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermofem.checks import choice, mapping, text
+from thermofem.data.variables import contents
+from thermofem.plot import BLUE as LIGHT
+from thermofem.plot import GREEN, INK, PURPLE, axes
+from thermofem.plot import VERMILION as HEAT
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
+         "Hopf": ("o", "Hopf point")}  # fmt: skip
+BRANCH = "a Dataset of coupled.continue_cycle"
+
+
+def dbm(power: np.ndarray) -> np.ndarray:
+    """Power in W as dBm."""
+    return 10 * np.log10(power * 1e3)
+
+
+def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
+    """Scale values so that their largest reads well, and name the scaled unit."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    power = next((k for k in (9, 6, 3, 0, -3, -6, -9, -12) if largest >= 10.0**k), 0)
+    return values / 10.0**power, {9: "G", 6: "M", 3: "k", -3: "m", -6: "µ", -9: "n", -12: "p"}.get(power, "") + unit
+
+
+def curves_over(name: str, given: Any, needed: Sequence[str], *, what: str) -> list[Any]:
+    """Curves that are drawn over a figure, in SI, each with the needed variables; one alone counts as a list of one."""
+    several = [given] if hasattr(given, "variables") else given
+    return [contents(f"{name}[{k}]", curve, needed, what=what) for k, curve in enumerate(several)]
+
+
+def joined(part: np.ndarray) -> np.ndarray:
+    """Extend each true stretch of a mask by the next point, so that lines of different styles meet."""
+    return part | np.concatenate([part[:1], part[:-1]])
+
+
+def draw_stability(
+    ax: Axes, x: np.ndarray, y: np.ndarray, stable: np.ndarray, *, color: str, labels: tuple[str, str]
+) -> None:
+    """Draw a line, solid where stable and dotted elsewhere; ``labels`` name the two styles in the legend."""
+    if stable.any():
+        ax.plot(x, np.where(joined(stable), y, np.nan), color=color, linewidth=1.4, label=labels[0])
+    if not stable.all():
+        dots = (0, (1, 1.5))
+        ax.plot(x, np.where(stable, np.nan, y), color=color, linewidth=1.2, linestyle=dots, label=labels[1])
+
+
+def plot_transmission(
+    curve: xr.Dataset,
+    show: str = "drop",
+    ax: Axes | None = None,
+    *,
+    sweeps: Mapping[str, xr.Dataset] | None = None,
+) -> Axes:
+    """Draw one output against detuning or power: stable stretches solid, unstable ones dotted, sweeps over them.
+
+    curve: from `transmission`.
+    show: "drop", "through", "absorbed", "delta_T" or "carriers".
+    sweeps [mapping of a name to a Dataset of `sweep` or of `simulate` with a swept laser]: drawn over the curve, each
+        in its colour.
+    """
+    labels = {
+        "drop": (1e3, "drop power (mW)"),
+        "through": (1e3, "through power (mW)"),
+        "absorbed": (1e3, "absorbed power (mW)"),
+        "delta_T": (1.0, "temperature rise (K)"),
+        "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
+    }
+    choice("show", show, labels)
+    dims = ("detuning", "power", "regime", show)
+    curve = contents("curve", curve, dims, what="a Dataset of coupled.transmission")
+    ax = axes(ax, (5.0, 3.4))
+    unit, label = labels[show]
+    by_power = np.ptp(curve["detuning"].values) == 0
+    name, scale = ("power", 1e3) if by_power else ("detuning", 1e-9)
+    x, y = curve[name].values * scale, curve[show].values * unit
+    stable = curve["regime"].values == "stable"
+    ends = _leaves(x, y)
+    x, y, stable = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan), np.insert(stable, ends, False)
+    draw_stability(ax, x, y, stable, color=INK, labels=("stable", "unstable"))
+    for (title, run), colour in zip(mapping("sweeps", sweeps).items(), cycle((LIGHT, HEAT, GREEN, PURPLE))):
+        at, seen = _swept(f"sweeps[{title!r}]", run, name, show)
+        ax.plot(at * scale, seen * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
+    ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
+    ax.set_ylim(bottom=0)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def _swept(name: str, run: Any, by: str, show: str) -> tuple[np.ndarray, np.ndarray]:
+    """Power or detuning (``by``) of a run and what is shown of it, in SI; `simulate` calls the power input_power."""
+    what = f"a Dataset of `sweep` or `simulate` whose {by} varies, as that of the curve does"
+    own = [one for one in (by, f"input_{by}") if one in run.variables]
+    run = contents(name, run, ((own or [by])[0], show), what=what)
+    return run[own[0]].values, run[show].values
+
+
+def _leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Where a curve leaves the range of x and comes back at the same edge: indices to break its line before.
+
+    The points of a curve lie at equal distances along it; a step of ten times the usual height, at an edge, is no part
+    of the curve.
+    """
+    steps, span = np.abs(np.diff(y)), np.ptp(x)
+    middle = (x[1:] + x[:-1]) / 2
+    edge = np.minimum(middle - x.min(), x.max() - middle) < 0.02 * span
+    return np.flatnonzero(edge & (steps > 10 * np.quantile(steps, 0.95))) + 1
+
+
+def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset | None = None) -> Axes:
+    """Draw the lowest and highest drop power of a branch of cycles: stable stretches solid, others dotted.
+
+    branch: from `continue_cycle`.
+    ax: drawn into; a new figure by default.
+    fixed: from `transmission` over the same parameter: the fixed points, drawn below the cycles.
+    """
+    name = text("branch.attrs['parameter']", branch.attrs.get("parameter"))
+    dims = (name, "drop_high", "drop_low", "stability", "special")
+    branch = contents("branch", branch, dims, what=BRANCH)
+    ax = axes(ax, (5.6, 3.6))
+    factor, label = _axis(branch, name)
+    if fixed is not None:
+        shape = (name, "drop", "regime")
+        fixed = contents("fixed", fixed, shape, what=f"a Dataset of coupled.transmission over {name}")
+        stable = fixed["regime"].values == "stable"
+        labels = ("fixed point, stable", "fixed point, unstable")
+        draw_stability(ax, fixed[name].values * factor, fixed["drop"].values * 1e3, stable, color=INK, labels=labels)
+    stable = branch["stability"].values == "stable"
+    x = branch[name].values * factor
+    for k, edge in enumerate(("drop_high", "drop_low")):
+        labels = ("", "") if k else ("cycle, highest and lowest, stable", "cycle, highest and lowest, unstable")
+        draw_stability(ax, x, branch[edge].values * 1e3, stable, color=HEAT, labels=labels)
+    for kind, (marker, words) in MARKS.items():
+        at = branch["special"].values == kind
+        style: dict[str, Any] = {"marker": marker, "linestyle": "", "markersize": 5.5, "zorder": 4}
+        for k, edge in enumerate(("drop_high", "drop_low")):
+            if at.any():
+                ax.plot(x[at], branch[edge].values[at] * 1e3, color="#7B2D8B", label="" if k else words, **style)
+    ax.set(xlabel=label, ylabel="drop power (mW)")
+    ax.set_ylim(bottom=0)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def _axis(branch: xr.Dataset, name: str) -> tuple[float, str]:
+    """Factor and label of the parameter's axis."""
+    if name == "detuning":
+        return 1e-9, "detuning (GHz)"
+    if name == "power":
+        return 1e3, "power (mW)"
+    values, unit = readable(branch[name].values, branch[name].attrs.get("units", "1").removeprefix("1"))
+    largest = np.argmax(np.abs(values))
+    return float(values[largest] / branch[name].values[largest]), f"{name} ({unit})" if unit else name
