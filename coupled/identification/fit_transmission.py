@@ -41,7 +41,11 @@ RESISTANCE, POWER = "thermal_resistance", "power"
 SCREENED, REFINED = 64, 2  # points of the box, least squares from the start and the best of them
 SIDE = 3.0  # linewidths by which a curve goes on beyond its sweep
 NOISE = 2e-3  # of the range of a sweep: no measurement is better
-STEP = 1e-4  # of an unknown, for the slopes
+STEP, WIDE = (
+    2e-3,
+    5e-3,
+)  # of an unknown, for the slopes of the search and of its end: far above what the 600 points of a curve leave
+BLIND, OPEN = 1e-3, 0.05  # of the largest slope: none; share of a number along such directions that leaves it open
 UNKNOWN = 1.0  # deviations of a logarithm from which on a parameter is not determined
 WORSE = 1.5  # misfit over the noise that is said
 IMPOSSIBLE = 1e3  # a residual where the parameters make no ring
@@ -174,8 +178,8 @@ def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
     unit = str(given[ports[0]].attrs.get("units", "W"))
     step = np.abs(np.diff(x))
     scales = float(np.median(step[step > 0])) / 2, max(noise_of(y), NOISE * float(np.ptp(y)))
-    fixed = (None, float(np.mean(nu))) if moves[0] else (float(np.mean(power)), None)
-    return _Sweep(x, y, ports[0], unit, *fixed, scales)
+    watts, hertz = (None if moving else float(np.mean(value)) for moving, value in zip(moves, (power, nu), strict=True))
+    return _Sweep(x, y, ports[0], unit, watts, hertz, scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +223,7 @@ class _Search:
             if drive not in found and one.power is not None:
                 span = (np.min(np.hstack(detunings)) - shift - side, np.max(np.hstack(detunings)) - shift + side)
                 found[drive] = transmission(ring, heat, power=one.power * factor, detuning=span)
-            elif drive not in found:
+            elif one.detuning is not None and drive not in found:
                 ends = np.exp([np.min(np.hstack(powers)) - 0.5, np.max(np.hstack(powers)) + 0.5]) * factor
                 found[drive] = transmission(ring, heat, power=ends, detuning=one.detuning - shift)
         return [found[one.power, one.detuning] for one in self.data]
@@ -299,32 +303,39 @@ def _search(
 
 
 def _best(search: _Search, seed: int) -> tuple[Array, Array, Array]:
-    """The best end of least squares from the start and the best points of the box: x, residuals and their slopes."""
+    """The best end of least squares from the start and, unless that meets the noise, from points of the box.
+
+    Returns x, residuals and their slopes. Distances beyond a fold are far at first, so they count by less than squares.
+    """
     from scipy.optimize import least_squares
     from scipy.stats import qmc
 
-    points = qmc.scale(qmc.Sobol(search.start.size, rng=checks.seed(seed)).random(SCREENED), search.low, search.high)
-    costs = [float(np.sum(np.abs(search.residuals(x)))) for x in points]  # not squares: samples beyond a fold are far
-    found = []
-    for x in (search.start, *points[np.argsort(costs)[:REFINED]]):
-        for soft in ("soft_l1", "linear"):
-            end = least_squares(
-                search.residuals, x, bounds=(search.low - 1e-12, search.high + 1e-12), loss=soft, max_nfev=60,
-                xtol=1e-9, diff_step=STEP / np.maximum(np.abs(x), 1e-2), x_scale=1.0,
-            )  # fmt: skip
-            x = end.x
-        found.append(end)
-    best = min(found, key=lambda end: end.cost)
+    def descended(x: Array, loss: str) -> Any:
+        return least_squares(
+            search.residuals, x, bounds=(search.low - 1e-12, search.high + 1e-12), loss=loss, max_nfev=60, xtol=1e-8,
+            ftol=1e-8, diff_step=STEP / np.maximum(np.abs(x), 1e-2), x_scale=1.0,
+        )  # fmt: skip
+
+    best = descended(search.start, "soft_l1")
+    if np.mean(best.fun**2) > WORSE**2:
+        points = qmc.scale(
+            qmc.Sobol(search.start.size, rng=checks.seed(seed)).random(SCREENED), search.low, search.high
+        )
+        costs = [float(np.sum(np.abs(search.residuals(x)))) for x in points]
+        ends = [descended(points[k], "soft_l1") for k in np.argsort(costs)[:REFINED]]
+        best = min([best, *ends], key=lambda end: float(end.cost))
+    best = descended(best.x, "linear")
     if best.fun[0] == IMPOSSIBLE:
         raise InputError("no ring in the bounds has a steady transmission at these powers")
-    return best.x, best.fun, best.jac
+    rows = [search.residuals(best.x + WIDE * e) - search.residuals(best.x - WIDE * e) for e in np.eye(best.x.size)]
+    return best.x, best.fun, np.transpose(rows) / (2 * WIDE)
 
 
 def _result(search: _Search, x: Array, r: Array, J: Array, doubts: tuple[str, ...]) -> TransmissionFit:
     """Deviations by the slopes, what follows from the parameters, and notes."""
     misfit = float(np.sqrt(r @ r / max(r.size - x.size, 1)))
     _, size, V = np.linalg.svd(J, full_matrices=False)
-    C = (V.T / np.maximum(size, size[0] * 1e-9) ** 2) @ V * max(misfit, 1.0) ** 2
+    seen = size > BLIND * size[0]
     ring, heat, _ = search.build(x)
     values, names = search.values(x), search.names
 
@@ -334,8 +345,10 @@ def _result(search: _Search, x: Array, r: Array, J: Array, doubts: tuple[str, ..
         heating = heat.thermal_resistance * ring.loss_rate / own if own else 0.0
         return np.log([ring.loaded_q, ring.intrinsic_q, max(heating, 1e-300)])
 
-    slopes = np.array([(derived(x + 1e-5 * e) - derived(x - 1e-5 * e)) / 2e-5 for e in np.eye(x.size)]).T
-    relative = np.sqrt(np.append(np.diag(C)[: len(names)], np.diag(slopes @ C @ slopes.T)))
+    by_x = [(derived(x + 1e-5 * e) - derived(x - 1e-5 * e)) / 2e-5 for e in np.eye(x.size)]
+    along = np.vstack([np.eye(x.size)[: len(names)], np.transpose(by_x)]) @ V.T
+    relative = np.sqrt((along[:, seen] ** 2 / size[seen] ** 2).sum(axis=1)) * max(misfit, 1.0)
+    relative[np.linalg.norm(along[:, ~seen], axis=1) > OPEN * np.linalg.norm(along, axis=1)] = np.inf
     every = values | dict(zip(("loaded_q", "intrinsic_q", "heating"), np.exp(derived(x)).tolist(), strict=True))
     deviations, notes = {}, list(doubts)
     for (name, value), s in zip(every.items(), relative, strict=True):
