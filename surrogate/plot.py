@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from .arrays.array_reduction import ArrayReduction
-    from .reduction.reduce import Reduction
 
 CURVE = "Datasets of surrogate.period_error"
 
@@ -124,17 +123,6 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
         ax.plot(at, typical[own], "o-" if len(own) > 1 else "o", color=colour, markersize=5, label=family)
     ax.set(yscale="log", xlabel="number of states", ylabel="rms error (% of swing)")
     ax.set_xlim(0, states.max() + 1)
-    ax.legend(frameon=False, fontsize="small")
-    return ax
-
-
-def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
-    """Guaranteed error of a one-channel reduction (relative to R_th) against frequency, and its tolerance."""
-    ax = _axes(ax)
-    shown = rom.bound > 1e-4 * rom.error_bound
-    ax.loglog(rom.frequency[shown], rom.bound[shown], color=BLUE, label=f"bound, {rom.order} states")
-    ax.axhline(rom.tolerance, color=INK, linewidth=0.8, linestyle="--", label="tolerance")
-    ax.set(xlabel="frequency (Hz)", ylabel="error over $R_\\mathrm{th}$")
     ax.legend(frameon=False, fontsize="small")
     return ax
 

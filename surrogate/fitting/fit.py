@@ -375,7 +375,7 @@ def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
     high = np.log(np.concatenate([np.full(order, 1 / shortest), np.full(order, 1e1 * slope)]))
 
     def misfit(particle: Array) -> Array:
-        """Rates, then R_i = g_i/lambda_i, all as logarithms."""
+        """Residuals of a particle (ln of the rates, then ln of R_i = g_i/lambda_i)."""
         log_rate, log_R = particle[:order], particle[order:]
         phi = problem.columns(log_rate)
         return np.asarray(problem.target - phi @ np.exp(log_R + log_rate))[: problem.weight.size]

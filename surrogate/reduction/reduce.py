@@ -18,13 +18,11 @@ import numpy as np
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.krylov import check_pair
-from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
 from thermofem.fem.heat_derivatives import ModalDerivative, tangents_of
 from thermofem.fem.heat_derivatives import project as on_modes
 from thermofem.models import HasModel
-from thermofem.waveforms import Waveform
 
 from .certified_space import Certificate, CertifiedSpace, Indices, Projection, certify, certify_defect, leftover
 
@@ -93,12 +91,6 @@ class Reduction(HasModel):
         ``heat.field(rom.lift(states))`` is the temperature field on the mesh.
         """
         return lifted(states, self.basis)
-
-    def full_states(self, wave: Waveform, times: ArrayLike) -> Array:
-        """States of the full system under a piecewise-linear waveform from rest, in closed form, shape (times, n)."""
-        if not isinstance(self.model, Foster):
-            raise checks.InputError("full_states needs one input and one output; reduce system.channel(heated, read)")
-        return self.lift(pole_responses(1 / np.asarray(self.model.tau), wave, times) * self.model.gain)
 
 
 def lifted(states: ArrayLike, basis: Array) -> Array:

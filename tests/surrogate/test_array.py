@@ -111,7 +111,7 @@ def test_rings_on_different_layers_are_refused(ring):
 
 def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
     """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
-    monkeypatch.setattr(domain_truncation, "_told", {})
+    monkeypatch.setattr(domain_truncation, "_reported", {})
     strip = th.strip_ring(outer_radius=120e-6)
     strip = replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))
     exact = replace(Stack(), substrate=1e-2).impedance(48e-6)
@@ -221,10 +221,6 @@ def test_the_array_itself_is_saved_and_exported(array, tmp_path):
         assert not any(re.search(r" -?0\.0( |$)", line) for line in lines)
 
 
-GRID = 22e-6 * np.array([(k % 6, k // 6) for k in range(26)])
-SCATTERED = GRID + np.random.default_rng(1).uniform(-1e-6, 1e-6, GRID.shape)
-
-
 @pytest.mark.parametrize(
     ("positions", "words"),
     [
@@ -247,11 +243,6 @@ def test_a_stack_that_is_cut_is_refused():
     heat = th.assemble(replace(strip, parts=(*strip.parts, cut)), 1e-2)
     with pytest.raises(th.InputError, match="the void 'undercut' makes the stack laterally not uniform"):
         surrogate.reduce_array(heat, [(0, 0), (30e-6, 0)])
-
-
-def test_other_things_are_no_heat_problem(ring):
-    with pytest.raises(th.InputError, match="heaters = 'core' is unknown"):
-        surrogate.reduce_array(ring, SQUARE, heaters=("core",))
 
 
 def test_pictures_hold_the_numbers(array):

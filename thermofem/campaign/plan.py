@@ -169,7 +169,7 @@ class Campaign:
         retry_failed: bool = False,
         report: Callable[[Summary], None] | None = None,
     ) -> Summary:
-        """Compute every geometry that the folder does not hold yet; see `run.run`."""
+        """Compute every geometry that the folder does not hold yet; see `campaign_run.run`."""
         from .campaign_run import run
 
         return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)

@@ -117,7 +117,7 @@ class _Grown:
     owner: NDArray[np.intp]
 
     def beyond(self, heat: HeatProblem, axis: int, at: float, levels: Array) -> _Grown:
-        """With layers of triangles drawn from the side r = ``at`` (axis 0) or z = ``at`` (1) to each of ``levels``."""
+        """Add layers of triangles from the side r = ``at`` (axis 0) or z = ``at`` (1) out to each of ``levels``."""
         import skfem
 
         grid = skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))

@@ -271,7 +271,7 @@ class HeatProblem:
         Raises
         ------
         InputError
-            a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
+            a power out of range; no steady state is found, see `NonlinearSystem.steady_state`.
         """
         heated, read = self._channel(heated, read)
         power = checks.between("power", power, -checks.MOST_POWER, checks.MOST_POWER, unit="W", hint=checks.POWER_HINT)

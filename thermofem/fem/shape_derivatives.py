@@ -49,7 +49,7 @@ class _Maps:
 
 
 def element_conduction_tangent(basis: Any, k: Array, of_k: Array, moved: Array) -> Array:
-    """Derivative of `matrices.element_conduction`; with A = adj J its metric is A diag(k) A^T / |det J|."""
+    """Derivative of `weak_forms.element_conduction`; with A = adj J its metric is A diag(k) A^T / |det J|."""
     m, integrals = _Maps.of(basis, moved), reference(basis)
     A, of_A = (np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) for J in (m.J, m.of_J))
     metric = np.einsum("mde,de,nde->mne", A, k, A)
@@ -60,7 +60,7 @@ def element_conduction_tangent(basis: Any, k: Array, of_k: Array, moved: Array) 
 
 
 def element_capacity_tangent(basis: Any, c: Array, of_c: Array, moved: Array) -> Array:
-    """Derivative of `matrices.element_capacity`."""
+    """Derivative of `weak_forms.element_capacity`."""
     m = _Maps.of(basis, moved)
     share = of_c + c * m.of_det / m.det
     weights = 2 * np.pi * np.abs(m.det) * (share * m.r + c * m.of_r)
@@ -72,7 +72,7 @@ def _elements(basis: Any, weights: Array, integrals: Array) -> Array:
 
 
 def volume_tangent(basis: Any, inside: NDArray[np.bool_], moved: Array) -> Array:
-    """Derivative of `matrices.volume`."""
+    """Derivative of `weak_forms.volume`."""
     m, integrals = _Maps.of(basis, moved), reference(basis)
     weights = 2 * np.pi * np.abs(m.det) * (m.r * m.of_det / m.det + m.of_r)
     shares = weights[:, inside].T @ integrals.load
@@ -81,7 +81,7 @@ def volume_tangent(basis: Any, inside: NDArray[np.bool_], moved: Array) -> Array
 
 
 def shell_tangent(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
-    """Differentiate `shell.shell_mean` of the probe ``name``; ``moved`` has the velocities of the vertices, (2, n).
+    """Derivative of `probe_means.shell_integral` of a probe; ``moved`` has the velocities of the vertices, (2, n).
 
     The nearest point of the outline moves with the share of the edge at which it lies (envelope theorem).
     """

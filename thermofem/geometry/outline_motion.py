@@ -45,7 +45,7 @@ class Edges:
 
     @classmethod
     def of(cls, geometry: CrossSection) -> Edges:
-        """Collect them."""
+        """The corners and edges of all faces of a geometry, each once, with the face on either side."""
         number: dict[Point, int] = {}
         sides: dict[tuple[int, int], list[str | None]] = {}
         for face in geometry.subdivision.faces:

@@ -23,10 +23,10 @@ class IndexLaw(Protocol):
     """Interface of an index law; wavelengths in m."""
 
     def index(self, wavelength: float) -> float:
-        """n."""
+        """Refractive index n."""
 
     def group_index(self, wavelength: float) -> float:
-        """n - lambda dn/dlambda."""
+        """Group index n - lambda dn/dlambda."""
 
 
 @dataclass(frozen=True)

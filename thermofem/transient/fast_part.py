@@ -249,7 +249,7 @@ class Inside(NamedTuple):
     """h dr/dt at the end."""
 
     def __call__(self, u: ArrayLike) -> Array:
-        """At the fractions u of the step, shape (*u.shape, components)."""
+        """Value at the fractions u of the step, shape (*u.shape, components)."""
         return np.asarray((np.asarray(u)[..., None] ** np.arange(4)) @ CUBIC @ np.stack(self))
 
 
