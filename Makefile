@@ -92,8 +92,6 @@ bench: .venv-bench/installed
 .venv-bench/installed: pyproject.toml
 	$(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python $(INSTALL) --editable . ngsolve femwell pymor
-	.venv-bench/bin/python $(INSTALL) numbalsoda \
-		|| echo 'numbalsoda is left out: building it takes a Fortran compiler (Debian, Ubuntu: gfortran)'
 	touch $@
 
 clean:

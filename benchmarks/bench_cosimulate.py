@@ -27,7 +27,8 @@ from scipy.sparse import bmat, csr_matrix, diags
 import coupled
 import surrogate
 import thermofem as th
-from coupled.kernels import equations as eq
+from coupled.kernel import units as eq
+from coupled.kernel.tableaus import Method
 
 Array = NDArray[np.float64]
 
@@ -43,8 +44,9 @@ def lumped(system: th.StateSpace) -> th.StateSpace:
 
 def monolithic(system: th.StateSpace, times: Array, rtol: float) -> Array:
     """dT by BDF on everything at once, in the internal units of coupled."""
-    rates, fcd = eq.internal_rates(RING)
-    drive, capacity = eq.internal_pump(RING, POWER), system.E.diagonal() / (eq.UW * eq.NS)
+    unit_gain = th.Foster(R=[1 / (eq.UW * eq.NS)], tau=[1.0])  # dx/dt = P - 1e-9 x
+    optics = eq.single_ring(RING, unit_gain, POWER, 0.0, 1e-9, Method.RODAS4)
+    capacity = system.E.diagonal() / (eq.UW * eq.NS)
     A, b = diags(1 / capacity) @ csr_matrix(system.A) / eq.UW, system.B[:, 0] / capacity
     C = system.C[0]
 
@@ -53,13 +55,12 @@ def monolithic(system: th.StateSpace, times: Array, rtol: float) -> Array:
         return np.append(y[:3], C @ y[3:])
 
     def right(_: float, y: Array) -> Array:
-        ar, ai, N, dT = light(y)
-        *moving, heat = eq.optics(ar, ai, N, dT, eq.dispersion(N, fcd)[0], drive, 0.0, rates)
-        return np.concatenate([moving, A @ y[3:] + b * heat])
+        at = light(y)
+        slopes = optics.slopes(at)[0]
+        return np.concatenate([slopes[:3], A @ y[3:] + b * (slopes[3] + 1e-9 * at[3])])
 
     def jacobian(_: float, y: Array) -> Any:
-        ar, ai, N, dT = light(y)
-        J = np.array(eq.optics_jacobian(ar, ai, N, dT, *eq.dispersion(N, fcd), 0.0, rates))
+        J = optics.slopes(light(y))[1]
         read, heated = csr_matrix(np.outer(J[:3, 3], C)), csr_matrix(np.outer(b, J[3, :3]))
         return bmat([[csr_matrix(J[:3, :3]), read], [heated, A]], format="csc")
 

@@ -5,7 +5,7 @@
 All integrate the same compiled right-hand side of the self-pulsing ring at (8 dBm, 0 GHz) over 20 us and give the same
 2001 output times. The error is the root mean square over field, carriers and temperature, each in units of its maximum,
 against Rodas5P at rtol = 1e-11. The candidates take turns, so that a busy machine slows them alike; times are medians
-of CPU time. Tolerances are chosen to give nearly equal errors. numbalsoda is left out where it is not installed.
+of CPU time. Tolerances are chosen to give nearly equal errors.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,27 +21,27 @@ from scipy.integrate import solve_ivp
 import coupled
 import surrogate
 import thermofem as th
-from coupled.kernel.tableaus import Method, tableau
-from coupled.kernels import equations as eq
-from coupled.kernels.interrupts import new_watch
-from coupled.kernels.rosenbrock import LaserPieces, integrate
+from coupled.kernel.integrator import Problem
+from coupled.kernel.tableaus import Method
+from coupled.kernel.units import single_ring
 
 Array = NDArray[np.float64]
 
 DURATION = 20e3  # ns
 TIMES = np.linspace(0, DURATION, 2001)
-FLOOR = np.array([1e-3, 1e-4, 1e-3])
 RING = coupled.borghi2021()
 MODEL = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
-DRIVE = eq.internal_pump(RING, 10**0.8 * 1e-3)
-RATES, FCD = eq.internal_rates(RING)
+POWER = 10**0.8 * 1e-3
 SIXTEEN = th.Foster(R=np.repeat(MODEL.R, 8) / 8, tau=np.repeat(MODEL.tau, 8))  # the same physics in 16 poles
 
 
+def problem(method: Method = Method.RODAS4, model: th.Foster = MODEL) -> Problem:
+    return single_ring(RING, model, POWER, 0.0, DURATION * 1e-9, method)
+
+
 def ours(method: Method, rtol: float, model: th.Foster = MODEL) -> Array:
-    args = (eq.internal_thermal(model), tableau(method), rtol, FLOOR, TIMES, 1, 0.0, np.zeros(3), 10**7, new_watch())
-    laser = LaserPieces(np.array([0, DURATION]), np.array([[DRIVE**2, 0, 0, 0]]), np.zeros((1, 4)))
-    return integrate(np.zeros(3 + model.order), laser, RATES, FCD, *args)[0][:, 1:]
+    ring = problem(method, model)
+    return ring.integrate(ring.zero(), rtol=rtol, times=TIMES).rows[:, 1:]
 
 
 def columns(states: Array) -> Array:
@@ -51,35 +50,13 @@ def columns(states: Array) -> Array:
 
 
 def scipy_lsoda(rtol: float) -> Array:
-    poles = eq.internal_thermal(MODEL)
+    ring = problem()
 
     def f(_: float, y: Array) -> Array:
-        return eq.right_hand_side(y, DRIVE, 0.0, RATES, FCD, poles)
+        return ring.slopes(y)[0]
 
     run = solve_ivp(f, (0, DURATION), np.zeros(5), method="LSODA", t_eval=TIMES, rtol=rtol, atol=1e-3 * rtol)
     return columns(run.y.T)
-
-
-def numbalsoda_runner() -> Callable[[float], Array]:
-    from numba import carray, cfunc
-    from numbalsoda import lsoda, lsoda_sig
-
-    rates, fcd, poles = RATES, FCD, eq.internal_thermal(MODEL).poles
-    drive, gain, rate = DRIVE, poles[0], poles[1]
-    dispersion, optics = eq.dispersion, eq.optics
-
-    @cfunc(lsoda_sig)
-    def f(t, u_pointer, du_pointer, data):  # type: ignore[no-untyped-def]
-        u, du = carray(u_pointer, (5,)), carray(du_pointer, (5,))
-        shift = dispersion(u[2], fcd)[0]
-        du[0], du[1], du[2], heat = optics(u[0], u[1], u[2], u[3] + u[4], shift, drive, 0.0, rates)
-        du[3] = gain[0] * heat - rate[0] * u[3]
-        du[4] = gain[1] * heat - rate[1] * u[4]
-
-    def run(rtol: float) -> Array:
-        return columns(lsoda(f.address, np.zeros(5), TIMES, rtol=rtol, atol=1e-3 * rtol)[0])
-
-    return run
 
 
 def candidates() -> dict[str, Callable[[], Array]]:
@@ -91,9 +68,6 @@ def candidates() -> dict[str, Callable[[], Array]]:
         "Rodas5P, rtol 5e-7, 16 poles": lambda: ours(Method.RODAS5P, 5e-7, SIXTEEN),
         "solve_ivp LSODA, rtol 5e-8": lambda: scipy_lsoda(5e-8),
     }
-    if find_spec("numbalsoda"):
-        lsoda = numbalsoda_runner()
-        table["numbalsoda, rtol 5e-8"] = lambda: lsoda(5e-8)
     return table
 
 

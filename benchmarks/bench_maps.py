@@ -17,7 +17,8 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
-from coupled.kernels import equations as eq
+from coupled.kernel.tableaus import Method
+from coupled.kernel.units import single_ring
 
 RING = coupled.borghi2021()
 CASES = {
@@ -43,11 +44,10 @@ def seconds(run: Callable[[], object], repeats: int) -> float:
 
 def numpy_eigenvalues(ring: coupled.RingResonator, model: th.Foster, points: int) -> None:
     """As many dense eigenvalue problems as the map has fixed points."""
-    rates, fcd = eq.internal_rates(ring)
-    poles = eq.internal_thermal(model)
+    problem = single_ring(ring, model, 6e-3, 0.0, 1e-9, Method.RODAS4)
     y = np.array([-2.3, 2.85, 1.7, *np.full(model.order, 7.0 / model.order)])
     for _ in range(points):
-        np.linalg.eigvals(eq.jacobian(y, 0.0, rates, fcd, poles))
+        np.linalg.eigvals(problem.slopes(y)[1])
 
 
 def main() -> None:

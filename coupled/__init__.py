@@ -21,6 +21,7 @@ from .equilibria.steady_states import steady_states
 from .equilibria.transmission import transmission
 from .explore.page import explore
 from .identification import newton_traces  # noqa: F401 - as coupled.identification.newton_traces
+from .identification.fit_transmission import fit_transmission
 from .identification.identify import identify
 from .inputs import Sweep
 from .loop.corrector import FEM
@@ -40,7 +41,7 @@ from .states import State
 __all__ = [
     "FEM", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "RingResonator",
     "ShockleyReadHall", "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "continue_cycle",
-    "cosimulate", "crow", "explore", "fold_curves", "hopf_curves", "identify", "limit_cycle", "pulsing",
-    "pulsing_map", "ring_from", "scissor", "simulate", "stability_map", "steady_states", "transmission",
+    "cosimulate", "crow", "explore", "fit_transmission", "fold_curves", "hopf_curves", "identify", "limit_cycle",
+    "pulsing", "pulsing_map", "ring_from", "scissor", "simulate", "stability_map", "steady_states", "transmission",
     "vanvaerenbergh2012",
 ]  # fmt: skip

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
 ATTRIBUTE = "varying"
-HAIR = 1e-9  # of the largest value: what a fit of cubics to a constant leaves
+FIT_TOLERANCE = 1e-9  # of the largest value: what a fit of cubics to a constant leaves
 GAP = 1 / 50  # of a run; shorter pauses between two changes are not kept
 Spans = list[list[float]]  # from when to when, s
 
@@ -96,8 +96,8 @@ def add(parts: list[Pieces]) -> Pieces:
 def joint(*parts: Pieces) -> Array:
     """The union of all edges; edges closer than round-off of the window are merged."""
     edges = np.unique(np.concatenate([part.edges for part in parts]))
-    hair = 4e-16 * np.abs(edges[[0, -1]]).max()
-    keep = np.concatenate([[True], np.diff(edges) > hair])
+    tolerance = 4e-16 * np.abs(edges[[0, -1]]).max()
+    keep = np.concatenate([[True], np.diff(edges) > tolerance])
     return np.append(edges[keep][:-1], edges[-1]) if keep.sum() > 1 else edges
 
 
@@ -144,9 +144,9 @@ def table(functions: Sequence[Pieces]) -> Polynomials:
 def changes(function: Pieces) -> Spans:
     """From when to when a piecewise cubic changes; a jump begins and ends at once."""
     a, edges = function.coefficients, function.edges
-    hair = HAIR * np.abs(a[:, 0]).max()
-    moves = np.any(np.abs(a[:, 1:]) * np.diff(edges)[:, None] ** np.arange(1, 4) > hair, axis=1)
-    jumps = edges[1:-1][np.abs(a[1:, 0] - function.ends[:-1]) > hair]
+    tolerance = FIT_TOLERANCE * np.abs(a[:, 0]).max()
+    moves = np.any(np.abs(a[:, 1:]) * np.diff(edges)[:, None] ** np.arange(1, 4) > tolerance, axis=1)
+    jumps = edges[1:-1][np.abs(a[1:, 0] - function.ends[:-1]) > tolerance]
     begin, end = np.concatenate([edges[:-1][moves], jumps]), np.concatenate([edges[1:][moves], jumps])
     return _merged(begin, end, GAP * (edges[-1] - edges[0]))
 
@@ -159,7 +159,7 @@ def beats(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> Spans:
         apart = add([frequencies[i], frequencies[j].times(-1.0)]).on(edges).coefficients
         both = [np.any(powers[k].on(edges).coefficients, axis=1) for k in (i, j)]
         largest = max(np.abs(frequencies[k].coefficients[:, 0]).max() for k in (i, j))
-        at = both[0] & both[1] & (np.abs(apart).max(axis=1) > HAIR * largest)
+        at = both[0] & both[1] & (np.abs(apart).max(axis=1) > FIT_TOLERANCE * largest)
         begin.append(edges[:-1][at])
         end.append(edges[1:][at])
         length = edges[-1] - edges[0]

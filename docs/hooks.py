@@ -1,4 +1,4 @@
-"""Pages that mkdocs makes while it builds the site: the API from the docstrings, and the tests behind the validation.
+"""Pages that mkdocs makes while it builds the site: the API, the tree of the sources, the tests behind the validation.
 
 They are in no repository, so that no page can be older than the code.
 """
@@ -24,7 +24,7 @@ def on_files(files: Any, config: Any) -> Any:
     """Add the pages; mkdocs calls this before it reads the navigation."""
     from mkdocs.structure.files import File
 
-    for name, text in {"api.md": api(), "tests.md": tests()}.items():
+    for name, text in {"api.md": api(), "where.md": where(), "tests.md": tests()}.items():
         files.append(File.generated(config, name, content=text))
     return files
 
@@ -43,6 +43,25 @@ def groups() -> list[dict[str, Any]]:
     """The groups of `api_groups.toml`: title, text, and the names as a list."""
     found = tomllib.loads((DOCS / "api_groups.toml").read_text(encoding="utf-8"))["group"]
     return [{**group, "names": group["names"].split()} for group in found]
+
+
+def where() -> str:
+    """The tree of the sources: a sentence for each folder and each file, the first of its docstring."""
+    text = "# Where is what\n\nEvery folder and file of the sources, with the first sentence of its docstring.\n"
+    text += "`surrogate` and `coupled` know `thermofem`, not each other; `thermofem_cli` alone knows all three.\n"
+    for package in ("thermofem", "surrogate", "coupled", "thermofem_cli", "paper"):
+        for folder in sorted(path.parent for path in (DOCS.parent / package).rglob("__init__.py")):
+            head = "##" if folder.name == package else "###"
+            place = folder.relative_to(DOCS.parent).as_posix()
+            text += f"\n{head} {place}\n\n{sentence(folder / '__init__.py')}\n\n| file | |\n|---|---|\n"
+            for path in sorted(folder.glob("[!_]*.py")):
+                text += f"| `{path.name}` | {sentence(path)} |\n"
+    return text
+
+
+def sentence(path: Path) -> str:
+    """The first paragraph of a file's docstring on one line."""
+    return " ".join((ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n\n")[0].split())
 
 
 def api() -> str:

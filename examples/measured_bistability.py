@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from scipy.constants import c
 from scipy.optimize import least_squares
 
@@ -105,6 +106,23 @@ def jumps(x, jumped, *, lumped=False):
     return np.array(errors).T
 
 
+def fit_by_curves(data):
+    """The same four by `coupled.fit_transmission`: distances from the curve through both folds of each loop."""
+    wavelength, open_, drop = (column[data[1] < BELOW_THE_KINK] for column in data)
+    full = 18 * UNITS[0]
+    loops = []
+    for one in np.unique(wavelength):
+        here = wavelength == one
+        power = ("step", full * (open_[here] + LEAKAGE))
+        loops.append(xr.Dataset({"drop": ("step", drop[here]), "power": power}, attrs={"wavelength": one}))
+    found = coupled.fit_transmission(
+        ring_of(np.array([18, 1551.8, 3, 12])), loops, free=["power", "frequency", "loss_rate", "tau0"], model=STATIC,
+        bounds={"frequency": (c / 1552.18e-9, c / 1551.3e-9), "loss_rate": (1e8, 1e10)},
+    )  # fmt: skip
+    power, frequency, absorbed, lifetime = (found.parameters[n] for n in ("power", "frequency", "loss_rate", "tau0"))
+    return np.array([full * power, c / frequency, absorbed, lifetime]) / UNITS, found
+
+
 def averages(x, model, wavelength, transparencies):
     """Time-averaged drop power (W) of the simulated ring, from cold, over the second half of 60 us."""
     ring = ring_of(x)
@@ -134,6 +152,7 @@ def figure(folder):
     print(f"R_th {model.thermal_resistance / 1e3:.2f} K/mW, rms {rms:.1%} and {rms_moved:.1%} the other day")
     for name, value in zip(("mW a unit", "nm, cold", "1/ns absorbed", "ns of the carriers"), x, strict=True):
         print(f"{value:10.4f} {name}")
+    print("by distances from the curves:", ", ".join(f"{value:.4f}" for value in fit_by_curves(first)[0]))
     picture, axes = plt.subplots(3, 1, figsize=(5.7, 9), layout="constrained")
     drawn = (
         (axes[0], first, x, (1552.304, 1552.246, 1552.194)),

@@ -1,16 +1,14 @@
 """``python -m paper -o out``: compute what is missing, draw everything, and write out/report.html."""
 
 import argparse
-import os
 from pathlib import Path
 
 from .report.runner import run
 
-parser = argparse.ArgumentParser(prog="python -m paper", description=__doc__)
-parser.add_argument("-o", "--output", type=Path, default=Path("out"), help="folder to write")
-parser.add_argument("--quick", action="store_true", help="the one-minute version: no maps, no FEM in the loop")
-parser.add_argument("--threads", type=int, default=os.cpu_count(), help="worker processes")
-
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path("out"), help="folder to write")
+    parser.add_argument("--quick", action="store_true", help="the one-minute version: no maps, no FEM in the loop")
+    parser.add_argument("--threads", type=int, help="worker processes; default: one for each CPU")
     given = parser.parse_args()
     run(given.output, quick=given.quick, workers=given.threads)

@@ -7,33 +7,31 @@ import coupled
 from thermofem.plot import INK, ORANGE, SKY, VERMILION
 
 from .printed import RING, legend, panel
-from .report.study import PAPER, Result, figure, study
+from .report.study import Result, figure, study
 
 START = 1e23  # 1/m^3, left by the pump pulse; the paper is concerned with 1e15 to 1e18 cm^-3
 WINDOWS = {"slow": (0.0, 50e-9), "fast": (250e-9, 300e-9)}  # s, in which the paper takes its two slopes
 TIMES = np.linspace(0, 300e-9, 601)
-LINES = (("printed", "as printed", "-", INK), ("exchanged", "exchanged", "--", VERMILION))
-TRAPS = (1e19, 1e20, 1e21)  # 1/m^3: a hundredth of the holes at equilibrium, a tenth, as many
+LAWS = {"printed": (RING.carriers, "-", INK), "exchanged": (RING.with_swapped_srh().carriers, "--", VERMILION)}
+TRAPS = (0.01, 0.1, 1.0)  # over the holes at equilibrium
 
 
-@study("Fig. 3(b): carrier lifetime", 0.1, quick=True)
+@study("Fig. 3(b): carrier lifetime", quick=True)
 def carriers():
     """Decay with the lifetimes as printed and exchanged; mean lifetimes as the paper's dashed lines."""
     data, numbers = {}, {}
-    for name, law in (("printed", RING.carriers), ("exchanged", RING.with_swapped_srh().carriers)):
+    for name, (law, _, _) in LAWS.items():
         data[name] = coupled.carriers.carrier_decay(law, START, TIMES)
         N = data[name]["carriers"].values
-        numbers[name] = {
-            "low_injection_s": law.tau0, "high_injection_s": law.tau0 * law.a / law.b,
-            "dropped_by": float(N[0] / np.interp(WINDOWS["fast"][0], TIMES, N)),
-        }
+        numbers[name] = {"low_injection_s": law.tau0, "high_injection_s": law.tau0 * law.a / law.b}
+        numbers[name]["dropped_by"] = float(N[0] / np.interp(WINDOWS["fast"][0], TIMES, N))
         for which, (begin, end) in WINDOWS.items():
             inside = (begin <= TIMES) & (end >= TIMES)
             numbers[name][f"{which}_s"] = -1 / np.polyfit(TIMES[inside], np.log(N[inside]), 1)[0]
     return Result(numbers, data)
 
 
-@study("Section 3: trapping", 1, quick=True)
+@study("Section 3: trapping", quick=True)
 def trapping():
     """Lifetime of the holes where electrons and traps have equations of their own, against Eq. 1.
 
@@ -41,40 +39,34 @@ def trapping():
 
     with m filled traps, n + m - p conserved (Nomura and Blakemore, Phys. Rev. 112, 1607 (1958)), in units of p0.
     """
-    law = RING.carriers
-    p0 = law.hole_density
-    boltzmann = np.exp(law.trap_energy / law.thermal_energy)
+    law, off = RING.carriers, {}
+    p0, boltzmann = law.hole_density, np.exp(law.trap_energy / law.thermal_energy)
     ni = law.intrinsic_density / p0
     n0, n1, p1 = ni**2, ni * boltzmann, ni / boltzmann
-    off = {}
-    for traps in TRAPS:
-        Nt = traps / p0
-        rest = Nt * n0 / (n0 + n1)  # filled traps in equilibrium
+    for Nt in TRAPS:
 
-        def rates(t, y, Nt=Nt, rest=rest):
+        def rates(t, y, Nt=Nt, rest=Nt * n0 / (n0 + n1)):  # rest: filled traps in equilibrium
             n, p = y
             m = rest + (p - 1) - (n - n0)
             return -(n * (Nt - m) - n1 * m) / (law.tau_n * Nt), -(p * m - p1 * (Nt - m)) / (law.tau_p * Nt)
 
         found = []
-        for start in (1e23, 1e24):
-            y0 = (n0 + start / p0, 1 + start / p0)
-            run = solve_ivp(rates, (0, 600e-9), y0, "LSODA", rtol=1e-9, atol=1e-12, dense_output=True)
-            t = np.linspace(10e-9, 600e-9, 1181)  # the traps have filled
-            excess = run.sol(t)[0] - n0
-            tau = -excess / np.array([rates(0, y)[0] for y in run.sol(t).T])
-            inside = (excess * p0 > 1e21) & (excess * p0 < 1e24)
-            found.append(np.abs(tau / law.lifetime(excess * p0) - 1)[inside].max())
-        off[f"{traps / p0:g}"] = max(found)
+        for start in (1e23 / p0, 1e24 / p0):
+            times = np.linspace(10e-9, 600e-9, 1181)  # the traps have filled
+            y = solve_ivp(rates, (0, 6e-7), (n0 + start, 1 + start), "LSODA", times, rtol=1e-9, atol=1e-12).y
+            N = (y[0] - n0) * p0
+            tau = -N / (np.array([rates(0, one)[0] for one in y.T]) * p0)
+            found.append(np.abs(tau / law.lifetime(N) - 1)[(N > 1e21) & (N < 1e24)].max())
+        off[f"{Nt:g}"] = max(found)
     return Result(off)
 
 
 @figure
 def fig3a(carriers):
     ax = panel()
-    for name, words, style, colour in LINES:
+    for name, (_, style, colour) in LAWS.items():
         time, N = carriers.data[name]["time"].values * 1e9, carriers.data[name]["carriers"].values * 1e-6
-        ax.semilogy(time, N, style, color=colour, label=f"lifetimes {words}")
+        ax.semilogy(time, N, style, color=colour, label=f"lifetimes {name}")
     for which, colour in (("slow", SKY), ("fast", ORANGE)):  # of those exchanged
         tau, middle = carriers.numbers["exchanged"][f"{which}_s"] * 1e9, 1e9 * np.mean(WINDOWS[which])
         line = np.interp(middle, time, N) * np.exp(-(time - middle) / tau)
@@ -87,17 +79,9 @@ def fig3a(carriers):
 @figure
 def fig3b(carriers):
     ax = panel()
-    for name, words, style, colour in LINES:
+    for name, (_, style, colour) in LAWS.items():
         data = carriers.data[name]
-        ax.semilogx(data["carriers"] * 1e-6, data["lifetime"] * 1e9, style, color=colour, label=f"lifetimes {words}")
+        ax.semilogx(data["carriers"] * 1e-6, data["lifetime"] * 1e9, style, color=colour, label=f"lifetimes {name}")
     ax.axhspan(20, 60, color=SKY, alpha=0.15, linewidth=0, label="the paper's bounds")
     ax.set(xlabel="excess carriers (cm$^{-3}$)", ylabel="carrier lifetime (ns)", ylim=(0, 70))
     return legend(ax, "lower right")
-
-
-PAPER.update({
-    "trapping/0.01": (0, 0.02), "trapping/0.1": (0, 0.02), "trapping/1": (0, 0.02),
-    "carriers/exchanged/slow_s": (50e-9, 65e-9), "carriers/exchanged/fast_s": (20e-9, 30e-9),
-    "carriers/exchanged/dropped_by": (50, 100), "carriers/exchanged/low_injection_s": (20e-9, 30e-9),
-    "carriers/exchanged/high_injection_s": (55e-9, 62e-9),
-})

@@ -1,6 +1,7 @@
 """Fig. 4, Section 4: what Newton's law of cooling needs to follow each trace, and whether any draws the map."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -9,14 +10,14 @@ import surrogate
 from thermofem.plot import INK, VERMILION
 
 from .maps import compared
-from .printed import HEAT_CAPACITY, MARKED, NEWTON_MAPS, RING, label, panel
-from .report.study import PAPER, Result, figure, study
+from .printed import HEAT_CAPACITY, MARKED, NEWTON_MAPS, RING, label, legend, panel
+from .report.study import Result, figure, study
 
 LIFETIMES = (150e-9, 600e-9)  # s, searched for Newton's law with silicon's c_p; a second basin lies at 80 ns
 CLOSE = 0.2  # mean error of the frequency up to which a map counts as one of the right frequency
 
 
-@study("Fig. 4(d): Newton's law fitted to traces", 7)
+@study("Fig. 4(d): Newton's law fitted to traces")
 def newton_fits(loop):
     """Newton's law fitted to every trace that pulses; and to one of them with silicon's own c_p."""
     pulsing = {name: run for name, run in loop.data.items() if run.attrs["regime"] == "self-pulsing"}
@@ -26,21 +27,21 @@ def newton_fits(loop):
         bounds={"tau_th": LIFETIMES}, runs=1,
     )
     tau, capacity = single["tau_th"].values, single["heat_capacity"].values
-    ratio = capacity / HEAT_CAPACITY
+    ratio, period, power = capacity / HEAT_CAPACITY, single["period"].values, single["power"].values
     pairs = zip(pulsing, tau, capacity, strict=True)
     models = {name: surrogate.newton(tau_th=float(t), heat_capacity=float(c)) for name, t, c in pairs}
     numbers = {
         "count": len(pulsing), "tau_th_s": [tau.min(), tau.max()], "heat_capacity_ratio": [ratio.min(), ratio.max()],
         "heat_capacity_ratio_mean": ratio.mean(), "correlation": single.attrs["correlation"], "tau_mean_s": tau.mean(),
-        "correlation_ratio_power": np.corrcoef(ratio, single["power"].values)[0, 1],
-        "correlation_tau_period": np.corrcoef(tau, single["period"].values)[0, 1],
+        "correlation_ratio_power": np.corrcoef(ratio, power)[0, 1],
+        "correlation_tau_period": np.corrcoef(tau, period)[0, 1],
         "q_over_q0": np.mean(ratio) * NEWTON_MAPS.tau[0] / np.mean(tau),
         "lumped": {**lumped.parameters, "shape_error": lumped.residuals["shape_error"].values[0]},
     }
     return Result(numbers, {"newton": single}, models)
 
 
-@study("Fig. 4: would any Newton's law do?", 9)
+@study("Fig. 4: would any Newton's law do?")
 def scan(reference):
     """Could any Newton's law draw the FEM's map? Dispersion and time constant scanned, c_p as tabulated.
 
@@ -48,15 +49,13 @@ def scan(reference):
     """
     ring, fem = RING.with_lumped_fcd(), reference.data["map"].isel(power=slice(0, None, 2), detuning=slice(0, None, 2))
     tried = []
-    for sigma in ring.fcd[0][0] * np.geomspace(0.3, 2, 6):
-        for tau in np.geomspace(50e-9, 800e-9, 6):
-            model = surrogate.newton(tau_th=float(tau), heat_capacity=HEAT_CAPACITY)
-            own = replace(ring, fcd=((float(sigma), 1.0),))
-            seen = compared(coupled.pulsing_map(own, model, fem["power"], fem["detuning"], duration=10e-6), fem)
-            errors = {name: seen[name][0] for name in ("frequency_error", "duty_error")}
-            tried.append({"sigma_m3": sigma, "tau_th_s": tau, "overlap": seen["overlap"], **errors})
+    for sigma, tau in product(ring.fcd[0][0] * np.geomspace(0.3, 2, 6), np.geomspace(50e-9, 800e-9, 6)):
+        model, own = surrogate.newton(tau_th=tau, heat_capacity=HEAT_CAPACITY), replace(ring, fcd=((sigma, 1.0),))
+        seen = compared(coupled.pulsing_map(own, model, fem["power"], fem["detuning"], duration=10e-6), fem)
+        errors = {name: seen[name][0] for name in ("frequency_error", "duty_error")}
+        tried.append({"sigma_m3": sigma, "tau_th_s": tau, "overlap": seen["overlap"], **errors})
     near = [one for one in tried if one["frequency_error"] <= CLOSE]
-    best, right = (max(some, key=lambda one: one["overlap"], default=None) for some in (tried, near))
+    best, right = (max(some, key=lambda one: one["overlap"]) for some in (tried, near))
     return Result({"best": best, "best_of_right_frequency": right, "close": CLOSE, "pairs": len(tried)})
 
 
@@ -66,17 +65,6 @@ def fig4d(newton_fits):
     tau, ratio = data["tau_th"].values * 1e9, data["heat_capacity"].values / HEAT_CAPACITY
     dots = ax.scatter(tau, ratio, c=data["period"].values * 1e9, s=36, cmap="viridis", edgecolor=INK, linewidth=0.4)
     ax.figure.colorbar(dots, ax=ax, label="period (ns)")
-    ax.plot(417, 6.9, "*", color=VERMILION, markersize=11)
-    ax.annotate("the paper\n(8 dBm, 0 GHz)", (417, 6.9), xytext=(6, 4), textcoords="offset points",
-                fontsize="x-small", color=VERMILION)  # fmt: skip
-    ax.set(xlabel="thermal lifetime τ$_{th}$ (ns)", ylabel="c$_p$ over silicon's", ylim=(0, 9.5))
-    return ax
-
-
-PAPER.update({
-    "newton_fits/lumped/tau_th": (260e-9, 280e-9), "newton_fits/tau_th_s/0": (325e-9, 375e-9),
-    "newton_fits/tau_th_s/1": (625e-9, 675e-9), "newton_fits/heat_capacity_ratio_mean": (6.5, 10.5),
-    "newton_fits/correlation": (0.8, 1), "newton_fits/correlation_tau_period": (0.8, 1),
-    "newton_fits/q_over_q0": (4.5, 5.5),
-    "scan/best_of_right_frequency/overlap": (0, 60e-2), "scan/best/overlap": (0, 60e-2),
-})
+    ax.plot(417, 6.9, "*", color=VERMILION, markersize=11, label="the paper, (8 dBm, 0 GHz)")
+    ax.set(xlabel="thermal lifetime τ$_{th}$ (ns)", ylabel="c$_p$ over silicon's", ylim=(0, None))
+    return legend(ax, "lower right")

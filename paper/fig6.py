@@ -8,12 +8,13 @@ from thermofem.plot import BLUE, GREEN, INK, ORANGE, PURPLE, VERMILION
 
 from .maps import NEWTON, models_of
 from .printed import CENTRE, EXPERIMENT_SET, FEM_SET, MARKED, NEWTON_FIT, RING, RUN, at, describe, label, late, slug
-from .report.study import OTHER, PAPER, Result, figure, study
+from .report.study import Result, figure, study
 
 WINDOW = 2.6e-6  # s, of the traces
+FITTED = "Newton, fitted to this trace"
 
 
-@study("second order fitted to traces", 18)
+@study("second order fitted to traces")
 def second_order_fit(loop):
     """The training of Fig. 6: the second-order equation fitted to three traces at once."""
     traces = [loop.data[label(point)] for point in MARKED]
@@ -22,22 +23,19 @@ def second_order_fit(loop):
     return Result(numbers, models={"second_order": found.model})
 
 
-@study("Figs. 4(c) and 6(c): traces", 0.2)
+@study("Figs. 4(c) and 6(c): traces")
 def marked(elements, training, second_order_fit, newton_fits):
     """Traces at the marked points with every model, and with Newton's law fitted to each."""
     data, numbers = {}, {}
     for point in MARKED:
-        models = models_of(elements, training, second_order_fit)
-        models["Newton, fitted to this trace"] = RING, newton_fits.models[label(point)]
-        numbers[label(point)] = {}
-        for name, (own, model) in models.items():
-            run = coupled.simulate(own, model, **at(point), duration=RUN)
-            numbers[label(point)][name] = describe(run)
-            data[f"{label(point)}.{slug(name)}"] = late(run)
+        models = models_of(elements, training, second_order_fit) | {FITTED: (RING, newton_fits.models[label(point)])}
+        runs = {name: coupled.simulate(*case, **at(point), duration=RUN) for name, case in models.items()}
+        numbers[label(point)] = {name: describe(run) for name, run in runs.items()}
+        data |= {f"{label(point)}.{slug(name)}": late(run) for name, run in runs.items()}
     return Result(numbers, data)
 
 
-@study("self-pulsing at (8 dBm, 0 GHz)", 0.1, quick=True)
+@study("self-pulsing at (8 dBm, 0 GHz)", quick=True)
 def traces(elements, training):
     """Every model at (8 dBm, 0 GHz) from a cold start, 20 us."""
     models = {
@@ -46,68 +44,42 @@ def traces(elements, training):
         "second order, 1 µs square": training.models["second_order_1us"], "SINDy": training.models["sindy"],
         "reduction": elements.models["reduction"],
     }
-    runs = {name: coupled.simulate(RING, model, **at(CENTRE), duration=20e-6) for name, model in models.items()}
+    runs = {name: coupled.simulate(RING, model, **at(CENTRE), duration=RUN) for name, model in models.items()}
     numbers = {name: describe(run) for name, run in runs.items()}
-    swapped = coupled.simulate(RING.with_swapped_srh(), models["reduction"], **at(CENTRE), duration=20e-6)
+    swapped = coupled.simulate(RING.with_swapped_srh(), models["reduction"], **at(CENTRE), duration=RUN)
     change = coupled.pulsing(swapped).period / numbers["reduction"]["period_s"] - 1
-    numbers["exchanged"] = {"period_change": change}
-    data = {slug(name.replace("µ", "u")): late(run).assign_attrs(model=name) for name, run in runs.items()}
-    return Result(numbers, data)
+    return Result(numbers | {"exchanged": {"period_change": change}})
 
 
 def line(ax, run, style, colour, words=None, width=1.2):
     """The end of a run from a rise of the carriers on, over the drop power's maximum."""
-    time, N, drop = (run[name].values for name in ("time", "carriers", "drop"))
-    end = time >= time[-1] - 2 * WINDOW
-    time, N, drop = time[end], N[end], drop[end]
-    up = np.flatnonzero((N[:-1] < N.max() / 2) & (N[1:] >= N.max() / 2))
-    up = up[time[up] <= time[-1] - WINDOW]
+    end = late(run, 2 * WINDOW)
+    time, N, drop = (end[name].values for name in ("time", "carriers", "drop"))
+    up = np.flatnonzero((N[:-1] < N.max() / 2) & (N[1:] >= N.max() / 2) & (time[1:] <= time[-1] - WINDOW))
     start = time[up[-1]] if up.size else time[-1] - WINDOW
     ax.plot((time - start) * 1e6, drop / drop.max(), style, color=colour, linewidth=width, label=words)
     ax.set(xlim=(0, WINDOW * 1e6), ylim=(0, 1.08), yticks=(0, 1))
 
 
-def rows(count, height):
-    """Axes of traces under each other."""
-    axes = plt.subplots(count, 1, figsize=(4.6, height), sharex=True, layout="constrained")[1]
-    axes[count // 2].set_ylabel("drop power over its maximum")
-    axes[-1].set_xlabel("time (µs)")
-    return axes
-
-
 def at_marked(loop, marked, *lines):
     """Drop traces at the marked points: the FEM in the loop in black, models over it."""
-    axes = rows(len(MARKED), 4.6)
+    axes = plt.subplots(3, 1, figsize=(4.6, 4.6), sharex=True, layout="constrained")[1]
     for k, (ax, point) in enumerate(zip(axes, MARKED, strict=True), 1):
         line(ax, loop.data[label(point)], "-", INK, "FEM in the loop", 2.0)
         for name, style, colour, words in lines:
             line(ax, marked.data[f"{label(point)}.{slug(name)}"], style, colour, words)
         ax.set_title(f"({k})  {point[0]:g} dBm, {point[1]:g} GHz", fontsize="small", loc="left")
+    axes[1].set_ylabel("drop power over its maximum")
+    axes[2].set_xlabel("time (µs)")
     handles = axes[0].get_legend_handles_labels()
     axes[0].figure.legend(*handles, loc="outside upper left", ncols=2, frameon=False, fontsize="small")
     return axes[0]
 
 
-NEWTON_LINES = ((NEWTON, "--", VERMILION, "Model 1: c$_p$, 275 ns"),
-                ("Newton, fitted to this trace", "-", ORANGE, "Model 2: fitted c$_p$, τ$_{th}$"))
+NEWTON_LINES = (
+    (NEWTON, "--", VERMILION, "Model 1: c$_p$, 275 ns"), (FITTED, "-", ORANGE, "Model 2: fitted c$_p$, τ$_{th}$")
+)
 OTHER_LINES = ("SINDy", "-.", GREEN, "SINDy"), ("reduction", "--", PURPLE, "reduction")
 figure(lambda loop, marked: at_marked(loop, marked, *NEWTON_LINES), "fig4c")
 figure(lambda loop, marked: at_marked(loop, marked, ("second order", "-", BLUE, "second order")), "fig6c")
 figure(lambda loop, marked: at_marked(loop, marked, *OTHER_LINES), "other_traces")
-
-
-@figure
-def centre_traces(traces):
-    axes = rows(len(traces.data), 0.75 * len(traces.data) + 0.6)
-    for ax, run in zip(axes, traces.data.values(), strict=True):
-        line(ax, run, "-", BLUE)
-        name = run.attrs["model"]
-        ax.set_title(f"{name}: {traces.numbers[name]['period_s'] * 1e9:.0f} ns", fontsize="small", loc="left")
-    return axes[0]
-
-
-PAPER.update({
-    "second_order_fit/parameters/kappa": (7.3e5, 7.6e5), "second_order_fit/parameters/tau_f": (65e-9, 77e-9),
-    "traces/second order, the paper's, experiment/period_s": (750e-9, 850e-9),
-})
-OTHER.update({"traces/exchanged/period_change": (0.05e-2, 0.15e-2)})

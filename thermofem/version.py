@@ -1,3 +1,3 @@
 """Package version. It is stored in every file and is part of the hash of every campaign result."""
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"

@@ -44,7 +44,7 @@ RING_KEYS = {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_
 
 
 def expect(path: Path | None, *wanted: str) -> None:
-    """InputError for a file of another kind; a file of unknown kind passes, and its reader decides."""
+    """Raise InputError where a file holds another kind of thing than wanted; what is unknown is left to its reader."""
     found = kind_of(path) if path else None
     if path is None or found is None or found in wanted:
         return
@@ -114,7 +114,7 @@ def check_outputs(
 
 @contextlib.contextmanager
 def about(paths: Sequence[Path]) -> Iterator[None]:
-    """Name the file in an InputError that does not; of several files those that it calls ``data[0]``, ``data[1]``."""
+    """Put the file's name before an InputError without one; of several files, in place of ``data[0]``, ``data[1]``."""
     try:
         yield
     except InputError as error:
@@ -157,12 +157,12 @@ def note_ring(ring: RingResonator, given: str) -> None:
 
 
 def in_volts(assumed: Any) -> bool:
-    """Whether a model was trained on a voltage without the sensitivity of the thermometer; ``assumed`` of its file."""
+    """Whether a model was trained on volts that count as kelvin, by the lines ``assumed`` of its file."""
     return isinstance(assumed, list) and any("1 V counts as 1 K" in str(line) for line in assumed)
 
 
 def channel_of(picked: str | None, heated: str | None, read: str | None) -> tuple[str | None, str | None]:
-    """Part that the light heats and part that is read, of --channel, or of --heated and --read."""
+    """The heated and the read part: both --channel, or --heated and --read."""
     if picked and (heated or read):
         raise InputError(f"--channel {picked} names both parts; give it without --heated and --read")
     return (picked, picked) if picked else (heated, read)

@@ -26,7 +26,7 @@ from thermofem.errors import one_line
 
 PASSES = 7  # of `solve_periodic` over the period, six to eight as a rule: scale of its bar
 LINE = 20_000  # characters of a line of output, such as the equations of a network
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass
@@ -103,7 +103,7 @@ def bar(what: str) -> Iterator[Callable[..., None]]:
 
 @contextlib.contextmanager
 def time_bar(what: str, duration: float, *, periodic: bool = False) -> Iterator[Callable[[float], None]]:
-    """Yield ``progress(time)`` of a run of ``duration`` in s; of one period that is passed several times."""
+    """Yield ``progress(time)`` of a run of ``duration`` in s, or of a period that is integrated several times."""
     unit, size = ("ms", 1e-3) if duration >= 1e-3 else ("us", 1e-6)
     with bar(what) as progress:
 
@@ -161,7 +161,7 @@ def set_threads(count: int | None) -> int | None:
 
 
 def written(value: float, unit: str, error: float | None = None) -> str:
-    """Number with its unit: four digits, or with a standard error as many as its second digit asks for, up to ten."""
+    """Number with its unit: four digits, or with a standard error up to the second digit of that (at most ten)."""
     text = quantity.rounded(value, unit, 4) if unit in quantity.SI else f"{value:.4g} {unit}"
     if error is None:
         return text

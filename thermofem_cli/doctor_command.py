@@ -70,18 +70,14 @@ def _netcdf() -> tuple[str, str | None]:
     return f"HDF5 {h5py.version.hdf5_version}, h5netcdf {h5netcdf.__version__}", None
 
 
-def _compiler() -> tuple[str, str | None]:
+def _kernel() -> tuple[str, str | None]:
+    from coupled.kernel.library import library
+
     try:
-        import numba
-    except ValueError as error:
-        return "", f"Numba does not start: {error}; look at the variables NUMBA_..."
-    if numba.config.DISABLE_JIT:
-        return "", "NUMBA_DISABLE_JIT is set; unset it"
-    try:
-        answer = numba.njit(lambda x: x + 1)(1)
-    except Exception as error:  # whatever keeps LLVM from working is worth one line
-        return "", f"numba cannot compile: {error}"
-    return f"numba {numba.__version__} compiles", None if answer == 2 else "numba compiles wrongly"
+        library()
+    except (OSError, RuntimeError) as error:
+        return "", f"the compiled kernel cannot be loaded: {error}; reinstall"
+    return "the kernel of coupled equations loads", None
 
 
 def _optional() -> tuple[str, str | None]:
@@ -102,6 +98,6 @@ CHECKS: dict[str, Callable[[], tuple[str, str | None]]] = {
     "committed meshes": _meshes,
     "mesher": _mesher,
     "netCDF": _netcdf,
-    "compiler": _compiler,
+    "kernel": _kernel,
     "optional": _optional,
 }

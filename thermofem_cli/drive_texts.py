@@ -106,7 +106,7 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
 
 
 def pair(text: str, name: str) -> list[str]:
-    """Both texts of 'first, last'."""
+    """The two texts of 'first, last'."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != 2:
         raise InputError(f"{name} = {text!r} must be two quantities with a comma, such as '3 dBm, 10 dBm'")
@@ -249,7 +249,7 @@ def _varying(option: str, text: str, unit: str, duration: float) -> Any:
 
 
 def _within(wave: Any, duration: float) -> Any:
-    """A wave whose breakpoints in a run of ``duration`` are not too many, or InputError."""
+    """The wave, checked: InputError where it has too many breakpoints in a run of ``duration``."""
     if duration < math.inf:
         wave.breakpoints(0.0, duration)
     return wave

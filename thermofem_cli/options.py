@@ -106,7 +106,7 @@ Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")
 
 
 def unused(context: typer.Context, why: str, *names: str) -> None:
-    """InputError where one of these options is given: it would change nothing, and ``why`` says the reason."""
+    """Raise InputError where one of these options is given although it has no effect; ``why`` is the reason."""
     for name in names:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
@@ -117,7 +117,7 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
 
 
 def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command with the options of every command behind its own; it receives those alone that it declares."""
+    """Add the options of `EVERYWHERE` to a command; it is called with those alone that it declares."""
     own = inspect.signature(command, eval_str=True)
     rest = {name: value for name, value in own.parameters.items() if name not in EVERYWHERE}
     common = [
@@ -136,7 +136,7 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextlib.contextmanager
 def executor_of(scheduler: str | None, workers: int | None = None) -> Iterator[Executor | None]:
-    """Executor of a Dask cluster at an address, or of several processes; None where neither is asked for.
+    """Yield a Dask cluster at an address, or worker processes, as an Executor; None where neither is asked for.
 
     Raises InputError: both are given, or the scheduler does not answer. Raises MissingLibraryError: no Dask.
     """

@@ -59,7 +59,7 @@ def show(
 
 
 def _ring(path: Path) -> dict[str, Any]:
-    """Print every number of a ring file with its unit, defaults and what follows from them included."""
+    """Print every number of a ring file with its unit: given, by default, and derived."""
     import coupled
     from coupled.ring_toml import UNITS
 

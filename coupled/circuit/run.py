@@ -52,7 +52,7 @@ def run_circuit(
     initial: Any,
     progress: Callable[[float], None] | None,
 ) -> xr.Dataset:
-    """As of `simulate`, whose docstring says what a circuit is given and returns."""
+    """Simulate a circuit; arguments and result are those of `simulate`."""
     duration = check_duration(duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
     check_delays(circuit)

@@ -23,7 +23,7 @@ from .network import Light, light_of, network_of
 
 log = logging.getLogger("thermofem")
 
-HAIR = 1e-13  # of a run: nearer breakpoints are one; sums of hundreds of delays differ by less
+SAME_TIME = 1e-13  # of a run: nearer breakpoints are one; sums of hundreds of delays differ by less
 MOST_EDGES = 5_000_000  # 40 MB
 
 
@@ -80,7 +80,7 @@ class System:
         if heat.crossed:
             cross = heat.read.copy()
             cross[np.arange(n), np.arange(n)] = 0.0
-        hair = 2 * HAIR * self.powers[0].edges[-1] / eq.NS
+        hair = 2 * SAME_TIME * self.powers[0].edges[-1] / eq.NS
         network = network_of(self.light, corner=corner, energies=energies, hair=hair)
         return Problem(self.rings, PoleHeat(gain, rate, own, cross), self.drive, method, network)
 
@@ -212,9 +212,9 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
 
 
 def _apart(times: Array, duration: float) -> Array:
-    """Times in increasing order, without those that are nearer than `HAIR` to the one before."""
+    """Times in increasing order, without those that are nearer than `SAME_TIME` to the one before."""
     every = np.sort(times)
-    return every[np.diff(every, prepend=-np.inf) > HAIR * duration]
+    return every[np.diff(every, prepend=-np.inf) > SAME_TIME * duration]
 
 
 def drive_of(

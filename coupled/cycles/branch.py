@@ -9,17 +9,23 @@ Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
 from thermofem.arrays import Array
+from thermofem.checks import InputError
 
-from .closing import nontrivial
-from .hopf_end import hopf_near
-from .path import FreeParameters, Place, on_a_good_mesh, predicted, weights
+from ..heaters import turned_by
+from .cycle_problem import CycleProblem
+from .hopf_points import FAINT, born, hopf_near, laser_of, relative_range
+from .multiple_shooting import COARSE, Family, Place, first_place, on_good_nodes, predicted
+from .orbit_measures import weights
+from .parameters import LASER
+from .return_map import FINE, Orbit
 
 FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `path.weights`
 TURN = 0.3  # of the largest values, what the stages may change in a step
@@ -27,7 +33,9 @@ EASY, HARD = 3, 5  # steps of Newton's method
 SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends in a Hopf point
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
 AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
+REPELLED = 1e10  # multiplier at which the parameter of a canard stays while the cycle changes
 VERTICAL = 1e-5  # of the range, or of the parameter: folds so near each other are those of an error
+MOST = 400  # cycles of the branch from a Hopf point to a laser
 HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
 
@@ -40,15 +48,15 @@ class Found(NamedTuple):
 
 
 def follow(
-    family: FreeParameters, start: Place, direction: float, low: float, high: float, most: int
+    family: Family, start: Place, direction: float, low: float, high: float, most: int
 ) -> tuple[list[Found], str]:
     """Return the cycles from ``start`` on, the parameter going in ``direction`` at first, and why the branch ends."""
-    tangent = _unit(family, start, start.directions[0] * np.sign(direction * start.directions[0, -1]))
+    tangent = _unit(start, start.directions[0] * np.sign(direction * start.directions[0, -1]))
     return follow_along(family, start, tangent, low, high, most)
 
 
 def follow_along(
-    family: FreeParameters,
+    family: Family,
     start: Place,
     tangent: Array,
     low: float,
@@ -60,19 +68,21 @@ def follow_along(
     place, step = start, FIRST
     out, shortest = [Found(start, "")], start.orbit.T
     while len(out) < most:
-        step = min(step, _longest(family, place))
+        step = min(step, _longest(place))
         ahead = _ahead(family, place, tangent, step)
         if ahead is None:
-            step /= 3
+            step /= 2
             if step < SHORTEST:
                 return out, "Newton's method finds no next cycle"
             continue
-        after = _unit(family, ahead, ahead.directions[0])
-        if after @ _unit(family, place, _raw(family, place, tangent)) < 0.8 and step > 1e-4:
+        after = _unit(ahead, ahead.directions[0])
+        if after @ tangent < 0.8 and step > 1e-4:
             step /= 2
             continue
-        if _mirrored(family, place, ahead) and (end := hopf_near(family, min(place, ahead, key=relative_range))):
-            return [*out, Found(end, HOPF)], "a Hopf point"
+        if _mirrored(family, place, ahead):
+            end = hopf_near(family, min(place, ahead, key=partial(relative_range, family)))
+            if end is not None:
+                return [*out, Found(end, HOPF)], "a Hopf point"
         special = _between(family, place, ahead, tangent, step, kinds)
         if (last := _fold_beside(out, special, high - low)) is not None:
             return out[:last], "the branch turns vertical: its folds are as near each other as its error"
@@ -82,15 +92,18 @@ def follow_along(
             border = low if value < low else high
             ends = _located(family, place, tangent, step, partial(_beyond, border))
             return [*out, *([Found(ends, "")] if ends else [])], "the end of the range"
-        finer = on_a_good_mesh(family, ahead, after[None])
-        if finer is None:
-            return out, "the mesh cannot be refined"
-        shrinks = relative_range(finer) < relative_range(place)
-        place, tangent = finer, _unit(family, finer, finer.directions[0])
+        good = on_good_nodes(family, ahead, after[None])
+        if good is None:
+            return out, "its nodes cannot be placed"
+        finer = good[0]
+        shrinks = relative_range(family, finer) < relative_range(family, place)
+        place, tangent = finer, _unit(finer, finer.directions[0])
         out.append(Found(place, ""))
         shortest = min(shortest, place.orbit.T)
-        if shrinks and relative_range(place) < SMALL and (end := hopf_near(family, place)):
+        if shrinks and relative_range(family, place) < SMALL and (end := hopf_near(family, place)):
             return [*out, Found(end, HOPF)], "a Hopf point"
+        if place.orbit.size > REPELLED:
+            return out, f"the branch turns vertical: a deviation grows by {place.orbit.size:.1g} in a period"
         if SLOWEST * shortest < place.orbit.T:
             return out, "the period grows without bound"
         step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
@@ -111,29 +124,16 @@ def _fold_beside(out: list[Found], special: list[Found], span: float) -> int | N
     return folds[-1] if abs(following[0] - before) < VERTICAL * max(span, abs(before)) else None
 
 
-def outwards(family: FreeParameters, place: Place, direction: Array) -> Array:
-    """The tangent at a place, in the units of `weights`, that goes with a ``direction``."""
-    unit = weights(family, place.orbit)
-    tangent = _unit(family, place, place.directions[0])
-    return np.asarray(tangent * np.sign(tangent @ (direction * unit)))
-
-
-def relative_range(place: Place) -> float:
-    """Largest less smallest of the carriers, over the largest."""
-    N = place.orbit.Y[:, :, 2]
-    return float(np.ptp(N) / N.max())
-
-
-def _mirrored(family: FreeParameters, place: Place, ahead: Place) -> bool:
+def _mirrored(family: Family, place: Place, ahead: Place) -> bool:
     """Whether a step led through a Hopf point, behind which the same cycles begin half a period later."""
-    unit = weights(family, place.orbit)[: place.orbit.start.size]
-    one, other = (unit * (q.orbit.start - _mean(q)) for q in (place, ahead))
-    return bool(max(relative_range(place), relative_range(ahead)) < 0.5 and one @ other < 0)
+    small = max(relative_range(family, place), relative_range(family, ahead)) < 0.5
+    return small and float(_off_centre(place) @ _off_centre(ahead)) < 0
 
 
-def _mean(place: Place) -> Array:
-    """The mean state at the ends of the intervals."""
-    return np.asarray((np.diff(place.orbit.tau)[:, None] * place.orbit.Y[:, -1]).sum(axis=0))
+def _off_centre(place: Place) -> Array:
+    """How far the start is from the mean of field, carriers and temperature, of their largest values."""
+    rows = place.orbit.trace.rows[:, 1:]
+    return np.asarray((rows[0] - weights(place.orbit) @ rows / place.orbit.T) / np.abs(rows).max(axis=0))
 
 
 def _beyond(border: float, place: Place) -> float:
@@ -143,50 +143,44 @@ def _beyond(border: float, place: Place) -> float:
 
 def doubling(place: Place) -> float:
     """Zero where a multiplier is -1."""
-    return float(np.prod(1 + nontrivial(place.orbit)).real)
+    return float(np.prod(1 + place.orbit.others).real)
 
 
 def torus(place: Place) -> float:
     """Zero where the product of two multipliers is 1."""
-    mu = nontrivial(place.orbit)
+    mu = place.orbit.others
     i, j = np.triu_indices(mu.size, 1)
     return float(np.prod(1 - mu[i] * mu[j]).real)
 
 
-def _unit(family: FreeParameters, place: Place, direction: Array) -> Array:
+def _unit(place: Place, direction: Array) -> Array:
     """A direction in the units of `weights`, of length 1."""
-    scaled = direction * weights(family, place.orbit)
+    scaled = direction * place.unit
     return np.asarray(scaled / np.linalg.norm(scaled))
 
 
-def _raw(family: FreeParameters, place: Place, tangent: Array) -> Array:
-    return np.asarray(tangent / weights(family, place.orbit))
-
-
-def _longest(family: FreeParameters, place: Place) -> float:
-    """The step in which no stage changes by more than `TURN`."""
-    from ..kernels import orbit_mesh, orbits
-
-    length = float(np.linalg.norm(place.directions[0] * weights(family, place.orbit)))
-    moved = orbits.moved(place.stages[0], orbit_mesh.sizes(place.orbit.Y, family.base.at.thermal)) / length
+def _longest(place: Place) -> float:
+    """The step in which no node changes by more than `TURN`."""
+    n = place.orbit.start.size
+    length = float(np.linalg.norm(place.directions[0] * place.unit))
+    moved = float(np.abs(place.moves[0, :, :n] * place.unit[:n]).max()) / length
     return min(LONGEST, TURN / max(moved, 1e-12))
 
 
-def _ahead(family: FreeParameters, place: Place, tangent: Array, step: float) -> Place | None:
+def _ahead(family: Family, place: Place, tangent: Array, step: float, rtol: float = COARSE) -> Place | None:
     """The cycle a ``step`` along the tangent."""
-    per_length = place.directions[0] * weights(family, place.orbit) @ tangent
-    found = predicted(family, place, np.array([step / per_length]), tangent[None])
-    return found[0] if found else None
+    per_length = place.directions[0] * place.unit @ tangent
+    return predicted(family, place, np.array([step / per_length]), tangent[None], rtol)
 
 
 def _between(
-    family: FreeParameters, place: Place, ahead: Place, tangent: Array, step: float, kinds: Collection[str]
+    family: Family, place: Place, ahead: Place, tangent: Array, step: float, kinds: Collection[str]
 ) -> list[Found]:
     """Bifurcations between two cycles, in order."""
 
     def fold(q: Place) -> float:
-        unit = weights(family, q.orbit)
-        return float(_unit(family, q, q.directions[0])[-1] * np.sign((q.directions[0] * unit) @ tangent))
+        unit = q.unit
+        return float(_unit(q, q.directions[0])[-1] * np.sign((q.directions[0] * unit) @ tangent))
 
     out = []
     for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
@@ -197,15 +191,13 @@ def _between(
     return sorted(out, key=lambda f: _distance(family, place, f.place, tangent))
 
 
-def _located(
-    family: FreeParameters, place: Place, tangent: Array, step: float, test: Callable[[Place], float]
-) -> Place | None:
-    """The cycle within a step where ``test`` vanishes; lengths to 1e-9, by Brent's method."""
-    seen: dict[float, Place] = {0.0: place}
+def _located(family: Family, place: Place, tangent: Array, step: float, test: Callable[[Place], float]) -> Place | None:
+    """The cycle within a step where ``test`` vanishes; lengths to 1e-9, by Brent's method, with precise derivatives."""
+    seen: dict[float, Place] = {}
 
     def at(s: float) -> float:
         if s not in seen:
-            found = _ahead(family, place, tangent, s)
+            found = _ahead(family, place, tangent, s, FINE)
             if found is None:
                 raise ArithmeticError
             seen[s] = found
@@ -222,7 +214,7 @@ def _is_there(kind: str, place: Place) -> bool:
 
     Near a saddle a multiplier can pass through infinity; the sign changes then, too.
     """
-    mu = nontrivial(place.orbit)
+    mu = place.orbit.others
     if kind == "period doubling":
         return bool(np.abs(1 + mu).min() < AT)
     if kind == "torus":  # a complex pair whose product is 1
@@ -230,7 +222,40 @@ def _is_there(kind: str, place: Place) -> bool:
     return True
 
 
-def _distance(family: FreeParameters, place: Place, other: Place, tangent: Array) -> float:
+def _distance(family: Family, place: Place, other: Place, tangent: Array) -> float:
     change = np.concatenate([other.orbit.start - place.orbit.start, [other.orbit.T - place.orbit.T],
                              other.values - place.values])  # fmt: skip
-    return float((change * weights(family, place.orbit)) @ tangent)
+    return float((change * place.unit) @ tangent)
+
+
+def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
+    """The cycle of a problem, by continuation from a Hopf point at another power or detuning."""
+    own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
+    wanted = {"power": p.power, "detuning": p.detuning}
+    far = {"power": abs(p.power / own["power"] - 1), "detuning": abs(p.detuning - own["detuning"]) / p.ring.linear_rate}
+    names = sorted((name for name in LASER if far[name] > 0), key=lambda name: -far[name])  # the cycle grows at first
+    if not names:
+        raise InputError("the Hopf point given as guess is at this power and detuning: its cycle has no size there")
+    base, place = replace(p, power=own["power"], detuning=own["detuning"]), None
+    for name in names:
+        ends = sorted((own[name], wanted[name]))
+        span = ends[1] - ends[0]
+        family = Family(base, (name,), np.array([span]))
+        low, high = (ends[0], ends[1] + span) if wanted[name] < own[name] else (ends[0] - span, ends[1])
+        if place is None:
+            start, tangent = born(family, guess)
+            if (float(start.values[0]) - wanted[name]) * (wanted[name] - own[name]) > 0:  # beyond it already
+                start, tangent = born(family, guess, FAINT)
+            found, why = follow_along(family, start, tangent, low, high, MOST)
+        else:
+            start = first_place(family, place.orbit) or place
+            found, why = follow(family, start, wanted[name] - own[name], low, high, MOST)
+        place = found[-1].place
+        if abs(float(place.values[0]) - wanted[name]) > 1e-6 * span:
+            raise InputError(
+                f"no cycle at {name} = {wanted[name]:g} on the branch from the Hopf point given as guess: the branch "
+                f"ends with {why}; continue_cycle shows where it goes"
+            )
+        own[name] = wanted[name]
+        base = replace(base, power=own["power"], detuning=own["detuning"])
+    return place.orbit  # type: ignore[union-attr]

@@ -14,19 +14,17 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..contradictions import check_geometry
 from ..heaters import constant
+from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import provenance, trusted
 from . import branch
-from .closing import nontrivial
-from .guess import from_guess
-from .hopf_start import born, is_hopf_point, laser_of
-from .limit_cycle import stability
-from .measures import measure
-from .orbit import problem
+from .cycle_problem import CycleProblem
+from .hopf_points import born, is_hopf_point, laser_of
+from .limit_cycle import cycle_near, stability
+from .multiple_shooting import Family, first_place
+from .orbit_measures import measure
 from .parameters import unit_of, value_of
-from .path import FreeParameters, first_place
-from .start import settled
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -107,8 +105,8 @@ def continue_cycle(
     if detuning is None and not is_hopf_point(guess):
         _check_heaters(guess, warm.rise)
     ends = _ends(values)
-    p = problem(ring, warm.model, P, nu, warm.rise)
-    family = FreeParameters(p, (parameter,), np.array([ends.max() - ends.min()]))
+    p = CycleProblem(ring, warm.model, P, nu, warm.rise)
+    family = Family(p, (parameter,), np.array([ends.max() - ends.min()]))
     here = value_of(p, parameter)
     if not ends.min() <= here <= ends.max():
         raise checks.InputError(f"values = {ends.tolist()} do not hold {here:g}, the {parameter} of the first cycle")
@@ -116,8 +114,7 @@ def continue_cycle(
         start, tangent = born(family, guess)
         found, why = branch.follow_along(family, start, tangent, ends.min(), ends.max(), points)
     else:
-        cycle = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)
-        first = first_place(family, cycle.orbit)
+        first = first_place(family, p.settled(p.flow.rough.zero()) if guess is None else cycle_near(p, guess))
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)
@@ -159,26 +156,24 @@ def _check_heaters(guess: Any, rise: float) -> None:
         )
 
 
-def _dataset(family: FreeParameters, found: list[branch.Found], why: str) -> xr.Dataset:
+def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
     """A branch in SI."""
     import xarray as xr
 
-    from ..kernels import equations as eq
-
     p, name = family.base, family.names[0]
     values = np.array([float(f.place.values[0]) for f in found])
-    seen = [measure(family.at(f.place.values), f.place.orbit) for f in found]
-    dropped = 2 * p.ring.drop_bus_rate * eq.FJ
+    seen = [measure(f.place.orbit) for f in found]
+    dropped = 2 * p.ring.drop_bus_rate * FJ
     numbers = {
         name: (values, unit_of(p, name) or "1", name),
-        "period": (np.array([f.place.orbit.T for f in found]) * eq.NS, "s", "period"),
+        "period": (np.array([f.place.orbit.T for f in found]) * NS, "s", "period"),
         "duty": (np.array([s.duty for s in seen]), "1", "duty cycle"),
         "swing": (np.array([s.swing for s in seen]), "K", "temperature swing"),
         "highest_rise": (np.array([s.hottest for s in seen]) + p.rise, "K", "highest temperature rise"),
         "extinction": (np.array([s.extinction for s in seen]), "dB", "extinction"),
         "drop_low": (np.array([s.lowest for s in seen]) * dropped, "W", "lowest drop power"),
         "drop_high": (np.array([s.highest for s in seen]) * dropped, "W", "highest drop power"),
-        "stability": (np.array([stability(nontrivial(f.place.orbit))[0] for f in found]), "1", "kind of the cycle"),
+        "stability": (np.array([stability(f.place.orbit.others)[0] for f in found]), "1", "kind of the cycle"),
         "special": (np.array([f.kind for f in found]), "1", "where the stability changes"),
     }
     variables: dict[str, Any] = {

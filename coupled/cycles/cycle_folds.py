@@ -17,12 +17,11 @@ from ..heaters import constant
 from ..resonator import RingResonator
 from ..thermal import Compact, trusted
 from . import branch
-from .closing import nontrivial
+from .cycle_problem import CycleProblem
 from .fold_path import follow_folds
-from .hopf_start import born, laser_of
-from .measures import measure
-from .orbit import problem
-from .path import FreeParameters, Place, corrected, weights
+from .hopf_points import born, laser_of
+from .multiple_shooting import Family, Place, corrected
+from .orbit_measures import measure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,7 +77,7 @@ def cycle_fold_curves(
     >>> ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
     >>> (curve,) = coupled.cycles.cycle_folds.cycle_fold_curves(ring, newton, [4e-3, 6e-3], [-10e9, 10e9])
     >>> print(f"{curve.power.min().item() * 1e3:.1f} to {curve.power.max().item() * 1e3:.1f} mW")
-    3.9 to 6.1 mW
+    4.0 to 6.1 mW
     """
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
@@ -153,9 +152,9 @@ def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
 
 def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _Window) -> list[tuple[Place, Array]]:
     """Folds on the branch of cycles from a Hopf point in detuning: power, detuning and the direction across each."""
-    p = problem(ring, model, *laser_of(seed))
+    p = CycleProblem(ring, model, *laser_of(seed))
     here = window.ranges(np.array([p.power, p.detuning]))
-    one = FreeParameters(p, ("detuning",), here[1:])
+    one = Family(p, ("detuning",), here[1:])
     try:
         start, tangent = born(one, seed)
     except InputError:
@@ -164,22 +163,23 @@ def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _
     found, _ = branch.follow_along(one, start, tangent, float(low), float(high), SEEDS, ("fold",))
     out = []
     for fold in (f.place for f in found if f.kind == "fold"):
-        across = fold.directions[0] * weights(one, fold.orbit)
+        across = fold.directions[0] * fold.unit
         across = np.insert(across / np.linalg.norm(across), -1, 0.0)
-        both = FreeParameters(p, ("power", "detuning"), here)
+        both = Family(p, ("power", "detuning"), here)
         rows = np.stack([across, np.eye(across.size)[-2]])
-        place = corrected(both, fold.orbit, np.array([p.power, fold.values[0]]), rows, weights(both, fold.orbit))
+        nodes = fold.nodes._replace(values=np.array([p.power, fold.values[0]]))
+        place = corrected(both, nodes, rows, np.insert(fold.unit, -1, 1 / here[0]))
         if place is not None:
-            out.append((place[0], across))
+            out.append((place, across))
     return out
 
 
 def _curve(ring: RingResonator, model: Compact, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
     """The curve through a fold, cut to the window."""
-    base = problem(ring, model, float(fold.values[0]), float(fold.values[1]))
+    base = CycleProblem(ring, model, float(fold.values[0]), float(fold.values[1]))
 
-    def family(values: Array) -> FreeParameters:
-        return FreeParameters(base, ("power", "detuning"), window.ranges(values))
+    def family(values: Array) -> Family:
+        return Family(base, ("power", "detuning"), window.ranges(values))
 
     ways = [follow_folds(family, fold, across, sign, window.inside, POINTS) for sign in (-1.0, 1.0)]
     places = [*ways[0][0][::-1], *ways[1][0][1:]]
@@ -195,9 +195,9 @@ def _dataset(base: Any, places: list[Place], reasons: tuple[str, str]) -> xr.Dat
     from thermofem.data import dataset
 
     power, detuning = np.array([place.values for place in places]).T
-    others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (nontrivial(place.orbit) for place in places)]
+    others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (place.orbit.others for place in places)]
     leading = np.array([bool(np.all(np.abs(mu) < 1)) for mu in others])
-    seen = [measure(base, place.orbit) for place in places]
+    seen = [measure(place.orbit) for place in places]
     values = {
         "power": (power, dataset.describe("input_power")),
         "detuning": (detuning, dataset.describe("detuning")),

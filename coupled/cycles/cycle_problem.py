@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,11 +88,21 @@ class CycleProblem:
         heat = self.flow.rough.heat
         return 1 / float(np.min(heat.rate) if isinstance(heat, PoleHeat) else -np.linalg.eigvals(heat.A).real.max())
 
-    def settled(self, y: Array, begin: str = "a cold ring", rtol: float = FINE) -> Orbit:
+    @property
+    def longest(self) -> float:
+        """The longest transient, ns."""
+        return max(LONGEST, min(SLOWEST * self.slowest, MOST))
+
+    @property
+    def where(self) -> str:
+        """Power and detuning, for messages."""
+        return f" at power = {self.power:g} W, detuning = {self.detuning:g} Hz"
+
+    def settled(
+        self, y: Array, begin: str = "a cold ring", rtol: float = FINE, look: Callable[[], None] = lambda: None
+    ) -> Orbit:
         """The cycle on which the ring settles from a state; InputError as `settling.settled`."""
-        longest = max(LONGEST, min(SLOWEST * self.slowest, MOST))
         return settled(
-            self.flow, y, self.stable_points, longest, begin=begin, rtol=rtol,
-            where=f" at power = {self.power:g} W, detuning = {self.detuning:g} Hz",
-            slow=longest < SLOWEST * self.slowest,
+            self.flow, y, self.stable_points, self.longest, begin=begin, rtol=rtol, where=self.where,
+            slow=self.longest < SLOWEST * self.slowest, look=look,
         )  # fmt: skip

@@ -16,28 +16,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Quadratic, checks
+from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import constant
+from ..kernel.integrator import QuadraticHeat
+from ..kernel.units import NS, internal_heat
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
 from ..thermal import provenance, trusted
-from .guess import from_guess
-from .measures import ENERGY, HEAT, measure
-from .orbit import CycleProblem, Orbit, problem, settle
-from .parameters import parameter_names, slope, unit_of, value_of
-from .scheme import scheme
-from .start import settled
+from .cycle_problem import CycleProblem
+from .limit_cycle import cycle_near
+from .multiple_shooting import Family, Nodes, flow, linearised, newton, weights
+from .orbit_measures import measure
+from .parameters import differences, parameter_names, unit_of, value_of
+from .return_map import Orbit
 
 if TYPE_CHECKING:
     import xarray as xr
 
-BIT, SMALL = 5e-4, 1e-4  # of a mesh interval: steps for first and second derivatives along the period
-FINE = 1e-10  # error of the polynomials between the stages where duty and swing are differentiated
+FINEST = 1e-11  # rtol of the traces: light, which follows heat and carriers, has derivatives that err by 1e4 times it
 
 
 def cycle_derivatives(
@@ -95,9 +96,8 @@ def cycle_derivatives(
     warm = constant(model, heaters, heated, read)
     small = warm.model
     names = parameter_names(ring, small) if parameters is None else [*checks.instances("parameters", parameters, str)]
-    p = problem(ring, small, float(power), float(detuning), warm.rise)
-    found = settled(p, np.zeros(p.units.size)) if cycle is None else from_guess(p, cycle)
-    orbit = settle(p, found.orbit, FINE) or found.orbit
+    p = CycleProblem(ring, small, float(power), float(detuning), warm.rise)
+    orbit = p.settled(p.flow.rough.zero()) if cycle is None else cycle_near(p, cycle)
     if parameters is None:
         names = [name for name in names if _differentiable(p, name)]
     rows = derivatives(p, orbit, names)
@@ -109,10 +109,10 @@ def cycle_derivatives(
     values = [value_of(p, name) for name in names]
     variables["value"] = ("parameter", values, {"long_name": "value of the parameter"})
     variables["unit"] = ("parameter", [unit_of(p, name) for name in names], {"long_name": "SI unit of the parameter"})
-    seen = measure(p, orbit)
+    seen = measure(orbit)
     trusted(model, seen.hottest)
     attrs = provenance("cycle derivatives", ring, small) | {"input_power": p.power, "detuning": p.detuning}
-    attrs |= {"period": orbit.T * 1e-9, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction)}
+    attrs |= {"period": orbit.T * NS, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction)}
     attrs |= warm.attributes
     return xr.Dataset(variables, coords={"parameter": names}, attrs=attrs)
 
@@ -120,7 +120,7 @@ def cycle_derivatives(
 def _differentiable(p: CycleProblem, name: str) -> bool:
     """Whether a number has a step for differences."""
     try:
-        slope(p, name, np.zeros((1, p.units.size)))
+        differences(p, name)
     except checks.InputError:
         return False
     return True
@@ -128,72 +128,57 @@ def _differentiable(p: CycleProblem, name: str) -> bool:
 
 def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     """Return d(period in s, duty, swing in K, extinction in dB)/d(parameter in SI), shape (parameters, 4)."""
-    from ..kernels import orbit_mesh, orbits
-
-    states = orbit.Y.reshape(-1, orbit.start.size)
     if not names:
         return np.empty((0, 4))
-    forcing = np.stack([slope(p, name, states) for name in names], axis=-1).reshape(*orbit.Y.shape, len(names))
-    turns, starts, changes = orbits.respond(orbit.start, orbit.Y, orbit.tau, orbit.T, p.at, scheme(), forcing)
-    seen = measure(p, orbit)
-    at = np.concatenate([_turns(p, orbit, seen.extremes), seen.crossings])
+    seen = measure(orbit)
+    at = np.concatenate([seen.extremes, seen.crossings])
     order = np.argsort(at)
-    values, slopes = _values(p, orbit, at), _slopes(p, orbit, seen.crossings)[:, ENERGY]
-    base = np.empty((at.size, orbit.start.size))
-    base[order] = orbit_mesh.interpolate(orbit.start, orbit.Y, orbit.tau, scheme(), at[order])
-    out = np.empty((len(names), 4))
-    for k in range(len(names)):
-        moved = np.empty_like(base)
-        moved[order] = orbit_mesh.interpolate(starts[k], changes[k], orbit.tau, scheme(), at[order])
-        dU = 2 * (base[:, 0] * moved[:, 0] + base[:, 1] * moved[:, 1])
-        heat = _rise(p, base, moved)
-        level = (1 - DUTY_LEVEL) * dU[0] + DUTY_LEVEL * dU[1]
-        shift = (level - dU[4:]) / slopes
-        duty = float(np.sum(np.where(seen.rising, -shift, shift)))
-        dB = 10 / np.log(10) * (dU[1] / values[1, ENERGY] - dU[0] / values[0, ENERGY])
-        out[k] = turns[k] * 1e-9, duty, heat[3] - heat[2], dB
-    return out
-
-
-def _values(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
-    """U and dT (columns ENERGY and HEAT) at fractions of the period, in any order."""
-    from ..kernels import orbit_mesh
-
+    y, now = np.empty((at.size, orbit.start.size)), orbit.start
+    for k, h in zip(order, np.diff(at[order], prepend=0.0), strict=True):
+        y[k] = now = flow(p.flow.fine, now, h, FINEST).y if h > 0 else now
+    at, y, slopes = _polished(p, at, y)
     order = np.argsort(at)
-    out = np.empty((at.size, 4))
-    out[order] = orbit_mesh.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), np.ascontiguousarray(at[order]))
-    return out
+    family = Family(p, tuple(names), np.array([value_of(p, name) or 1.0 for name in names]))
+    nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), family.start())
+    unit = weights(family, p.flow.scale(orbit.trace.rows), orbit.T)
+    q, n = len(names), orbit.start.size
+    known = linearised(family, nodes, rtol=FINEST)
+    step = known and newton(nodes, known, np.eye(n + 1 + q)[n + 1 :], np.zeros(q), unit)
+    if not step:
+        raise checks.InputError(
+            f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
+        )
+    moves = step.moves / family.ranges[:, None, None]
+    turns, places = moves[:, :, n].sum(axis=1), np.argsort(order)
+    dy, dt = moves[:, places, :n], (np.cumsum(moves[:, :, n], axis=1) - moves[:, :, n])[:, places]
+    dU = np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])
+    heat = np.einsum("kn,qkn->qk", _rise_by_heat(p, y), dy[:, :, 3:])
+    U = (y[:, :2] ** 2).sum(axis=1)
+    level = (1 - DUTY_LEVEL) * dU[:, :1] + DUTY_LEVEL * dU[:, 1:2]
+    shift = dt[:, 4:] + (level - dU[:, 4:]) / slopes[4:]
+    signs = np.where(seen.rising, -1.0, 1.0)
+    duty = (shift @ signs - turns * (signs @ at[4:] / orbit.T)) / orbit.T
+    dB = 10 / np.log(10) * (dU[:, 1] / U[1] - dU[:, 0] / U[0])
+    return np.column_stack([turns * NS, duty, heat[:, 3] - heat[:, 2], dB])
 
 
-def _slopes(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
-    """Their derivatives by the fraction, of the polynomials: the equations magnify an error of the field by 1e3."""
-    step = BIT * _widths(orbit, at)
-    return np.asarray((_values(p, orbit, at + step) - _values(p, orbit, at - step)) / (2 * step[:, None]))
+def _polished(p: CycleProblem, at: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Times, states and dU/dt where U is lowest and highest, dT is, and U passes the level, by Newton's method."""
+    for _ in range(3):
+        rates, J = (np.array(each) for each in zip(*(p.flow.fine.slopes(one) for one in y), strict=True))
+        bends = np.einsum("kij,kj->ki", J, rates)
+        U, slopes = (y[:, :2] ** 2).sum(axis=1), 2 * (y[:, :2] * rates[:, :2]).sum(axis=1)
+        by_heat, shift = _rise_by_heat(p, y), np.empty(at.size)
+        shift[:2] = -slopes[:2] / (2 * (y[:, :2] * bends[:, :2] + rates[:, :2] ** 2).sum(axis=1))[:2]
+        shift[2:4] = -((by_heat * rates[:, 3:]).sum(axis=1) / (by_heat * bends[:, 3:]).sum(axis=1))[2:4]
+        shift[4:] = ((1 - DUTY_LEVEL) * U[0] + DUTY_LEVEL * U[1] - U[4:]) / slopes[4:]
+        at, y = at + shift, y + rates * shift[:, None] + bends * shift[:, None] ** 2 / 2
+    return at, y, slopes
 
 
-def _widths(orbit: Orbit, at: Array) -> Array:
-    """Smallest of the mesh interval at each fraction of the period and its two neighbours: pulses are short."""
-    width = np.diff(orbit.tau)
-    at_least = np.minimum(width, np.minimum(np.roll(width, 1), np.roll(width, -1)))
-    return np.asarray(at_least[np.clip(np.searchsorted(orbit.tau, at, side="right") - 1, 0, width.size - 1)])
-
-
-def _turns(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
-    """The extremes of U (two) and dT (two) moved to those of the polynomials, by Newton's method."""
-    column = np.array([ENERGY, ENERGY, HEAT, HEAT])
-    step = SMALL * _widths(orbit, at)
-    for _ in range(2):
-        at = np.clip(at, step, 1 - step)
-        before, here, after = (_values(p, orbit, at + k * step)[np.arange(4), column] for k in (-1, 0, 1))
-        bend = after - 2 * here + before
-        at = at - np.where(bend != 0, step * (after - before) / (2 * np.where(bend != 0, bend, 1)), 0)
-    return np.asarray(np.clip(at, step, 1 - step))
-
-
-def _rise(p: CycleProblem, states: Array, moved: Array) -> Array:
-    """Changes of dT with those of the states."""
-    thermal: Any = p.at.thermal
-    if isinstance(p.model, Quadratic):
-        return np.asarray(moved[:, 3:] @ thermal.C)
-    z = states[:, 3:].sum(axis=1)
-    return np.asarray((1 + 2 * thermal.curvature * z) * moved[:, 3:].sum(axis=1))
+def _rise_by_heat(p: CycleProblem, y: Array) -> Array:
+    """d(dT)/dx at states, shape (k, states of heat)."""
+    heat, bend = internal_heat(p.model)
+    if isinstance(heat, QuadraticHeat):
+        return np.tile(heat.C, (len(y), 1))
+    return np.tile(1 + 2 * bend * y[:, 3:].sum(axis=1)[:, None], y.shape[1] - 3)

@@ -20,16 +20,26 @@ import numpy as np
 
 from thermofem.arrays import Array
 
-from .branch import relative_range
-from .orbit import CLOSE_ENOUGH, Orbit
-from .path import FreeParameters, Place, on_a_good_mesh, one_step, weights
+from .hopf_points import relative_range
+from .multiple_shooting import (
+    CLOSE_ENOUGH,
+    Family,
+    Place,
+    linearised,
+    moved_along,
+    newton,
+    on_good_nodes,
+    place_of,
+    position,
+)
 
 FIRST, LONGEST, SHORTEST = 0.01, 0.06, 1e-5  # steps, in units of `path.weights`
 TURN = 0.8  # of the largest values, what the stages may change in a step
-MOST_STEPS = 10  # of Newton's method
+MOST_STEPS = 12  # of Newton's method
 SMALLEST = 0.03  # relative range of the carriers, where a curve ends on a Hopf curve
 SLOWEST = 30.0  # times the shortest period
-SECANT = 1e-5  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
+CLOSED = 1e-3  # a step of Newton's method from which on g counts
+SECANT = 1e-7  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
 ON_IT = 1e-6  # distance from the fold in the units of `path.weights`: its square is what the parameters are off
 
 
@@ -43,7 +53,7 @@ class _Frame(NamedTuple):
 
 
 def follow_folds(
-    family: Callable[[Array], FreeParameters], start: Place, across: Array, sign: float,
+    family: Callable[[Array], Family], start: Place, across: Array, sign: float,
     inside: Callable[[Array], bool], most: int,
 ) -> tuple[list[Place], str]:  # fmt: skip
     """Return folds from ``start`` on, and why the curve ends.
@@ -52,11 +62,11 @@ def follow_folds(
     ``across``, in the units of `weights`; ``inside`` says whether values are still wanted.
     """
     here = family(start.values)
-    frame = _framed(here, start, None, across)
+    frame = _framed(start, None, across)
     frame = frame._replace(along=sign * frame.along)
     out, step, shortest = [start], FIRST, start.orbit.T
     while len(out) < most:
-        step = min(step, _longest(here, frame))
+        step = min(step, _longest(frame))
         found = _next(here, frame, step)
         if found is None:
             step /= 3
@@ -65,26 +75,28 @@ def follow_folds(
             continue
         place, slope, steps = found
         after = family(place.values)
-        new = _framed(after, place, frame.along, frame.across)._replace(slope=slope)
-        finer = on_a_good_mesh(after, place, np.stack([new.along, new.across]))
-        if finer is None:
-            return out, "the mesh cannot be refined"
-        here, frame = after, new._replace(place=finer)
+        chord = (position(place.nodes) - position(frame.place.nodes)) * place.unit
+        new = _framed(place, chord, frame.across)
+        good = on_good_nodes(after, place, np.stack([new.along, new.across]))
+        if good is None:
+            return out, "its nodes cannot be placed"
+        along, across = np.linalg.norm(good[1], axis=1)  # units of the distances from another node
+        here, frame = after, _framed(good[0], *good[1])._replace(slope=slope / (along * across**2))
         out.append(place)
         shortest = min(shortest, place.orbit.T)
         if not inside(place.values):
             return out, "the end of the range"
-        if relative_range(place) < SMALLEST:
+        if relative_range(here, place) < SMALLEST:
             return out, "a Hopf curve"
         if SLOWEST * shortest < place.orbit.T:
             return out, "the period grows without bound"
-        step *= 1.4 if steps <= 6 else 0.7 if steps >= 8 else 1.0
+        step *= 1.4 if steps <= 6 else 0.7 if steps >= 9 else 1.0
     return out, "the number of points"
 
 
-def _framed(family: FreeParameters, place: Place, along: Array | None, across: Array) -> _Frame:
+def _framed(place: Place, along: Array | None, across: Array) -> _Frame:
     """Orthonormal directions in the tangent plane: across the curve, and along it."""
-    plane = place.directions * weights(family, place.orbit)
+    plane = place.directions * place.unit
     q, _ = np.linalg.qr(plane.T)
     if along is None:
         n = q @ (q.T @ across)
@@ -99,48 +111,46 @@ def _framed(family: FreeParameters, place: Place, along: Array | None, across: A
     return _Frame(place, t, n / np.linalg.norm(n), 0.0)
 
 
-def _longest(family: FreeParameters, frame: _Frame) -> float:
-    """The step in which no stage changes by more than `TURN`."""
-    from ..kernels import orbit_mesh, orbits
+def _longest(frame: _Frame) -> float:
+    """The step in which no node changes by more than `TURN`."""
+    place, n = frame.place, frame.place.orbit.start.size
+    change = np.tensordot(_coefficients(place, frame.along), place.moves, axes=1)
+    moved = float(np.abs(change[:, :n] * place.unit[:n]).max())
+    return min(LONGEST, TURN / max(moved, 1e-12))
 
-    change = np.tensordot(_coefficients(family, frame.place, frame.along), frame.place.stages, axes=1)
-    size = orbit_mesh.sizes(frame.place.orbit.Y, family.base.at.thermal)
-    return float(min(LONGEST, TURN / max(orbits.moved(change, size), 1e-12)))
 
-
-def _coefficients(family: FreeParameters, place: Place, direction: Array) -> Array:
+def _coefficients(place: Place, direction: Array) -> Array:
     """A direction in the tangent plane by the directions of a place."""
-    plane = place.directions * weights(family, place.orbit)
-    return np.asarray(np.linalg.lstsq(plane.T, direction, rcond=None)[0])
+    return np.asarray(np.linalg.lstsq((place.directions * place.unit).T, direction, rcond=None)[0])
 
 
-def _next(family: FreeParameters, frame: _Frame, step: float) -> tuple[Place, float, int] | None:
+def _next(family: Family, frame: _Frame, step: float) -> tuple[Place, float, int] | None:
     """The fold a ``step`` along the curve, dg by the distance across, and how many steps it took."""
-    place, unit, m = frame.place, weights(family, frame.place.orbit), frame.place.orbit.start.size
+    place, unit, n = frame.place, frame.place.unit, frame.place.orbit.start.size
     rows = np.stack([frame.along, frame.across])
-    by = step * _coefficients(family, place, frame.along)
-    move = by @ place.directions
-    begin = np.concatenate([place.orbit.start, [place.orbit.T], place.values]) + move
-    x, Y, slope = begin, place.orbit.Y + np.tensordot(by, place.stages, axes=1), frame.slope
+    by, slope = step * _coefficients(place, frame.along), frame.slope
+    nodes = moved_along(place.nodes, by, place.directions, place.moves)
+    begin = position(nodes)
     last: tuple[float, float] | None = None
     for k in range(MOST_STEPS):
-        orbit = Orbit(x[:m], Y, place.orbit.tau, float(x[m]), place.orbit.M, 0.0)
-        ahead, b = rows @ (unit * (x - begin))
-        found = one_step(family, orbit, x[m + 1 :], rows, unit, np.array([-ahead, 0.0]))
-        if found is None:
+        ahead, b = rows @ (unit * (position(nodes) - begin))
+        known = linearised(family, nodes)
+        found = known and newton(nodes, known, rows, np.array([-ahead, 0.0]), unit)
+        if not known or not found or not found.size < 0.5:
             return None
-        change, stages, directions, sides, M, shift = found
-        g = float(np.linalg.det(directions[:, m + 1 :] * unit[m + 1 :]))
-        if last is not None and abs(b - last[0]) > SECANT:
-            slope = (g - last[1]) / (b - last[0])
-        last = (float(b), g)
-        off = -g / slope if slope != 0.0 else 0.1 * step
-        if not shift < 0.5 or not abs(off) < 3 * step:
+        off = 0.0
+        if found.size < CLOSED:
+            g = float(np.linalg.det(found.directions[:, n + 1 :] * unit[n + 1 :]))
+            if last is not None and abs(b - last[0]) > SECANT:
+                slope = (g - last[1]) / (b - last[0])
+            last = (float(b), g)
+            off = -g / slope if slope != 0.0 else 0.1 * step
+        if not abs(off) < 3 * step:
             return None
-        x, Y = x + change + off * directions[1], Y + stages + off * sides[1]
-        if not x[m] > 0:
+        off = off if abs(off) > ON_IT else 0.0
+        if k > 0 and found.size <= CLOSE_ENOUGH and off == 0:
+            return place_of(family, nodes, known, found, k + 1), slope, k + 1
+        nodes = moved_along(found.nodes, np.array([0.0, off]), found.directions, found.moves)
+        if not nodes.h.min() > 0:
             return None
-        if k > 0 and shift <= CLOSE_ENOUGH and abs(off) <= ON_IT:
-            near = Orbit(x[:m], Y, place.orbit.tau, float(x[m]), np.ascontiguousarray(M[:, :m]), shift)
-            return Place(near, x[m + 1 :], directions, sides, k + 1), slope, k + 1
     return None

@@ -24,9 +24,9 @@ from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import provenance, trusted
+from .branch import near_hopf
 from .cycle_problem import CycleProblem
-from .hopf_start import is_hopf_point, near_hopf
-from .orbit import problem
+from .hopf_points import is_hopf_point
 from .orbit_measures import measure, weights
 from .return_map import Orbit, close
 
@@ -120,11 +120,7 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
     if isinstance(guess, State):
         return p.settled(starting_point(guess, order).as_array() / p.units, "the guess")
     if is_hopf_point(guess):
-        begin = near_hopf(problem(p.ring, p.model, p.power, p.detuning, p.rise), guess)
-        orbit = close(p.flow, begin.start, 1, REACH * begin.T)
-        if orbit is None:
-            raise InputError("the cycle beside the Hopf point given as guess is not resolved by Newton's method")
-        return orbit
+        return near_hopf(p, guess)
     attrs = getattr(guess, "attrs", {})
     if "final_state" not in attrs:
         raise InputError(

@@ -7,18 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from thermofem import Foster, OutputMap, Quadratic, checks
-from thermofem.arrays import Array
 
 from ..arguments import check_power
-from ..heaters import turned_by
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
-from ..runs import window
 from ..thermal import Compact, compact
 from ..unknowns import FROM_ZERO, LIFETIMES, check_counts, idle, number_of, optical_names, varied
-from .orbit import CycleProblem, problem
+from .cycle_problem import CycleProblem
 
-STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
+STEP = 1e-4  # of a number: its fourth power is the truncation, 1e-16 over it the round-off
 LASER = {"power": "W", "detuning": "Hz"}
 
 
@@ -57,10 +54,10 @@ def unit_of(p: CycleProblem, name: str) -> str:
 
 def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
     """Return the problem with another value of a number."""
-    ring, model, laser = p.ring, p.model, {"power": p.power, "detuning": p.detuning}
+    ring, model = p.ring, p.model
     kind, number = _pole(name)
     if name in LASER:
-        return under_laser(p, **(laser | {name: value}))
+        return replace(p, power=check_power(value)) if name == "power" else replace(p, detuning=value)
     if kind == "fcd":
         terms = [(value, term[1]) if k == number else term for k, term in enumerate(ring.fcd)]
         ring = replace(ring, fcd=tuple(terms))
@@ -68,52 +65,18 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
         model = _network_with(model, kind, number, value)
     else:
         ring = varied(ring, {name: value})
-    return problem(ring, model, **laser, rise=p.rise)
+    return replace(p, ring=ring, model=model)
 
 
-def slope(p: CycleProblem, name: str, states: Array) -> Array:
-    """Return d(dy/dt)/d(parameter) at ``states``, shape (.., m), in internal units over SI, by differences."""
-    if name in LASER:
-        return _by_laser(p, name, states)
+def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
+    """Weights and problems whose flows, added up, are the derivative by a number, in internal units over SI."""
     value = value_of(p, name)
-    h = STEP * abs(value) or FROM_ZERO.get(name, 0.0)
+    h = STEP * (p.ring.linear_rate / (2 * np.pi) if name == "detuning" else abs(value)) or FROM_ZERO.get(name, 0.0)
     if h == 0:
         raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
-    both_ways = value != 0
-    ends = [_flows(changed(p, name, value + step), states) for step in ((h, -h) if both_ways else (h, 2 * h))]
-    if both_ways:
-        return np.asarray((ends[0] - ends[1]) / (2 * h))
-    return np.asarray((4 * ends[0] - ends[1] - 3 * _flows(p, states)) / (2 * h))
-
-
-def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
-    """The ring and its heat under another laser."""
-    from ..kernels import equations as eq
-
-    power = check_power(power)
-    turned = eq.internal_detuning(detuning + turned_by(p.rise, p.ring))
-    at = p.at._replace(pump=eq.internal_pump(p.ring, power), detuning=turned)
-    floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)  # type: ignore[arg-type]
-    return p._replace(at=at, floor=floor, power=power, detuning=detuning)
-
-
-def _by_laser(p: CycleProblem, name: str, states: Array) -> Array:
-    """`slope` for power and detuning: da/dt holds i pump - i detuning a."""
-    from ..kernels import equations as eq
-
-    out = np.zeros_like(states)
-    if name == "power":
-        out[..., 1] = p.at.pump / (2 * p.power)
-    else:
-        unit = eq.internal_detuning(1.0)
-        out[..., 0], out[..., 1] = unit * states[..., 1], -unit * states[..., 0]
-    return out
-
-
-def _flows(p: CycleProblem, states: Array) -> Array:
-    from ..kernels import orbits
-
-    return np.asarray(orbits.flows(np.ascontiguousarray(states), p.at))
+    if value != 0 or name == "detuning":
+        return [(w / (12 * h), changed(p, name, value + k * h)) for k, w in ((1, 8), (-1, -8), (2, -1), (-2, 1))]
+    return [(4 / (2 * h), changed(p, name, h)), (-1 / (2 * h), changed(p, name, 2 * h)), (-3 / (2 * h), p)]
 
 
 def _pole(name: str) -> tuple[str, int]:

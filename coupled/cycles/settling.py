@@ -8,7 +8,7 @@ it by further turns, and, where a stable fixed point exists, if it is as large a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -45,42 +45,60 @@ class Part(NamedTuple):
     longest: float  # ns between two of them
     moved: float  # relative range in the whole part
 
+    def pulses(self, still: bool) -> bool:
+        """Whether there are pulses that do not die away, which they may where a fixed point is stable (``still``)."""
+        dies = still and self.fourth < FALLING * self.third
+        return self.rises >= 3 and self.high - self.low > FLAT * self.high and not dies
+
+    @property
+    def rests(self) -> bool:
+        """Whether it moves little, and no more than before."""
+        return self.high - self.low <= REST * self.high and self.fourth <= self.third + FLAT * self.high
+
+    def following(self, duration: float, longest: float) -> float:
+        """How long the next part is after this one of ``duration`` ns: longer where it moves without pulses."""
+        patient = self.rises < 3 and self.moved > REST
+        return min(2 * duration, max(LONGEST_PART, min(LONGEST_SEEN, longest)) if patient else LONGEST_PART)
+
 
 def measured(t: Array, q: Array, duration: float) -> Part:
     """Measure a part of a transient."""
-    late = q[t >= duration / 2]
-    low, high = float(late.min()), float(late.max())
-    third, fourth = (
-        float(np.ptp(part)) if part.size else 0.0
-        for part in (q[(t >= duration / 2) & (t < 0.75 * duration)], q[t >= 0.75 * duration])
-    )
+    half, last = np.searchsorted(t, [duration / 2, 0.75 * duration])
+    lows, highs = [], []
+    for part in (q[half:last], q[last:], q[:half]):
+        lows.append(float(part.min()) if part.size else np.inf)
+        highs.append(float(part.max()) if part.size else -np.inf)
+    low, high = min(lows[:2]), max(highs[:2])
     above = q > 0.5 * (low + high)
-    ups = t[1:][above[1:] & ~above[:-1]]
-    ups = ups[ups >= duration / 4]
-    gap = float(np.diff(ups).max()) if ups.size > 1 else 0.0
-    return Part(low, high, third, fourth, ups.size, gap, float(np.ptp(q) / max(q.max(), 1e-300)))
+    ups = t[1 + np.flatnonzero(above[1:] & ~above[:-1])]
+    ups = ups[np.searchsorted(ups, duration / 4) :]
+    gap = float((ups[1:] - ups[:-1]).max()) if ups.size > 1 else 0.0
+    third, fourth = (max(highs[k] - lows[k], 0.0) for k in (0, 1))
+    top = max(highs)
+    return Part(low, high, third, fourth, ups.size, gap, (top - min(lows)) / max(top, 1e-300))
 
 
 def settled(
     flow: Flow, y: Array, points: Array, longest: float, *, begin: str = "a cold ring", where: str = "",
-    slow: bool = False, rtol: float = FINE,
+    slow: bool = False, rtol: float = FINE, look: Callable[[], None] = lambda: None,
 ) -> Orbit:  # fmt: skip
     """Return the cycle on which the state ``y`` settles.
 
     points [shape (k, 3)]: stable fixed points, rows (U, N, dT), as of `spectrum.stable_points`.
     longest [ns]: of the transient; ``slow`` says that it is short for the system's heat.
     where: the power and detuning, for messages.
+    look: called between the parts of the transient; it may raise.
 
     Raises InputError: it comes to rest (RestError), or does not repeat itself within ``longest``.
     """
     passed, duration, step, said, wary = 0.0, FIRST_PART, 0.0, "no pulse", False
     still = bool(points.size and points[0, 0] > 0)
     while passed < longest:
+        look()
         run = flow.run(y, duration, first_step=min(step, FIRST_STEP))
         y, step, passed = run.y, run.step, passed + duration
         seen = measured(run.rows[:, 0], flow.seen(run.rows), duration)
-        dies = still and seen.fourth < FALLING * seen.third
-        if seen.rises >= 3 and seen.high - seen.low > FLAT * seen.high and not dies:
+        if seen.pulses(still):
             found, said, unstable = pulse_train(flow, y, seen, wary, passed >= longest, rtol)
             wary = wary or unstable
             if found is not None:
@@ -88,22 +106,25 @@ def settled(
                 if not still or abs(swing - (seen.high - seen.low)) <= AGREE * (seen.high - seen.low):
                     return found
                 said = "the pulses still change"
-        if seen.high - seen.low <= REST * seen.high and seen.fourth <= seen.third + FLAT * seen.high:
-            at = _resting(run.rows[-1], points)
-            if at is not None:
-                raise RestError(
-                    f"no limit cycle{where}: within {passed / 1e3:.3g} us {begin} comes to rest at a stable fixed "
-                    f"point, {at[0]:.4g} fJ and {at[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
-                )
-        calm = seen.rises < 3 and seen.moved > REST
-        duration = min(2 * duration, max(LONGEST_PART, min(LONGEST_SEEN, longest)) if calm else LONGEST_PART)
+        at = resting(run.rows[-1], points) if seen.rests else None
+        if at is not None:
+            raise RestError(rest_words(where, passed, at, begin))
+        duration = seen.following(duration, longest)
     raise InputError(
         f"no settled cycle{where}: {passed / 1e3:.4g} us from {begin} do not lead to one ({said}); give guess= a cycle "
         "nearby" + (SLOW if slow else "")
     )
 
 
-def _resting(row: Array, points: Array) -> Array | None:
+def rest_words(where: str, passed: float, at: Array, begin: str = "a cold ring") -> str:
+    """Say that a system rests at a stable fixed point after ``passed`` ns."""
+    return (
+        f"no limit cycle{where}: within {passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, "
+        f"{at[0]:.4g} fJ and {at[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
+    )
+
+
+def resting(row: Array, points: Array) -> Array | None:
     """The stable fixed point that the last row of a part is at."""
     here = np.array([row[1] ** 2 + row[2] ** 2, row[3], row[4]])
     for point in points[points[:, 0] > 0]:

@@ -58,7 +58,7 @@ class Balance(NamedTuple):
 
 
 def internal_ring(ring: RingResonator, model: ThermalModel, largest: float) -> InternalRing:
-    """Resolve ring and thermal model, whose rise at rest is wanted up to ``largest``, the absorbed power in W."""
+    """Ring and thermal model in internal units, with the rise at rest up to an absorbed power of ``largest`` W."""
     small = compact(model)
     return InternalRing(small, *internal_rates(ring), heat_of(small, largest))
 

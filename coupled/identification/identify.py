@@ -11,7 +11,6 @@ import xarray as xr
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.data import dataset, quantity
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import bar, check_ring
@@ -19,11 +18,11 @@ from ..contradictions import check_geometry
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import ThermalFamily, Unknowns, unknowns
-from .cycles import NEAR
+from .comparison import comparison, doubts
 from .forced_filters import Start, forced_starts
 from .levenberg import End, Prior, Residuals, central_slopes, least_squares
 from .matching import Target, at_bound, targets_of
-from .settled_cycles import SOFT, STAGES, Seen, Stage, compared, cycle_residuals, free_run, repeats, seen
+from .settled_cycles import SOFT, STAGES, Seen, Stage, cycle_residuals, seen
 
 log = logging.getLogger("thermofem")
 
@@ -49,8 +48,8 @@ ASTRAY = 8.0  # residuals over their deviations after a stage, above which a lat
 NOISE = 1.5  # the same at the end: a fit above it failed
 TWICE = 0.03  # of a logarithm: two ends that are one
 WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
-NOTED, APART = 1.5, 3.0  # widening, and distance from the forced fit in its deviations, that are said
-HARDLY, UNKNOWN = 0.3, 1.0  # deviations of a logarithm: said, and given as inf
+UNKNOWN = 1.0  # deviations of a logarithm, given as inf
+MANY = 30  # residuals that tell the noise by themselves, where it is less than expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +159,7 @@ def identify(
     three traces by a multi-objective swarm, and takes the standard deviation over ten runs.
     """
     check_ring(ring)
-    doubts = tuple(check_geometry(ring, model).values())
+    contradicted = tuple(check_geometry(ring, model).values())
     what = unknowns(ring, free, model, bounds)
     targets = targets_of(traces)
     seed = checks.seed(seed)
@@ -172,7 +171,7 @@ def identify(
     if not found:
         raise checks.InputError("no model in the bounds could be integrated under the drive of the traces")
     result = _result(what, targets, aims, found, residuals)
-    return replace(result, notes=doubts + result.notes)
+    return replace(result, notes=contradicted + result.notes)
 
 
 def _followed(
@@ -205,8 +204,8 @@ def _followed(
 
 
 def _rms(r: Array, unknowns: int) -> float:
-    """Root mean square of residuals over their deviations."""
-    return float(np.sqrt(r @ r / max(r.size - unknowns, 1)))
+    """Root mean square of residuals over their deviations, but of those that count, which are not 0."""
+    return float(np.sqrt(r @ r / max(int(np.count_nonzero(r)) - unknowns, 1)))
 
 
 def _searched(
@@ -266,7 +265,8 @@ def _deviations(
     C, factor = _widened(
         cost, x[free], np.asarray(np.linalg.inv(J.T @ J + L), dtype=float), what.low[free], what.high[free]
     )
-    found[free] = np.sqrt(np.diag(C)) * max(_rms(r, x.size), 1.0)
+    rms, many = _rms(r, x.size), np.count_nonzero(r) > MANY + x.size
+    found[free] = np.sqrt(np.diag(C)) * (rms if many else max(rms, 1.0))
     found[found > UNKNOWN] = np.inf
     return found, factor
 
@@ -288,11 +288,11 @@ def _result(
     else:
         spread, factor = _deviations(what, len(targets), residuals, x, start)
         off = float(np.sqrt((x - start.x) @ start.precision @ (x - start.x) / n))
-        notes += _doubts(what, targets, spread, np.exp(x), factor, off)
+        notes += doubts(what, targets, spread, np.exp(x), factor, off)
         size = np.maximum(np.nan_to_num(spread, posinf=1.0), 1e-3)
         if any(m < 1.05 * misfit and np.abs((e.x - x) / size).max() > 10 for m, e, _ in others):
             notes.append("another set of parameters fits as well: free fewer, or give traces of other powers")
-    errors, cycles, more = _comparison(*what.build(x), targets, aims)
+    errors, cycles, more = comparison(*what.build(x), targets, aims)
     if more:
         notes, spread = [*notes, *more], np.full(n, np.nan)
     if any(target.uneven for target in targets):
@@ -308,100 +308,3 @@ def _result(
         *what.build(x), errors, cycles,
         xr.Dataset(samples | {"misfit": ("run", [m for m, _, _ in found])}), failed, tuple(notes),
     )  # fmt: skip
-
-
-def _comparison(
-    ring: RingResonator, model: Compact, targets: list[Target], aims: list[Seen]
-) -> tuple[xr.Dataset, xr.Dataset, tuple[str, ...]]:
-    """Errors over trace, cycles over trace and phase, and sentences on periods that cannot be compared."""
-    phase = np.linspace(0, 1, 256, endpoint=False)
-    rows, curves, notes = [], [], []
-    for k, (target, aim) in enumerate(zip(targets, aims, strict=True)):
-        run, own = free_run(ring, model, target)
-        _, aligned = compared(own, aim, STAGES[-1], target.observed.absolute)
-        curves.append([cycle.curve(phase, smooth=True) for cycle in (aim.cycle, aligned)])
-        off = aligned.curve(phase) - aim.cycle.curve(phase)
-        period = aligned.period
-        if not repeats(run):
-            period = np.nan
-            notes.append(f"the pulses of the model of traces[{k}] do not repeat: it has no period there")
-        rows.append(
-            [target.power, target.detuning, aim.cycle.period, period, np.sqrt(np.mean(off**2)) / aim.cycle.scale]
-        )
-    power, detuning, period, own_period, shape = np.array(rows).T
-    about = {"units": "1", "long_name": "rms difference of the cycles over the swing"}
-    errors = xr.Dataset(
-        {
-            "power": ("trace", power, dataset.describe("input_power")),
-            "detuning": ("trace", detuning, dataset.describe("detuning")),
-            "period": ("trace", period, dataset.describe("period")),
-            "period_model": ("trace", own_period, dataset.describe("period")),
-            "shape_error": ("trace", shape, about),
-        }
-    )
-    units = {target.observed.unit for target in targets}
-    unit = units.pop() if len(units) == 1 else "unit of the trace"
-    about = dataset.describe("drop") if unit == "W" else {"units": unit, "long_name": "drop signal"}
-    drawn = np.array(curves)
-    cycles = xr.Dataset(
-        {name: (("trace", "phase"), drawn[:, k], about) for k, name in enumerate(("drop", "drop_model"))},
-        coords={"phase": ("phase", phase, {"units": "1", "long_name": "fraction of the cycle"})},
-    )
-    return errors, cycles, tuple(notes) or read_apart(period, own_period)
-
-
-def _doubts(
-    what: Unknowns, targets: list[Target], spread: Array, values: Array, factor: float, off: float
-) -> list[str]:
-    """Sentences on what makes parameters doubtful that meet the traces."""
-    notes = [
-        f"traces[{k}] is sampled unevenly, and lines between its samples bend the cycle by chance: the parameters have "
-        "no deviations; sample it evenly or more finely"
-        for k, target in enumerate(targets)
-        if target.uneven
-    ]
-    named = list(zip(what.names, spread, strict=True))
-    if loose := [name for name, one in named if np.isinf(one)]:
-        notes.append(
-            f"the traces do not determine {', '.join(loose)}: other values fit as well; give traces of other powers "
-            "and detunings, or free fewer"
-        )
-    notes += [f"{name} is hardly determined: within {s:.0%}" for name, s in named if HARDLY < s < np.inf]
-    for k in np.flatnonzero(at_bound(what, np.log(values))):
-        notes.append(
-            f"{what.names[k]} = {values[k]:.4g} ended on a bound of its search, {np.exp(what.low[k]):.4g} to "
-            f"{np.exp(what.high[k]):.4g}: the other parameters hold for this value only; widen bounds"
-        )
-    if factor > NOTED:
-        notes.append(
-            f"the misfit is flatter than its slopes say, as near the edge of self-pulsing: deviations were widened by "
-            f"up to {factor:.2g}; give traces farther from the edge"
-        )
-    if off > APART:
-        notes.append(
-            f"the settled cycles ask for parameters {off:.2g} deviations away from those of the whole traces: check "
-            "the powers and detunings, and whether the light was switched on at time 0"
-        )
-    return notes
-
-
-def read_apart(periods: Array, models: Array) -> tuple[str, ...]:
-    """Sentences on traces that were read otherwise than their models are.
-
-    One of the two rests (a period of nan), or has a multiple of the other's period.
-    """
-    notes = []
-    for k, (read, own) in enumerate(zip(periods, models, strict=True)):
-        ratio = max(read / own, own / read)
-        if np.isnan(read) != np.isnan(own):
-            which = "rests, and its model pulses" if np.isnan(read) else "pulses, and its model rests"
-            notes.append(
-                f"traces[{k}] {which}: the parameters may be wrong; give a trace farther from the edge of self-pulsing"
-            )
-        elif ratio > 1.5 and abs(ratio / round(ratio) - 1) < NEAR:
-            notes.append(
-                f"traces[{k}] was read at a period of {quantity.rounded(read, 's', 4)} and its model at "
-                f"{quantity.rounded(own, 's', 4)}, {round(ratio)} times as much or as little: one of them is misread, "
-                "and the parameters may be wrong; sample the trace more finely, or leave it out"
-            )
-    return tuple(notes)

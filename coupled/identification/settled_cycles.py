@@ -47,7 +47,7 @@ STAGES = (
     Stage(6, 1e-2, 2e-2, 12),
     Stage(HARMONICS, 5e-3, 1e-2, 10),
     Stage(HARMONICS, 1e-3, 2e-3, 10),
-    Stage(HARMONICS, 1e-4, 3e-4, 12),
+    Stage(HARMONICS, 3e-5, 2e-4, 12),
 )
 SOFT = Stage(HARMONICS, 1e-2, 4e-2, 20)  # of a law that cannot follow the traces
 

@@ -1,18 +1,24 @@
 // The derivative of the flow, and of the equations.
 #include "kernel.hpp"
 
-constexpr int COLUMNS = 8;  // directions that are followed at once
+constexpr int COLUMNS = 8;  // directions that are followed at once, where there are many
 
 // The `count` steps of these lengths again, from y0 to y_end; V, size x columns, is replaced by its
 // product with the derivative of the flow. Returns the bytes of memory it needs.
 EXPORT int64_t ring_follow(const Problem* p, const double* y0, const double* steps, int64_t count,
                            double* y_end, double* V, int columns, char* memory) {
-  return with_system<1, Dual<COLUMNS>, false>(*p, [&](auto type) -> int64_t {
-    Arena arena = {memory};
-    follow<1, COLUMNS, typename decltype(type)::System>(*p, y0, steps, count, y_end, V, columns,
-                                                        arena);
-    return (int64_t)arena.used;
-  });
+  auto with = [&](auto number, auto directions) {
+    using T = decltype(number);
+    return with_system<1, T, false>(*p, [&](auto type) -> int64_t {
+      Arena arena = {memory};
+      follow<1, decltype(directions)::value, T, typename decltype(type)::System>(
+          *p, y0, steps, count, y_end, V, columns, arena);
+      return (int64_t)arena.used;
+    });
+  };
+  if (memory && !columns) return with(0.0, Number<0>());
+  if (memory && columns <= 2) return with(Dual<2>(), Number<2>());
+  return with(Dual<COLUMNS>(), Number<COLUMNS>());
 }
 
 // dy/dt and its derivative (size x size) in a piece of the drive at the time t.

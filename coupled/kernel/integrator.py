@@ -220,6 +220,7 @@ class Problem:
         for name in ("power", "phase", "detuning"):
             edges, table = getattr(drive, name)
             setattr(kernel, name, _Table(*table.shape, self._at(edges), self._at(table)))
+        self._detunings = self._kept[-1]
         kernel.entry = self._at(drive.entry, complex)
         kernel.own = self._at(np.zeros(R) if network is None else network.own, complex)
         self.waves = self.energies = 0
@@ -252,6 +253,15 @@ class Problem:
             self._memory[name] = np.empty(size + 64, np.uint8)
         memory = self._memory[name].ctypes.data
         return int(function(c.byref(self._c), *arguments, _P(memory + -memory % 64)))
+
+    def set_detuning(self, detuning: float) -> None:
+        """Change the detuning in rad/ns of one ring under constant light."""
+        self._detunings[0, 0, 0] = detuning
+
+    @property
+    def address(self) -> int:
+        """Where the kernel finds it."""
+        return c.addressof(self._c)
 
     def zero(self) -> Array:
         """A cold, empty state."""
@@ -322,10 +332,7 @@ class Problem:
             elif status == RESTING:
                 looks = self._look(y, loop, looks)
             elif status == TOO_SMALL:
-                raise InputError(
-                    f"model or power: found no step small enough at t = {loop.t * 1e-9:g} s: light and heat run away, "
-                    "or the rise is at the top of an output map; look at the model's largest numbers"
-                )
+                raise no_step(loop.t)
             else:
                 break
         if progress:
@@ -380,6 +387,14 @@ class Problem:
         at = self.edges[piece] if t is None else t
         self._call("ring_slopes", _pointer(y), _I(piece), _D(at), _pointer(rate), _pointer(J))
         return rate, J
+
+
+def no_step(t: float) -> InputError:
+    """The error of a run that ends at t in ns because no step is small enough."""
+    return InputError(
+        f"model or power: found no step small enough at t = {t * 1e-9:g} s: light and heat run away, or the rise is at "
+        "the top of an output map; look at the model's largest numbers"
+    )
 
 
 def _pointer(values: NDArray[Any] | None) -> Any:

@@ -4,6 +4,13 @@
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
+EXPORT int64_t ring_integrate(const Problem*, Loop*, double* y, double* rows, int64_t capacity,
+                              const double* times, int64_t wanted, double* steps, char* memory);
+EXPORT int64_t ring_follow(const Problem*, const double* y0, const double* steps, int64_t count,
+                           double* y_end, double* V, int columns, char* memory);
+EXPORT int64_t ring_slopes(const Problem*, const double* y, int piece, double t, double* dy, double* J,
+                           char* memory);
+
 template <int N> struct Number { static constexpr int value = N; };
 template <class S> struct Type { using System = S; };
 

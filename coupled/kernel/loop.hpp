@@ -257,12 +257,12 @@ template <int F, class System> struct Integration {
   }
 };
 
-// The same steps again on dual numbers, under constant light: the derivative of the flow. Columns of
-// V, size x columns, are directions at the start and what the flow makes of them at the end.
-template <int F, int C, class System>
+// The same steps again, under constant light, on numbers T with C derivatives (double, C = 0: the end
+// alone): the derivative of the flow. Columns of V, size x columns, are directions at the start and
+// what the flow makes of them at the end.
+template <int F, int C, class T, class System>
 void follow(const Problem& p, const double* y0, const double* steps, int64_t count, double* y_end,
             double* V, int columns, Arena& arena) {
-  using T = Dual<C>;
   const int size = p.rings * (2 * F + 1 + p.order), n = p.rings * F;
   Past past = {};
   System system(p, past, arena);
@@ -275,8 +275,9 @@ void follow(const Problem& p, const double* y0, const double* steps, int64_t cou
   for (int q = 1; q < p.method.stages; q++) light[q] = light[0];
   for (int first = 0; first == 0 || first < columns; first += C) {
     for (int i = 0; i < size; i++) {
-      y[i] = zero<T>(), y[i].v = y0[i];
-      for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
+      y[i] = zero<T>() + y0[i];
+      if constexpr (C > 0)
+        for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
     }
     double t = p.edges[0];
     system.begin(y, true, t);
@@ -286,8 +287,10 @@ void follow(const Problem& p, const double* y0, const double* steps, int64_t cou
       T* x = y; y = out; out = x;
     }
     for (int i = 0; i < size; i++) {
-      y_end[i] = y[i].v;
-      for (int c = 0; c < C && first + c < columns; c++) V[i * columns + first + c] = y[i].d[c];
+      y_end[i] = value(y[i]);
+      if constexpr (C > 0)
+        for (int c = 0; c < C && first + c < columns; c++) V[i * columns + first + c] = y[i].d[c];
     }
+    if (C == 0) break;
   }
 }

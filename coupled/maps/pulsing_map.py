@@ -22,9 +22,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import bar, check_duration
 from ..contradictions import check_geometry
-from ..cycles.orbit import check_carriers, has_carriers
 from ..heaters import constant
-from ..kernels.interrupts import new_watch
 from ..resonator import RingResonator
 from ..runs.pulsing import Regime
 from ..runs.resting import Rest
@@ -32,6 +30,7 @@ from ..states import State
 from ..thermal import Compact, long_enough, provenance
 from .grid import Grid, Point, grid_of
 from .journal import Journal
+from .settled import Fixed, fixed_of, settled_row
 from .trace_of_point import pulse, rests
 from .trust import trusted_map
 
@@ -138,11 +137,14 @@ def pulsing_map(
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
     doubts = check_geometry(ring, model)
     if settled is None:
-        settled = duration is None and follow is None and has_carriers(ring)
+        settled = duration is None and follow is None and ring.g_tpa > 0
     elif checks.flag("settled", settled) and not (duration is None and follow is None):
         raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
-    elif settled:
-        check_carriers(ring)
+    elif settled and not ring.g_tpa > 0:
+        raise checks.InputError(
+            "ring has no two-photon absorption and so no free carriers, by which a map follows settled cycles; give a "
+            "duration for a map of traces"
+        )
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
@@ -156,11 +158,13 @@ def pulsing_map(
     with _pool(executor) as pool, bar("map", len(grid.rows), show_bar) as advance, journal:
         for _ in journal.rows:
             advance()
-        watches = new_watch(len(grid.rows))
+        watches = np.zeros((len(grid.rows), 1))  # above 0 where a row is to end
+        fixed = fixed_of(small, [point for k in left for point in grid.rows[k]]) if settled else []
         jobs = {}
-        for k in left:
+        for n, k in enumerate(left):
             if settled:
-                jobs[pool.submit(_settled, small, grid.rows[k], watches[k])] = k
+                own = fixed[n * len(grid.rows[k]) : (n + 1) * len(grid.rows[k])]
+                jobs[pool.submit(_settled, small, grid.rows[k], own, watches[k])] = k
             else:
                 jobs[pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order, watches[k])] = k
         try:
@@ -247,11 +251,9 @@ def _possible(cell: _Cell) -> bool:
     return known and cell.period != 0 and (cell.regime != Regime.SELF_PULSING or np.isfinite(cell.period))
 
 
-def _settled(model: Any, points: list[Point], watch: NDArray[np.float64]) -> list[_Cell]:
+def _settled(model: Compact, points: list[Point], fixed: list[Fixed | str], watch: NDArray[np.float64]) -> list[_Cell]:
     """All points of one row, each as the cycle that the ring settles on."""
-    from .settled import settled_row  # with Numba, when it is first used
-
-    return [_Cell(*found) for found in settled_row(model, points, watch)]
+    return [_Cell(*found) for found in settled_row(model, points, fixed, watch)]
 
 
 def _row(

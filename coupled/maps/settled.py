@@ -1,147 +1,251 @@
 """The settled cycles of a row of a map: every point from its neighbours' cycles where no fixed point is stable.
 
-Where one is, the ring may rest there or pulse beside it; a transient from a cold ring decides which.
+Where one is, the ring may rest there or pulse beside it; a transient from a cold ring decides which. A cycle that a
+transient leads to is accepted if the transient comes nearer to it, and a trace from beside it, too.
 """
 
 from __future__ import annotations
 
-from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from functools import cached_property
+from itertools import groupby, pairwise
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-from thermofem import checks
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array
+from thermofem.checks import InputError
 
-from ..cycles.closing import Settled, refined
-from ..cycles.orbit import FEW_SHOTS, ROUGH, ROUGHLY, TRACE_RTOL, CycleProblem, closer, problem
-from ..cycles.parameters import under_laser
-from ..cycles.scheme import scheme
-from ..cycles.start import RestError, longest_of, pursued, rest_words
-from ..equilibria.balance import absorbable, internal_ring
-from ..equilibria.spectrum import stable_points
-from ..kernel.tableaus import Method, tableau
-from ..kernels.interrupts import uninterrupted
+from ..cycles import settling
+from ..cycles.cycle_problem import CycleProblem
+from ..cycles.orbit_measures import measure
+from ..cycles.settling import FIRST_PART, FIRST_STEP, FLAT, MOST_PULSES, Part, RestError, measured, rest_words, resting
+from ..equilibria.balance import absorbable, balance, internal_ring
+from ..equilibria.spectrum import survey
+from ..kernel.integrator import CAP
+from ..kernel.shooting import FINE, Closed, Turns, measures
+from ..kernel.tableaus import Method
+from ..kernel.units import internal_detuning, internal_pump
 from ..runs.pulsing import DUTY_LEVEL, Regime
 from .grid import Point
 
-if TYPE_CHECKING:
-    from ..kernels.orbit_row import Beside
-    from ..kernels.orbit_start import Transient
-
 Found = tuple[str, float, float, float, str]
+TRIES = 4  # of closing a cycle near a transient
+AGAIN = 3  # turns by which a cycle is verified
+ASIDE = 3e-4  # of the warmest state of heat, beside a cycle
+LONG = 2400  # rows of a cycle; one with more may be a burst
+PRECISE = 1e-9  # rtol, with Rodas5P, of such a one
+REACH = 4.0  # periods within which a trace returns
+AHEAD = ([1.0], [2.0, -1.0], [3.0, -3.0, 1.0])  # the polynomial through one to three neighbours at the next point
 
 
-def settled_row(model: Any, points: list[Point], watch: Array) -> list[Found]:
-    """Return regime, period (s), duty, swing (K) and the reason at every point of a row."""
-    out: list[Found] = []
-    for (ring, power), group in groupby(points, key=lambda point: point[:2]):
-        part = [detuning for _, _, detuning in group]
+class Fixed(NamedTuple):
+    """The fixed points of a point of a map, in internal units."""
+
+    every: Array  # rows U, N, dT and the longest step beside it in ns
+    stable: Array  # rows U, N, dT
+
+
+def fixed_of(model: Any, points: list[Point]) -> list[Fixed | str]:
+    """The fixed points of every point of a map, or why there are none."""
+    out: list[Fixed | str] = [""] * len(points)
+    for ring in dict.fromkeys(ring for ring, _, _ in points):
+        cells = np.array([k for k, point in enumerate(points) if point[0] == ring])
+        powers = np.array([points[k][1] for k in cells])
         try:
-            row = _Row.of(ring, model, power, part)
-        except _FAILURES as error:
-            out += [_failed(error)] * len(part)
-        else:
-            out += row.cells(watch)
+            internal_ring(ring, model, absorbable(ring, powers.max()))
+            groups = [cells]
+        except InputError:  # at this power, perhaps not at others
+            groups = [cells[powers == power] for power in np.unique(powers)]
+        for group in groups:
+            try:
+                found = _fixed(model, [points[k] for k in group])
+            except InputError as error:
+                found = [str(error)] * group.size
+            for k, one in zip(group, found, strict=True):
+                out[k] = one
     return out
 
 
-class _Row(NamedTuple):
-    """Detunings under one power."""
+def _fixed(model: Any, points: list[Point]) -> list[Any]:
+    """The fixed points of points that have one ring."""
+    ring = points[0][0]
+    at = internal_ring(ring, model, max(absorbable(ring, power) for _, power, _ in points))
+    pump = np.array([internal_pump(ring, power) for _, power, _ in points])
+    found = survey(pump, np.array([internal_detuning(nu) for _, _, nu in points]), at)
+    here = balance(found.U, at)
+    longest = np.where(found.fastest > 0, CAP / np.where(found.fastest > 0, found.fastest, 1.0), np.inf)
+    every = np.column_stack([found.U, here.N, here.dT, longest])
+    ends = np.searchsorted(found.cell, np.arange(len(points) + 1))
+    parts = [slice(*pair) for pair in pairwise(ends)]
+    return [Fixed(every[part], every[part, :3][found.growth[part] <= 0]) for part in parts]
 
-    p: CycleProblem
-    detunings: list[float]
-    shifts: Array  # the same in rad/ns
-    still: NDArray[np.bool_]  # where a fixed point is stable
-    points: Array  # which, as of `stable_points`
 
-    @classmethod
-    def of(cls, ring: Any, model: Any, power: float, detunings: list[float]) -> _Row:
-        """Prepare the row."""
-        from ..kernels import equations as eq
-
-        p = problem(ring, model, power, detunings[0])
-        at = internal_ring(ring, model, absorbable(ring, power))
-        shifts = np.array([eq.internal_detuning(nu) for nu in detunings])
-        points = stable_points(p.at.pump, shifts, at)
-        return cls(p, detunings, shifts, np.isfinite(points[:, 0, 0]), points)
-
-    def cells(self, watch: Array) -> list[Found]:
-        """Return regime, period, duty cycle, swing and reason at every detuning."""
-        from ..kernels import orbit_row
-
-        m, out = self.p.units.size, list[Found]()
-        none = orbit_row.Beside(np.empty((0, m)), np.empty(0), np.empty((0, 0)))
-        beside = none
-        while len(out) < len(self.detunings):
-            if watch[0] > 0:
-                raise KeyboardInterrupt
+def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch: Array) -> list[Found]:
+    """Return regime, period (s), duty, swing (K) and the reason at every point of a row."""
+    out: list[Found] = []
+    for (ring, power), group in groupby(zip(points, fixed, strict=True), key=lambda pair: pair[0][:2]):
+        row = _Row(ring, model, power, watch)
+        beside: list[Closed] = []
+        for (_, _, detuning), at in group:
+            row.look()
             try:
-                cells, beside, transient = self._along(len(out), beside, watch)
-                out += cells
-                if len(out) < len(self.detunings):
-                    cell, found = self._point(len(out), transient)
-                    if found is None or found.pulses > 1:
-                        beside = none
-                    else:
-                        beside = orbit_row.after(beside, found.orbit.start, found.orbit.T, found.orbit.M)
-                    out.append(cell)
-            except _FAILURES as error:
-                out.append(_failed(error))
-                beside = none
-        return out
+                if isinstance(at, str):
+                    raise InputError(at)
+                cell, found = row.point(detuning, at, beside)
+            except (InputError, RuntimeError, np.linalg.LinAlgError) as error:
+                cell, found = ("failed", np.nan, np.nan, np.nan, str(error)), None
+            beside = [found, *beside[:2]] if found and found.pulses == 1 else []
+            out.append(cell)
+    return out
 
-    def _along(self, first: int, beside: Beside, watch: Array) -> tuple[list[Found], Beside, Transient]:
-        """Return the points from ``first`` on, up to one where a transient does not end at rest."""
-        from ..kernels import orbit_row
 
-        options = orbit_row.Options(TRACE_RTOL, *ROUGH, FEW_SHOTS, ROUGHLY, DUTY_LEVEL, longest_of(self.p))
-        rows, beside, transient = uninterrupted(
-            orbit_row.along, self.shifts[first:], self.still[first:], self.points[first:], beside, self.p.at,
-            self.p.floor, scheme(), tableau(Method.RODAS4), options, watch,
-        )  # fmt: skip
-        return [self._cell(first + k, row) for k, row in enumerate(rows.tolist())], beside, transient
+class _Row:
+    """Points of one ring under one power."""
 
-    def _cell(self, k: int, row: list[float]) -> Found:
-        """Convert a row of `orbit_row.along`."""
-        if row[4] < 0:
-            T, duty, swing, size = row[:4]
-            return _pulsing(T, duty, swing, size)
-        p = self.p._replace(detuning=self.detunings[k])
-        return _resting(rest_words(p, row[3], self.points[k, int(row[4])]))
+    def __init__(self, ring: Any, model: Any, power: float, watch: Array) -> None:
+        self.watch, self.problem = watch, CycleProblem(ring, model, power, 0.0)
+        self.turns, self.longest = Turns(self.problem.kernel(Method.RODAS4)), self.problem.longest
 
-    def _point(self, k: int, transient: Transient) -> tuple[Found, Settled | None]:
-        """Return one point from where a transient has come to."""
-        from ..kernels import orbit_measure, orbit_row
+    @cached_property
+    def precise(self) -> Turns:
+        """The same by the method that is better at small tolerances."""
+        return Turns(self.problem.kernel(Method.RODAS5P))
 
-        p = under_laser(self.p, self.p.power, self.detunings[k])
+    def look(self) -> None:
+        """Raise KeyboardInterrupt where another thread asks for it."""
+        if self.watch[0] > 0:
+            raise KeyboardInterrupt
+
+    def at(self, detuning: float) -> CycleProblem:
+        """One point."""
+        return replace(self.problem, detuning=detuning)
+
+    def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Found, Closed | None]:
+        """What the ring does, and its cycle; ``beside`` are those just before, of one pulse, the last first."""
+        self.turns.problem.set_detuning(internal_detuning(detuning))
+        self.turns.near(fixed.every)
+        found = self._continued(beside) if beside and not len(fixed.stable) else None
+        return self._from_cold(detuning, fixed) if found is None else (self._words(detuning, found), found)
+
+    def _words(self, detuning: float, found: Closed) -> Found:
+        """A cycle as a map tells it; one of many steps is closed precisely, as their errors add up."""
+        closer = None
+        if len(found.rows) > LONG:
+            self.precise.problem.set_detuning(internal_detuning(detuning))
+            closer = self.precise.closer(found, PRECISE)
+        told = closer or found
+        return _pulsing(told.T, *measures(told, DUTY_LEVEL), told.size, told.pulses)
+
+    def _continued(self, beside: list[Closed]) -> Closed | None:
+        """The stable cycle that continues those ``beside``."""
+        ahead, last = AHEAD[len(beside) - 1], beside[0]
+        y = np.sum([a * one.y for a, one in zip(ahead, beside, strict=True)], axis=0)
+        T = sum(a * one.T for a, one in zip(ahead, beside, strict=True))
+        if len(beside) > 1 and np.array_equal(last.slow, beside[1].slow):
+            last = last._replace(M=2 * last.M - beside[1].M, dT=2 * last.dT - beside[1].dT)
+        found = self.turns.close(y, T, beside=last)
+        return found if _is_stable(found) and (len(found.rows) < LONG or self._attracts(found)) else None
+
+    def _from_cold(self, detuning: float, fixed: Fixed) -> tuple[Found, Closed | None]:
+        """What a cold ring comes to."""
+        y, passed, duration, step, tries = self.turns.problem.zero(), 0.0, FIRST_PART, 0.0, 0
+        still = len(fixed.stable) > 0
+        while passed < self.longest:
+            self.look()
+            run = self.turns.run(y, duration, first_step=min(step, FIRST_STEP))
+            y, step, passed, rows = run.y, run.step, passed + duration, self.turns.rows
+            seen = measured(rows[:, 0], rows[:, 3], duration)
+            at = resting(rows[-1], fixed.stable) if seen.rests else None
+            if seen.pulses(still):
+                found, tries = self._pursued(y, seen, still), tries + 1
+                if found is not None:
+                    return self._words(detuning, found), found
+            if at is not None:
+                return _resting(rest_words(self.at(detuning).where, passed, at)), None
+            if tries == TRIES:
+                return self._carefully(self.at(detuning), y), None
+            duration = seen.following(duration, self.longest)
+        where = self.at(detuning).where
+        return _slow(f"no settled cycle{where}: {passed / 1e3:.4g} us from a cold ring do not lead to one"), None
+
+    def _pursued(self, y: Array, seen: Part, still: bool) -> Closed | None:
+        """The stable cycle that a transient in ``y`` comes to; where a cycle has doubled, that of twice the pulses."""
+        level, reach, pulses = (seen.low + seen.high) / 2, REACH * seen.longest, 1
+        while pulses <= MOST_PULSES:
+            met = self.turns.run(y, reach, level=level)
+            found = self.turns.close(met.y, pulses * seen.longest, pulses) if met.met else None
+            if _is_stable(found):
+                change = abs(np.ptp(found.rows[:, 3]) - (seen.high - seen.low))
+                alike = not still or change <= settling.AGREE * (seen.high - seen.low)
+                return found if alike and self._comes_nearer(met.y, found) and self._attracts(found) else None
+            if found is None or found.worst.real > -1 or found.worst.imag != 0:
+                return None
+            pulses *= 2  # pulses that differ more make a better start
+            y = self.turns.run(met.y, settling.DIFFER * seen.longest).y
+        return None
+
+    def _comes_nearer(self, y: Array, found: Closed) -> bool:
+        """Whether the trace from ``y`` is nearer to the cycle after as many turns as halve a small deviation."""
+        turns = int(np.clip(np.ceil(np.log(0.5) / np.log(max(found.size, 1e-3))), 2, settling.PATIENT))
+        warmest, first, last = np.abs(found.y[3:]).max(), np.inf, np.inf
+        for turn in range((turns + 1) * found.pulses):
+            off = np.abs(y[3:] - found.y[3:]).max() / warmest
+            if turn < found.pulses:
+                first = min(first, off)
+            if first < settling.REPEATS:
+                return True
+            if turn >= turns * found.pulses:
+                last = min(last, off)
+            run = self.turns.run(y, REACH * found.T, level=found.y[2], above=True)
+            if not run.met:
+                return False
+            y = run.y
+        return bool(last < max((1 + found.size**turns) / 2 * first, settling.REPEATS))
+
+    def _attracts(self, found: Closed) -> bool:
+        """Whether a trace from beside the cycle comes nearer as the return map says: among bursts it may err."""
+        slow, M = found.slow, found.M[found.slow]
+        aside = ASIDE * np.abs(found.y[3:]).max()
+        y, off = found.y.copy(), np.full(slow.size, aside)
+        y[slow] += off
+        for _ in range(AGAIN * found.pulses):
+            run = self.turns.run(y, REACH * found.T, level=found.y[2], above=True, rtol=FINE)
+            if not run.met:
+                return False
+            y = run.y
+        expected = np.linalg.matrix_power(M, AGAIN) @ off
+        return bool(np.abs(y[slow] - found.y[slow] - expected).max() < aside / 2)
+
+    def _carefully(self, p: CycleProblem, y: Array) -> Found:
+        """What a transient in ``y`` comes to, by `settling.settled`."""
         try:
-            found = pursued(p, transient, self.points[k])
+            orbit = p.settled(y, look=self.look)
         except RestError as rest:
-            return _resting(str(rest)), None
-        except checks.InputError as error:
-            return (str(Regime.SLOW_TRANSIENT), np.nan, np.nan, np.nan, str(error)), None
-        if found.pulses > 1:  # long, and sensitive: the mesh of a trace leaves 1e-5 of the period
-            found = refined(p, found)
-        elif found.size > orbit_row.SURE:
-            found = found._replace(orbit=closer(p, found.orbit))
-        orbit = found.orbit
-        duty, swing, _, _ = orbit_measure.measured(orbit.start, orbit.Y, orbit.tau, p.at.thermal, scheme(), DUTY_LEVEL)
-        return _pulsing(orbit.T, float(duty), float(swing), found.size, found.pulses), found
+            return _resting(str(rest))
+        except InputError as error:
+            return _slow(str(error))
+        seen = measure(orbit)
+        return _pulsing(orbit.T, seen.duty, seen.swing, orbit.size, orbit.pulses)
 
 
-_FAILURES = (checks.InputError, RuntimeError, np.linalg.LinAlgError)
-
-
-def _failed(error: Exception) -> Found:
-    return ("failed", np.nan, np.nan, np.nan, str(error))
+def _is_stable(found: Closed | None) -> TypeGuard[Closed]:
+    """Whether there is a cycle, and its multipliers say that it is stable."""
+    if found is None or not found.size < 1:
+        return False
+    N = found.rows[:, 3]
+    return bool(np.ptp(N) > FLAT * N.max())
 
 
 def _resting(words: str) -> Found:
     return (str(Regime.STABLE), np.nan, np.nan, 0.0, words)
 
 
-def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int = 1) -> Found:
+def _slow(words: str) -> Found:
+    return (str(Regime.SLOW_TRANSIENT), np.nan, np.nan, np.nan, words)
+
+
+def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int) -> Found:
     """A settled cycle of the period T in ns."""
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
     if pulses > 1:

@@ -165,37 +165,6 @@ def drive_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
     )
 
 
-def constant_laser(start: float, stop: float, pump: float, detuning: float) -> Any:
-    """A laser that does not change; times in s, pump and detuning in internal units."""
-    from ..kernels.rosenbrock import LaserPieces
-
-    zero = [0.0, 0.0, 0.0]
-    edges = np.array([start / eq.NS, stop / eq.NS])
-    return LaserPieces(edges, np.array([[pump * pump, *zero]]), np.array([[detuning, *zero]]))
-
-
-def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
-    """Raise if an integration did not reach its end; ``reached`` in ns, ``duration`` in s."""
-    from ..kernels import control
-
-    if counts[2] == control.TOO_MANY_ROWS:
-        raise checks.InputError(
-            f"the accepted steps up to t = {reached * 1e-9:g} s fill the memory; give the wanted times, times=..."
-        )
-    if counts[2] == control.TOO_MANY_STEPS:
-        raise checks.InputError(
-            f"duration = {duration:g} s takes more than {MAX_STEPS} steps at rtol = {rtol:g} "
-            f"(they reach {reached * 1e-9:g} s); shorten it or loosen rtol"
-        )
-    if counts[2] == control.STOPPED:
-        raise KeyboardInterrupt
-    if counts[2] == control.STEP_TOO_SMALL:
-        raise checks.InputError(
-            f"the integration found no step small enough at t = {reached * 1e-9:g} s: light and heat run away, or the "
-            "rise is at the top of an output map; look at the model's largest numbers"
-        )
-
-
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     """dP_abs/dt in W/s at the rows, from the equations themselves: dU/dt = 2 (pump Im a - gamma U)."""
     t, ar, ai, N, _ = rows.T

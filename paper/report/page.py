@@ -1,7 +1,7 @@
 """report.html from its template: one file that needs nothing else, right on a phone and on paper.
 
-``{study/path/to/number|factor|format}`` in the template is a number, times a factor, in a format; with ``|=`` at its
-end its row of the table agrees only where the number lies within what `study.PAPER` or `study.OTHER` expects.
+``{study/path/to/number|factor|format}`` in the template is a number, times a factor, in a format; with ``|low..high``
+at its end its row of the table agrees only where the number, as shown, lies between the two.
 """
 
 import base64
@@ -11,24 +11,23 @@ from pathlib import Path
 
 import thermofem as th
 
-from .study import OTHER, PAPER, STUDIES
+from .study import STUDIES
 
-PLACE = re.compile(r"\{([^{}|]+)\|([^{}|]*)\|([^{}|]*)(\|=)?\}")
+PLACE = re.compile(r"\{([^{}|]+)\|([^{}|]*)\|([^{}|]*)(?:\|([^{}|]+)\.\.([^{}|]+))?\}")
 CELL = r"<td>(.*?)</td>\s*"
 WHERE = r'(<span\s+class="where">.*?</span>)?'
-ROW = re.compile(rf'<tr( class="key")?><td>(.*?){WHERE}</td>\s*{CELL}{CELL}{CELL}</tr>', re.S)
+ROW = re.compile(rf'<tr><td>(.*?){WHERE}</td>\s*{CELL}{CELL}{CELL}</tr>', re.S)
 SECTION = re.compile(r"<section.*?</section>", re.S)
 FIGURE = re.compile(r'<figure id="(\w+)"><h3>(.*?)</h3>(.*?)</figure>', re.S)
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-VERDICTS = {True: ("agrees", "agrees"), False: ("differs", "differs"), None: ("open", "–")}
 
 
 def page(results, pictures, explorer, quick):
     """The report, and the rows of its table for programs."""
     paper, other = (Path(__file__).parent / "report.html").read_text(encoding="utf-8").split("<h3>The same equations")
     rows = []
-    paper = ROW.sub(lambda match: row(match, results, PAPER, "the paper", rows), paper)
-    other = ROW.sub(lambda match: row(match, results, OTHER, "the other code", rows), other)
+    paper = ROW.sub(lambda match: row(match, results, "the paper", rows), paper)
+    other = ROW.sub(lambda match: row(match, results, "the other code", rows), other)
 
     def section(match):
         body = FIGURE.sub(lambda m: picture(m, pictures), match[0])
@@ -38,9 +37,9 @@ def page(results, pictures, explorer, quick):
     text = SECTION.sub(section, f"{paper}<h3>The same equations{other}")
     text = re.sub(r'<p class="lead">.*?</p>', lambda m: m[0] if known(m[0], results) else "", text, flags=re.S)
     text = PLACE.sub(lambda m: marked(m, results), text)
-    links = re.findall(r'<section id="([^"]+)"[^>]*><h2>(.*?)</h2>', text)[1:]
+    links = [*re.findall(r'<section id="([^"]+)"[^>]*><h2>(.*?)</h2>', text)[1:], ("data", "Data")]
     parts = {
-        "contents": "".join(f'<a href="#{name}">{title}</a> ' for name, title in [*links, ("data", "Data")]),
+        "contents": "".join(f'<a href="#{name}">{title}</a> ' for name, title in links),
         "explorer": "data:text/html;charset=utf-8;base64," + base64.b64encode(explorer.encode()).decode(),
         "data": "".join(files(STUDIES[name].words, result) for name, result in results.items()),
         "seconds": f"{sum(result.seconds for result in results.values()):.0f}",
@@ -51,16 +50,16 @@ def page(results, pictures, explorer, quick):
     return text, rows
 
 
-def row(match, results, expected, who, rows):
+def row(match, results, who, rows):
     """A row of the table with its verdict, also appended to ``rows``; nothing where a number of it was not computed."""
-    key, quantity, where, says, ours, why = match.groups(default="")
+    quantity, where, says, ours, why = match.groups(default="")
     if not known(ours + why, results):
         return ""
-    paths = [" ".join(m[1].split()) for m in PLACE.finditer(ours) if m[4]]
-    agrees = all(expected[path][0] <= number(results, path) <= expected[path][1] for path in paths) if paths else None
+    tests = [(float(m[4]), number(results, m[1]) * float(m[2] or 1), float(m[5])) for m in PLACE.finditer(ours) if m[4]]
+    agrees = all(low <= value <= high for low, value, high in tests) if tests else None
     texts = {"where": where or "independent code", "quantity": quantity, "paper": says, "ours": ours, "why": why}
-    rows.append({name: plain(text, results) for name, text in texts.items()} | {"agrees": agrees, "key": bool(key)})
-    kind, words = VERDICTS[agrees]
+    rows.append({name: plain(text, results) for name, text in texts.items()} | {"agrees": agrees})
+    kind, words = {True: ("agrees", "agrees"), False: ("differs", "differs"), None: ("open", "–")}[agrees]
     return (
         f'<tr><td>{quantity}{where}</td><td data-label="{who}">{says}</td><td data-label="we get">{ours}</td>'
         f'<td class="tight {kind}">{words}</td><td class="soft">{why}</td></tr>'
@@ -117,5 +116,5 @@ def plain(text, results):
 def files(words, result):
     """Links to the files of a result, with the CPU time that it took when it was computed."""
     links = ", ".join(f'<a href="{html.escape(path)}">{html.escape(Path(path).name)}</a>' for path in result.files)
-    seconds = f'<td class="tight" data-label="CPU time">{result.seconds:.1f} s</td>'
-    return f"<tr><td>{html.escape(words)}</td><td>{links}</td>{seconds}</tr>"
+    seconds = f'data-label="CPU time">{result.seconds:.1f} s'
+    return f'<tr><td>{html.escape(words)}</td><td>{links}</td><td class="tight" {seconds}</td></tr>'

@@ -9,28 +9,24 @@ import json
 import logging
 import platform
 import time
-from concurrent.futures import FIRST_COMPLETED, wait
 from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign.stored_tasks import Store, processes
+from thermofem.campaign.stored_tasks import Store, completed
 from thermofem.data import files
 
 from .page import page
 from .study import FIGURES, STUDIES, Result, needs
 
-HERE = Path(__file__).parents[1]
-SAVE = {"data": th.save, "models": surrogate.save_model}
-LOAD = {"nc": th.load, "json": surrogate.load_model}
-for script in sorted(HERE.glob("[!_]*.py")):
+SCRIPTS = sorted(Path(__file__).parents[1].glob("[!_]*.py"))
+SAVE = {"data": (".nc", th.save, th.load), "models": (".json", surrogate.save_model, surrogate.load_model)}
+for script in SCRIPTS:
     importlib.import_module(f"paper.{script.stem}")
 
 
@@ -42,117 +38,83 @@ def run(out, *, quick=False, workers=None, console=None):
     out, console, begin = Path(out), console or Console(), time.monotonic()
     logging.getLogger("thermofem").setLevel(logging.ERROR)  # the reference stack ends where that of the paper does
     names = [name for name, study in STUDIES.items() if study.quick or not quick]
-    figures = [name for name, draw in FIGURES.items() if set(needs(draw)) <= set(names)]
     with files.own_folder(out, ("figures",)), Store(out / "data", "").opened():
         left = [name for name in names if load(out, name) is None]
-        failed = compute_all(out, left, workers, console) if left else {}
+        failed = compute_all(out, left, workers, console)
         results = {name: found for name in names if (found := load(out, name))}
-        figures = [name for name in figures if set(needs(FIGURES[name])) <= set(results)]
         with console.status("figures, and the page that computes"):
-            pictures = {name: draw(out, name, results) for name in figures}
+            pictures = {name: draw(out, name, results) for name in FIGURES if set(needs(FIGURES[name])) <= set(results)}
             text, rows = page(results, pictures, explore(out / "ring.html"), quick)
         table = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
-        files.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
-        files.write_whole(out / "data" / "table.json", lambda path: path.write_text(table, encoding="utf-8"))
-    shown = Table("", "the paper", "here", title="Next to the paper (the whole table is in the report)")
-    for row in rows:
-        if row["key"]:
-            shown.add_row(row["quantity"], row["paper"], row["ours"])
-    console.print(shown)
+        for path, content in ((out / "report.html", text), (out / "data" / "table.json", table)):
+            files.write_whole(path, lambda path, content=content: path.write_text(content, encoding="utf-8"))
+    agree = [row["agrees"] for row in rows if row["agrees"] is not None]
     console.print(f"{len(names)} studies ({len(names) - len(left)} of an earlier run), {len(pictures)} figures")
+    console.print(f"{sum(agree)} of {len(agree)} compared statements agree; the table says why the others do not")
     console.print(f"report: {out / 'report.html'} ({time.monotonic() - begin:.0f} s)")
     for name, error in failed.items():  # the report is without what needs it
         raise RuntimeError(f"{name} could not be computed; the report is without it") from error
-    agree = [row["agrees"] for row in rows if row["agrees"] is not None]
-    counts = {"studies": len(names), "kept": len(names) - len(left), "figures": len(pictures)}
-    return {"report": out / "report.html", **counts, "compared": len(agree), "agree": sum(agree)}
+    counts = {"studies": len(names), "kept": len(names) - len(left), "compared": len(agree), "agree": sum(agree)}
+    return {"report": out / "report.html", "figures": len(pictures), **counts}
 
 
 def compute_all(out, left, workers, console):
-    """Compute studies in processes, each as soon as what it needs is there, those with the longest way behind first.
-
-    Where one raises, those that do not need it are finished; the errors are returned by name.
-    """
-
-    def behind(name):
-        return STUDIES[name].weight + max((behind(n) for n in left if name in needs(STUDIES[n])), default=0)
-
-    waiting, running, failed = sorted(left, key=behind, reverse=True), {}, {}
-    columns = SpinnerColumn(), TextColumn("{task.description:<60}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console) as bars, processes(workers) as pool:
-        bar = bars.add_task("", total=sum(STUDIES[name].weight for name in left))
-        while True:
-            unfinished = {*waiting, *running.values(), *failed}
-            for name in [name for name in waiting if not unfinished & set(needs(STUDIES[name]))]:
-                running[pool.submit(compute, out, name)] = name
-                waiting.remove(name)
-            if not running:
-                break
-            bars.update(bar, description=", ".join(STUDIES[name].words for name in running.values())[:60])
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                name = running.pop(future)
-                bars.advance(bar, STUDIES[name].weight)
-                if future.exception():
-                    failed[name] = future.exception()
+    """Compute studies in processes, those first that need no other; return the errors of those that failed, by name."""
+    failed, task = {}, functools.partial(compute, out, keys())
+    while ready := [name for name in left if not {*left, *failed} & set(needs(STUDIES[name]))]:
+        for name, future in completed(task, ready, workers=workers):
+            console.print(f"{STUDIES[name].words}{': failed' if future.exception() else ''}")
+            if future.exception():
+                failed[name] = future.exception()
+        left = [name for name in left if name not in ready]
     return failed
 
 
-def compute(out, name):
+def compute(out, code, name):
     """Compute and store one result; in a worker process."""
-    store, key, study = Store(out / "data", ""), keys()[name], STUDIES[name]
-    given, begin = [load(out, need) for need in needs(study)], time.process_time()
-    found = study(*given)
+    store, key, study, begin = Store(out / "data", ""), code[name], STUDIES[name], time.process_time()
+    found = study(*(load(out, need, code) for need in needs(study)))
     content = {"study": name, "cpu_seconds": time.process_time() - begin, "files": []}
-    for kind, save in SAVE.items():
+    for kind, (ending, save, _) in SAVE.items():
         for part, one in getattr(found, kind).items():
-            file = f"{key}.{kind}.{part}.{'nc' if kind == 'data' else 'json'}"
-            save(one, store.path(file))
-            store.enter(file)
-            content["files"].append(file)
+            content["files"].append(f"{key}.{kind}.{part}{ending}")
+            save(one, store.path(content["files"][-1]))
+            store.enter(content["files"][-1])
     content["numbers"] = files.plain(found.numbers)
     store.write(f"{key}.json", (json.dumps(content, indent=1, default=float) + "\n").encode())
 
 
-def load(out, name):
+def load(out, name, code=None):
     """A stored result, or None where it is incomplete or damaged."""
-    store, key = Store(out / "data", ""), keys()[name]
+    store, key = Store(out / "data", ""), (code or keys())[name]
     content = json.loads(store.read(f"{key}.json") or b"null")
     if content is None or store.intact(content["files"]) != set(content["files"]):
         return None
     parts = {"data": {}, "models": {}}
     for file in content["files"]:
         kind, part = file.removeprefix(f"{key}.").split(".", 1)
-        part, ending = part.rsplit(".", 1)
-        parts[kind][part] = LOAD[ending](store.path(file))
+        ending, _, read = SAVE[kind]
+        parts[kind][part.removesuffix(ending)] = read(store.path(file))
     listed = [f"data/results/{file}" for file in (f"{key}.json", *content["files"])]
     return Result(content["numbers"], **parts, seconds=content["cpu_seconds"], files=listed)
 
 
 @functools.cache
 def keys():
-    """Key of every study: its name and a hash of the code, the libraries and the keys of what it needs."""
-    packages = [Path(package.__file__).parent for package in (th, surrogate, coupled)]
-    sources = [path for root in packages for path in sorted(root.rglob("*.?p?")) + sorted(root.rglob("*.py"))]
-    code = hashlib.sha256(b"".join(path.read_bytes() for path in sources if "plot" not in str(path)))
-    libraries = [platform.python_version(), *map(version, ("numpy", "scipy", "scikit-fem", "numba", "pysindy"))]
+    """Key of every study: its name and a hash of the libraries, of the packages without plots, and of the scripts.
 
-    @functools.cache
-    def key(name):
-        own = computing(STUDIES[name].__module__.rsplit(".", 1)[1])
-        tree = [code.hexdigest(), libraries, own, [key(need) for need in needs(STUDIES[name])]]
-        return f"{name}-{files.digest_tree(tree)[:10]}"
-
-    return {name: key(name) for name in STUDIES}
-
-
-@functools.cache
-def computing(script):
-    """The syntax that decides a script's results, without figures and expected numbers, and that of what it imports."""
-    nodes = ast.parse((HERE / f"{script}.py").read_text(encoding="utf-8")).body
-    imported = [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 1]
-    others = [computing(name) for name in imported if "." not in name]
-    kept = [node for node in nodes if not isinstance(node, (ast.Expr, ast.Import, ast.ImportFrom))]
-    return others + [dump for dump in map(ast.dump, kept) if "decorator_list=[Name(id='figure'" not in dump]
+    Of the scripts the figures do not count, which are drawn in every run.
+    """
+    versions = [platform.python_version(), *map(version, ("numpy", "scipy", "scikit-fem", "pysindy"))]
+    code = hashlib.sha256(repr(versions).encode())
+    for package in (th, surrogate, coupled):
+        for path in sorted(Path(package.__file__).parent.rglob("*.[chp]*")):
+            if path.suffix in (".cpp", ".hpp", ".py") and "plot" not in str(path):
+                code.update(path.read_bytes())
+    for path in SCRIPTS:
+        nodes = [ast.dump(node) for node in ast.parse(path.read_text(encoding="utf-8")).body]
+        code.update("".join(node for node in nodes if "Name(id='figure'" not in node).encode())
+    return {name: f"{name}-{code.hexdigest()[:10]}" for name in STUDIES}
 
 
 def draw(out, name, results):

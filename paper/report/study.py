@@ -1,11 +1,10 @@
-"""Results, figures and expected numbers of the scripts; a function takes the results that its parameters name."""
+"""Results and figures of the scripts; a function takes the results that its parameters name."""
 
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 STUDIES, FIGURES = {}, {}  # by name
-PAPER, OTHER = {}, {}  # "study/path/to/number": lowest and highest that agree with the paper, or with another code
 
 
 @dataclass(frozen=True)
@@ -24,11 +23,11 @@ def needs(function):
     return list(inspect.signature(function).parameters)
 
 
-def study(words, weight, quick=False):
-    """Register a study: words of the progress bar, about how many s it takes, whether the short version has it."""
+def study(words, quick=False):
+    """Register a study: words of the progress bar, and whether the short version has it."""
 
     def register(function):
-        function.words, function.weight, function.quick = words, weight, quick
+        function.words, function.quick = words, quick
         STUDIES[function.__name__] = function
         return function
 

@@ -6,7 +6,6 @@ import json
 import re
 
 import pytest
-import xarray as xr
 from paths import ROOT
 from typer.testing import CliRunner
 
@@ -62,15 +61,6 @@ def test_a_model_names_those_of_its_geometry_as_bibtex(tmp_path):
 def test_the_citation_file_names_this_version():
     text = (ROOT / "CITATION.cff").read_text()
     assert f"version: {th.__version__}\n" in text
-
-
-@pytest.mark.parametrize("materials", ["not JSON", "[1, 2]", '"silicon"'])
-def test_a_damaged_record_of_materials_is_named(tmp_path, materials):
-    file = tmp_path / "run.nc"
-    th.save(xr.Dataset({"drop": ("time", [1.0])}, attrs={"schema": 1, "materials": materials}), file)
-    done = CliRunner().invoke(app, ["cite", str(file)])
-    with pytest.raises(th.InputError, match="materials is damaged"):
-        raise done.exception
 
 
 def test_what_is_no_result_is_refused(tmp_path):

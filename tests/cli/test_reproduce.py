@@ -11,7 +11,6 @@ from commands import process
 from paths import ROOT
 
 from paper.report.runner import run
-from paper.report.study import OTHER, PAPER
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +20,10 @@ def out(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reproduce") / "out"
     made = run(folder, quick=True, workers=2)
     assert made["kept"] == 0
-    assert made["agree"] > 0.8 * made["compared"]
+    rows = json.loads((folder / "data" / "table.json").read_text())
+    other = [row["agrees"] for row in rows if row["where"] == "independent code" and row["agrees"] is not None]
+    assert len(other) > 5
+    assert all(other)
     return folder
 
 
@@ -55,12 +57,6 @@ def test_numbers_are_those_of_independent_codes(out):
         assert traces[name]["period_s"] == pytest.approx(period * 1e-9, rel=1e-4)  # rtol 1e-6 against 1e-9
     # the FEM itself with nothing fitted; half an ns is the rounding of the other code's number, 1e-3 the mesh's error
     assert traces["reduction"]["period_s"] == pytest.approx(680e-9, abs=1.2e-9)
-
-
-def test_the_table_compares_every_expected_number():
-    template = (ROOT / "paper" / "report" / "report.html").read_text()
-    compared = {" ".join(path.split()) for path in re.findall(r"[{]([^{}|]+)\|[^{}|]*\|[^{}|]*\|=[}]", template)}
-    assert compared == {*PAPER, *OTHER}
 
 
 def test_an_installation_says_where_the_reproduction_is(tmp_path):

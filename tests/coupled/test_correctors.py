@@ -114,21 +114,3 @@ def test_a_corrector_with_too_few_answers_is_named():
 
     with pytest.raises(th.InputError, match="has shape"):
         coupled.cosimulate(RING, Short(NETWORK), power=MW, duration=1e-9)
-
-
-def test_a_corrector_may_use_its_arrays_again():
-    """One that answers in the same memory each time, and shifts the times it is given to its own clock."""
-
-    class Thrifty(Exact):
-        memory = np.empty(100_000)
-
-        def advance(self, times, power):
-            answer = self.memory[: times.size]
-            answer[:] = super().advance(times, power)
-            times -= times[0]
-            return answer
-
-    arguments = {"power": MW, "duration": 2e-6, "predictor": NETWORK}
-    run = coupled.cosimulate(RING, Exact(NETWORK), **arguments)
-    assert run.window.size > 1
-    assert coupled.cosimulate(RING, Thrifty(NETWORK), **arguments).delta_T.identical(run.delta_T)

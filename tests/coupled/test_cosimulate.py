@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from time import process_time
@@ -20,7 +19,8 @@ from scipy.sparse import bmat, diags
 import coupled
 import surrogate
 import thermofem as th
-from coupled.kernels import equations as eq
+from coupled.kernel import units as eq
+from coupled.kernel.tableaus import Method
 from thermofem.transient import integrate
 from thermofem.waveforms import Cubic
 
@@ -73,20 +73,19 @@ def _monolithic():
     light and carriers see their sum. The Jacobian is an arrow.
     """
     system, times = coarse_fem(), np.linspace(0, 0.2e-6, 101)
-    rates, fcd = eq.internal_rates(RING)
-    drive, n = eq.internal_pump(RING, 20e-3), system.order
+    n, unit_gain = system.order, th.Foster(R=[1 / (eq.UW * eq.NS)], tau=[1.0])  # dx/dt = P - 1e-9 x
+    light = eq.single_ring(RING, unit_gain, 20e-3, 0.0, 1e-9, Method.RODAS4)
     rate, modes = eigh(-system.A.toarray(), system.E.toarray())
     decay, c = -rate * eq.NS, system.C[0] @ modes
     b = modes.T @ system.B[:, 0] * eq.UW * eq.NS
 
     def right(t, y):
-        ar, ai, N, dT = (*y[:3], c @ y[3:])
-        *light, heat = eq.optics(ar, ai, N, dT, eq.dispersion(N, fcd)[0], drive, 0.0, rates)
-        return np.concatenate([light, decay * y[3:] + b * heat])
+        rise = c @ y[3:]
+        slopes = light.slopes(np.append(y[:3], rise))[0]
+        return np.concatenate([slopes[:3], decay * y[3:] + b * (slopes[3] + 1e-9 * rise)])
 
     def jacobian(t, y):
-        ar, ai, N, dT = (*y[:3], c @ y[3:])
-        J = np.array(eq.optics_jacobian(ar, ai, N, dT, *eq.dispersion(N, fcd), 0.0, rates))
+        J = light.slopes(np.append(y[:3], c @ y[3:]))[1]
         return bmat([[J[:3, :3], np.outer(J[:3, 3], c)], [np.outer(b, J[3, :3]), diags(decay)]], format="csc")
 
     def solved(rtol):
@@ -367,13 +366,3 @@ def test_a_corrector_that_breaks_its_contract_is_named(broken, message):
     """Once they were believed: 293 K, and 7.38 K where 3.68 K is right."""
     with pytest.raises(th.InputError, match=message):
         coupled.cosimulate(RING, broken(NETWORK), power=MW, duration=1e-6)
-
-
-def test_a_copy_of_no_predictor_is_none():
-    """A copy was refused as a network of R_th = 0."""
-    options = {"power": 1e-3, "duration": 2e-8}
-    runs = [
-        coupled.cosimulate(RING, coarse_fem(), predictor=one, **options)
-        for one in (coupled.loop.cosimulate.NO_PREDICTOR, deepcopy(coupled.loop.cosimulate.NO_PREDICTOR))
-    ]
-    np.testing.assert_array_equal(runs[0]["delta_T"].values, runs[1]["delta_T"].values)

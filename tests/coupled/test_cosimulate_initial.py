@@ -98,15 +98,6 @@ def test_what_cannot_be_a_beginning():
             coupled.cosimulate(RING, heat, initial=initial, **drive)
 
 
-def test_a_field_of_another_mesh_of_as_many_temperatures_is_refused():
-    """Strips share the triangles of one mesh with moved vertices: the field of one was taken for that of the other."""
-    one, other = (th.assemble(th.strip_ring(width=width)) for width in (450e-9, 460e-9))
-    assert one.unknowns == other.unknowns
-    run = coupled.cosimulate(RING, one, power=MW, duration=5e-9)
-    with pytest.raises(th.InputError, match="initial was made on another mesh"):
-        coupled.cosimulate(RING, other, power=MW, duration=5e-9, initial=run)
-
-
 def test_finite_elements_that_made_a_run_begin_another_with_its_end_alone():
     """The second run ended in "times run from 0 to 5e-09 s, the field is at 5e-09 s"."""
     fem = coupled.FEM(strip()[0])

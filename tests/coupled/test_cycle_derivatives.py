@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import coupled
 import thermofem as th
-from coupled.cycles.derivatives import FINE
-from coupled.cycles.guess import from_guess
-from coupled.cycles.measures import measure
-from coupled.cycles.orbit import problem, settle
+from coupled.cycles.cycle_problem import CycleProblem
+from coupled.cycles.orbit_measures import measure
 from coupled.cycles.parameters import changed, value_of
+from coupled.cycles.return_map import close
 
 RING = coupled.borghi2021()
 POWER = 10**0.8 * 1e-3
@@ -29,23 +24,23 @@ def cycle():
     return coupled.limit_cycle(RING, FIVE, power=POWER)
 
 
-def measured(p, orbit):
-    seen = measure(p, orbit)
+def measured(p, cycle):
+    """Measures of the cycle near another one, closed on its own."""
+    begin = coupled.State.end_of(cycle).as_array() / p.units
+    orbit = close(p.flow, begin, cycle.attrs["pulses"], 30e9 * cycle.attrs["period"])
+    seen = measure(orbit)
     return np.array([orbit.T * 1e-9, seen.duty, seen.swing, seen.extinction])
 
 
 def check(ring, model, cycle, names, h, within):
-    """Fourth-order differences with steps of h, from the measures of cycles on meshes that differ little."""
+    """Fourth-order differences with steps of h, from the measures of cycles."""
     power, detuning = cycle.attrs["input_power"], cycle.attrs["detuning"]
     d = coupled.cycles.derivatives.cycle_derivatives(ring, model, names, power=power, detuning=detuning, cycle=cycle)
-    p = problem(ring, model, power, detuning)
-    base = settle(p, from_guess(p, cycle).orbit, FINE)
+    p = CycleProblem(ring, model, power, detuning)
     for name in names:
         value = value_of(p, name)
         step = h * value
-        ends = [
-            measured(q, settle(q, base, FINE)) for q in (changed(p, name, value + k * step) for k in (1, -1, 2, -2))
-        ]
+        ends = [measured(changed(p, name, value + k * step), cycle) for k in (1, -1, 2, -2)]
         want = (8 * (ends[0] - ends[1]) - (ends[2] - ends[3])) / (12 * step)
         at = d.sel(parameter=name)
         got = np.array([float(at[key]) for key in ("period", "duty", "swing", "extinction")])
@@ -55,8 +50,8 @@ def check(ring, model, cycle, names, h, within):
 
 def test_derivatives_are_those_of_converged_cycles(cycle):
     names = ["power", "bus_rate", "loss_rate", "tau_n", "thermo_optic", "fcd2", "R2", "R5", "tau2", "tau4"]
-    # (2e-4)^4 of the fifth derivative. The errors of the meshes, 1e-10, cancel: measured 2e-7, 1e-8 for the period.
-    check(RING, FIVE, cycle, names, 1e-4, [1e-7, 1e-6, 1e-6, 1e-6])
+    # (2e-3)^4 of the fifth derivative, and 1e-10 of the traces over h: measured 3e-7, 5e-9 for the period
+    check(RING, FIVE, cycle, names, 1e-3, [1e-7, 1e-6, 1e-6, 1e-6])
 
 
 def test_derivatives_of_pulses_much_shorter_than_the_period():
@@ -85,12 +80,3 @@ def test_equal_time_constants_keep_their_order():
 def test_unknown_names_are_refused():
     with pytest.raises(th.InputError, match="R9"):
         coupled.cycles.derivatives.cycle_derivatives(RING, FIVE, ["R9"], power=POWER)
-
-
-@pytest.mark.slow
-def test_derivatives_and_circuits_at_random_rings():
-    """Three rings of `make audit`."""
-    audit = Path(__file__).parents[1] / "audit" / "cycles.py"
-    done = subprocess.run([sys.executable, str(audit), "3"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert int(re.search(r"'derivatives right': (\d+)", done.stdout)[1]) > 10

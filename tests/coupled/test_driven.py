@@ -122,15 +122,3 @@ def test_when_an_input_changes():
 def test_rows_that_vary_count_whatever_the_attribute_says():
     run = coupled.simulate(RING, HEAT, power=SQUARE, duration=10e-6)
     assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: "{}"})).regime == "driven"
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"the power": 3}', "[" * 2000, 5, '{"x": [["a", 1]]}'])
-def test_an_attribute_of_another_program_is_passed_over(text):
-    run = coupled.simulate(RING, HEAT, power=6.31e-3, duration=10e-6)
-    assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: text})).regime == "self-pulsing"
-
-
-def test_numbers_of_another_program_that_no_float_holds_are_passed_over():
-    run = coupled.simulate(RING, HEAT, power=6.31e-3, duration=10e-6)
-    assert coupled.pulsing(run.assign_attrs(model_R=10**400)).regime == "self-pulsing"
-    assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: f'{{"x": [[0, {10**400}]]}}'})).regime == "driven"

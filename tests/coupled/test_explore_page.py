@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import re
-import tomllib
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -190,21 +187,6 @@ def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
     assert found.swing == pytest.approx(page_says["swing"], rel=1.5e-4)
 
 
-def test_a_name_beyond_16_bits_is_read_back(browser, tmp_path):
-    """A pair of surrogates is a letter for JSON alone: the copied ring file was refused."""
-    ring = replace(coupled.borghi2021(), name="ring \U0001f600 µ")
-    coupled.explore(ring, {"m": MODELS["slow heat"]}, tmp_path / "ring.html")
-    with opened(browser, tmp_path / "ring.html") as page:
-        page.click("#command")
-        block = page.input_value("#copied-text")
-        page.click("#python")
-        script = page.input_value("#copied-text")
-    name = re.search(r'name = ("ring .*")', block)[1]
-    assert tomllib.loads(f"name = {name}")["name"] == ring.name
-    assert name in script
-    assert ast.literal_eval(name) == ring.name
-
-
 def test_the_plane_shows_where_cycles_fold(page):
     """Newton's law of the paper: the stored curve, until a number of the ring moves."""
     names = page.evaluate("Array.from(document.querySelectorAll('#preset option'), o => o.text)")
@@ -234,18 +216,6 @@ def test_no_response_needs_a_worker(browser, file):
     settled(page)
     assert page.is_visible("#local")
     assert "period 654.48 ns" in page.inner_text("#summary")
-    page.close()
-
-
-def test_a_file_cut_short_says_so(browser, file, tmp_path):
-    short = tmp_path / "short.html"
-    text = file.read_text(encoding="utf-8")
-    short.write_text(text[: int(0.9 * len(text))], encoding="utf-8")
-    page = browser.new_page()
-    page.goto(short.as_uri())
-    page.wait_for_timeout(3000)
-    assert page.is_visible("#notice")
-    assert "cut short" in page.inner_text("#notice")
     page.close()
 
 

@@ -9,7 +9,6 @@ import pytest
 
 import coupled
 import thermofem as th
-from coupled.explore import contents
 from coupled.explore.borders import STORED
 from coupled.explore.bundle import text_of
 from coupled.explore.rings import published, same_numbers, window_of
@@ -63,23 +62,9 @@ def test_a_published_ring_under_another_name_is_that_ring(ring):
     assert {ring_at(preset["state"], data) for preset in data["presets"][1:]} == set(NAMES)
 
 
-def test_a_published_ring_that_bears_the_name_of_another():
-    data = data_of(replace(LUMPED, name="Borghi 2021"), {"m": MODEL})
-    assert [ring["name"] for ring in data["rings"]] == ["Borghi 2021 (changed)", NAMES[0], NAMES[2]]
-
-
 def test_the_last_digit_of_a_ring_file_is_no_other_ring():
     """The page writes a temperature for kT; read back, kT may differ in its last digit."""
     ring = coupled.borghi2021()
     carriers = replace(ring.carriers, thermal_energy=ring.carriers.thermal_energy * (1 + 3e-16))
     assert carriers != ring.carriers
     assert [one["name"] for one in data_of(replace(ring, carriers=carriers), {"m": MODEL})["rings"]] == NAMES
-
-
-def test_a_given_model_under_the_name_of_a_law_is_not_that_law():
-    other = th.Foster(R=[5e3], tau=[1e-6])
-    data = data_of(LUMPED, {contents.NEWTON_LAW: other})
-    newton = next(preset for preset in data["presets"] if "Newton's law at 7 dBm" in preset["name"])
-    assert data["models"][newton["state"]["model"]]["tau"] == [275e-9]
-    (stored,) = [entry for entry in data["borders"] if entry["curves"] == json.loads(text_of(STORED))]
-    assert data["models"][stored["model"]]["tau"] == [275e-9]

@@ -286,19 +286,6 @@ def test_an_old_browser_gets_a_plain_message(browser, file, tmp_path, old):
     page.close()
 
 
-@pytest.mark.parametrize(
-    "missing", ["Array.prototype.at", "window.ResizeObserver", "window.structuredClone", "window.WebAssembly"]
-)
-def test_a_browser_without_what_the_page_needs_gets_the_same(browser, file, missing):
-    page = browser.new_page()
-    page.add_init_script(f"delete {missing}")
-    page.goto(file.as_uri())
-    page.wait_for_selector("#notice", state="visible")
-    assert "older than 2023" in page.inner_text("#notice")
-    assert not page.is_visible("#page")
-    page.close()
-
-
 @pytest.mark.parametrize("share", [0.03, 0.3, 0.7, 0.98])
 def test_wherever_a_file_is_cut_it_says_so(browser, file, tmp_path, share):
     short = tmp_path / "short.html"

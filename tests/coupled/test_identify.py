@@ -16,8 +16,8 @@ from audit import pulls
 import coupled
 import surrogate
 import thermofem as th
+from coupled.identification.comparison import read_apart
 from coupled.identification.cycles import Cycle, cycle_of, misfit, observe
-from coupled.identification.identify import read_apart
 from coupled.identification.matching import residuals, simulated, targets_of
 from coupled.identification.settled_cycles import repeat_within
 from coupled.plot import plot_identification, plot_newton_traces

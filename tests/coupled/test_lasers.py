@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from correctors import NETWORK
-from models import coarse_fem
 from scipy.integrate import solve_ivp
 
 import coupled
@@ -174,35 +173,6 @@ def test_what_is_refused():
             coupled.simulate(RING, NETWORK, **arguments, **drive)
     with pytest.raises(th.InputError, match="resonance is a float"):
         coupled.Laser(1e-3, resonance=194e12)
-
-
-HERE = {"power": 6.31e-3}
-ONE_LASER = {
-    "steady_states": lambda **k: coupled.steady_states(RING, NETWORK, **k),
-    "limit_cycle": lambda **k: coupled.limit_cycle(RING, NETWORK, **k),
-    "continue_cycle": lambda **k: coupled.continue_cycle(RING, NETWORK, "bus_rate", (4e10, 5e10), **k),
-    "cycle_derivatives": lambda **k: coupled.cycles.derivatives.cycle_derivatives(RING, NETWORK, **k),
-    "cosimulate": lambda **k: coupled.cosimulate(RING, coarse_fem(), duration=1e-8, **k),
-    "simulate": lambda **k: coupled.simulate(RING, NETWORK, duration=1e-8, **k),
-}
-
-
-SEVERAL = {
-    "both": {"power": [1e-3, 1e-3], "detuning": [0.0, 20e9]},
-    "powers": {"power": (1e-3, 1e-3)},
-    "array": {"power": np.array([1e-3, 1e-3])},
-    "detunings": {"detuning": [0.0, 20e9]},
-    "lasers": {"lasers": coupled.Laser(1e-3, 20e9)},
-}
-ALLOWED = {("simulate", "lasers"), ("simulate", "powers"), ("cosimulate", "powers")}  # a list of powers in time adds
-
-
-PLANES = (
-    coupled.stability_map, coupled.pulsing_map, coupled.hopf_curves, coupled.fold_curves,
-    coupled.cycles.cycle_folds.cycle_fold_curves,
-    coupled.transmission, coupled.equilibria.transmission.sweep,
-    coupled.equilibria.transmission.power_for_drop, coupled.explore,
-)  # fmt: skip
 
 
 def test_a_short_run_of_many_beats_reports_its_progress():

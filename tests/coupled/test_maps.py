@@ -60,10 +60,16 @@ def test_neighbours_lead_to_the_cycle_of_a_cold_ring():
                 coupled.limit_cycle(RING, model, power=power, detuning=detuning)
             continue
         cycle = coupled.limit_cycle(RING, model, power=power, detuning=detuning)
-        doubled = "2 pulses" in str(at["reason"].values)  # closed as tightly as by `limit_cycle`
-        assert float(at["period"]) == pytest.approx(cycle.attrs["period"], rel=1e-10 if doubled else 1e-6)
+        assert float(at["period"]) == pytest.approx(cycle.attrs["period"], rel=1e-6)
         assert float(at["duty"]) == pytest.approx(cycle.attrs["duty"], rel=2e-4)
         assert float(at["swing"]) == pytest.approx(cycle.attrs["swing"], rel=1e-4)
+
+
+def test_irregular_bursts_are_no_cycle():
+    """Bursts every 30 to 31 us that never repeat, by runs of 3 ms; a return map alone calls one of 31.02 us stable."""
+    model = th.Foster(R=[2935.14719619, 3837.96926313, 911.73022278], tau=[3.63842504e-7, 1.00100896e-6, 1.23350066e-5])
+    found = coupled.pulsing_map(RING, model, [7.906274965120533e-3], [39362436532.33665])
+    assert str(found.regime.values[0, 0]) == "slow transient"
 
 
 def test_every_point_is_its_own_run(small):
@@ -199,14 +205,6 @@ def test_overlap_counts_points(small):
     )
     quiet = np.where(pulses, "self-pulsing", "bistable")  # bistable, stable and slow are alike in not pulsing
     assert coupled.maps.pulsing_map.overlap(small, small.assign(regime=(small.regime.dims, quiet))) == 1
-
-
-def test_map_survives_netcdf(small, tmp_path):
-    back = th.load(th.save(small, tmp_path / "map.nc"))
-    assert back.equals(small)
-    assert {name: v.attrs["units"] for name, v in back.data_vars.items()} == {
-        "regime": "1", "period": "s", "duty": "1", "swing": "K", "reason": "1",
-    }  # fmt: skip
 
 
 def test_slips_are_named_in_one_line(small):

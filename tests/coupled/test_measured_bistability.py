@@ -61,6 +61,20 @@ def test_loops_and_jumps(script, loops, lumped):
     assert errors[1].max() < down
 
 
+@pytest.mark.slow
+def test_loops_by_distances_from_their_curves(script, loops):
+    """Against the independent fit of ln P: other weights of the same points, whose residual of 4 % is systematic."""
+    x, _ = script.fit_by_curves(loops)
+    power, wavelength, _, lifetime = FITS[False][1]
+    assert x[0] == pytest.approx(power, rel=0.04)
+    assert x[1] == pytest.approx(wavelength, abs=0.004)  # of a linewidth of .63 nm
+    assert x[3] == pytest.approx(lifetime, rel=0.04)
+    table = np.genfromtxt(LOOPS / "jumps_2018-01-12.csv", delimiter=",", names=True)
+    errors = np.abs(script.jumps(x, table))
+    assert errors[0].max() < 0.115
+    assert errors[1].max() < 0.06
+
+
 def test_another_day_needs_only_power_and_wavelength(script, loops):
     x, _ = script.fit(loops, lumped=True)
     other = script.load(LOOPS / "loops_2018-01-10.csv")

@@ -22,7 +22,7 @@ POWER, DETUNING = 1e-3, -477464829.275686
 
 def energies(times):
     """Energy in J by SciPy: light and heat turn the resonance, heat by -(w0/n0) dn/dT dT."""
-    from coupled.kernels import equations as eq
+    from coupled.kernel import units as eq
 
     rates, _ = eq.internal_rates(RING)
     per_kelvin = 2 * np.pi * RING.frequency / RING.refractive_index * RING.thermo_optic * eq.NS
@@ -66,16 +66,16 @@ def test_rest_of_light_is_said_of_photons():
     assert "carriers" not in found.reason
 
 
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: coupled.pulsing_map(RING, HEAT, [POWER], [DETUNING], settled=True),
-        lambda: coupled.continue_cycle(RING, HEAT, "power", (1e-3, 2e-3), power=POWER, detuning=DETUNING),
-    ],
-)
-def test_what_follows_carriers_says_that_there_are_none(call):
+def test_settled_maps_follow_carriers():
     with pytest.raises(th.InputError, match="no two-photon absorption and so no free carriers"):
-        call()
+        coupled.pulsing_map(RING, HEAT, [POWER], [DETUNING], settled=True)
+
+
+def test_a_branch_of_cycles_without_carriers_holds_single_cycles():
+    branch = coupled.continue_cycle(RING, HEAT, "power", (1.2e-3, 0.9e-3), power=POWER, detuning=DETUNING)
+    one = coupled.limit_cycle(RING, HEAT, power=1.2e-3, detuning=DETUNING)
+    assert branch.attrs["reason"] == "the end of the range"
+    assert float(branch["period"][-1]) == pytest.approx(one.attrs["period"], rel=1e-8)  # rtol 1e-9 of both
 
 
 def test_hopf_curves_have_the_lyapunov_coefficient_of_rings_with_few_carriers():

@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 import coupled
 import thermofem as th
 from coupled import ConstantLifetime, RingResonator
-from coupled.kernels import equations as eq
+from coupled.kernel import units as eq
+from coupled.kernel.tableaus import Method
 
 REAL = replace(
     RING,
@@ -53,10 +54,7 @@ def free_equations(ring, power, detuning):
 @pytest.mark.parametrize("name", VARIANTS)
 def test_every_loss_and_shift_is_in_the_compiled_equations(name):
     ring, y = VARIANTS[name], np.array([-2.3, 2.85, 1.7, 3.0, 4.0])
-    rates, fcd = eq.internal_rates(ring)
-    got = eq.right_hand_side(
-        y, eq.internal_pump(ring, 2e-3), eq.internal_detuning(-4e9), rates, fcd, eq.internal_thermal(SECOND_ORDER)
-    )
+    got, _ = eq.single_ring(ring, SECOND_ORDER, 2e-3, -4e9, 1e-9, Method.RODAS4).slopes(y)
     want = free_equations(ring, 2e-3, -4e9)(0.0, y * UNIT) / UNIT * eq.NS
     assert got == pytest.approx(want, rel=1e-12)  # round-off
 

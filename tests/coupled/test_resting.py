@@ -90,20 +90,6 @@ def coupled_pair() -> th.StateSpace:
     return th.StateSpace(E, A, np.eye(2), np.eye(2), inputs=("core", "heater"), outputs=("core", "heater"))
 
 
-def test_what_does_not_tell_is_no_error():
-    run = coupled.simulate(RING, NETWORK, duration=1e-6, **LIGHT)
-    for name, value in (
-        ("ring_parameters", "[" * 100_000),
-        ("ring_parameters", "{}"),
-        ("ring_parameters", "3"),
-        ("model_R", "many"),
-        ("model_R", [-1.0, 2.0]),
-        ("detuning", "none"),
-    ):
-        assert rest_of_run(run.assign_attrs({name: value})) is None
-    assert rest_of_run(run.assign_attrs(lasers=2)) is None
-
-
 def test_a_dark_ring_rests():
     dark = coupled.pulsing(coupled.simulate(RING, NETWORK, power=0.0, duration=1e-6))
     assert (dark.regime, "alone" in dark.reason) == ("stable", False)

@@ -136,23 +136,6 @@ def test_variables_say_what_they_are(run):
     assert run.time.values[[0, -1]] == pytest.approx([0, 20e-6], rel=1e-15, abs=0)
 
 
-def test_run_survives_netcdf(run, tmp_path):
-    back = th.load(th.save(run, tmp_path / "run.nc"))
-    assert back.identical(run) or back.equals(run)
-    assert back.attrs["ring_parameters"] == run.attrs["ring_parameters"]
-    assert coupled.pulsing(back) == coupled.pulsing(run)
-
-
-def test_a_state_space_is_the_foster_network_it_equals():
-    R, tau = np.asarray(EXPERIMENT.R), np.asarray(EXPERIMENT.tau)
-    # E = diag(c), A = -diag(1/r) with r_i = R_i, c_i = tau_i/R_i: two cells in series, the Foster network as a circuit.
-    system = th.StateSpace(E=np.diag(tau / R), A=-np.diag(1 / R), B=np.ones((2, 1)), C=np.ones((1, 2)))
-    times = np.linspace(0, 2e-6, 41)
-    a, b = (coupled.simulate(RING, m, power=dbm(8), duration=2e-6, times=times) for m in (EXPERIMENT, system))
-    # the eigenvectors' round-off, 1e-15, grown as in the splitting of poles
-    assert b.carriers.values == pytest.approx(a.carriers.values, rel=1e-7)
-
-
 def test_darkness_stays_dark():
     run = coupled.simulate(RING, EXPERIMENT, power=0.0, duration=1e-6)
     assert all(np.all(run[name].values == 0) for name in run.data_vars)

@@ -149,34 +149,6 @@ def test_crossing_a_fold_changes_the_number_of_fixed_points_by_two():
             assert abs(int(found.fixed_points[0, 0]) - int(found.fixed_points[1, 0])) == 2
 
 
-def test_equal_and_unheated_poles_change_nothing():
-    R, tau = np.asarray(EXPERIMENT.R), np.asarray(EXPERIMENT.tau)
-    split = th.Foster(R=[*(R / 2), *(R / 2), 0.0], tau=[*tau, *tau, 1e-8])
-    one, other = (coupled.stability_map(RING, m, POWERS, DETUNINGS) for m in (EXPERIMENT, split))
-    assert np.all(one.regime == other.regime)
-    assert other.growth_rate.values == pytest.approx(one.growth_rate.values, rel=1e-8)  # near-double ones: as above
-
-
-def test_a_state_space_is_the_foster_network_it_equals():
-    R, tau = np.asarray(EXPERIMENT.R), np.asarray(EXPERIMENT.tau)
-    system = th.StateSpace(E=np.diag(tau / R), A=-np.diag(1 / R), B=np.ones((2, 1)), C=np.ones((1, 2)))
-    one, other = (coupled.stability_map(RING, m, POWERS, DETUNINGS) for m in (EXPERIMENT, system))
-    assert np.all(one.regime == other.regime)
-    assert other.growth_rate.values == pytest.approx(one.growth_rate.values, rel=1e-8)  # near-double ones: as above
-    lines, others = (coupled.hopf_curves(RING, m, POWERS, DETUNINGS) for m in (EXPERIMENT, system))
-    # the eigenvectors' round-off, 1e-15, over the slope of the curves in the window
-    assert others[0].power.values == pytest.approx(lines[0].power.values, rel=1e-10, abs=0)
-
-
-def test_fem_reduction_goes_in_as_any_other_model():
-    heat = th.assemble(th.strip_ring(), accuracy=1e-3)
-    reduced = surrogate.reduce(heat.system, tolerance=1e-3).model
-    found = coupled.stability_map(RING, reduced, POWERS, DETUNINGS)
-    assert {"stable", "bistable", "self-pulsing"} >= set(found.regime.values.ravel())
-    assert str(found.regime.sel(power=POWERS[8], detuning=0.0).values) == "self-pulsing"
-    assert coupled.hopf_curves(RING, reduced, POWERS, DETUNINGS)
-
-
 def test_map_says_what_it_is(tmp_path):
     found = coupled.stability_map(RING, EXPERIMENT, POWERS, DETUNINGS)
     assert found.regime.dims == ("power", "detuning")

@@ -179,23 +179,6 @@ def test_eigenvalues_are_those_of_the_differentiated_right_hand_side(poles, powe
         assert (growing % 2 == 1) == (branch.regime.item() == "saddle")
 
 
-def test_fem_reduction_goes_in_as_any_other_model():
-    heat = th.assemble(th.strip_ring(), accuracy=1e-3)
-    reduced = surrogate.reduce(heat.system, tolerance=1e-3).model
-    found = coupled.steady_states(RING, reduced, power=dbm(8), detuning=0.0)
-    equal = th.Foster(R=[reduced.thermal_resistance], tau=[3e-7])
-    alike = coupled.steady_states(RING, equal, power=dbm(8), detuning=0.0)
-    assert found.energy.values == pytest.approx(alike.energy.values, rel=1e-11, abs=0)
-    assert found.regime.values == ["unstable focus"]  # it self-pulses, as the ring does
-
-
-def test_a_pole_without_heat_and_equal_poles_do_no_harm():
-    R, tau = np.asarray(EXPERIMENT.R), np.asarray(EXPERIMENT.tau)
-    split = th.Foster(R=[*(R / 2), *(R / 2), 0.0], tau=[*tau, *tau, 1e-8])
-    one, other = (coupled.steady_states(RING, m, power=dbm(8), detuning=0.0) for m in (EXPERIMENT, split))
-    assert other.growth_rate.values == pytest.approx(one.growth_rate.values, rel=1e-9)
-
-
 def test_variables_say_what_they_are(tmp_path):
     found = coupled.steady_states(RING, EXPERIMENT, power=dbm(7), detuning=-28e9)
     units = {name: v.attrs["units"] for name, v in found.data_vars.items()}

@@ -49,12 +49,12 @@ NETWORK = th.models.Network(
 TRAINED = {"output map": POLES, "quadratic": replace(BENT, largest_rise=3.0), "network": NETWORK}
 
 
-@pytest.mark.parametrize("kind", TRAINED)
-@pytest.mark.parametrize("name", ASKED)
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [(name, kind) for name in ASKED for kind in TRAINED if not ("circuit" in name and kind == "quadratic")],
+)  # circuits take linear models and output maps
 def test_a_rise_far_above_the_training_warns(name, kind):
     """Alone the models warned; with light they did not."""
-    if kind == "quadratic" and "circuit" in name:
-        pytest.skip("circuits take linear models and output maps")
     with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 3 K"):
         ASKED[name](TRAINED[kind])
     ASKED[name](replace(TRAINED[kind], largest_rise=30.0))

@@ -221,10 +221,6 @@ def test_the_array_itself_is_saved_and_exported(array, tmp_path):
         assert not any(re.search(r" -?0\.0( |$)", line) for line in lines)
 
 
-GRID = 22e-6 * np.array([(k % 6, k // 6) for k in range(26)])
-SCATTERED = GRID + np.random.default_rng(1).uniform(-1e-6, 1e-6, GRID.shape)
-
-
 @pytest.mark.parametrize(
     ("positions", "words"),
     [
@@ -247,11 +243,6 @@ def test_a_stack_that_is_cut_is_refused():
     heat = th.assemble(replace(strip, parts=(*strip.parts, cut)), 1e-2)
     with pytest.raises(th.InputError, match="the void 'undercut' makes the stack laterally not uniform"):
         surrogate.reduce_array(heat, [(0, 0), (30e-6, 0)])
-
-
-def test_other_things_are_no_heat_problem(ring):
-    with pytest.raises(th.InputError, match="heaters = 'core' is unknown"):
-        surrogate.reduce_array(ring, SQUARE, heaters=("core",))
 
 
 def test_pictures_hold_the_numbers(array):

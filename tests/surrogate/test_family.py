@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,18 +44,6 @@ def test_corners_of_a_box_are_different_ones(most):
     """Of 6 corners of a box of three parameters two were different."""
     corners = Box.of(campaign(RADIUS, WIDTH, BOX)).corners(most)
     assert len(np.unique(corners, axis=0)) == len(corners) == most
-
-
-def test_derivatives_by_a_faint_contact_that_is_read_elsewhere_are_doubtful():
-    """The family had +8.4e8 for -1.2e8 at 1e-11, and `calibrate` errors 25 times too small, without a word."""
-    held = SimpleNamespace(
-        names=("bond",), box=SimpleNamespace(contact=np.array([True])), ports=("heater", "core"),
-        _channel=lambda heated, read: (0, 1),
-    )  # fmt: skip
-    (said,) = surrogate.family.Family._doubts(held, np.array([1e-9]))
-    assert said.startswith("derivatives by bond below 1e-08 m^2*K/W")
-    assert surrogate.family.Family._doubts(held, np.array([1e-7])) == ()
-    assert surrogate.family.Family._doubts(held, np.array([1e-9]), (1, 1)) == ()
 
 
 def test_members_agree_with_their_own_meshes(family):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import pickle
 
 import hostile
 import numpy as np
@@ -44,14 +43,6 @@ def test_damaged_arrays_are_refused_or_make_members(content, tmp_path):
             assert np.isfinite(family.model(box=1.95e-6).thermal_resistance), what
             says_one_line(lambda: family.derivatives([1e-6], box=2e-6))  # noqa: B023
     assert read < 40
-
-
-@pytest.mark.parametrize("other", [b"{}", b"", pickle.dumps([1]), b"\x80", b"\x93NUMPY\x01\0"])
-def test_what_is_no_archive_is_said_to_be_none(other, tmp_path):
-    """A model file in the place of a family brought NumPy's advice to load it with allow_pickle."""
-    (tmp_path / "family.json").write_bytes(other)
-    with pytest.raises(th.InputError, match=r"not a family that thermofem wrote \(no archive\)"):
-        surrogate.load_family(tmp_path / "family.json")
 
 
 def test_a_changed_number_is_refused(content, tmp_path):

@@ -5,10 +5,8 @@ from __future__ import annotations
 import importlib
 import logging
 import multiprocessing
-import os
 import pickle
 import shutil
-import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
@@ -19,9 +17,8 @@ import surrogate
 import thermofem as th
 from surrogate.family.affine_matrices import AffineEngine
 from surrogate.family.parameter_box import Box
-from surrogate.family.projected_matrices import MemberMatrices, MemberModes, MovedMeshEngine
+from surrogate.family.projected_matrices import MemberModes, MovedMeshEngine
 from surrogate.family.snapshots import Solver
-from surrogate.family.train_family import _without_effect
 from thermofem.campaign import Variation
 from thermofem.campaign.stored_tasks import Store
 
@@ -62,39 +59,12 @@ def test_training_goes_on_from_what_is_kept(tmp_path):
         assert Solver("key", None, store)(modes, tasks, marks)[0].tau.size == 2
 
 
-def die(number: float) -> MemberModes:
-    if number == 2.0:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return modes(number)
-
-
-@pytest.mark.slow
-def test_an_executor_that_breaks_is_one_line(tmp_path):
-    """All members that were not there yet counted as failed, or a BrokenProcessPool came out."""
-    tasks = [(float(k),) for k in (0, 1, 2, 3)]
-    words = r"the executor broke .*; run again with a new one; what .* is kept"
-    store, spawn = Store(tmp_path, ".npz"), multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=spawn) as pool, store.opened():
-        for _ in range(2):  # the second time it is broken from the start
-            with pytest.raises(th.InputError, match=words):
-                Solver("key", pool, store)(die, tasks, MARKS)
-
-
 def test_a_mistake_of_the_user_is_not_a_failed_member():
     def wrong(number: float) -> MemberModes:
         raise th.InputError("the core leaves its cladding")
 
     with pytest.raises(th.InputError, match="leaves its cladding"):
         Solver("key")(wrong, [(1.0,)], MARKS[:1])
-
-
-def test_a_parameter_that_does_nothing_is_found():
-    class Members:
-        def member(self, row):
-            return MemberMatrices(np.diag([1.0, row[0] * 1e6]), np.eye(2) * 1e-6, np.array([[1.0, 1.0]]))
-
-    idle = Variation("idle", ("part.core.width",), "m", low=400e-9, high=600e-9)
-    assert _without_effect(Box.of(campaign(BOX, idle)), Members(), 1) == ["idle"]
 
 
 @pytest.mark.parametrize(

@@ -59,17 +59,6 @@ def test_power_decides_where_the_output_is_not_linear():
     )
 
 
-def test_a_model_that_cannot_be_trained_is_named_and_does_not_stop_the_others(monkeypatch):
-    def refuse(*_):
-        raise th.InputError("it is not stable")
-
-    for name in ("_sindy", "fit_foster", "balanced_truncation"):
-        monkeypatch.setattr(f"surrogate.judging.ladder.{name}", refuse)
-    ladder = surrogate.train_all(th.assemble(th.strip_ring()))
-    assert ladder.refused["SINDy"] == "it is not stable"
-    assert "Newton" in ladder.models
-
-
 def test_models_asked_for_by_name_are_trained_alone_and_as_among_all(ladder):
     names = ("Foster, trained (5)", "Newton")
     some = surrogate.train_all(th.assemble(th.strip_ring()), names=names)

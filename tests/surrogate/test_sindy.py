@@ -129,13 +129,6 @@ def test_noise_of_one_kelvin_is_refused(five):
         surrogate.fit_sindy(dataset(rises, names), [m.thermal_resistance for m in models])
 
 
-def test_the_global_random_state_is_left_alone(five):
-    np.random.seed(7)  # noqa: NPY002 - the global state is what is tested
-    before = np.random.get_state()[1].copy()  # noqa: NPY002
-    identify(*five)
-    assert np.array_equal(np.random.get_state()[1], before)  # noqa: NPY002
-
-
 @pytest.mark.parametrize(
     ("A", "b", "static", "reason"),
     [

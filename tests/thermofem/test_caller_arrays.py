@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import sparse
 
 import thermofem as th
 
 E, K = np.diag([1e-11, 2e-10]), np.array([[3e-4, -1e-4], [-1e-4, 2e-4]])
 B = np.array([[1.0], [0.0]])
-R_TH = 2e-4 / (3e-4 * 2e-4 - 1e-8)  # K/W: the inverse of K by hand
 
 
 @pytest.mark.parametrize("name", ["Sampled", "PiecewiseCubic", "Cauer", "StateSpace", "Quadratic"])
@@ -27,15 +25,6 @@ def test_what_is_kept_shares_no_memory_with_what_was_given(name):
     kept = [value for value in vars(given[0](*given[1:])).values() if isinstance(value, np.ndarray)]
     assert kept
     assert not any(np.shares_memory(a, b) for a in kept for b in given[1:])
-
-
-@pytest.mark.parametrize("kind", ["csc", "csr", "coo", "lil", "dok", "bsr", "dia"])
-@pytest.mark.parametrize("array", [sparse.csc_matrix, sparse.csc_array])
-def test_every_sparse_matrix_is_a_system(kind, array):
-    """Sparse B and C, and formats without places, ended in errors of NumPy and qdldl."""
-    system = th.StateSpace(*(array(matrix).asformat(kind) for matrix in (E, -K, B, B.T)))
-    assert system.thermal_resistance == pytest.approx(R_TH, rel=1e-12)
-    assert system.response(th.Constant(1e-3), [1.0])[0] == pytest.approx(1e-3 * R_TH, rel=1e-6)
 
 
 @pytest.mark.parametrize(

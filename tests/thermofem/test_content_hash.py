@@ -72,16 +72,6 @@ def test_what_is_whole_says_nothing(data, tmp_path, caplog):
     assert WORDS not in caplog.text
 
 
-def test_packed_files_of_other_programs_are_taken_as_they_are(data, tmp_path, caplog):
-    """Values stored as 16-bit numbers come back rounded; that is no change by somebody else."""
-    packed = data.copy()
-    packed["delta_T"].encoding = {"dtype": "int16", "scale_factor": 1e-3, "_FillValue": -32768}
-    packed.to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
-    th.save(th.load(tmp_path / "other.nc"), tmp_path / "a.nc")
-    th.load(tmp_path / "a.nc")
-    assert WORDS not in caplog.text
-
-
 def test_a_trace_that_is_given_twice_is_refused(data):
     """Twice the samples made the standard errors smaller by a factor of 1.4."""
     for fit in (surrogate.fit_newton, lambda two: surrogate.fit_foster(two, order=1)):

@@ -6,7 +6,6 @@ import contextlib
 import gc
 import re
 import shutil
-import sys
 import warnings
 import xml.etree.ElementTree as ET
 
@@ -106,13 +105,6 @@ def test_animation(data, tmp_path):
     assert re.fullmatch(r"heat\.gif", " ".join(p.name for p in tmp_path.iterdir()))
 
 
-FFMPEG = """#!{python}
-import shutil, sys
-with open(sys.argv[-1], "wb") as film:
-    shutil.copyfileobj(sys.stdin.buffer, film)
-"""
-
-
 def test_a_film_needs_ffmpeg_and_says_so(data, tmp_path, monkeypatch):
     from thermofem.plot import animate_field
 
@@ -120,36 +112,6 @@ def test_a_film_needs_ffmpeg_and_says_so(data, tmp_path, monkeypatch):
     with pytest.raises(th.InputError, match=r"heat.mp4 needs ffmpeg, which is not installed; .gif works without it"):
         animate_field(data, tmp_path / "heat.mp4")
     assert not list(tmp_path.iterdir())
-
-
-def test_every_time_reaches_ffmpeg(data, tmp_path, monkeypatch):
-    """A program of that name which writes down what it is given: raw frames, one for each time, all of one size."""
-    from thermofem.plot import animate_field
-
-    program = tmp_path / "bin" / "ffmpeg"
-    program.parent.mkdir()
-    program.write_text(FFMPEG.format(python=sys.executable))
-    program.chmod(0o755)
-    monkeypatch.setenv("PATH", str(program.parent))
-    path = animate_field(data, tmp_path / "heat.mp4")
-    frames = np.frombuffer(path.read_bytes(), dtype=np.uint8).reshape(3, -1)
-    assert frames.shape[1] > 100_000  # three pictures of RGBA
-    assert [np.any(frames[k] != frames[k - 1]) for k in (1, 2)] == [True, True]
-
-
-@pytest.mark.parametrize(("ends", "said"), [("exit 0", ""), ("exit 3", " with code 3")])
-def test_an_encoder_without_a_film_is_an_error(ends, said, data, tmp_path, monkeypatch):
-    """One that ended with 0 left an empty file behind the words "wrote heat.mp4"; others, a traceback."""
-    from thermofem.plot import animate_field
-
-    program = tmp_path / "bin" / "ffmpeg"
-    program.parent.mkdir()
-    program.write_text(f"#!/bin/sh\nwhile read -r line; do :; done\n{ends}\n")
-    program.chmod(0o755)
-    monkeypatch.setenv("PATH", str(program.parent))
-    with pytest.raises(th.InputError, match=f"heat.mp4 cannot be written: ffmpeg ended{said} without a film; .gif"):
-        animate_field(data, tmp_path / "heat.mp4")
-    assert [path.name for path in tmp_path.iterdir()] == ["bin"]
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")

@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 import pytest
 from models import coarse, coarse_fem, coarse_poles
-from scipy.sparse import dia_matrix
 from test_transient import Cosine, three_poles
 
 import thermofem as th
@@ -220,12 +219,6 @@ def test_what_it_cannot_answer_is_stepped(monkeypatch):
     assert Modal(system).run(system.C, STEP, TIMES, rtol=1e-4) is None
 
 
-def test_a_system_travels_to_another_process_after_a_run():
-    system = coarse_fem()
-    rise = system.response(STEP, TIMES)
-    assert pickle.loads(pickle.dumps(system)).response(STEP, TIMES) == pytest.approx(rise, rel=1e-12)
-
-
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda heat: pickle.loads(pickle.dumps(heat))])
 def test_a_heat_problem_travels_to_another_process_after_a_run(copied):
     """The factors of qdldl and the locks around them could not be copied."""
@@ -270,12 +263,6 @@ def test_what_is_hardly_heat_flow(system, exact):
     """Poles that nothing heats, that grow, or that E does not measure: in closed form or stepped, but answered."""
     t = np.array([0.1, 0.5])
     assert system.response(th.Constant(1.0), t) == pytest.approx(exact(t), rel=1e-5)
-
-
-def test_matrices_of_any_sparse_format():
-    dense = three_poles()
-    diagonals = th.StateSpace(dia_matrix(dense.E), dia_matrix(dense.A), dense.B, dense.C)
-    assert diagonals.response(STEP, [1.0]) == pytest.approx(dense.response(STEP, [1.0]), rel=1e-12)
 
 
 @pytest.mark.parametrize("wave", [th.Constant(1e-3), th.SquareWave(power=2e-3, period=1e-6, duty=1 / 3)])

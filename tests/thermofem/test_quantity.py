@@ -105,10 +105,3 @@ def test_every_field_has_a_unit_that_exists_and_a_long_name():
             registry.parse_units(field.unit)
     wanted = {"time", "power", "delta_T", "energy", "carriers", "drop", "through", "absorbed", "period", "error"}
     assert wanted <= VARIABLES.keys()
-
-
-@pytest.mark.parametrize("text", ["9000", "9 km", "9 K/foo"])
-def test_a_thermal_resistance_that_is_none_is_an_input_error(text):
-    with pytest.raises(InputError, match="a thermal resistance is needed"):
-        parse(text, "K/W", name="--resistance")
-    assert parse("9 K/mW", "K/W") == 9e3

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 import thermofem as th
@@ -76,10 +75,3 @@ def test_what_cannot_be_changed(values, words):
 def test_a_disc_has_no_width():
     with pytest.raises(th.InputError, match="is a disc"):
         th.disc().with_({f"part.{th.disc().parts[0].name}.radius": 5e-6})
-
-
-@pytest.mark.parametrize("number", [np.float32(5e-6), np.float64(5e-6), np.array(5e-6)])
-def test_numbers_of_numpy_are_numbers(number):
-    """Of these only float64, which is a float, was taken."""
-    section = th.strip_ring().with_({"part.core.radius": number})
-    assert section == th.strip_ring().with_({"part.core.radius": float(number)})

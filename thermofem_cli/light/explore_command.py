@@ -107,7 +107,7 @@ def _beside(family: Any) -> dict[str, Any]:
 def models_of_geometry(
     path: Path | None, accuracy: float = 1e-3, heated: str | None = None
 ) -> tuple[dict[str, Any], th.fem.HeatProblem]:
-    """The certified reduction of a geometry, and the usual models trained on it; all from one reduction."""
+    """The certified reduction of a geometry, and the usual models trained on that reduction."""
     import surrogate
     from coupled.explore.contents import HEATERS
     from surrogate.judging.ladder import fit_usual

@@ -93,7 +93,7 @@ def identify(
 
 
 def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
-    """Drop over time (s) of a table; its unit W, or another that is an arbitrary one."""
+    """Drop power over time (s) of a table, in W, or in an arbitrary unit where the table states another."""
     import xarray as xr
 
     from thermofem.data.number_table import number_table

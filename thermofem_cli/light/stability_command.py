@@ -27,7 +27,7 @@ def stability(
     figure: options.Figure = None,
     output: options.NetCDF = Path("stability.nc"),
 ) -> dict[str, Any]:
-    """Classify every point of a map by linear stability, with Hopf and fold curves, of cycles too, in the figure."""
+    """Classify every point of a map by linear stability; the figure adds Hopf curves and folds of states and cycles."""
     import coupled
 
     check_outputs([output, figure], images=[figure], inputs=[model, ring])

@@ -116,7 +116,7 @@ def fit(
 
 
 def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None, kind: str) -> xr.Dataset:
-    """The part of a file that --heated and --read name; a table learns the names."""
+    """Data of the part that --heated and --read name; a table, which names none, gets the names."""
     from thermofem.data import dataset
 
     if heated is None and read is None:

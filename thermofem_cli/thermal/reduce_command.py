@@ -72,7 +72,7 @@ def reduce(
 
 
 def _over(rows: list[dict[str, Any]], inputs: list[str], outputs: list[str], name: str) -> float | list[list[float]]:
-    """A number of one channel, or of all: one list for each output."""
+    """The number of the only channel, or of several channels a list for each output."""
     values = [row[name] for row in rows]
     if len(values) == 1:
         return float(values[0])
@@ -105,7 +105,7 @@ def _array(
 
 
 def _places(path: Path) -> list[tuple[float, float]]:
-    """Rows x, y in m of a table with units in its header, 'x (um),y (um)', or at every number, '20 um, 0 um'."""
+    """Positions (x, y) in m of a table with units in its header, 'x (um),y (um)', or at each number, '20 um, 0 um'."""
     rows = [line.split(",") for line in files.read_text(path, "positions").splitlines() if line.strip()]
     units = ["", ""]
     if rows and not any(char.isdigit() for char in rows[0][0]):

@@ -164,7 +164,7 @@ def _draw_preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> N
 
 
 def _draw(data: xr.Dataset, path: Path) -> None:
-    """Draw the response under what was heated, and read where that is one other part; how; and from where."""
+    """Draw the response; its title says what was heated and read, by which drive, and from which start."""
     from thermofem import plot, waveforms
 
     a = data.attrs

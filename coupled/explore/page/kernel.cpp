@@ -18,7 +18,7 @@ EXPORT int ring_integrate(const Problem* p, Loop* L, double* y, double* rows, in
 EXPORT void ring_follow(const Problem* p, const double* y0, const double* steps, int count,
                         double* y_end, double* V) {
   Arena arena = {memory};
-  follow<1, 8, One<0, Dual<8>>>(*p, y0, steps, count, y_end, V, 3 + p->order, arena);
+  follow<1, 8, Dual<8>, One<0, Dual<8>>>(*p, y0, steps, count, y_end, V, 3 + p->order, arena);
 }
 
 // dy/dt and its derivative, size x size.

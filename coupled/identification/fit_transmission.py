@@ -1,0 +1,369 @@
+"""Slow sweeps of a laser through a resonance, hysteresis included, fitted by the curve of all fixed points.
+
+At one power the fixed points lie on one smooth curve through both folds, the tilted resonance, and at one detuning too.
+A sweep stays on that curve and jumps from fold to fold. So each sample is compared with the nearest point of the curve,
+
+    r = +-min_s hypot((x - x(s))/s_x, (y - y(s))/s_y),
+
+with s_x half a step of the sweep and s_y the noise: no branch has to be guessed, the direction of the sweep does not
+matter, and a jump at the wrong place is a distance that shrinks as the fold moves, not a step that has no slope.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.constants import c, pi
+
+from thermofem import Foster, checks
+from thermofem.arrays import Array
+from thermofem.data.variables import in_si
+from thermofem.errors import InputError
+from thermofem.models import HasModel, ThermalModel
+from thermofem.models.foster import second_order_poles
+
+from ..arguments import check_power, check_ring
+from ..contradictions import check_geometry
+from ..equilibria.transmission import transmission
+from ..parameters.borghi2021 import SECOND_ORDER_FEM
+from ..resonator import RingResonator
+from ..unknowns import SPAN, check_counts, number_of, optical_names, varied
+from .forced_filters import noise_of
+
+log = logging.getLogger("thermofem")
+
+RESISTANCE, POWER = "thermal_resistance", "power"
+SCREENED, REFINED = 64, 2  # points of the box, least squares from the start and the best of them
+SIDE = 3.0  # linewidths by which a curve goes on beyond its sweep
+NOISE = 2e-3  # of the range of a sweep: no measurement is better
+STEP, WIDE = (
+    2e-3,
+    5e-3,
+)  # of an unknown, for the slopes of the search and of its end: far above what the 600 points of a curve leave
+BLIND, OPEN = 1e-3, 0.05  # of the largest slope: none; share of a number along such directions that leaves it open
+UNKNOWN = 1.0  # deviations of a logarithm from which on a parameter is not determined
+WORSE = 1.5  # misfit over the noise that is said
+IMPOSSIBLE = 1e3  # a residual where the parameters make no ring
+
+
+@dataclass(frozen=True, eq=False)
+class TransmissionFit(HasModel):
+    """Result of `fit_transmission`.
+
+    Attributes
+    ----------
+    parameters, standard_deviations : dict of str to float
+        of the free parameters, in SI, and of what follows from them: "loaded_q", "intrinsic_q" and "heating" (K/W),
+        R_th times the share of the intrinsic loss that is absorbed. A deviation is inf where the sweeps leave it open.
+    ring, model : RingResonator, Foster
+        with those parameters; of the model only R_th means something.
+    misfit : float
+        root mean square distance over what noise and steps explain.
+    curves : list of xarray.Dataset
+        as of `transmission`, for each sweep.
+    notes : tuple of str
+        what makes the numbers doubtful.
+    """
+
+    parameters: dict[str, float]
+    standard_deviations: dict[str, float]
+    ring: RingResonator
+    model: Foster
+    misfit: float
+    curves: list[xr.Dataset]
+    notes: tuple[str, ...] = ()
+
+
+class _Sweep(NamedTuple):
+    """Samples of a sweep: x is ln P or the laser's frequency less that of the ring at the start (Hz); y as measured."""
+
+    x: Array
+    y: Array
+    port: str
+    unit: str
+    power: float | None
+    detuning: float | None
+    scales: tuple[float, float]
+
+
+def fit_transmission(
+    ring: RingResonator,
+    sweeps: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    free: Sequence[str],
+    model: ThermalModel | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    seed: int = 1,
+) -> TransmissionFit:
+    """Find the numbers of a ring whose steady transmission is closest to all the given slow sweeps at once.
+
+    Parameters
+    ----------
+    ring : RingResonator
+        where the search starts, and what is not free.
+    sweeps : xarray.Dataset or sequence of them
+        drop or through over one dimension, in W, in "1" (share of the bus power), or in any other unit, which frees one
+        scale for all of them; with power (W) and wavelength (m) or detuning (Hz, from the ring's frequency), of which
+        one is a variable of that dimension and the other one too, or an attribute. Up or down, or both in one.
+    free : sequence of str
+        numbers of the ring or its carriers ("frequency", "bus_rate", "loss_rate", "scattering_rate", "tau0", ..),
+        "thermal_resistance" (K/W), and "power", a factor on all powers, as the loss of a fibre coupling is one.
+    model : ThermalModel, optional
+        whose thermal resistance is taken, or started from; by default the paper's.
+    bounds : mapping of name to (low, high), optional
+        by default a factor of 4 either side of the start; of "frequency" the range of the sweeps (Hz).
+    seed : int
+
+    Returns
+    -------
+    TransmissionFit
+
+    Raises
+    ------
+    InputError
+        a name, bound or sweep that cannot be used.
+
+    Without two-photon absorption the tilt shows R_th times the absorbed share of the loss, "heating", and nothing shows
+    either of them alone.
+
+    >>> import coupled, thermofem as th
+    >>> ring, heat = coupled.borghi2021(), th.Foster(R=[9e3], tau=[1e-6])
+    >>> seen = [coupled.transmission(ring, heat, power=p, detuning=(-50e9, 30e9)) for p in (1e-4, 3e-3)]
+    >>> seen = [sweep.drop_vars("through") for sweep in seen]
+    >>> found = coupled.fit_transmission(ring, seen, free=["thermal_resistance"])
+    >>> print(f"{found.parameters['thermal_resistance']:.0f} K/W")
+    9000 K/W
+    """
+    check_ring(ring)
+    doubts = tuple(check_geometry(ring, model).values())
+    several: list[Any] = list(sweeps) if isinstance(sweeps, list | tuple) else [sweeps]
+    data = [_sweep(f"sweeps[{k}]", one, ring) for k, one in enumerate(several)]
+    if not data:
+        raise InputError("sweeps is empty; give Datasets of drop or through over wavelength, detuning or power")
+    heat = second_order_poles(**asdict(SECOND_ORDER_FEM)) if model is None else model
+    search = _search(ring, float(heat.thermal_resistance), data, free, bounds)
+    x, r, J = _best(search, seed)
+    return _result(search, x, r, J, doubts)
+
+
+def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
+    """Check a sweep, and take its samples."""
+    ports = [port for port in ("drop", "through") if port in getattr(given, "variables", {})]
+    if len(ports) != 1 or given[ports[0]].ndim != 1:
+        raise InputError(f"{name} needs one of the variables drop and through, over one dimension")
+    y = checks.array(f"{name}.{ports[0]}", given[ports[0]].values)
+    known = in_si(name, given.drop_vars(ports[0]))
+
+    def of(key: str) -> Any:
+        value = known[key].values if key in known.variables else known.attrs.get(key)
+        return None if value is None else np.asarray(value, dtype=float)
+
+    power, nu, wavelength = (of(key) for key in ("power", "detuning", "wavelength"))
+    nu = c / wavelength - ring.frequency if wavelength is not None else nu
+    if power is None or nu is None:
+        raise InputError(f"{name} needs power (W) and wavelength (m) or detuning (Hz), variables or attributes")
+    moves = [bool(np.ptp(value) > 0) for value in (power, nu)]
+    if sum(moves) != 1 or (power if moves[0] else nu).shape != y.shape:
+        raise InputError(f"{name}: one of power and {'detuning' if wavelength is None else 'wavelength'} must be swept")
+    if y.size < 8:
+        raise InputError(f"{name} has {y.size} samples; at least 8 are needed")
+    for value in np.atleast_1d(power):
+        check_power(float(value), f"{name}.power")
+    x = np.log(power) if moves[0] else nu
+    unit = str(given[ports[0]].attrs.get("units", "W"))
+    step = np.abs(np.diff(x))
+    scales = float(np.median(step[step > 0])) / 2, max(noise_of(y), NOISE * float(np.ptp(y)))
+    watts, hertz = (None if moving else float(np.mean(value)) for moving, value in zip(moves, (power, nu), strict=True))
+    return _Sweep(x, y, ports[0], unit, watts, hertz, scales)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The unknowns of a fit: logarithms, but of "frequency" the shift in linewidths; last the scales of other units."""
+
+    ring: RingResonator
+    resistance: float
+    data: list[_Sweep]
+    names: tuple[str, ...]
+    start: Array
+    low: Array
+    high: Array
+    units: tuple[tuple[str, str], ...]
+
+    @property
+    def linewidth(self) -> float:
+        """Full width at half maximum of the ring at the start, Hz."""
+        return self.ring.linear_rate / pi
+
+    def values(self, x: Array) -> dict[str, float]:
+        """The free numbers, in SI."""
+        free = zip(self.names, x, strict=False)
+        return {n: self.ring.frequency + v * self.linewidth if n == "frequency" else float(np.exp(v)) for n, v in free}
+
+    def build(self, x: Array) -> tuple[RingResonator, Foster, float]:
+        """Ring, heat and factor on all powers."""
+        values = self.values(x)
+        resistance, factor = values.pop(RESISTANCE, self.resistance), values.pop(POWER, 1.0)
+        return varied(self.ring, values), Foster(R=[resistance], tau=[1e-6]), factor
+
+    def curves(self, x: Array) -> list[xr.Dataset]:
+        """All fixed points about each sweep."""
+        ring, heat, factor = self.build(x)
+        shift, side = ring.frequency - self.ring.frequency, SIDE * self.linewidth
+        detunings = [one.x for one in self.data if one.power is not None]
+        powers = [one.x for one in self.data if one.power is None]
+        found: dict[tuple[float | None, float | None], xr.Dataset] = {}
+        for one in self.data:
+            drive = one.power, one.detuning
+            if drive not in found and one.power is not None:
+                span = (np.min(np.hstack(detunings)) - shift - side, np.max(np.hstack(detunings)) - shift + side)
+                found[drive] = transmission(ring, heat, power=one.power * factor, detuning=span)
+            elif one.detuning is not None and drive not in found:
+                ends = np.exp([np.min(np.hstack(powers)) - 0.5, np.max(np.hstack(powers)) + 0.5]) * factor
+                found[drive] = transmission(ring, heat, power=ends, detuning=one.detuning - shift)
+        return [found[one.power, one.detuning] for one in self.data]
+
+    def residuals(self, x: Array) -> Array:
+        """Distances of all samples from their curves."""
+        try:
+            curves = self.curves(x)
+        except (InputError, RuntimeError):
+            return np.full(sum(one.x.size for one in self.data), IMPOSSIBLE)
+        shift = (self.values(x).get("frequency", self.ring.frequency)) - self.ring.frequency
+        factor = self.values(x).get(POWER, 1.0)
+        rows = []
+        for one, curve in zip(self.data, curves, strict=True):
+            own = curve["detuning"].values + shift if one.power is not None else np.log(curve["power"].values / factor)
+            y = curve[one.port].values / (curve["power"].values if one.unit == "1" else 1.0)
+            if (one.port, one.unit) in self.units:
+                y = y * np.exp(x[len(self.names) + self.units.index((one.port, one.unit))])
+            rows.append(_distances(one, own, y))
+        return np.concatenate(rows)
+
+
+def _distances(sweep: _Sweep, x: Array, y: Array) -> Array:
+    """Signed distances of the samples of a sweep from the line through the points (x, y) of a curve, in its scales."""
+    line = np.array([x / sweep.scales[0], y / sweep.scales[1]])
+    seen = np.array([sweep.x / sweep.scales[0], sweep.y / sweep.scales[1]])
+    begin, along = line[:, :-1, None], np.diff(line)[:, :, None]
+    to = seen[:, None, :] - begin
+    share = np.clip((to * along).sum(axis=0) / np.maximum((along**2).sum(axis=0), 1e-300), 0, 1)
+    off = to - share * along
+    square = (off**2).sum(axis=0)
+    nearest = square.argmin(axis=0), np.arange(sweep.x.size)
+    side = (along[0] * off[1] - along[1] * off[0])[nearest]
+    return np.asarray(np.sqrt(square[nearest]) * np.where(side < 0, -1.0, 1.0))
+
+
+def _search(
+    ring: RingResonator, resistance: float, data: list[_Sweep], free: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]] | None,
+) -> _Search:  # fmt: skip
+    """Resolve the names of the free parameters, their starts and bounds."""
+    if not isinstance(free, list | tuple) or not free:
+        raise InputError(f"free = {free!r} must be a list of names, such as ['thermal_resistance', 'loss_rate']")
+    checks.unique("free", free)
+    low, high, start = [], [], []
+    width = ring.linear_rate / pi
+    given = checks.mapping("bounds", bounds, hint='such as {"loss_rate": (1e9, 1e10)}')
+    for name in free:
+        checks.choice("a name in free", name, optical_names(ring) | {RESISTANCE, POWER})
+        if name in (RESISTANCE, POWER):
+            value = resistance if name == RESISTANCE else 1.0
+        else:
+            value = number_of(ring, name)
+            check_counts("free", name, ring)
+        if name == "frequency":
+            ends = np.concatenate([one.x if one.power is not None else [one.detuning] for one in data]) / width
+            a, b = (np.array(given[name]) - value) / width if name in given else (ends.min() - SIDE, ends.max() + SIDE)
+            start.append(min(max(0.0, a), b))
+        else:
+            value = checks.positive(name, value, hint="a free parameter must start above 0")
+            a, b = np.log(given.get(name, (value / SPAN, value * SPAN)))
+            start.append(min(max(np.log(value), a), b))
+        if not a < b:
+            raise InputError(f"bounds[{name!r}] = {given.get(name)} must be (low, high) with low < high")
+        low.append(a)
+        high.append(b)
+    for name in given:
+        checks.choice("a name in bounds", name, free)
+    units = tuple(dict.fromkeys((one.port, one.unit) for one in data if one.unit not in ("W", "1")))
+    for port, unit in units:  # the highest sample stands for a resonance
+        tops = [(one.y.max(), one.power or np.exp(one.x.max())) for one in data if (one.port, one.unit) == (port, unit)]
+        top = max(float(np.log(y / p)) for y, p in tops)
+        start.append(top)
+        low.append(top - np.log(30))
+        high.append(top + np.log(30))
+    return _Search(ring, resistance, data, tuple(free), np.array(start), np.array(low), np.array(high), units)
+
+
+def _best(search: _Search, seed: int) -> tuple[Array, Array, Array]:
+    """The best end of least squares from the start and, unless that meets the noise, from points of the box.
+
+    Returns x, residuals and their slopes. Distances beyond a fold are far at first, so they count by less than squares.
+    """
+    from scipy.optimize import least_squares
+    from scipy.stats import qmc
+
+    def descended(x: Array, loss: str) -> Any:
+        return least_squares(
+            search.residuals, x, bounds=(search.low - 1e-12, search.high + 1e-12), loss=loss, max_nfev=60, xtol=1e-8,
+            ftol=1e-8, diff_step=STEP / np.maximum(np.abs(x), 1e-2), x_scale=1.0,
+        )  # fmt: skip
+
+    best = descended(search.start, "soft_l1")
+    if np.mean(best.fun**2) > WORSE**2:
+        points = qmc.scale(
+            qmc.Sobol(search.start.size, rng=checks.seed(seed)).random(SCREENED), search.low, search.high
+        )
+        costs = [float(np.sum(np.abs(search.residuals(x)))) for x in points]
+        ends = [descended(points[k], "soft_l1") for k in np.argsort(costs)[:REFINED]]
+        best = min([best, *ends], key=lambda end: float(end.cost))
+    best = descended(best.x, "linear")
+    if best.fun[0] == IMPOSSIBLE:
+        raise InputError("no ring in the bounds has a steady transmission at these powers")
+    rows = [search.residuals(best.x + WIDE * e) - search.residuals(best.x - WIDE * e) for e in np.eye(best.x.size)]
+    return best.x, best.fun, np.transpose(rows) / (2 * WIDE)
+
+
+def _result(search: _Search, x: Array, r: Array, J: Array, doubts: tuple[str, ...]) -> TransmissionFit:
+    """Deviations by the slopes, what follows from the parameters, and notes."""
+    misfit = float(np.sqrt(r @ r / max(r.size - x.size, 1)))
+    _, size, V = np.linalg.svd(J, full_matrices=False)
+    seen = size > BLIND * size[0]
+    ring, heat, _ = search.build(x)
+    values, names = search.values(x), search.names
+
+    def derived(x: Array) -> Array:
+        ring, heat, _ = search.build(x)
+        own = ring.loss_rate + ring.scattering_rate
+        heating = heat.thermal_resistance * ring.loss_rate / own if own else 0.0
+        return np.log([ring.loaded_q, ring.intrinsic_q, max(heating, 1e-300)])
+
+    by_x = [(derived(x + 1e-5 * e) - derived(x - 1e-5 * e)) / 2e-5 for e in np.eye(x.size)]
+    along = np.vstack([np.eye(x.size)[: len(names)], np.transpose(by_x)]) @ V.T
+    relative = np.sqrt((along[:, seen] ** 2 / size[seen] ** 2).sum(axis=1)) * max(misfit, 1.0)
+    relative[np.linalg.norm(along[:, ~seen], axis=1) > OPEN * np.linalg.norm(along, axis=1)] = np.inf
+    every = values | dict(zip(("loaded_q", "intrinsic_q", "heating"), np.exp(derived(x)).tolist(), strict=True))
+    deviations, notes = {}, list(doubts)
+    for (name, value), s in zip(every.items(), relative, strict=True):
+        known = s < UNKNOWN
+        deviations[name] = (s * (search.linewidth if name == "frequency" else value)) if known else np.inf
+        if not known and name in names:
+            notes.append(f"the sweeps do not determine {name} alone: other values fit as well; free fewer")
+    for k in np.flatnonzero((x < search.low + 1e-3) | (x > search.high - 1e-3)):
+        name = names[k] if k < len(names) else "the scale"
+        notes.append(f"{name} ended on a bound of its search: the others hold for this value only; widen bounds")
+    if misfit > WORSE:
+        notes.append(
+            f"the curves miss the samples by {misfit:.3g} times their noise and steps: the deviations are widened by "
+            "it, and hold no error of the model"
+        )
+    for note in notes[len(doubts) :]:
+        log.warning("%s", note)
+    return TransmissionFit(every, deviations, ring, heat, misfit, search.curves(x), tuple(notes))

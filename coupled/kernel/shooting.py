@@ -1,0 +1,206 @@
+"""Traces of one ring under constant light that return to a section, and closed orbits, as maps need them: `Turns`.
+
+Everything is in the kernel's units. `shooting.cpp` has the equations.
+"""
+
+from __future__ import annotations
+
+import ctypes as c
+from typing import NamedTuple
+
+import numpy as np
+
+from thermofem.arrays import Array, NDArray
+from thermofem.checks import InputError
+
+from .integrator import DONE, EVENT, FULL, TOO_SMALL, PoleHeat, Problem, no_step
+from .library import library
+
+ROOM, MOST_ROOM = 8192, 2_000_000  # rows of a trace; a second of work
+MOST_SLOW = 8  # states of heat for which Newton's method is
+ROUGH, FINE = 1e-5, 3e-7  # rtol of traces
+SURE = 50.0  # by how much a trace's error may grow in that of the period
+OUTLASTS = 40.0  # time constants in a period after which heat has forgotten
+
+
+_P, _D = c.c_void_p, c.c_double
+
+
+class _Turns(c.Structure):
+    _fields_ = (
+        *((name, c.c_void_p) for name in ("p", "edges", "fixed", "slow", "rows", "steps")),
+        *((name, c.c_int64) for name in ("fixed_count", "n", "room", "filled", "count")),
+        ("memory", c.c_void_p),
+    )
+
+
+class Trace(NamedTuple):
+    """Where a trace ends."""
+
+    y: Array
+    T: float  # ns
+    step: float  # ns, that it would take next
+    met: bool  # whether it ended as the carriers rose through the level
+
+
+class Closed(NamedTuple):
+    """A closed orbit."""
+
+    y: Array  # in the section
+    T: float  # ns
+    slow: NDArray[np.int32]  # states of heat that last from turn to turn
+    M: Array  # derivative of the return map by them, shape (m, n)
+    dT: Array  # that of its duration, shape (n,)
+    worst: complex  # the largest multiplier but that of the phase
+    pulses: int  # rises of the carriers through the section
+    rows: Array  # t, field, N and dT along the orbit
+
+    @property
+    def size(self) -> float:
+        """By what a deviation grows in a period."""
+        return abs(self.worst)
+
+
+class Turns:
+    """Traces of one ring under constant light, and closed orbits; a `Problem` whose drive is one piece."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Take the memory."""
+        heat = problem.heat
+        self.problem, self._fixed = problem, np.empty((0, 4))
+        self._rates = heat.rate[0] if isinstance(heat, PoleHeat) else np.zeros(problem.order)
+        self._most = min(MOST_SLOW, problem.order) if isinstance(heat, PoleHeat) else problem.order
+        self._c = _Turns(p=problem.address, edges=problem.edges.ctypes.data, n=self._most)
+        library().ring_close.restype = c.c_int64
+        size = library().ring_close(c.byref(self._c), *[None] * 4, 1, 0, _D(), _D())
+        self._memory = np.empty(size + 64, np.uint8)
+        self._c.memory = self._memory.ctypes.data + -self._memory.ctypes.data % 64
+        self._make_room(ROOM)
+
+    def _make_room(self, room: int) -> None:
+        if room > MOST_ROOM:
+            raise InputError(f"a trace of {MOST_ROOM} steps does not end; the model's largest numbers may tell why")
+        self._rows, self._steps = np.empty((room, 5)), np.empty(room)
+        self._c.rows, self._c.steps, self._c.room = self._rows.ctypes.data, self._steps.ctypes.data, room
+
+    def near(self, fixed: Array) -> None:
+        """Set the fixed points, rows U, N, dT and the longest step beside each."""
+        self._fixed = np.ascontiguousarray(fixed)
+        self._c.fixed, self._c.fixed_count = self._fixed.ctypes.data, len(fixed)
+
+    @property
+    def rows(self) -> Array:
+        """The rows of the last trace, t, field, N and dT, until the next one."""
+        return self._rows[: self._c.filled]
+
+    def run(
+        self, y: Array, duration: float, *, level: float = np.inf, above: bool = False, rtol: float = ROUGH,
+        first_step: float = 0.0,
+    ) -> Trace:  # fmt: skip
+        """Integrate for ``duration`` ns, or until the carriers rise through ``level``."""
+        h, T = c.c_double(), c.c_double()
+        while True:
+            end, h.value, T.value = y.copy(), first_step, 0.0
+            self._c.filled = self._c.count = 0
+            status = library().ring_turn(
+                c.byref(self._c), _P(end.ctypes.data), _D(duration), _D(level), int(above), _D(rtol), 1, c.byref(h),
+                c.byref(T),
+            )  # fmt: skip
+            if status != FULL:
+                break
+            self._make_room(2 * len(self._rows))
+        if status == TOO_SMALL:
+            raise no_step(T.value)
+        return Trace(end, T.value, h.value, status == EVENT)
+
+    def close(self, y: Array, T: float, pulses: int = 1, beside: Closed | None = None) -> Closed | None:
+        """The closed orbit near ``y``, which is in its section, of about the period ``T`` ns; None where there is none.
+
+        pulses: rises of the carriers in a period.
+        beside: an orbit whose M is about the same.
+        """
+        lasting = int(np.clip((self._rates * T < OUTLASTS).sum(), 1, self._most))
+        slow = 3 + np.sort(np.argsort(self._rates, kind="stable")[:lasting]).astype(np.int32)
+        known = beside if beside is not None and np.array_equal(beside.slow, slow) else None
+        found = self._close(y, T, pulses, slow, known, ROUGH, FINE)
+        if found is not None and found.size < 1 and (grows := self._growth(found)) > SURE:
+            return self.closer(found, FINE * max(SURE / grows, 0.03))
+        return found
+
+    def closer(self, found: Closed, rtol: float) -> Closed | None:
+        """The same orbit, closed by traces of another tolerance."""
+        return self._close(found.y, found.T, found.pulses, found.slow, found, rtol, rtol)
+
+    @staticmethod
+    def _growth(found: Closed) -> float:
+        """By how much an error of the slow heat, relative to the pulses, grows in the period: dT (1 - M)^-1."""
+        _, _, _, N, rise = found.rows.T
+        by_heat = np.linalg.solve((np.eye(found.slow.size) - found.M[found.slow]).T, found.dT)
+        return float(np.abs(by_heat).max() * np.abs(rise).max() / found.T * N.max() / max(np.ptp(N), 1e-300))
+
+    def _close(
+        self, y: Array, T: float, pulses: int, slow: NDArray[np.int32], known: Closed | None, rough: float, fine: float
+    ) -> Closed | None:
+        self._c.slow, self._c.n, n = slow.ctypes.data, slow.size, slow.size
+        while True:
+            state, period = y.copy(), c.c_double(T)
+            M, dT = (np.empty((y.size, n)), np.empty(n)) if known is None else (known.M.copy(), known.dT.copy())
+            status = library().ring_close(
+                c.byref(self._c), _P(state.ctypes.data), c.byref(period), _P(M.ctypes.data), _P(dT.ctypes.data),
+                pulses, int(known is not None), _D(rough), _D(fine),
+            )  # fmt: skip
+            if status != FULL:
+                break
+            self._make_room(2 * len(self._rows))
+        if status != DONE:
+            return None
+        every = np.linalg.eigvals(M[slow])
+        return Closed(
+            state, period.value, slow, M, dT, complex(every[np.abs(every).argmax()]), pulses, self.rows.copy()
+        )
+
+
+def measures(orbit: Closed, level: float) -> tuple[float, float]:
+    """Duty cycle above ``level`` of the range of U, and swing in K."""
+    t, re, im, _, dT = orbit.rows[np.append(True, np.diff(orbit.rows[:, 0]) > 0)].T
+    U = re * re + im * im
+    (low, high), (cold, warm) = _extremes(t, U), _extremes(t, dT)
+    above = (off := U - low - level * (high - low)) > 0
+    duty = float(above[-1])
+    for k in np.flatnonzero(above[1:] != above[:-1]).tolist():
+        first = min(max(k - 1, 0), t.size - 4)
+        at = _crossing(t[first : first + 4].tolist(), off[first : first + 4].tolist(), float(t[k]), float(t[k + 1]))
+        duty += float(at / t[-1]) * (1 if above[k] else -1)
+    return duty, warm - cold
+
+
+def _extremes(t: Array, x: Array) -> tuple[float, float]:
+    """Lowest and highest value of x(t), by parabolas through three rows."""
+    out = []
+    for i in (int(x.argmin()), int(x.argmax())):
+        value = float(x[i])
+        if 0 < i < t.size - 1:
+            a, b = float(t[i - 1] - t[i]), float(t[i + 1] - t[i])
+            p, q = (float(x[i - 1]) - value) / a, (float(x[i + 1]) - value) / b
+            bend = (p - q) / (a - b)
+            slope = p - bend * a
+            value -= slope * slope / (4 * bend) if bend else 0.0
+        out.append(value)
+    return out[0], out[1]
+
+
+def _crossing(t: list[float], x: list[float], low: float, high: float) -> float:
+    """Where the cubic through four rows changes its sign between ``low`` and ``high``."""
+    c = list(x)
+    for order in (1, 2, 3):  # divided differences
+        for k in (3, 2, 1)[: 4 - order]:
+            c[k] = (c[k] - c[k - 1]) / (t[k] - t[k - order])
+
+    def cubic(s: float) -> float:
+        return c[0] + (s - t[0]) * (c[1] + (s - t[1]) * (c[2] + (s - t[2]) * c[3]))
+
+    begins = cubic(low) > 0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if (cubic(middle) > 0) == begins else (low, middle)
+    return 0.5 * (low + high)
