@@ -27,8 +27,8 @@ from .orbit_measures import weights
 from .parameters import LASER
 from .return_map import FINE, Orbit
 
-FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `path.weights`
-TURN = 0.3  # of the largest values, what the stages may change in a step
+FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `multiple_shooting.weights`
+TURN = 0.3  # of the largest values, what the nodes may change in a step
 EASY, HARD = 3, 5  # steps of Newton's method
 SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends in a Hopf point
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle

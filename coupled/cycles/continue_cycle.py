@@ -77,9 +77,9 @@ def continue_cycle(
         highest_rise (K), drop_low and drop_high (W), stability ("stable", "doubled" or "unstable") and special ("",
         "fold", "period doubling", "torus" or "Hopf" at a point that lies exactly there); multipliers over (point,
         multiplier).
-        attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range. Two folds in a row
-        that are within 1e-5 of it, or of the parameter, are left out: the branch turns vertical there, as at the end of
-        a canard explosion, and ends.
+        attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range. The branch
+        turns vertical and ends where a deviation grows by 1e10 in a period, as in a canard explosion, or where two
+        folds follow each other within 1e-5 of the range or of the parameter.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def continue_cycle(
         start, tangent = born(family, guess)
         found, why = branch.follow_along(family, start, tangent, ends.min(), ends.max(), points)
     else:
-        first = first_place(family, p.settled(p.flow.rough.zero()) if guess is None else cycle_near(p, guess))
+        first = first_place(family, cycle_near(p, guess))
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)

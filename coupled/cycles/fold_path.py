@@ -33,14 +33,14 @@ from .multiple_shooting import (
     position,
 )
 
-FIRST, LONGEST, SHORTEST = 0.01, 0.06, 1e-5  # steps, in units of `path.weights`
-TURN = 0.8  # of the largest values, what the stages may change in a step
+FIRST, LONGEST, SHORTEST = 0.01, 0.06, 1e-5  # steps, in units of `multiple_shooting.weights`
+TURN = 0.8  # of the largest values, what the nodes may change in a step
 MOST_STEPS = 12  # of Newton's method
 SMALLEST = 0.03  # relative range of the carriers, where a curve ends on a Hopf curve
 SLOWEST = 30.0  # times the shortest period
 CLOSED = 1e-3  # a step of Newton's method from which on g counts
 SECANT = 1e-7  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
-ON_IT = 1e-6  # distance from the fold in the units of `path.weights`: its square is what the parameters are off
+ON_IT = 1e-6  # distance from the fold in the units of `multiple_shooting.weights`: its square is what the parameters are off
 
 
 class _Frame(NamedTuple):

@@ -25,13 +25,17 @@ from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import provenance, trusted
 from .branch import near_hopf
-from .cycle_problem import CycleProblem
+from .cycle_problem import MOST, CycleProblem
 from .hopf_points import is_hopf_point
+from .multiple_shooting import closed
 from .orbit_measures import measure, weights
-from .return_map import Orbit, close
+from .return_map import FINE, Orbit, close
+from .settling import RestError
 
 UNSTABLE = 1 + 1e-7  # of a multiplier; they are exact to some 1e-8
 MOST_PULSES = 1000  # in a period of a guess
+SETTLING, TURNS = 30.0, 1e5  # of the slowest heat; ns: a transient that leads near a cycle, then some pulses
+NEARLY = 1e-3  # of the largest values, to which a pulse repeats itself
 REACH = 30.0  # of a guess's period, within which the next pulse comes
 
 
@@ -107,7 +111,7 @@ def limit_cycle(
     power, detuning = check_power(power), check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     p = CycleProblem(ring, warm.model, float(power), float(detuning), warm.rise)
-    orbit = p.settled(p.flow.rough.zero()) if guess is None else cycle_near(p, guess)
+    orbit = cycle_near(p, guess)
     cycle = dataset_of(p, orbit)
     trusted(model, cycle["delta_T"].values - warm.rise)
     cycle.attrs |= warm.attributes | doubts
@@ -117,6 +121,8 @@ def limit_cycle(
 def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
     """Return the cycle near a guess, or on which the ring settles from it; InputError where there is none."""
     order = p.flow.rough.order
+    if guess is None:
+        return settled_cold(p)
     if isinstance(guess, State):
         return p.settled(starting_point(guess, order).as_array() / p.units, "the guess")
     if is_hopf_point(guess):
@@ -141,6 +147,29 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
             f"{period:g} s: Newton's method leads to none; take a smaller step, or no guess"
         )
     return found
+
+
+def settled_cold(p: CycleProblem) -> Orbit:
+    """The cycle on which a cold ring settles.
+
+    Beside a fold of cycles rough traces do not repeat, since the cycle follows for a while what repels it. A precise
+    trace that does, to `NEARLY`, is then closed by multiple shooting.
+    """
+    try:
+        return p.settled(p.flow.rough.zero())
+    except RestError:
+        raise
+    except InputError:
+        transient = p.flow.run(p.flow.rough.zero(), min(SETTLING * p.slowest + TURNS, MOST))
+        late = p.flow.seen(transient.rows[transient.rows[:, 0] > transient.t - TURNS / 2])
+        met = p.flow.run(transient.y, TURNS, FINE, level=float(late.min() + late.max()) / 2)
+        trace = p.flow.trace(met.y, FINE, 1, TURNS) if met.crossings.size else None
+        if trace is None or float(np.abs((trace.end - trace.start) / p.flow.scale(trace.rows)).max()) > NEARLY:
+            raise
+        orbit = closed(p, trace)
+        if orbit is None or orbit.size >= 1:
+            raise
+        return orbit
 
 
 def _shared(p: CycleProblem, rise: float) -> Array:

@@ -306,3 +306,11 @@ def first_place(family: Family, orbit: Orbit) -> Place | None:
     whole = Nodes(orbit.start[None], np.array([orbit.T]), family.start())
     nodes = placed(family.base.kernel(Method.RODAS5P), whole, size)
     return corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], weights(family, size, orbit.T))
+
+
+def closed(p: CycleProblem, trace: Trace) -> Orbit | None:
+    """The cycle near a trace that almost returns; None where Newton's method finds none."""
+    family, size = Family(p, (), np.empty(0)), p.flow.scale(trace.rows)
+    nodes = placed(p.flow.fine, Nodes(trace.start[None], np.array([trace.T]), np.empty(0)), size)
+    found = corrected(family, nodes, np.empty((0, size.size + 1)), weights(family, size, trace.T), rtol=FINE)
+    return found and found.orbit
