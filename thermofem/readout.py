@@ -8,6 +8,7 @@ Papers state times and bandwidths of this power, not of heat (Coenen et al., Pho
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -43,11 +44,12 @@ class EdgeTimes:
     fall_10_90: float
 
 
-class _Readout:
+class _Readout(ABC):
     """What every read-out does with its law `_light` of temperature rise in K to light in units of P0."""
 
+    @abstractmethod
     def _light(self, delta_T: Any) -> Any:
-        raise NotImplementedError
+        """Light in units of P0 at a temperature rise in K."""
 
     def __call__(self, delta_T: Trace) -> Trace:
         """The optical power in units of P0 behind temperature rises in K.

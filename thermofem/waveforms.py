@@ -18,6 +18,7 @@ tests/test_every_waveform.py, which drives every model with it.
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -113,12 +114,12 @@ def _time(name: str, value: float, most: float = 10.0) -> None:
     checks.positive(name, value, unit="s", at_most=most, hint=TIME_HINT)
 
 
-class Steps(Waveform, stored=False):
+class Steps(Waveform, ABC, stored=False):
     """A power ``levels[k]`` in W, shape (n + 1,), between ``edges[k - 1]`` and ``edges[k]`` in s, shape (n,)."""
 
+    @abstractmethod
     def _steps(self) -> tuple[Array, Array]:
         """``edges`` and ``levels``."""
-        raise NotImplementedError
 
     @cached_property
     def edges(self) -> Array:

@@ -22,8 +22,8 @@ from thermofem.checks import InputError
 from ..heaters import turned_by
 from .cycle_problem import CycleProblem
 from .hopf_points import FAINT, born, hopf_near, laser_of, relative_range
-from .multiple_shooting import COARSE, Family, Place, first_place, on_good_nodes, predicted
-from .orbit_measures import weights
+from .multiple_shooting import COARSE, Family, Place, first_place, on_good_nodes, position, predicted
+from .orbit_measures import time_weights
 from .parameters import LASER
 from .return_map import FINE, Orbit
 
@@ -133,7 +133,7 @@ def _mirrored(family: Family, place: Place, ahead: Place) -> bool:
 def _off_centre(place: Place) -> Array:
     """How far the start is from the mean of field, carriers and temperature, of their largest values."""
     rows = place.orbit.trace.rows[:, 1:]
-    return np.asarray((rows[0] - weights(place.orbit) @ rows / place.orbit.T) / np.abs(rows).max(axis=0))
+    return np.asarray((rows[0] - time_weights(place.orbit) @ rows / place.orbit.T) / np.abs(rows).max(axis=0))
 
 
 def _beyond(border: float, place: Place) -> float:
@@ -161,10 +161,8 @@ def _unit(place: Place, direction: Array) -> Array:
 
 def _longest(place: Place) -> float:
     """The step in which no node changes by more than `TURN`."""
-    n = place.orbit.start.size
     length = float(np.linalg.norm(place.directions[0] * place.unit))
-    moved = float(np.abs(place.moves[0, :, :n] * place.unit[:n]).max()) / length
-    return min(LONGEST, TURN / max(moved, 1e-12))
+    return min(LONGEST, TURN / max(place.moved(np.array([1 / length])), 1e-12))
 
 
 def _ahead(family: Family, place: Place, tangent: Array, step: float, rtol: float = COARSE) -> Place | None:
@@ -188,7 +186,7 @@ def _between(
             found = _located(family, place, tangent, step, test)
             if found is not None and _is_there(kind, found):
                 out.append(Found(found, kind))
-    return sorted(out, key=lambda f: _distance(family, place, f.place, tangent))
+    return sorted(out, key=lambda f: _distance(place, f.place, tangent))
 
 
 def _located(family: Family, place: Place, tangent: Array, step: float, test: Callable[[Place], float]) -> Place | None:
@@ -222,10 +220,9 @@ def _is_there(kind: str, place: Place) -> bool:
     return True
 
 
-def _distance(family: Family, place: Place, other: Place, tangent: Array) -> float:
-    change = np.concatenate([other.orbit.start - place.orbit.start, [other.orbit.T - place.orbit.T],
-                             other.values - place.values])  # fmt: skip
-    return float((change * place.unit) @ tangent)
+def _distance(place: Place, other: Place, tangent: Array) -> float:
+    """How far a cycle is along the tangent of another."""
+    return float(((position(other.nodes) - position(place.nodes)) * place.unit) @ tangent)
 
 
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:

@@ -40,7 +40,7 @@ SMALLEST = 0.03  # relative range of the carriers, where a curve ends on a Hopf 
 SLOWEST = 30.0  # times the shortest period
 CLOSED = 1e-3  # a step of Newton's method from which on g counts
 SECANT = 1e-7  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
-ON_IT = 1e-6  # distance from the fold in the units of `multiple_shooting.weights`: its square is what the parameters are off
+ON_IT = 1e-6  # distance from the fold in these units: the parameters are off by its square
 
 
 class _Frame(NamedTuple):
@@ -113,9 +113,7 @@ def _framed(place: Place, along: Array | None, across: Array) -> _Frame:
 
 def _longest(frame: _Frame) -> float:
     """The step in which no node changes by more than `TURN`."""
-    place, n = frame.place, frame.place.orbit.start.size
-    change = np.tensordot(_coefficients(place, frame.along), place.moves, axes=1)
-    moved = float(np.abs(change[:, :n] * place.unit[:n]).max())
+    moved = frame.place.moved(_coefficients(frame.place, frame.along))
     return min(LONGEST, TURN / max(moved, 1e-12))
 
 

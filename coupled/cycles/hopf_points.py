@@ -31,7 +31,7 @@ from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS
 from .cycle_problem import CycleProblem
 from .multiple_shooting import Family, Nodes, Place, corrected, extent_of, flow, weights
-from .orbit_measures import weights as time_weights
+from .orbit_measures import time_weights
 from .return_map import FINE, PER_STEP, Orbit, Trace
 
 SMALL, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point

@@ -28,7 +28,7 @@ from .branch import near_hopf
 from .cycle_problem import MOST, CycleProblem
 from .hopf_points import is_hopf_point
 from .multiple_shooting import closed
-from .orbit_measures import measure, weights
+from .orbit_measures import measure, time_weights
 from .return_map import FINE, Orbit, close
 from .settling import RestError
 
@@ -196,7 +196,7 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
         values["scattered"] = 2 * ring.scattering_rate * U * FJ
     variables: dict[str, Any] = {name: ("time", v, dataset.describe(name)) for name, v in values.items()}
     about = {"units": "s", "long_name": "weight of an integral over the period"}
-    variables["weight"] = ("time", weights(orbit) * NS, about)
+    variables["weight"] = ("time", time_weights(orbit) * NS, about)
     variables["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
     attrs = provenance("limit cycle", ring, p.model) | {"input_power": p.power, "detuning": p.detuning}
     attrs |= _numbers(orbit) | {"final_state": orbit.start * p.units}

@@ -97,6 +97,11 @@ class Place(NamedTuple):
         """Range of the orbit, of its largest values."""
         return extent_of(self.orbit.trace.rows)
 
+    def moved(self, along: Array) -> float:
+        """The largest change of a state at any node, of its largest value. along: coefficients of directions."""
+        n = self.nodes.y.shape[1]
+        return float(np.abs(np.tensordot(along, self.moves, axes=1)[:, :n] * self.unit[:n]).max())
+
 
 def extent_of(rows: Array) -> float:
     """Range of fields, carriers or temperature, of their largest values."""

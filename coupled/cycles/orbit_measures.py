@@ -68,7 +68,7 @@ def _extremes(curve: CubicSpline, t: Array) -> tuple[float, float, float, float]
     return float(at[low]), float(values[low]), float(at[high]), float(values[high])
 
 
-def weights(orbit: Orbit) -> Array:
+def time_weights(orbit: Orbit) -> Array:
     """Weights in ns of the rows in an integral over the period, shape (rows,): Boole's rule on every step."""
     out = np.zeros(len(orbit.trace.rows))
     steps = np.concatenate([steps for _, steps in orbit.trace.parts])

@@ -41,10 +41,8 @@ RESISTANCE, POWER = "thermal_resistance", "power"
 SCREENED, REFINED = 64, 2  # points of the box, least squares from the start and the best of them
 SIDE = 3.0  # linewidths by which a curve goes on beyond its sweep
 NOISE = 2e-3  # of the range of a sweep: no measurement is better
-STEP, WIDE = (
-    2e-3,
-    5e-3,
-)  # of an unknown, for the slopes of the search and of its end: far above what the 600 points of a curve leave
+# of an unknown, for slopes in the search and at its end: far above what the 600 points of a curve leave
+STEP, WIDE = 2e-3, 5e-3
 BLIND, OPEN = 1e-3, 0.05  # of the largest slope: none; share of a number along such directions that leaves it open
 UNKNOWN = 1.0  # deviations of a logarithm from which on a parameter is not determined
 WORSE = 1.5  # misfit over the noise that is said
@@ -118,6 +116,7 @@ def fit_transmission(
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start; of "frequency" the range of the sweeps (Hz).
     seed : int
+        of the points of the box that are tried where the start does not lead to the noise.
 
     Returns
     -------

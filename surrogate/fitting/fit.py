@@ -8,6 +8,7 @@ followed by least squares every time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -229,7 +230,7 @@ def _smallest_order(training: Training) -> int:
         unseen = np.any(found.gain == 0) or deviation.max() > UNSEEN or tau.max() > OUTSIDE * longest
         if order > 1 and (unseen or tau.min() < shortest / OUTSIDE):
             return order - 1
-        misfit, n = max(found.relative_residual, ROUND_OFF), max(found.independent, np.e)
+        misfit, n = max(found.relative_residual, ROUND_OFF), max(found.independent, math.e)
         if order > 1 and n * np.log(before / misfit) < np.log(n):
             return order - 1
         if misfit == ROUND_OFF:

@@ -15,7 +15,7 @@ from coupled.cycles.branch import _is_there, follow_along
 from coupled.cycles.cycle_problem import CycleProblem
 from coupled.cycles.hopf_points import born
 from coupled.cycles.multiple_shooting import Family
-from coupled.cycles.orbit_measures import weights
+from coupled.cycles.orbit_measures import time_weights
 
 RING = coupled.borghi2021()
 LUMPED, NEWTON = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
@@ -101,7 +101,7 @@ def test_small_cycles_grow_as_the_first_lyapunov_coefficient_says(ring, model):
     for cycle in found[1:]:
         orbit = cycle.place.orbit
         N = orbit.trace.rows[:, 3]
-        r = float(np.ptp(N)) / 2 / float(weights(orbit) @ N / orbit.T)
+        r = float(np.ptp(N)) / 2 / float(time_weights(orbit) @ N / orbit.T)
         moved = float(cycle.place.values[0]) - nu
         # the next term of the normal form is r^2 of this one, times a number of order 10
         assert -slope * moved / r**2 == pytest.approx(float(hopf["lyapunov"]), rel=0.01 + 20 * r**2)

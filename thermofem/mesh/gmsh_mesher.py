@@ -199,13 +199,13 @@ def _triangulate(
     gmsh.model.add("thermofem")
     try:
         surfaces = _surfaces(builder, faces)
-        builder.set_mesh_size_callback(lambda dim, tag, r, z, _, size_given: size(r * MICRON, z * MICRON) / MICRON)
+        builder.set_mesh_size_callback(lambda dim, tag, r, z, _, __: size(r * MICRON, z * MICRON) / MICRON)
         for option, value in OPTIONS.items():
             gmsh.option.setNumber(option, value)
         builder.synchronize()
         gmsh.model.mesh.generate(2)
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        cells = [gmsh.model.mesh.getElementsByType(2, surface._id)[1].reshape(-1, 3) for surface in surfaces]
+        cells = [gmsh.model.mesh.getElementsByType(2, surface.dim_tag[1])[1].reshape(-1, 3) for surface in surfaces]
     finally:
         gmsh.model.mesh.removeSizeCallback()
         gmsh.model.remove()

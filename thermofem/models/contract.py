@@ -22,6 +22,7 @@ is a class that satisfies the contract, one file in this folder with one line of
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, Protocol, TypeVar
@@ -76,13 +77,13 @@ class ThermalModel(Protocol):
         """The model as a Foster network, an OutputMap or a Quadratic system."""
 
 
-class Delegates:
+class Delegates(ABC):
     """A thermal model whose properties and responses are those of another model, ``_other``."""
 
     @property
+    @abstractmethod
     def _other(self) -> Any:
         """The other model."""
-        raise NotImplementedError
 
     @property
     def inputs(self) -> tuple[str, ...]:
