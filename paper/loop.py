@@ -54,7 +54,7 @@ def loop(elements):
 def loop_map(elements):
     """A coarse map with the FEM itself in the loop, against that of its reduction."""
     powers, detunings = POWERS[::5], DETUNINGS[::5]
-    reduced = coupled.pulsing_map(RING, elements.models["elements"], powers, detunings, duration=RUN, rtol=1e-6)
+    reduced = coupled.pulsing_map(RING, elements.models["elements"], powers, detunings, duration=RUN)
     runs = [
         describe(coupled.cosimulate(RING, heat(), power=power, detuning=detuning, duration=RUN))
         for power, detuning in product(powers.tolist(), detunings.tolist())

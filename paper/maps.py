@@ -49,7 +49,7 @@ def maps(elements, training, second_order_fit, reference):
 
 def drawn(ring, model, powers=POWERS, detunings=DETUNINGS):
     """Where and how a ring with a model pulses, from cold, over the plane of the paper."""
-    return coupled.pulsing_map(ring, model, powers, detunings, duration=MAP_RUN, rtol=1e-6).drop_vars("reason")
+    return coupled.pulsing_map(ring, model, powers, detunings, duration=MAP_RUN).drop_vars("reason")
 
 
 def compared(data, fem):

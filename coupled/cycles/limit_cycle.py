@@ -16,7 +16,6 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
-from ..circuit.cycle import circuit_limit_cycle
 from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.integrator import PoleHeat
@@ -25,6 +24,7 @@ from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import provenance, trusted
 from .branch import near_hopf
+from .circuit_cycle import circuit_limit_cycle
 from .cycle_problem import MOST, CycleProblem
 from .hopf_points import is_hopf_point
 from .multiple_shooting import closed

@@ -159,7 +159,7 @@ class Flow:
         problem, sizes, heat = self.rough, [], []
         for i in range(problem.rings):
             own = rows[:, 1 + i * (problem.block + 1) :][:, : problem.block + 1]
-            field = float(np.hypot(own[:, 0], own[:, 1]).max())
+            field = max(float(np.hypot(own[:, 0], own[:, 1]).max()), 1e-12)  # of a dark ring
             sizes += [field, field, max(float(np.abs(own[:, 2]).max()), 1e-12)]
             heat += [max(float(np.abs(own[:, 3]).max()), 1e-12)] * problem.order
         return np.array(sizes + heat)

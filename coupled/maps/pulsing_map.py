@@ -67,7 +67,7 @@ def pulsing_map(
     read: str | None = None,
     settled: bool | None = None,
     duration: float | None = None,
-    rtol: float = 1e-5,
+    rtol: float = 1e-6,
     follow: Follow | str | None = None,
     file: str | Path | None = None,
     executor: Executor | None = None,
@@ -102,7 +102,7 @@ def pulsing_map(
     duration : float, s, optional
         of the traces, where they are not settled; 20 us by default.
     rtol : float
-        of `simulate`, for traces.
+        of `simulate`, for traces. At 1e-5 errors of the steps count two cycles as one in one cell of 600.
     follow : "up" or "down", optional
         begin each point of the second axis where the one before, or after, ended, as a laser does that is stepped up or
         down; the two maps differ where there is hysteresis. By default every point begins cold.
@@ -146,7 +146,7 @@ def pulsing_map(
             "duration for a map of traces"
         )
     duration = check_duration(20e-6 if duration is None else duration)
-    rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
+    rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-6 gives periods to 2e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
     attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed, **warm.attributes}
     if not settled:

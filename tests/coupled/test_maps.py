@@ -75,7 +75,7 @@ def test_irregular_bursts_are_no_cycle():
 def test_every_point_is_its_own_run(small):
     for i, power in enumerate(POWERS):
         for j, detuning in enumerate(DETUNINGS):
-            run = coupled.simulate(RING, EXPERIMENT, power=power, detuning=detuning, duration=20e-6, rtol=1e-5)
+            run = coupled.simulate(RING, EXPERIMENT, power=power, detuning=detuning, duration=20e-6)
             want, got = coupled.pulsing(run), small.isel(power=i, detuning=j)
             assert str(got.regime.values) == want.regime
             assert str(got.reason.values) == want.reason
@@ -83,8 +83,17 @@ def test_every_point_is_its_own_run(small):
                 assert float(got[name]) == pytest.approx(getattr(want, name), rel=1e-14, abs=0, nan_ok=True)
 
 
+def test_a_trace_counts_every_cycle():
+    """At rtol = 1e-5 errors of the steps made every second cycle of this trace differ: a period of 1.76 us."""
+    model = surrogate.reduce(th.assemble(th.strip_ring(), accuracy=1e-3).system, tolerance=1e-4).model
+    light = {"power": 1e-3 * 10**0.46, "detuning": 8e9}
+    found = coupled.pulsing_map(RING, model, [light["power"]], [light["detuning"]], duration=20e-6)
+    # shooting; a trace of 20 us has not settled, by .5 %
+    assert found.period.item() == pytest.approx(coupled.limit_cycle(RING, model, **light).attrs["period"], rel=1e-2)
+
+
 def test_published_points(small):
-    # Rodas5P at rtol = 1e-9; here rtol = 1e-5, whose periods are good to 1e-4, duty and swing read off steps to 1e-3.
+    # Rodas5P at rtol = 1e-9; here rtol = 1e-6, whose periods are good to 2e-4, duty and swing read off steps to 1e-3.
     assert small.period.values[[1, 2], [0, 1]] == pytest.approx([499.334e-9, 535.939e-9], rel=1e-4, abs=0)
     assert small.duty.values[[1, 2], [0, 1]] == pytest.approx([0.4117, 0.2819], rel=2e-3)
     assert small.swing.values[[1, 2], [0, 1]] == pytest.approx([4.6393, 5.9956], rel=2e-3)
