@@ -80,7 +80,7 @@ function settle(system, drive, turn, y, found, accuracy) {
       const slowest = settling(cycle.multipliers);
       if (slowest < 1) return shortest(system, drive, turn, { ...cycle, slowest, pattern }, accuracy);
       const { re, im } = cycle.multipliers;
-      if (!re.some((x, k) => x < -1 && im[k] === 0)) return null; // an unstable one is not where the ring settles
+      if (!re.some((x, k) => x < -1 && Math.abs(im[k]) < 1e-6)) return null; // an unstable one is not where the ring settles
       [period, pattern] = [2 * period, 2 * pattern]; // pulses that alternate by less than classify sees
     }
     near = integrate(system, drive, turn, near, 20 * found.period, accuracy.rough).y;

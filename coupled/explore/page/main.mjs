@@ -2,9 +2,9 @@
 
 import { channel, serve } from "./channel.mjs";
 import { limitCycle } from "./cycle.mjs";
-import { foldCurves, hopfCurves, hopfPoints } from "./curves.mjs";
+import { foldCurves, hopfCurves, impedance, sheet } from "./curves.mjs";
 import { engineOf } from "./engine.mjs";
-import { balance, steadyStates, survey } from "./equilibria.mjs";
+import { balance, secular, steadyStates, survey } from "./equilibria.mjs";
 import { build, fill } from "./fields.mjs";
 import { heatedBy, setting } from "./heater.mjs";
 import { periodError, stepResponse } from "./heat.mjs";
@@ -142,7 +142,7 @@ function gotPlane(part, { window }) {
 }
 
 // for tests, and for whoever wants to compute in the console
-globalThis.ringPage = { classify, columns, derivedRates, engineOf, foldCurves, hopfCurves, hopfPoints, integrate, limitCycle, loadKernel, periodError, shiftAt: (U, system) => balance(U, system).shift, steadyStates, stepResponse, survey, systemOf, cold, setting, heatedBy, commandOf, driveOf, pythonOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
+globalThis.ringPage = { classify, columns, derivedRates, engineOf, foldCurves, hopfCurves, impedance, integrate, limitCycle, loadKernel, periodError, secular, sheet, shiftAt: (U, system) => balance(U, system).shift, steadyStates, stepResponse, survey, systemOf, cold, setting, heatedBy, commandOf, driveOf, pythonOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
 
 if (typeof document === "undefined") serve(globalThis);
 else if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);
