@@ -11,8 +11,8 @@ import { bisect } from "./eigen.mjs";
 import { balance, energy, follow, reach, secular, spectrumAt } from "./equilibria.mjs";
 import { UW, driveOf } from "./ring.mjs";
 
-const ENERGIES = 240;
-const FREQUENCIES = 200;
+const ENERGIES = 400;
+const FREQUENCIES = 500;
 const BISECTIONS = 40;
 
 /** Thermal impedance of the network at i w, [re, im] in K/uW. */
@@ -157,6 +157,10 @@ export function hopfCurves(sys, powers, detunings) {
   const x = logSpaced(low, high, ENERGIES);
   const y = logSpaced(wLow, wHigh, FREQUENCIES);
   const pieces = [1, -1].flatMap((sign) => piecesOf(sys, x, y, sign)).filter((piece) => piece.length > 1);
+  const ends = pieces.flat().filter((p) => p.meets);
+  const far = (p, q) => (p === q ? Infinity : Math.hypot(p.u - q.u, p.v - q.v));
+  const partners = ends.map((end) => ends.reduce((best, p) => (far(p, end) < far(best, end) ? p : best), end)).map(({ U, D }) => ({ U, D }));
+  ends.forEach((end, k) => Object.assign(end, { U: (end.U + partners[k].U) / 2, D: (end.D + partners[k].D) / 2 })); // the ends on both sheets
   return pieces.map((piece) => {
     const points = piece.map((p) => ({ ...p, ...laserOf(p.U, p.D, sys) }));
     mark(points, sys);

@@ -1,8 +1,7 @@
 // Answers what the page asks, in a worker or beside it: numbers in, numbers out.
 
-import { lifted, setting } from "./heater.mjs";
 import { DONE, integrate } from "./kernel.mjs";
-import { FJ, NS, UW, absorbedPower, driveOf, turnOf } from "./ring.mjs";
+import { FJ, NS, UW, absorbedPower, driveOf, lifted, setting, turnOf } from "./ring.mjs";
 import { limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";
 import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
