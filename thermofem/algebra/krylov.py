@@ -17,6 +17,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..arrays import Array
@@ -171,8 +172,6 @@ class Rounds(KrylovSpace):
         start: Array | None = None,
         others: Array | None = None,
     ) -> None:
-        from scipy.sparse import csr_matrix
-
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
         if start is not None:
             self.extend(start)
@@ -223,8 +222,6 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
 
     Raises InputError: a system that is not one of heat flow: E and -A symmetric positive definite.
     """
-    from scipy.sparse import csr_matrix
-
     check_heat_flow(system)
     if cycles == 0:
         none = np.empty((system.order, 0))
@@ -245,8 +242,6 @@ def rates(system: LinearSystem, static: Solve) -> tuple[float, float]:
 
     Raises InputError: a static gain, a heat content or a heat capacity that is not positive.
     """
-    from scipy.sparse import csr_matrix
-
     B, M = np.asarray(system.B, dtype=float), csr_matrix(system.E)
     x = np.column_stack([static(b) for b in B.T])
     gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
@@ -269,8 +264,6 @@ def slopes(M: Any, B: Array) -> Array:
 
 def check_heat_flow(system: LinearSystem) -> None:
     """Raise InputError unless E and A are symmetric."""
-    from scipy.sparse import csr_matrix
-
     check_pair(csr_matrix(system.E), -csr_matrix(system.A), REFUSAL)
 
 

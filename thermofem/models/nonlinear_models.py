@@ -15,6 +15,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.integrate import ODEintWarning, odeint
+from scipy.linalg import expm
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
@@ -109,8 +111,6 @@ class Quadratic:
 
     def step_response(self, times: ArrayLike) -> Array:
         """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, for equal poles, too."""
-        from scipy.linalg import expm
-
         t = np.maximum(checks.numbers("times", times), 0)
         n, read = self.order, np.linalg.solve(self.A.T, self.C)
         settled = 1e3 / np.abs(np.linalg.eigvals(self.A).real).min()  # s; expm of a longer time would overflow
@@ -206,8 +206,6 @@ class Quadratic:
 
     def periodic_states(self, wave: waveforms.Waveform, samples: int) -> Array:
         """States over one period of the periodic state, shape (samples, n)."""
-        from scipy.linalg import expm
-
         times = waveforms.period_times(wave, samples)
         period = times[-1]
         mean_power = wave.mean(0.0, period)
@@ -234,8 +232,6 @@ class Quadratic:
 
         The steps end on every edge of ``pieces``, between which the power is one cubic: none is stepped over.
         """
-        from scipy.integrate import ODEintWarning, odeint
-
         start, stop = times[0], times[-1]
         first = max(int(np.searchsorted(pieces.edges, start + 1e-9 * (stop - start), side="right")) - 1, 0)
         last = int(np.searchsorted(pieces.edges, stop - 1e-9 * (stop - start), side="left"))

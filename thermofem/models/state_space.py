@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.linalg import LinAlgError, eigh
+from scipy.sparse import csc_matrix, csr_matrix, issparse
+from scipy.sparse.linalg import splu
 
 from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
@@ -19,9 +22,6 @@ from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import at_times, check_single, names, parts, reader, table
 from .foster import Foster, check_residues
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_matrix
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
 SAVED = 2000  # states of a model file, where more than 500 are written as the diagonals of E and A
@@ -131,8 +131,6 @@ class StateSpace:
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
-        from scipy.sparse.linalg import splu
-
         check_single(self)
         E, A = self._sparse("E"), self._sparse("A")
         wanted = checks.numbers("frequency", frequency)
@@ -166,8 +164,6 @@ class StateSpace:
         return (run or integrate_periodic(self, wave, samples, rtol=rtol)).outputs[:, 0]
 
     def _sparse(self, name: str) -> csc_matrix:
-        from scipy.sparse import csc_matrix
-
         return csc_matrix(getattr(self, name))
 
     def to_json(self) -> dict[str, Any]:
@@ -226,8 +222,6 @@ def _square(content: Mapping[str, Any], name: str) -> Array:
 
 def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
     """A copy of a matrix as real floats: an array, or one with columns or rows in compressed form where ``sparse``."""
-    from scipy.sparse import csc_matrix, csr_matrix, issparse
-
     held = issparse(value)
     found = checks.numbers(name, value.tocoo().data if held else value)
     if not held:
@@ -274,9 +268,6 @@ def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
 
     Raises InputError: matrices that are not symmetric, E not positive definite, or a mode that does not decay.
     """
-    from scipy.linalg import LinAlgError, eigh
-    from scipy.sparse import issparse
-
     E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (system.E, system.A))
     for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
         check_symmetric(name, matrix, hint="only a symmetric system is a Foster network")
