@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
-from ..algebra.krylov import REFUSAL, check_heat_flow
+from ..algebra.krylov import REFUSAL, check_pair
 from ..arrays import Array, ArrayLike, NDArray
 from ..checks import check_names
 from ..data.display import model_html
@@ -110,7 +110,7 @@ class StateSpace:
     @cached_property
     def _modal(self) -> Modal:
         """Transients in closed form; InputError where E or A is not symmetric."""
-        check_heat_flow(self)
+        check_pair(self.E, self.A)
         return Modal(self)
 
     def _check_settles(self) -> None:
@@ -118,7 +118,7 @@ class StateSpace:
 
         A system that grows has a transient, but no static gain and no periodic state.
         """
-        check_heat_flow(self)
+        check_pair(self.E, self.A)
         if self.order <= LARGEST:
             for name, matrix in (("E", self._sparse("E").toarray()), ("-A", -self._sparse("A").toarray())):
                 if not _definite(matrix):
@@ -181,7 +181,6 @@ class StateSpace:
                     "reduce finite elements (surrogate.reduce); of an array take fewer rings or a larger tolerance",
                 )
         tables = {name: matrix.toarray() for name, matrix in full.items()}
-        _check_definite(tables["E"], tables["A"])
         self.check_passive()
         if self.order > LARGEST:
             tables |= {name: full[name].diagonal() for name in ("E", "A")}
@@ -194,15 +193,15 @@ class StateSpace:
         """The system of a model file."""
         E, A = (_square(content, name) for name in ("E", "A"))
         model = cls(E, A, table(content, "B", 2), table(content, "C", 2), **parts(content))
-        _check_definite(E, A)
         model.check_passive()
         return model
 
     def check_passive(self) -> None:
-        """Raise InputError where a pole cools a part that is heated and read, as `Foster.check_passive`."""
+        """Raise InputError where a mode does not decay, or a pole cools a part that is heated and read."""
         own = [(self.outputs.index(part), i) for i, part in enumerate(self.inputs) if part in self.outputs]
         if self.order > LARGEST:  # of a file: both are diagonal
-            rate, B, C = -self._sparse("A").diagonal(), self.B, self.C
+            capacity, rate, B, C = self._sparse("E").diagonal(), -self._sparse("A").diagonal(), self.B, self.C
+            checks.positive("smallest entry of E and -A", min(capacity.min(), rate.min()))
         else:
             rate, modes = eigenmodes(self)
             B, C = modes.T @ self.B, self.C @ modes
@@ -241,14 +240,6 @@ def _definite(matrix: Array) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
-
-
-def _check_definite(E: Array, A: Array) -> None:
-    """Refuse matrices that are not those of a system in which every mode decays."""
-    for name, matrix in (("E", E), ("-A", -A)):
-        check_symmetric(name, matrix)
-        if np.linalg.eigvalsh(matrix)[0] <= 0:
-            raise checks.InputError(f"{name} is not positive definite: some mode would not decay")
 
 
 def foster(system: StateSpace) -> Foster:
