@@ -53,8 +53,8 @@ def tangent(heat: HeatProblem, change: Change, velocity: Array, names: tuple[str
     materials = [heat.geometry.material_of(name).name for name in mesh.region_names]
     of_k = np.array([change.conductivity.get(name, (0.0, 0.0)) for name in materials]).T[:, mesh.region]
     of_c = np.array([change.heat_capacity.get(name, 0.0) for name in materials])[mesh.region]
-    k, c = properties(heat.geometry, mesh)
-    k, c = k + 1j * STEP * of_k, c + 1j * STEP * of_c
+    real = properties(heat.geometry, mesh)
+    k, c = (one + 1j * STEP * of_one for one, of_one in zip(real, (of_k, of_c), strict=True))
     points = basis.mesh.p + 1j * STEP * velocity.T
     surfaces = heat.discretization.surfaces
     source = surfaces.source + 1j * STEP * _source(heat, change)
