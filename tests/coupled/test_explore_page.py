@@ -84,7 +84,7 @@ def test_the_value_under_the_pointer(page):
 
 
 def test_milliwatts_and_picometres(page):
-    """5 mW is 6.99 dBm; 100 pm on the red side is -c 100 pm/lambda^2; a value out of range is named in the same unit."""
+    """5 mW is 6.99 dBm; 100 pm on the red side is -c 100 pm/lambda^2; a range is given in the same unit."""
     page.select_option("#units", "pm")
     page.fill("#power", "5")
     page.fill("#detuning", "100")

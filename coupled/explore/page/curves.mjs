@@ -11,8 +11,8 @@ import { bisect } from "./eigen.mjs";
 import { balance, energy, follow, reach, secular, spectrumAt } from "./equilibria.mjs";
 import { UW, driveOf } from "./ring.mjs";
 
-const ENERGIES = 400;
-const FREQUENCIES = 500;
+const ENERGIES = 300;
+const FREQUENCIES = 300;
 const BISECTIONS = 40;
 
 /** Thermal impedance of the network at i w, [re, im] in K/uW. */

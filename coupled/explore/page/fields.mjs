@@ -48,10 +48,10 @@ function field(name) {
 
 /** What a slider spans: less than what its field takes. */
 function span(name) {
-  const window = windowOf(page.state, page.data, 2.5);
   const { low, high, group } = FIELDS[name];
-  if (name === "power") return [window.power[0] - 7, window.power[1] + 5];
-  if (name === "detuning") return window.detuning;
+  const { power } = page.data.rings[page.state.ring].window;
+  if (name === "power") return [power[0] - 7, power[1] + 5];
+  if (name === "detuning") return windowOf(page.state, page.data, 2.5).detuning;
   if (name === "duration") return [1, 100];
   if (name === "absorbed" || group === "geometry") return [low, high];
   if (group === "heaters") return [0, page.data.heaters[Number(name[1])].span];
@@ -60,8 +60,7 @@ function span(name) {
 }
 
 /** Places of a slider: one for every step, so that an arrow key moves it by one. */
-function stepsOf(name) {
-  const [low, high] = span(name);
+function stepsOf(name, [low, high] = span(name)) {
   return FIELDS[name].step ? Math.round((high - low) / FIELDS[name].step) : 1000;
 }
 
@@ -89,8 +88,8 @@ export function fill(typing = null) {
     const [value, unit, slider] = [valueOf(name, state, data), shownUnit(name, state), $(`${name}-slider`)];
     const [low, high] = span(name);
     const share = FIELDS[name].log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
-    slider.max = stepsOf(name);
-    slider.value = String(Math.round(stepsOf(name) * Math.min(Math.max(share, 0), 1)));
+    slider.max = stepsOf(name, [low, high]);
+    slider.value = String(Math.round(slider.max * Math.min(Math.max(share, 0), 1)));
     slider.setAttribute("aria-valuetext", `${Number(toShown(name, value, state, data).toPrecision(5))} ${unit}`);
     slider.setAttribute("aria-label", `${FIELDS[name].label}, slider${unit ? `, ${unit}` : ""}`);
     $(name).nextElementSibling.textContent = unit;

@@ -115,8 +115,8 @@ export function transmissionFigure(width, height, { points, states, state, drop,
   const box = boxOf(width, height, { bottom: 64 });
   const fig = figure(width, height, colours, zoom);
   const value = (p) => output(p.energy / FJ, drop);
-  const at = (detuning) => detuningAxis([detuning], state.units, ring).domain[0];
-  const place = (p) => at(p.detuning / 1e9);
+  const [unit] = detuningAxis([1], state.units, ring).domain;
+  const place = (p) => (p.detuning / 1e9) * unit;
   const inside = points.filter((p) => p.detuning / 1e9 >= window[0] && p.detuning / 1e9 <= window[1]);
   fig.panel(box, detuningAxis(window, state.units, ring), { domain: [0, padded(inside.map(value))[1]], label: outputLabel(drop) }, (x, y) => {
     const looks = { stable: [colours.accent, 2.1, ""], saddle: [colours.soft, 2.1, "2 4"], pulses: [colours.hopf, 2.1, "7 3"] };
@@ -132,8 +132,8 @@ export function transmissionFigure(width, height, { points, states, state, drop,
       piece = [];
     });
     for (const [from, to] of jumps(points)) content += stroke(`M${x(place(from))} ${y(value(from))}V${y(value(to))}`, colours.ink, 1.2, "1 3");
-    content += `<path d="M${x(at(state.detuning))} ${box.top}v${box.height}" stroke="${colours.ink}" stroke-opacity=".35"/>`;
-    return content + states.map((p) => dot(x(at(state.detuning)), y(value(p)), 4.5, p.regime === "stable" ? colours.ink : colours.ground, colours.ink)).join("");
+    content += `<path d="M${x(state.detuning * unit)} ${box.top}v${box.height}" stroke="${colours.ink}" stroke-opacity=".35"/>`;
+    return content + states.map((p) => dot(x(state.detuning * unit), y(value(p)), 4.5, p.regime === "stable" ? colours.ink : colours.ground, colours.ink)).join("");
   });
   fig.legend([{ name: "stable", colour: colours.accent }, { name: "pulses", colour: colours.hopf, dash: "7 3" }, { name: "saddle", colour: colours.soft, dash: "2 4" }], box, 58); // prettier-ignore
   return fig.done("Fixed points against detuning at the present power, with the jumps of a slow sweep");
