@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -89,7 +90,6 @@ class CornerMotion:
         self.edges = Edges.of(geometry)
         self.outlines = outlines(geometry)
         self.slack = max(100 * GRID, 1e-9 * float(np.abs(self.edges.corners).max()))
-        self._drawn: list[list[tuple[str, int]]] | None = None
 
     def key(self, owner: str | None) -> Key:
         """Material of an owner, and its name if it has a role (heated, interface, probe); None for a void."""
@@ -149,8 +149,10 @@ class CornerMotion:
         lines = []
         for name, side in self._drawing[k]:
             outline, velocity = self.outlines[name], change.outlines.get(name, np.zeros((4, 2)))
-            ends = [_interpolated(outline, velocity, side, point) @ normal for point in (a, b)]
-            inward = outline[(side + 1) % 4] - outline[side]
+            start, inward = outline[side], outline[(side + 1) % 4] - outline[side]
+            shares = [float((point - start) @ inward / (inward @ inward)) for point in (a, b)]
+            turn = velocity[(side + 1) % 4] - velocity[side]
+            ends = [(velocity[side] + share * turn) @ normal for share in shares]
             encloses = 1 if inward @ (b - a) > 0 else -1  # outlines run counterclockwise: inside lies to the left
             lines.append(Line(name, float(ends[0]), float(ends[1]), encloses))
         scale = max(abs(end) for line in lines for end in (line.start, line.stop))
@@ -168,21 +170,18 @@ class CornerMotion:
             "one parameter, or move them apart"
         )
 
-    @property
+    @cached_property
     def _drawing(self) -> list[list[tuple[str, int]]]:
         """For every edge the outlines that draw it, each with the number of its side."""
-        if self._drawn is None:
-            self._drawn = []
-            for a, b in self.edges.corners[self.edges.ends]:
-                found = []
-                for name, outline in self.outlines.items():
-                    sides = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
-                    near = [
-                        k for k, side in enumerate(sides) if distance(np.stack([a, b]), side[None]).max() < self.slack
-                    ]
-                    found += [(name, k) for k in near[:1]]
-                self._drawn.append(found)
-        return self._drawn
+        drawn = []
+        for ends in self.edges.corners[self.edges.ends]:
+            found = []
+            for name, outline in self.outlines.items():
+                sides = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
+                near = [k for k, side in enumerate(sides) if distance(ends, side[None]).max() < self.slack]
+                found += [(name, k) for k in near[:1]]
+            drawn.append(found)
+        return drawn
 
     def _stays(self, k: int, chosen: Line, lines: list[Line], direction: int) -> bool:
         """Whether both sides of edge ``k`` keep their material and role when the edge moves as ``chosen``."""
@@ -210,11 +209,3 @@ class CornerMotion:
         """Whether the outline of a layer or part goes round a point."""
         polygon: Any = shapely.Polygon(self.outlines[name] / GRID)
         return bool(polygon.contains(shapely.Point(point / GRID)))
-
-
-def _interpolated(outline: Array, velocity: Array, side: int, point: Array) -> Array:
-    """Velocity of a point on one side of an outline."""
-    start, stop = outline[side], outline[(side + 1) % 4]
-    along = stop - start
-    share = float((point - start) @ along / (along @ along))
-    return velocity[side] + share * (velocity[(side + 1) % 4] - velocity[side])
