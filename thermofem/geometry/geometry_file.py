@@ -18,8 +18,20 @@ from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.index_laws import read_index, write_index
 from ..materials.material_library import LAW_KEYS, LIBRARY, PROPERTIES, Material, read_property, write_property
-from .guides import BUSES, Bus, Guide
-from .section_parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
+from .section_parts import (
+    BUSES,
+    INSULATED,
+    ISOTHERMAL,
+    VERTICAL,
+    Boundary,
+    Bus,
+    Guide,
+    Interface,
+    Layer,
+    Part,
+    Probe,
+    ring,
+)
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection

@@ -23,9 +23,8 @@ from ..materials.index_laws import constant
 from ..materials.material_library import with_value
 from ..materials.property_laws import Law, PowerLaw
 from . import geometry_file
-from .guides import BUSES, LIGHT
 from .regions import outlines
-from .section_parts import SAME, Boundary, images
+from .section_parts import BUSES, LIGHT, SAME, Boundary, images
 
 if TYPE_CHECKING:
     from ..materials.material_library import Material
