@@ -7,9 +7,11 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from scipy.linalg import eigh
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
@@ -21,13 +23,8 @@ from ..reduction.reduce import reduce
 from . import family_files
 from .interpolation import OutputMaps
 from .parameter_box import Box
-from .projected_matrices import AffineMembers, MemberMatrices, MemberModes, difference
+from .projected_matrices import AffineMembers, MemberMatrices, MemberModes, MovedMeshMembers, difference
 from .snapshots import Certified, certified
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from .projected_matrices import MovedMeshMembers
 
 log = logging.getLogger("thermofem")
 
@@ -277,8 +274,6 @@ class Family:
 
         The step is in proportion to a contact resistance, whose 1/R bends, and to the range of any other parameter.
         """
-        from scipy.linalg import eigh
-
         a, b = channel or self._channel(None, None)
         contact = self.box.contact
         # 1e-11 m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump

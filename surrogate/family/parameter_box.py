@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
@@ -100,8 +101,6 @@ class Box:
 
     def draw(self, count: int, seed: int) -> Array:
         """SurfacePoints of a scrambled Sobol sequence, shape (count, p)."""
-        from scipy.stats import qmc
-
         shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))
         return self.at(shares[:count])
 

@@ -11,6 +11,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import eigh
+from scipy.linalg.lapack import dposv
 
 from thermofem import assemble, checks
 from thermofem.arrays import Array, NDArray
@@ -53,8 +55,6 @@ class MemberMatrices:
 
     def modes(self) -> MemberModes:
         """Solve M v = tau K v with v^T K v = 1: errors are relative to the largest time constant and to R_th."""
-        from scipy.linalg import eigh
-
         tau, v = eigh(self.M, self.K, check_finite=False)
         return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
 
@@ -168,8 +168,6 @@ class AffineMembers:
 
     def _resistance(self, rows: Array, heated: int, read: int) -> Array:
         """Static gain of one member, shape (1,), by Cholesky factorization of the upper triangle."""
-        from scipy.linalg.lapack import dposv
-
         (at, terms, ports), (K, volume) = self._static_terms, self.coefficients.static(rows)
         full = np.zeros((self.statics, self.statics), order="F")
         full[at] = K[0] @ terms

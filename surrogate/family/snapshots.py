@@ -5,8 +5,6 @@ the imaginary axis, are then combinations of a few modes. Each is divided by the
 that leaves the share e of its energy errs by about e in Z(s).
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import logging

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
+from scipy.sparse import csr_matrix, vstack
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
@@ -114,8 +116,6 @@ def points(
     cell [shape (triangles,)]
     i, j: intervals of each cell.
     """
-    from scipy.sparse import csr_matrix, vstack
-
     d, found, traces = heat.discretization, [], []
     s = d.surfaces
     grid = d.basis.mesh
@@ -143,8 +143,6 @@ def points(
 
 def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
     """Properties of all functions at the three Gauss points of each facet, sparse, shape (3 f, n)."""
-    from scipy.sparse import csr_matrix
-
     x = GAUSS
     shape = np.array([(1 - x) * (1 - 2 * x), x * (2 * x - 1), 4 * x * (1 - x)])  # (function, point)
     dofs = np.vstack([basis.nodal_dofs[0][basis.mesh.facets[:, facets]], basis.facet_dofs[0][facets]])
@@ -199,8 +197,6 @@ class SampledWeights:
     @classmethod
     def of(cls, every: SurfacePoints, samples: Array) -> SampledWeights:
         """Choose points from weights at many members, shape (n, q)."""
-        from scipy.linalg import qr
-
         scale = np.abs(samples).max(axis=0)  # far points carry small weights, and count as well
         u, s, _ = np.linalg.svd((samples / scale).T, full_matrices=False)
         # 1e-13: singular values below this share of the first are round-off

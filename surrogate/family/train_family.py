@@ -5,8 +5,6 @@ it is added, so its error is a fair test of the functions so far. Between batche
 all functions and with those of earlier batches alone; where the two differ most, the next members are solved.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

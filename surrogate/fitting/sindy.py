@@ -26,31 +26,22 @@ Sources: S. L. Brunton, J. L. Proctor, J. N. Kutz, PNAS 113, 3932 (2016); D. A. 
 443, 110525 (2021) (weak form); K. Champion et al., IEEE Access 8, 169259 (2020) (constraints).
 """
 
-from __future__ import annotations
-
 import logging
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from itertools import combinations_with_replacement
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+import xarray as xr
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.data.dataset import check_together, response_of, warn_of
 from thermofem.models import HasModel, Network, gate
-from thermofem.waveforms import Waveform
-
-if TYPE_CHECKING:
-    import xarray as xr
-from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING
-
 from thermofem.models.identified_network import STATIC
-
-if TYPE_CHECKING:
-    import xarray as xr
+from thermofem.waveforms import Waveform
 
 log = logging.getLogger("thermofem")
 
