@@ -1,4 +1,4 @@
-"""Where a family is affine: outlines on lines across r and z, and the properties of many members at once.
+"""Where a family is affine: outlines on lines across r and z, and the coefficients of the cells between them.
 
 Every outline that runs along r or z lies on a line; its position is linear in the parameters. Between two lines
 
@@ -16,15 +16,13 @@ from functools import cached_property
 
 import numpy as np
 
-from thermofem import Boundary, CrossSection
+from thermofem import CrossSection
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.mesh_division import PERFECT
 from thermofem.geometry.parameter_paths import Change
 from thermofem.geometry.regions import outlines
-from thermofem.materials.material_library import VOID, Material
-from thermofem.materials.property_laws import PowerLaw
+from thermofem.materials.material_library import VOID
 
-from .parameter_box import Box
+from .parameter_box import Box, Properties
 
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
 
@@ -51,12 +49,8 @@ class Axis:
     def maps(self, offset: Array) -> tuple[Array, Array]:
         """a and b of every interval, each of shape (..., l - 1)."""
         position = self.at(offset)
-        b = (position[..., 1:] - position[..., :-1]) / self._gaps
+        b = np.diff(position, axis=-1) / np.diff(self.base)
         return position[..., :-1] - b * self.base[:-1], b
-
-    @cached_property
-    def _gaps(self) -> Array:
-        return np.diff(self.base)
 
     def moved(self, x: Array, interval: NDArray[np.intp], offset: Array) -> Array:
         """Positions of points in given intervals."""
@@ -66,11 +60,12 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class CellGrid:
-    """Lines across both axes and the owner of every cell between them.
+    """Lines across both axes, and the cells between them that are meshed.
 
     owner [list of list of (str or None)]: layer or part of cell (i, j); None where nothing is meshed.
     """
 
+    box: Box
     r: Axis
     z: Axis
     owner: list[list[str | None]]
@@ -86,13 +81,39 @@ class CellGrid:
             raise NotAffineError("the terms of a family on lines have the weight 2 pi r of a ring")
         if base.probes:
             raise NotAffineError("shells around parts and copies off the axis do not follow lines")
-        r, z = _lines(base, box.changes)
         ranges = box.low - box.middle, box.high - box.middle
         heated = [part for part in base.parts if part.heated]
-        r, z = (_ordered(axis, ranges, half) for axis in (r, z))
+        r, z = (_ordered(axis, ranges, half) for axis in _lines(base, box.changes))
         r = _with_companions(r, ranges, [x for part in heated for x in (part.inner_radius, part.outer_radius)])
         z = _with_companions(z, ranges, [x for part in heated for x in (part.bottom, part.top)])
-        return cls(r, z, _owners(base, r.base, z.base))
+        return cls(box, r, z, _owners(base, r.base, z.base))
+
+    @cached_property
+    def cells(self) -> tuple[NDArray[np.intp], NDArray[np.intp], list[str]]:
+        """Intervals i across r and j across z, shape (c,), and the owner, of every cell that is meshed."""
+        found = [(i, j, name) for i, column in enumerate(self.owner) for j, name in enumerate(column) if name]
+        i, j, owner = zip(*found, strict=True)
+        return np.array(i), np.array(j), list(owner)
+
+    @cached_property
+    def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
+        """Every material once, and which one each cell has."""
+        material = [self.box.base.material_of(name).name for name in self.cells[2]]
+        names = list(dict.fromkeys(material))
+        return names, np.array([names.index(one) for one in material])
+
+    def coefficients(self, rows: Array, at: Properties) -> tuple[Array, Array, Array]:
+        """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
+        names, index = self._materials
+        k_r, k_z, c = (2 * np.pi * np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
+        offset, (i, j, _) = rows - self.box.middle, self.cells
+        a, b = (x[:, i] for x in self.r.maps(offset))
+        d = self.z.maps(offset)[1][:, j]
+        ratio, area = d / b, 2 * np.pi * b * d
+        along_r, along_z = k_r * ratio, k_z / ratio
+        stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
+        volume = np.concatenate([area * a, area * b], axis=1)
+        return stiffness, np.concatenate([c, c], axis=1) * volume / (2 * np.pi), volume
 
 
 def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
@@ -165,80 +186,3 @@ def _owners(base: CrossSection, r: Array, z: Array) -> list[list[str | None]]:
         return None
 
     return [[owner(x, y) for y in (z[:-1] + z[1:]) / 2] for x in (r[:-1] + r[1:]) / 2]
-
-
-@dataclass(frozen=True, eq=False)
-class Properties:
-    """Properties at the ambient temperature, each of shape (n,) or ().
-
-    k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
-    contact [dict from part to array; m^2 K/W]
-    convection [dict from side to array; W/(m^2 K)]
-    """
-
-    k_r: dict[str, Array]
-    k_z: dict[str, Array]
-    capacity: dict[str, Array]
-    contact: dict[str, Array]
-    convection: dict[str, Array]
-
-
-def member_properties(box: Box, rows: Array) -> Properties:
-    """Properties for members with the parameters ``rows``, shape (n, p)."""
-    base, paths = box.base, [v.paths for v in box.campaign.variations]
-    used = box.materials
-    given: dict[str, dict[str, Array]] = {name: {} for name in used}
-    contact: dict[str, Array] = {}
-    for interface in base.interfaces:
-        contact[interface.part] = contact.get(interface.part, 0.0) + np.full(len(rows), interface.resistance)
-    convection = {
-        side: np.full(len(rows), h)
-        for side in ("bottom", "top", "outer")
-        if (h := getattr(base, side).exchange(base.ambient))
-    }
-    ambient = np.full(len(rows), base.ambient)
-    for column, each in zip(rows.T, paths, strict=True):
-        for path in each:
-            kind, *middle = path.split(".")
-            if path == "ambient":
-                ambient = column
-            elif kind == "material":
-                split = 2 if len(middle) > 2 and middle[-2] in ("conductivity", "specific_heat") else 1
-                name = ".".join(middle[:-split])
-                if name in given:
-                    given[name][".".join(middle[-split:])] = column
-            elif kind == "interface":
-                name = ".".join(middle[:-1])
-                first = next(interface for interface in reversed(base.interfaces) if interface.part == name)
-                contact[name] = contact[name] - first.resistance + column
-            elif kind == "boundary":
-                given_side: Boundary = getattr(base, middle[0])
-                convection[middle[0]] = column * (given_side.exchange(base.ambient) / given_side.coefficient)
-    contact = {name: np.maximum(value, PERFECT) for name, value in contact.items()}
-    k_r, k_z, capacity = {}, {}, {}
-    for name, material in used.items():
-        k_r[name], k_z[name], capacity[name] = _material(material, given[name], ambient)
-    return Properties(k_r, k_z, capacity, contact, convection)
-
-
-def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:
-    """k_r, k_z and rho c_p of one material with some of its numbers replaced by arrays."""
-
-    def factor(kind: str) -> Array:
-        law = getattr(material, f"{kind}_law")
-        if not isinstance(law, PowerLaw):
-            return np.asarray(law.factor(T0))
-        exponent = given.get(f"{kind}.exponent", law.exponent)
-        reference = given.get(f"{kind}.reference", law.reference)
-        return np.asarray((T0 / reference) ** exponent)
-
-    def number(kind: str) -> Array | float:
-        names = (kind, f"{kind}.value", f"{kind}.r")
-        return next((given[name] for name in names if name in given), getattr(material, kind))
-
-    along_r = number("conductivity")
-    along_z = material.conductivity_z if material.conductivity_z is not None else along_r
-    along_z = given.get("conductivity.z", along_z)
-    k = factor("conductivity")
-    c = number("density") * number("specific_heat") * factor("specific_heat")
-    return np.asarray(along_r * k), np.asarray(along_z * k), np.broadcast_to(c, T0.shape)

@@ -18,7 +18,7 @@ from thermofem.data.quantity import SI
 from thermofem.mesh import Mesh
 
 from .affine_grid import Axis, CellGrid
-from .affine_matrices import Cells, Coefficients
+from .affine_matrices import Coefficients
 from .interpolation import OutputMaps
 from .parameter_box import Box
 from .projected_matrices import AffineMembers, MovedMeshEngine, MovedMeshMembers
@@ -184,7 +184,7 @@ def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
 
 
 def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
-    grid = CellGrid(Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
+    grid = CellGrid(box, Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
     surface = None
     if "surface" in content:
         s = content["surface"]
@@ -193,7 +193,7 @@ def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMember
         parts = [tuple(part) for part in s["parts"]]
         surface = SampledWeights(SurfacePoints(kind=kind, material=material, parts=parts, **fields), a["modes"])
     stiffness, capacity = ((a[f"{x}_kind"], a[f"{x}_ratio"]) for x in ("stiffness", "capacity"))
-    coefficients = Coefficients(box, grid, Cells.of(grid, box), stiffness, capacity, surface)
+    coefficients = Coefficients(grid, stiffness, capacity, surface)
     statics = checks.integer("statics", content["statics"], 1, a["ports"].shape[-1])
     return AffineMembers(coefficients, a["K"], a["M"], a["ports"], a["volumes"], statics)
 

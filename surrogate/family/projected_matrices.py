@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.linalg.lapack import dposv
 
 from thermofem import assemble, checks
 from thermofem.arrays import Array, NDArray
@@ -153,28 +152,15 @@ class AffineMembers:
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """Static gain of many members, shape (n,), from the static functions."""
         n, (at, terms, ports) = self.statics, self._static_terms
-        if len(rows) == 1:
-            return self._resistance(rows, heated, read)
         result = np.empty(len(rows))
         for start in range(0, len(rows), CHUNK):
-            K, volume = self.coefficients.static(rows[start : start + CHUNK])
+            K, _, volume = self.coefficients(rows[start : start + CHUNK])
             packed = K @ terms
             full = np.zeros((len(packed), n, n))
-            full[:, at[0], at[1]] = packed
-            full[:, at[1], at[0]] = packed
+            full[:, at[0], at[1]] = full[:, at[1], at[0]] = packed
             b, c = ((volume @ ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
             result[start : start + CHUNK] = np.einsum("nk,nk->n", c, np.linalg.solve(full, b[..., None])[..., 0])
         return result
-
-    def _resistance(self, rows: Array, heated: int, read: int) -> Array:
-        """Static gain of one member, shape (1,), by Cholesky factorization of the upper triangle."""
-        (at, terms, ports), (K, volume) = self._static_terms, self.coefficients.static(rows)
-        full = np.zeros((self.statics, self.statics), order="F")
-        full[at] = K[0] @ terms
-        b = volume[0] @ ports[heated] / (volume[0] @ self.volumes[heated])
-        c = b if read == heated else volume[0] @ ports[read] / (volume[0] @ self.volumes[read])
-        _, x, failed = dposv(full, b, overwrite_a=True)
-        return np.array([c @ x]) if not failed else np.array([np.nan])
 
 
 CHUNK = 512  # members at once

@@ -21,20 +21,13 @@ from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.fem.mesh_division import resistances
 
-from .affine_grid import CellGrid, Properties
-from .parameter_box import Box
+from .affine_grid import CellGrid
+from .parameter_box import Properties
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
 GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
 SAMPLES = 300
-ARRAYS = (
-    "kind",
-    "ends",
-    "gauss",
-    "interval",
-    "material",
-    "outward",
-)  # fields of `SurfacePoints` with a row for each point
+ARRAYS = "kind", "ends", "gauss", "interval", "material", "outward"  # fields with a row for each point
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +56,9 @@ class SurfacePoints:
         arrays = {name: getattr(self, name)[chosen] for name in ARRAYS}
         return SurfacePoints(**arrays, parts=[self.parts[k] for k in chosen])
 
-    def weights(self, grid: CellGrid, box: Box, rows: Array, at: Properties) -> Array:
+    def weights(self, grid: CellGrid, rows: Array, at: Properties) -> Array:
         """w at every point for parameters of shape (n, p); shape (n, q)."""
-        offset = rows - box.middle
+        offset = rows - grid.box.middle
         place = []
         for axis, line in enumerate((grid.r, grid.z)):
             a, b = line.maps(offset)
@@ -76,45 +69,35 @@ class SurfacePoints:
         x = GAUSS[self.gauss]
         r, z = (y[..., 0] * (1 - x) + y[..., 1] * x for y in (r, z))
         measure = 2 * np.pi * r * length * WEIGHT[self.gauss]
-        return measure * self._exchange(grid, box, offset, at, r, z)
+        return measure * self._exchange(grid, offset, at, r, z)
 
-    def _exchange(self, grid: CellGrid, box: Box, offset: Array, at: Properties, r: Array, z: Array) -> Array:
+    def _exchange(self, grid: CellGrid, offset: Array, at: Properties, r: Array, z: Array) -> Array:
         """Heat per area and kelvin at every point."""
         h = np.zeros(r.shape)
         for q, kind in enumerate(self.kind):
-            if kind == "contact":
-                h[:, q] = 1 / sum(at.contact[part] for part in self.parts[q])
-            elif kind.startswith("convection"):
-                h[:, q] = 1 / self._series(kind.split()[1], self.parts[q], at)
+            if kind != "open":  # contacts in series, and with the convection of a side, if it has any
+                own = [1 / at.convection[side] for side in kind.split()[1:] if side in at.convection]
+                h[:, q] = 1 / sum([*own, *(at.contact[part] for part in self.parts[q])])
             else:
-                height = z[:, q] - _source(grid, box, offset)
+                height = z[:, q] - _source(grid, offset)
                 n, m = self.outward[q], self.material[q]
                 square = r[:, q] ** 2 / at.k_r[m] + height**2 / at.k_z[m]
                 h[:, q] = (n[0] * r[:, q] + n[1] * height) / square
         return h
 
-    @staticmethod
-    def _series(side: str, parts: tuple[str, ...], at: Properties) -> Any:
-        """Resistance in m^2 K/W from a part to the ambient of a side."""
-        own = 1 / at.convection[side] if side in at.convection else 0.0
-        return own + sum(at.contact[part] for part in parts)
 
-
-def _source(grid: CellGrid, box: Box, offset: Array) -> Array:
+def _source(grid: CellGrid, offset: Array) -> Array:
     """Height of the middle of the first heated part."""
-    part = next(part for part in box.base.parts if part.heated)
+    part = next(part for part in grid.box.base.parts if part.heated)
     positions = grid.z.at(offset)
     low, high = (int(np.abs(grid.z.base - z).argmin()) for z in (part.bottom, part.top))
     return np.asarray((positions[:, low] + positions[:, high]) / 2)
 
 
-def points(
-    heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: NDArray[np.intp]
-) -> tuple[SurfacePoints, Any]:
+def points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[SurfacePoints, Any] | None:
     """Quadrature points of a heat problem on the reference mesh, and the sparse traces U, shape (q, unknowns).
 
-    cell [shape (triangles,)]
-    i, j: intervals of each cell.
+    intervals [shape (triangles, 2)]: across r and z. None where the geometry has no such surfaces.
     """
     d, found, traces = heat.discretization, [], []
     s = d.surfaces
@@ -124,18 +107,16 @@ def points(
         for side in ("top", "bottom", "outer"):
             there = facets[heat.geometry.on_boundary(side, r, z)]
             if len(there):
-                found.append(_on(heat, there, cell, i, j, f"convection {side}"))
+                found.append(_on(heat, there, intervals, f"convection {side}"))
                 traces.append(_trace(d.basis, there))
     if len(s.open):
-        found.append(_on(heat, s.open, cell, i, j, "open"))
+        found.append(_on(heat, s.open, intervals, "open"))
         traces.append(_trace(d.basis, s.open))
     for one, other in s.contacts.values():
-        found.append(_on(heat, one, cell, i, j, "contact", other))
+        found.append(_on(heat, one, intervals, "contact", other))
         traces.append(_trace(d.basis, one) - _trace(d.basis, other))
     if not found:
-        none = np.empty(0, dtype=np.intp)
-        ends, pairs = np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.intp)
-        return SurfacePoints(none, ends, none, pairs, none, np.empty((0, 2)), []), csr_matrix((0, d.basis.N))
+        return None
     arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
     every = SurfacePoints(**arrays, parts=[part for one in found for part in one.parts])
     return every, vstack(traces).tocsr()
@@ -155,12 +136,11 @@ def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
 def _on(
     heat: HeatProblem,
     facets: NDArray[np.intp],
-    cell: NDArray[np.intp],
-    i: NDArray[np.intp],
-    j: NDArray[np.intp],
+    intervals: NDArray[np.intp],
     kind: str,
     other: NDArray[np.intp] | None = None,
 ) -> SurfacePoints:
+    """Points of facets; ``other`` are the same facets of a contact, on its other side."""
     grid = heat.discretization.basis.mesh
     beside = grid.f2t[0, facets]
     ends = np.moveaxis(grid.p[:, grid.facets[:, facets]], (0, 1, 2), (2, 1, 0))  # (f, end, axis)
@@ -175,12 +155,11 @@ def _on(
         owners.append([names[r] for r in heat.mesh.region[grid.f2t[0, other]]])
     parts = [tuple(name for name in pair if name in limit) for pair in zip(*owners, strict=True)]
     material = np.array([heat.geometry.material_of(name).name for name in owners[0]])
-    interval = np.stack([i[cell[beside]], j[cell[beside]]], axis=1)
     return SurfacePoints(
         kind=np.repeat(np.full(len(facets), kind, dtype=object), 3),
         ends=np.repeat(ends, 3, axis=0),
         gauss=np.tile(np.arange(3), len(facets)),
-        interval=np.repeat(interval, 3, axis=0),
+        interval=np.repeat(intervals[beside], 3, axis=0),
         material=np.repeat(material.astype(object), 3),
         outward=np.repeat(normal, 3, axis=0),
         parts=[part for part in parts for _ in range(3)],

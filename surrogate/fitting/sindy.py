@@ -268,7 +268,9 @@ def read_probes(data: xr.Dataset) -> Probed:
         raise checks.InputError("data.time is not evenly spaced; the weak form needs even samples")
     names = tuple(str(p) for p in data["probe"].values)
     if data.attrs.get("heated", names[0]) != names[0]:
-        raise checks.InputError(f"the first probe is {names[0]!r}; it must be the heated {data.attrs['heated']!r}")
+        raise checks.InputError(
+            f"the first probe is {names[0]!r}; it must be the heated part, {data.attrs['heated']!r}"
+        )
     return Probed(times, rise, responses[0].wave, names)
 
 
