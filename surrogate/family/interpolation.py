@@ -22,10 +22,10 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem
 
 from ..reduction.nonlinear_reduction import output_map
-from .affine_matrices import AffineEngine
+from .affine_engine import AffineEngine
+from .members import Solver
+from .moved_mesh_engine import MovedMeshEngine
 from .parameter_box import Box
-from .projected_matrices import MovedMeshEngine
-from .snapshots import Solver
 
 TAIL = 1e-4  # probability beyond either end of the span on which members are worked out
 

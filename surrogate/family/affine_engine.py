@@ -27,9 +27,11 @@ from thermofem.mesh import Mesh
 from thermofem.mesh.element_sizes import size_function, sizes
 from thermofem.mesh.gmsh_mesher import make_faces
 
-from .affine_grid import CellGrid
+from .affine_grid import SAMPLES, CellGrid, SampledWeights, points
+from .members import MemberMatrices
 from .parameter_box import Box
-from .surface_weights import SAMPLES, SampledWeights, points
+
+CHUNK = 512  # members at once
 
 
 def element_terms(basis: Any) -> tuple[Array, Array, Array]:
@@ -219,3 +221,79 @@ def _mesh(grid: CellGrid, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
     names = tuple(name for name in base.region_names if name in owners)
     region = np.array([names.index(owner) for owner in owners])[cell]
     return Mesh(mesh.points, mesh.triangles, region, names), cell
+
+
+@dataclass(frozen=True, eq=False)
+class AffineMembers:
+    """Packed matrices of a family on lines.
+
+    K, M [shape (terms, N (N + 1)/2)]: upper triangles, row by row.
+    ports [shape (ports, 2 c, N)]
+    volumes [shape (ports, 2 c)]
+    statics: first functions, from which the thermal resistance is taken; `Trainer` says how many are enough.
+    """
+
+    coefficients: Coefficients
+    K: Array
+    M: Array
+    ports: Array
+    volumes: Array
+    statics: int
+    engine = "affine"
+
+    @classmethod
+    def of(
+        cls, coefficients: Coefficients, terms: tuple[Array, Array, Array], volumes: Array, statics: int
+    ) -> AffineMembers:
+        """Pack square terms."""
+        K, M, ports = terms
+        upper = np.triu_indices(K.shape[1])
+        return cls(coefficients, K[:, *upper], M[:, *upper], ports, volumes, statics)
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return int(self.ports.shape[2])
+
+    def rotated(self, T: Array, statics: int) -> AffineMembers:
+        """In other functions, the columns of T."""
+        K, M = (np.array([T.T @ self._square(x) @ T for x in packed]) for packed in (self.K, self.M))
+        return AffineMembers.of(self.coefficients, (K, M, self.ports @ T), self.volumes, statics)
+
+    def _square(self, packed: Array) -> Array:
+        n = self.size
+        full, upper = np.zeros((n, n)), self._upper
+        full[upper] = packed
+        full.T[upper] = packed
+        return full
+
+    @cached_property
+    def _upper(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        i, j = np.triu_indices(self.size)
+        return i, j
+
+    @cached_property
+    def _static_terms(self) -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], Array, Array]:
+        """Places and terms of K between the static functions, and the ports of those."""
+        n, upper = self.statics, np.triu_indices(self.size)
+        kept = np.flatnonzero((upper[0] < n) & (upper[1] < n))
+        return (upper[0][kept], upper[1][kept]), np.ascontiguousarray(self.K[:, kept]), self.ports[:, :, :n]
+
+    def member(self, row: Array) -> MemberMatrices:
+        """Matrices of one member."""
+        K, M, volume = self.coefficients(row[None])
+        mean = np.einsum("c,pcn->pn", volume[0], self.ports) / (self.volumes @ volume[0])[:, None]
+        return MemberMatrices(self._square(K[0] @ self.K), self._square(M[0] @ self.M), mean)
+
+    def resistances(self, rows: Array, heated: int, read: int) -> Array:
+        """Static gain of many members, shape (n,), from the static functions."""
+        n, (at, terms, ports) = self.statics, self._static_terms
+        result = np.empty(len(rows))
+        for start in range(0, len(rows), CHUNK):
+            K, _, volume = self.coefficients(rows[start : start + CHUNK])
+            packed = K @ terms
+            full = np.zeros((len(packed), n, n))
+            full[:, at[0], at[1]] = full[:, at[1], at[0]] = packed
+            b, c = ((volume @ ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
+            result[start : start + CHUNK] = np.einsum("nk,nk->n", c, np.linalg.solve(full, b[..., None])[..., 0])
+        return result
