@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from audit import femwell_guide
 
 import surrogate
 import thermofem as th
-from audit import femwell_guide
 
 # exact step response in K/W (shared table, Fourier in x and Laplace in t, trusted to 1e-5): core of 450 x 220 nm with
 # oxide's properties, 2 um of oxide above and below, L = 320 um, on a silicon half space
@@ -154,7 +154,7 @@ def test_derivatives_of_open_sections(path):
     assert found == pytest.approx((R[0] - R[1]) / (2 * step), rel=5e-3 if path == "part.core.x" else 2e-3)
 
 
-# mean rise in K/W over the heated length of a finite guide of silicon in three dimensions, by NGSolve with 1.5e5 unknowns
+# mean rise in K/W over the heated length of a finite guide of silicon in three dimensions: NGSolve, 1.5e5 unknowns
 # (`audit/finite_guide.py`, elements of order 2): 4e-4 too low by its mesh in x and z
 FINITE = {10e-6: 28324.4, 40e-6: 9033.43, 100e-6: 3790.58, 320e-6: 1214.81}
 
