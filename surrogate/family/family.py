@@ -20,6 +20,7 @@ from thermofem.models.contract import OutsideTrainingWarning
 from ..reduction.reduce import reduce
 from . import family_files
 from .interpolation import OutputMaps
+from .optical_numbers import OpticalNumbers
 from .parameter_box import Box
 from .projected_matrices import AffineMembers, MemberMatrices, MemberModes, difference
 from .snapshots import Certified, certified
@@ -83,6 +84,8 @@ class Family:
     output_maps : OutputMaps, optional
         k(T) and c_p(T) up to a power: the output map of every member, by interpolation, and its own error. All errors
         beside it, derivatives and certificates are those at small power.
+    optics : OpticalNumbers, optional
+        where the geometry has [light]: what `coupled.ring_at` makes the ring of a member from, and its errors.
     provenance : dict
     """
 
@@ -95,6 +98,7 @@ class Family:
     floor: float
     factor: float
     output_maps: OutputMaps | None = None
+    optics: OpticalNumbers | None = None
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:

@@ -31,6 +31,7 @@ from .affine_grid import NotAffineError
 from .affine_matrices import AffineEngine
 from .family import Family, HeldOut, coarse_difference
 from .interpolation import OutputMaps, interpolate_output_maps
+from .optical_numbers import OpticalNumbers, train_optics
 from .parameter_box import Box
 from .projected_matrices import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
 from .snapshots import FINEST, Member, Solver, certified_modes, extend_basis, fine_member, snapshot_of
@@ -281,8 +282,13 @@ def train_family(
         output_maps = interpolate_output_maps(engine, (a, b), power, foster, seed, replace(solver, store=None))
     elif engine.reference.nonlinear:
         log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
+    optics: OpticalNumbers | None = None
+    if box.base.light is not None:
+        report("modes and couplers")
+        optics = train_optics(box, seed, solver)
     for name in _without_effect(box, members, heated):
-        log.warning("parameter %r changes nothing in this geometry; leave it out", name)
+        if optics is None or not optics.moves(box.names.index(name)):
+            log.warning("parameter %r changes nothing in this geometry; leave it out", name)
     if error.worst > tolerance:
         log.warning(
             "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
@@ -300,6 +306,7 @@ def train_family(
         floor=SAFETY * max(meshes),
         factor=SAFETY * max(ratios),
         output_maps=output_maps,
+        optics=optics,
         provenance={
             "method": f"reduced basis, {members.engine}",
             "version": version,

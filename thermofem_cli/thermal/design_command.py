@@ -12,7 +12,8 @@ from thermofem.errors import InputError
 
 from .. import options
 from ..console import note, say, working, written
-from .family_options import cycle_property, fixed_of, optics_of, pulsing_range, units_of
+from ..drive_texts import detuning_of
+from .family_options import PulsingRange, Settled, fixed_of, optics_of, ring_for, units_of
 
 
 def design(
@@ -30,6 +31,8 @@ def design(
     ring: options.FamilyRing = options.REFERENCE_RING,
     power: options.FamilyPower = "8 dBm",
     detuning: options.FamilyDetuning = "0 GHz",
+    workers: options.Processes = 1,
+    scheduler: options.Scheduler = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
@@ -38,13 +41,17 @@ def design(
     if not (period or swing or range_):
         options.unused(context, "goes with --period, --swing or --range", "power", "detuning", "optics", "ring")
     found = surrogate.load_family(file)
-    drive = (found, ring, power, detuning)
+    resonator: Any = None
+    drive: tuple[Any, ...] = ()
+    if period or swing or range_:
+        resonator = ring_for(found, ring)
+        drive = resonator, quantity.parse(power, "W", name="--power"), detuning_of(detuning, resonator)
     asked: list[tuple[str, str | None, str, Callable[[], Any]]] = [
         ("--resistance", resistance, "K/W", lambda: "thermal_resistance"),
         ("--rise-time", rise_time, "s", lambda: "rise_time"),
-        ("--period", period, "s", lambda: cycle_property("period", *drive)),
-        ("--swing", swing, "K", lambda: cycle_property("swing", *drive)),
-        ("--range", range_, "Hz", lambda: pulsing_range(*drive)),
+        ("--period", period, "s", lambda: Settled("period", *drive)),
+        ("--swing", swing, "K", lambda: Settled("swing", *drive)),
+        ("--range", range_, "Hz", lambda: PulsingRange(*drive[:2])),
     ]
     target = {make(): _wanted(text, unit, option) for option, text, unit, make in asked if text is not None}
     if not target:
@@ -52,9 +59,10 @@ def design(
     fixed = fixed_of(found, fix)
     if set(fixed) == set(found.names):
         raise InputError("every parameter is fixed; remove one --fix")
-    with working("searching"):
-        settings: dict[str, Any] = {"fixed": fixed, "optics": optics_of(found, optics, ring), "seed": seed}
-        result = surrogate.design(found, target=target, **settings)
+    moving = optics_of(found, optics, resonator) if drive else None
+    settings: dict[str, Any] = {"fixed": fixed, "optics": moving, "seed": seed}
+    with options.executor_of(scheduler, workers if workers > 1 else None) as executor, working("searching"):
+        result = surrogate.design(found, target=target, executor=executor, **settings)
     units = units_of(found) | dict(zip(result.achieved, (unit for _, text, unit, _ in asked if text), strict=True))
     say("reached" if result.reached else "no member that was looked at does that; the nearest one:")
     for name, wanted in zip(result.achieved, target.values(), strict=True):
@@ -70,7 +78,10 @@ def design(
         ]
         say(f"{name} changes by {', '.join(words)}")
     if result.reached and len(target) < len(free):
-        note(f"{len(target)} wanted, {len(free)} free: one solution of many; --fix {free[-1]}=... picks another")
+        note(
+            f"{len(target)} wanted, {len(free)} free: one solution of many, the nearest to the geometry of the family "
+            f"in units of the ranges; --fix {free[-1]}=... picks another"
+        )
     own = written(result.certified.thermal_resistance, "K/W")
     say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
     front = None

@@ -21,7 +21,7 @@ def family(
     folder: Annotated[
         Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
     ] = None,
-    workers: Annotated[int, typer.Option(help="Processes that solve members.", min=1, max=1024)] = 1,
+    workers: options.Processes = 1,
     scheduler: options.Scheduler = None,
     power: Annotated[
         str | None, typer.Option(help="Largest absorbed power, e.g. '2 mW'; for conductivities k(T).")
@@ -44,6 +44,9 @@ def family(
     )
     if found.output_maps is not None:
         say(f"k(T) up to {quantity.write(found.output_maps.power, 'W')}: error {found.output_maps.error:.1e}")
+    own = found.optics
+    if own is not None:
+        say(f"light of {own.solved} rings; error over rings left out: {own.words()}")
     wrote(output)
     return {
         "family": output,
@@ -51,5 +54,6 @@ def family(
         "engine": found.engine,
         "error": error,
         "error_hot": None if found.output_maps is None else found.output_maps.error,
+        "error_optics": None if own is None else own.error,
         "ranges": {name: list(map(float, ends)) for name, ends in found.ranges.items()},
     }
