@@ -109,8 +109,8 @@ class MovingRing:
         ratios.setdefault("drop_rate", ratios["bus_rate"])
         if self.ring.index_confinement is None:  # the printed rules: the shift is in proportion to thermo_optic
             ratios["thermo_optic"] = n["thermo_optic"] / self._start["thermo_optic"]
-            del ratios["index_confinement"]
-        found = {name: getattr(self.ring, name) * (ratio - 1) for name, ratio in ratios.items()}
+        own = {name: getattr(self.ring, name) for name in ratios}
+        found = {name: value * (ratios[name] - 1) for name, value in own.items() if value is not None}
         return found | {"scattering_rate": n["radiated"] - self._start["radiated"]}
 
 
