@@ -124,7 +124,7 @@ poles = th.models.gate([[-1e6]], [7e9], static=7e3)
 shells = th.solve(heat, th.SquareWave(2e-3, 1e-6, 1 / 3), np.linspace(0, 4e-6, 1201), read=("core", "box"))
 network = surrogate.fit_sindy(shells, [heat.thermal_resistance("core", name) for name in ("core", "box")]).model
 
-# %% th.Quadratic surrogate.output_map surrogate.reduce_quadratic
+# %% surrogate.output_map surrogate.reduce_quadratic
 warm = th.assemble(th.strip_ring().with_({"part.core.material": "Si(T)", "layer.box.material": "SiO2(T)"}))
 nonlinear = warm.model("core", "core")
 mapped = surrogate.output_map(nonlinear, 10e-3)

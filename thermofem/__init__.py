@@ -1,7 +1,8 @@
 """Heat and light on the cross-section of a silicon microring resonator."""
 
 from . import checks as checks
-from . import materials, waveforms
+from . import materials
+from . import waveforms as waveforms
 from .campaign import Campaign
 from .checks import InputError
 from .data import (
@@ -28,7 +29,9 @@ from .geometry import (
 )
 from .lighting import light
 from .materials import Material
-from .models import Foster, OutputMap, Quadratic, StateSpace
+from .models import Foster, StateSpace
+from .models import OutputMap as OutputMap
+from .models import Quadratic as Quadratic
 from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
 from .version import __version__ as __version__
@@ -45,8 +48,7 @@ from .waveforms import (
 
 __all__ = [
     "MZI", "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Foster", "Function", "InputError",
-    "Interface", "Layer", "Material", "OutputMap", "Part", "Probe", "Pulse", "Quadratic", "RingEdge", "Sampled",
-    "SquareWave", "StateSpace", "Symbols", "Telegraph", "assemble", "dataset", "derivatives", "disc",
-    "from_gdsfactory", "heated_ring", "light", "load", "materials", "read_trace", "rib_ring", "save", "solve",
-    "solve_periodic", "straight_guide", "strip_ring", "waveforms",
+    "Interface", "Layer", "Material", "Part", "Probe", "Pulse", "RingEdge", "Sampled", "SquareWave", "StateSpace",
+    "Symbols", "Telegraph", "assemble", "dataset", "derivatives", "disc", "from_gdsfactory", "heated_ring", "light",
+    "load", "materials", "read_trace", "rib_ring", "save", "solve", "solve_periodic", "straight_guide", "strip_ring",
 ]  # fmt: skip

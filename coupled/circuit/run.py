@@ -22,8 +22,7 @@ from ..kernel.tableaus import Method
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .heat import RingHeat
-from .network import NOTHING, Light, check_delays
+from .network import NOTHING, Light, RingHeat, check_delays
 from .system import System, beat_of, system_of, warn_of_fast_streams
 
 NAMES = {

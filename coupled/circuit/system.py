@@ -18,8 +18,7 @@ from ..kernel import units as eq
 from ..kernel.integrator import Drive, PoleHeat, Polynomials, Problem, Rings
 from ..kernel.tableaus import Method
 from .circuit import Circuit
-from .heat import RingHeat, heater_offsets, ring_heat
-from .network import Light, light_of, network_of
+from .network import Light, RingHeat, heater_offsets, light_of, network_of, ring_heat
 
 log = logging.getLogger("thermofem")
 

@@ -1,7 +1,12 @@
-"""A branch of cycles, followed by its length: around its folds, with what changes its stability located on it.
+"""A branch of cycles, followed by its length around its folds, and the Hopf points where it begins and ends.
 
     fold of cycles: d(parameter)/d(length) = 0,     period doubling: prod (1 + mu_i) = 0,
     torus: prod_(i<j) (1 - mu_i mu_j) = 0 with a pair of complex mu,     mu: the multipliers but the trivial one
+    beside a Hopf point:  x = x_0 + r Re(q exp(i w t)),     J q = i w q,     dr/dt = growth r + g r^3
+
+r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`equilibria.onset`). A branch of
+ever smaller cycles ends where a pair of eigenvalues crosses the imaginary axis, found by the secant method on the real
+part; its last "cycle" is the fixed point itself.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 and 10.3.
 """
@@ -14,19 +19,39 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.linalg import expm
+from scipy.optimize import brentq, newton
 
+from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.checks import InputError
+from thermofem.data.variables import contents
 
+from ..arguments import check_detuning, check_power
+from ..equilibria.balance import balance, fixed_points
+from ..equilibria.spectrum import states
 from ..heaters import turned_by
-from .cycle_problem import CycleProblem
-from .hopf_points import FAINT, born, hopf_near, laser_of, relative_range
-from .multiple_shooting import COARSE, Family, Place, first_place, on_good_nodes, position, predicted
-from .orbit_measures import time_weights
-from .parameters import LASER
-from .return_map import FINE, Orbit
+from ..kernel.tableaus import Method
+from ..kernel.units import FJ, NS
+from .cycle_problem import LASER, CycleProblem
+from .multiple_shooting import (
+    COARSE,
+    Family,
+    Nodes,
+    Place,
+    corrected,
+    extent_of,
+    first_place,
+    flow,
+    on_good_nodes,
+    position,
+    predicted,
+    weights,
+)
+from .return_map import FINE, PER_STEP, Orbit, Trace, time_weights
 
+KIND = "Hopf curve"
+BORN, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point
 FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `multiple_shooting.weights`
 TURN = 0.3  # of the largest values, what the nodes may change in a step
 EASY, HARD = 3, 5  # steps of Newton's method
@@ -38,6 +63,93 @@ VERTICAL = 1e-5  # of the range, or of the parameter: folds so near each other a
 MOST = 400  # cycles of the branch from a Hopf point to a laser
 HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
+
+
+def is_hopf_point(guess: Any) -> bool:
+    """Whether a guess is one point of a Hopf curve."""
+    return str(getattr(guess, "attrs", {}).get("kind")) == KIND
+
+
+def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
+    """Power in W and detuning in Hz of a point of a Hopf curve; heaters turn the resonance by ``turn`` in Hz."""
+    if np.ndim(guess["power"] if "power" in getattr(guess, "variables", {}) else 0.0) != 0:
+        raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
+    what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
+    contents("guess", guess, ("power", "detuning", "energy", "frequency"), what=what)
+    for name, unit in (("energy", "J"), ("frequency", "Hz")):
+        checks.positive(f"guess[{name!r}]", guess[name].item(), unit=unit, hint=what)
+    power = check_power(guess["power"].item(), "guess['power']")
+    return power, check_detuning(guess["detuning"].item(), "guess['detuning']") - turn
+
+
+def _at_rest(p: CycleProblem, U: float, D: float) -> tuple[Array, Array]:
+    """The fixed point (U, D) of a problem, and its Jacobian; under a real pump the field turns as i/(gamma - i D)."""
+    y = states(np.array([U]), np.array([D]), p.internal)[0][0]
+    turn = 1j / (float(balance(U, p.internal).gamma) - 1j * D)
+    y[:2] = np.sqrt(U) * (np.array([turn.real, turn.imag]) / abs(turn))
+    return y, p.kernel(Method.RODAS4).slopes(y)[1]
+
+
+def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
+    """A small cycle of a family beside the Hopf point ``guess``, and the tangent of its branch away from it.
+
+    size: relative amplitude of its carriers.
+    """
+    p = family.base
+    power, detuning = laser_of(guess, turned_by(p.rise, p.ring))
+    p = replace(p, power=power, detuning=detuning)
+    U, omega = float(guess["energy"]) / FJ, 2 * np.pi * NS * float(guess["frequency"])
+    rest, J = _at_rest(p, U, float(balance(U, p.internal).shift) - p.laser[1])
+    values, vectors = np.linalg.eig(J)
+    k = int(np.argmin(np.abs(values - 1j * omega)))
+    if not abs(values[k] - 1j * omega) < 1e-3 * omega:
+        raise InputError("guess is a Hopf point of another ring or model: no pair of eigenvalues is at its frequency")
+    q = np.asarray((-1j * vectors[:, k] * rest[2] / vectors[2, k]).real)  # the carriers rise through their mean
+    outward, T = np.concatenate([q, [0.0, 0.0]]), 2 * np.pi / omega
+    for r in (size, size / 4):
+        trial = Nodes((rest + r * q)[None], np.array([T]), family.start())
+        turn = flow(family.base.flow.fine, trial.y[0], T, FINE)
+        unit = weights(family, Trace(trial.y[0], turn.y, T, turn.rows, []))
+        row = outward * unit
+        found = corrected(family, trial, (row / np.linalg.norm(row))[None], unit, extent=extent_of(turn.rows))
+        if found is not None and relative_range(family, found) > r / 4:
+            tangent = found.directions[0] * found.unit
+            return found, tangent * np.sign(tangent @ (outward * found.unit)) / np.linalg.norm(tangent)
+    raise InputError("no small cycle was found at the Hopf point given as guess: Newton's method finds none")
+
+
+def relative_range(family: Family, place: Place) -> float:
+    """Largest less smallest of the carriers, over the largest."""
+    seen = family.base.flow.seen(place.orbit.trace.rows)
+    return float(np.ptp(seen) / seen.max())
+
+
+def hopf_near(family: Family, place: Place) -> Place | None:
+    """The Hopf point near a small cycle of a family with one parameter; None where there is none."""
+    orbit, start, span = place.orbit, float(place.values[0]), float(family.ranges[0])
+    energy = float(time_weights(orbit) @ (orbit.trace.rows[:, 1:3] ** 2).sum(axis=1)) / orbit.T
+
+    def pair(value: float) -> tuple[Array, complex, Array]:
+        """The fixed point of about that energy, its eigenvalue of about that frequency, and its Jacobian."""
+        p = family.at(np.array([value]))
+        U, D, _ = fixed_points(*p.laser, p.internal)
+        k = int(np.argmin(np.abs(U - energy)))
+        y, J = _at_rest(p, U[k], D[k])
+        values = np.linalg.eigvals(J).astype(complex)
+        return y, complex(values[np.argmin(np.abs(values - 2j * np.pi / orbit.T))]), J
+
+    try:
+        value = float(newton(lambda v: pair(v)[1].real, start, x1=start + 1e-5 * span, tol=1e-11 * span, maxiter=20))
+        y, root, J = pair(value)
+    except (RuntimeError, ValueError):
+        return None
+    T = 2 * np.pi / root.imag
+    if abs(value - start) > 0.05 * span or abs(T - orbit.T) > 0.1 * orbit.T:
+        return None
+    row = flow(family.at(np.array([value])).kernel(Method.RODAS4), y, 1e-3, 1e-5).rows[0]
+    rows = np.column_stack([np.linspace(0, T, PER_STEP + 1), np.tile(row[1:], (PER_STEP + 1, 1))])
+    rest = Orbit(Trace(y, y, T, rows, [(y, np.array([T]))]), expm(J * T), 0.0)
+    return place._replace(nodes=Nodes(y[None], np.array([T]), np.array([value])), orbit=rest)
 
 
 class Found(NamedTuple):
@@ -186,7 +298,7 @@ def _between(
             found = _located(family, place, tangent, step, test)
             if found is not None and _is_there(kind, found):
                 out.append(Found(found, kind))
-    return sorted(out, key=lambda f: _distance(place, f.place, tangent))
+    return sorted(out, key=lambda f: float((position(f.place.nodes) - position(place.nodes)) * place.unit @ tangent))
 
 
 def _located(family: Family, place: Place, tangent: Array, step: float, test: Callable[[Place], float]) -> Place | None:
@@ -220,11 +332,6 @@ def _is_there(kind: str, place: Place) -> bool:
     return True
 
 
-def _distance(place: Place, other: Place, tangent: Array) -> float:
-    """How far a cycle is along the tangent of another."""
-    return float(((position(other.nodes) - position(place.nodes)) * place.unit) @ tangent)
-
-
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     """The cycle of a problem, by continuation from a Hopf point at another power or detuning."""
     own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
@@ -245,7 +352,7 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
                 start, tangent = born(family, guess, FAINT)
             found, why = follow_along(family, start, tangent, low, high, MOST)
         else:
-            start = first_place(family, place.orbit) or place
+            start = first_place(family, place.orbit.trace) or place
             found, why = follow(family, start, wanted[name] - own[name], low, high, MOST)
         place = found[-1].place
         if abs(float(place.values[0]) - wanted[name]) > 1e-6 * span:

@@ -19,12 +19,11 @@ from ..resonator import RingResonator
 from ..states import State
 from ..thermal import provenance, trusted
 from . import branch
-from .cycle_problem import CycleProblem
-from .hopf_points import born, is_hopf_point, laser_of
+from .branch import born, is_hopf_point, laser_of
+from .cycle_problem import CycleProblem, unit_of, value_of
 from .limit_cycle import cycle_near, stability
 from .multiple_shooting import Family, first_place
-from .orbit_measures import measure
-from .parameters import unit_of, value_of
+from .return_map import measure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -114,7 +113,7 @@ def continue_cycle(
         start, tangent = born(family, guess)
         found, why = branch.follow_along(family, start, tangent, ends.min(), ends.max(), points)
     else:
-        first = first_place(family, cycle_near(p, guess))
+        first = first_place(family, cycle_near(p, guess).trace)
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)

@@ -1,14 +1,26 @@
-"""Curves of folds of cycles in the plane of power and detuning: the borders of pulsing beside a stable point."""
+"""Curves of folds of cycles in the plane of power and detuning: the borders of pulsing beside a stable point.
+
+Cycles with two free parameters form a surface. It folds over the plane of the parameters q where its tangent plane W
+does not cover it:
+
+    g = det (dq/dW) = 0,    W: directions in which the cycle equations stay solved, V W = 1 for two fixed rows V
+
+One row of V points along the curve, the other across. A cycle is closed a step along the curve, then moved across by
+the secant method on g.
+
+Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 10.3 (curves of codimension one).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem.arrays import Array, ArrayLike
 from thermofem.checks import InputError
+from thermofem.data.dataset import describe
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
@@ -16,21 +28,22 @@ from ..equilibria.bifurcation_curves import plane_of, unwatched
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..thermal import Compact, trusted
-from . import branch
+from .branch import SLOWEST, born, follow_along, laser_of, relative_range
 from .cycle_problem import CycleProblem
-from .fold_path import follow_folds
-from .hopf_points import born, laser_of
-from .multiple_shooting import Family, Place, corrected
-from .orbit_measures import measure
-
-if TYPE_CHECKING:
-    import xarray as xr
+from .multiple_shooting import Family, Place, corrected, moved_along, on_good_nodes, position
+from .return_map import measure
 
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
 MARGIN = 0.02  # of the window, by which a curve leaves it
 NEAR = 0.02  # of the window, where two folds are the same
 SEEDS = 100  # cycles of a branch from a Hopf point
 POINTS = 300  # of a curve, each way
+FIRST, LONGEST, SHORTEST = 0.01, 0.06, 1e-5  # steps, in units of `multiple_shooting.weights`
+TURN = 0.8  # of the largest values, what the nodes may change in a step
+EASY, HARD, MOST_STEPS = 6, 9, 12  # of Newton's method, to a fold
+SMALLEST = 0.03  # relative range of the carriers, where a curve ends on a Hopf curve
+SECANT = 1e-7  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
+ON_IT = 1e-6  # distance from the fold in these units: the parameters are off by its square
 
 
 def cycle_fold_curves(
@@ -77,7 +90,7 @@ def cycle_fold_curves(
     >>> ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
     >>> (curve,) = coupled.cycles.cycle_folds.cycle_fold_curves(ring, newton, [4e-3, 6e-3], [-10e9, 10e9])
     >>> print(f"{curve.power.min().item() * 1e3:.1f} to {curve.power.max().item() * 1e3:.1f} mW")
-    4.0 to 6.1 mW
+    3.9 to 6.1 mW
     """
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
@@ -87,10 +100,9 @@ def cycle_fold_curves(
     found: list[xr.Dataset] = []
     for hopf in unwatched(plane_of(ring, small, *window.wider())):
         for seed in _seeds(hopf):
-            for fold, family in _folds_from(ring, small, seed, window):
-                if any(window.holds(curve, fold.values) for curve in found):
-                    continue
-                found += _curve(ring, small, fold, family, window)
+            for family, fold, across in _folds_from(ring, small, seed, window):
+                if not any(window.on(curve, fold.values) for curve in found):
+                    found += _curve(family, fold, across, window)
     for curve in found:
         trusted(model, curve["highest_rise"].values)
         curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turn)
@@ -106,37 +118,28 @@ class _Window:
         self.low, self.high, self.first, self.last = float(low), float(high), float(first), float(last)
         self.decades = max(float(np.log(high / low)), 0.1)
         self.width = max(float(last - first), 1e9)
+        self.ranges = np.array([np.sqrt(low * high) * self.decades, self.width])  # units of power and detuning
 
     def wider(self) -> tuple[Array, Array]:
         """The ends with `AROUND` on either side."""
         factor, more = np.exp(AROUND * self.decades), AROUND * self.width
-        return np.array([self.low / factor, min(self.high * factor, 1.0)]), np.array(
-            [self.first - more, self.last + more]
-        )
+        powers = np.array([self.low / factor, min(self.high * factor, 1.0)])
+        return powers, np.array([self.first - more, self.last + more])
 
-    def ranges(self, values: Array) -> Array:
-        """Units of power and detuning at their ``values``."""
-        return np.array([values[0] * self.decades, self.width])
-
-    def at(self, P: Any, nu: Any) -> Array:
-        """Power and detuning as fractions of the window."""
+    def at(self, values: Array) -> Array:
+        """Powers and detunings, rows, as fractions of the window."""
+        P, nu = values
         return np.array([np.log(np.maximum(P, 1e-12) / self.low) / self.decades, (nu - self.first) / self.width])
 
-    def inside(self, values: Array) -> bool:
-        """Whether a point lies in the window or next to it."""
-        at = self.at(values[0], values[1])
-        return bool(np.all((at > -MARGIN) & (at < 1 + MARGIN)))
+    def holds(self, values: Array, margin: float = 0.0) -> bool:
+        """Whether a point lies in the window, or within a ``margin`` of it."""
+        at = self.at(values)
+        return bool(np.all((at >= -margin) & (at <= 1 + margin)))
 
-    def contains(self, values: Array) -> bool:
-        """Whether a point lies in the window itself."""
-        at = self.at(values[0], values[1])
-        return bool(np.all((at >= 0) & (at <= 1)))
-
-    def holds(self, curve: xr.Dataset, values: Array) -> bool:
+    def on(self, curve: xr.Dataset, values: Array) -> bool:
         """Whether a curve passes through a point."""
-        own = self.at(curve["power"].values, curve["detuning"].values).T
-        start, stop, point = own[:-1], own[1:], self.at(values[0], values[1])
-        side = stop - start
+        own = self.at(np.stack([curve["power"].values, curve["detuning"].values])).T
+        start, side, point = own[:-1], np.diff(own, axis=0), self.at(values)
         share = np.clip(((point - start) * side).sum(axis=1) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
         return bool(np.min(np.linalg.norm(start + share[:, None] * side - point, axis=1), initial=np.inf) < NEAR)
 
@@ -150,63 +153,121 @@ def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
     return [hopf.isel(point=int(part[part.size // 2])) for part in parts if kind[part[0]] > 0]
 
 
-def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _Window) -> list[tuple[Place, Array]]:
-    """Folds on the branch of cycles from a Hopf point in detuning: power, detuning and the direction across each."""
+def _folds_from(
+    ring: RingResonator, model: Compact, seed: xr.Dataset, window: _Window
+) -> list[tuple[Family, Place, Array]]:
+    """Folds on the branch of cycles from a Hopf point in detuning, and the direction across each."""
     p = CycleProblem(ring, model, *laser_of(seed))
-    here = window.ranges(np.array([p.power, p.detuning]))
-    one = Family(p, ("detuning",), here[1:])
+    one, both = Family(p, ("detuning",), window.ranges[1:]), Family(p, ("power", "detuning"), window.ranges)
     try:
         start, tangent = born(one, seed)
     except InputError:
         return []
     low, high = window.wider()[1]
-    found, _ = branch.follow_along(one, start, tangent, float(low), float(high), SEEDS, ("fold",))
+    found, _ = follow_along(one, start, tangent, float(low), float(high), SEEDS, ("fold",))
     out = []
     for fold in (f.place for f in found if f.kind == "fold"):
         across = fold.directions[0] * fold.unit
         across = np.insert(across / np.linalg.norm(across), -1, 0.0)
-        both = Family(p, ("power", "detuning"), here)
         rows = np.stack([across, np.eye(across.size)[-2]])
         nodes = fold.nodes._replace(values=np.array([p.power, fold.values[0]]))
-        place = corrected(both, nodes, rows, np.insert(fold.unit, -1, 1 / here[0]))
+        place = corrected(both, nodes, rows, np.insert(fold.unit, -1, 1 / window.ranges[0]))
         if place is not None:
-            out.append((place, across))
+            out.append((both, place, across))
     return out
 
 
-def _curve(ring: RingResonator, model: Compact, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
+def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
     """The curve through a fold, cut to the window."""
-    base = CycleProblem(ring, model, float(fold.values[0]), float(fold.values[1]))
-
-    def family(values: Array) -> Family:
-        return Family(base, ("power", "detuning"), window.ranges(values))
-
-    ways = [follow_folds(family, fold, across, sign, window.inside, POINTS) for sign in (-1.0, 1.0)]
-    places = [*ways[0][0][::-1], *ways[1][0][1:]]
-    if len(places) < 3 or not any(window.contains(place.values) for place in places):
+    across, along = _frame(fold, across)
+    (back, begins), (ahead, ends) = (_followed(family, fold, sign * along, window) for sign in (-1, 1))
+    places = [*back[::-1], *ahead[1:]]
+    if len(places) < 3 or not any(window.holds(place.values) for place in places):
         return []
-    return [_dataset(base, places, (ways[0][1], ways[1][1]))]
+    return [_dataset(family.base, places, f"{begins}; {ends}")]
 
 
-def _dataset(base: Any, places: list[Place], reasons: tuple[str, str]) -> xr.Dataset:
+def _followed(family: Family, place: Place, along: Array, window: _Window) -> tuple[list[Place], str]:
+    """Folds from a ``place`` on in the direction ``along``, and why the curve ends."""
+    out, step, slope, shortest = [place], FIRST, 0.0, place.orbit.T
+    while len(out) < POINTS:
+        rows = np.stack(_frame(place, along))
+        step = min(step, LONGEST, TURN / max(place.moved(_coefficients(place, rows[0])), 1e-12))
+        found = _next(family, place, rows, step, slope)
+        if found is None:
+            step /= 3
+            if step < SHORTEST:
+                return out, "Newton's method finds no next fold"
+            continue
+        after, slope, steps = found
+        chord = (position(after.nodes) - position(place.nodes)) * after.unit
+        good = on_good_nodes(family, after, np.stack(_frame(after, chord)))
+        if good is None:
+            return out, "its nodes cannot be placed"
+        place, (along, across) = good
+        slope /= float(np.linalg.norm(along) * np.linalg.norm(across) ** 2)  # units of the distances from another node
+        out.append(after)
+        shortest = min(shortest, after.orbit.T)
+        if not window.holds(after.values, MARGIN):
+            return out, "the end of the range"
+        if relative_range(family, after) < SMALLEST:
+            return out, "a Hopf curve"
+        if SLOWEST * shortest < after.orbit.T:
+            return out, "the period grows without bound"
+        step *= 1.4 if steps <= EASY else 0.7 if steps >= HARD else 1.0
+    return out, "the number of points"
+
+
+def _frame(place: Place, along: Array) -> tuple[Array, Array]:
+    """Unit vectors in the tangent plane: the projection of ``along``, and the one at right angles to it."""
+    q, _ = np.linalg.qr((place.directions * place.unit).T)
+    t = along @ q / np.linalg.norm(along @ q)
+    return q @ t, q @ np.array([-t[1], t[0]])
+
+
+def _coefficients(place: Place, direction: Array) -> Array:
+    """A direction in the tangent plane by the directions of a place."""
+    return np.asarray(np.linalg.lstsq((place.directions * place.unit).T, direction, rcond=None)[0])
+
+
+def _next(family: Family, place: Place, rows: Array, step: float, slope: float) -> tuple[Place, float, int] | None:
+    """The fold a ``step`` along the curve, dg by the distance across, and how many steps of Newton's method it took.
+
+    rows: along the curve and across; slope: dg by the distance across at the last fold, 0 where it is not known.
+    """
+    unit, now, by, last, across, steps = place.unit, place, step * _coefficients(place, rows[0]), None, 0.0, 0
+    while steps < MOST_STEPS:
+        trial = moved_along(now.nodes, by, now.directions, now.moves)
+        found = corrected(family, trial, rows, unit, extent=place.extent) if trial.h.min() > 0 else None
+        if found is None:
+            return None
+        g = float(np.linalg.det(found.directions[:, -2:] * unit[-2:]))
+        if last is not None and abs(across - last[0]) > SECANT:
+            slope = (g - last[1]) / (across - last[0])
+        off, last, steps = -g / slope if slope else 0.1 * step, (across, g), steps + found.steps
+        if abs(off) <= ON_IT:
+            return found, slope, steps
+        if not abs(off) < 3 * step:
+            return None
+        now, by, across = found, np.array([0.0, off]), across + off
+    return None
+
+
+def _dataset(base: CycleProblem, places: list[Place], reason: str) -> xr.Dataset:
     """One curve in SI."""
-    import xarray as xr
-
-    from thermofem.data import dataset
-
     power, detuning = np.array([place.values for place in places]).T
     others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (place.orbit.others for place in places)]
     leading = np.array([bool(np.all(np.abs(mu) < 1)) for mu in others])
     seen = [measure(place.orbit) for place in places]
     values = {
-        "power": (power, dataset.describe("input_power")),
-        "detuning": (detuning, dataset.describe("detuning")),
-        "period": (np.array([place.orbit.T for place in places]) * 1e-9, dataset.describe("period")),
-        "swing": (np.array([m.swing for m in seen]), dataset.describe("swing")),
+        "power": (power, describe("input_power")),
+        "detuning": (detuning, describe("detuning")),
+        "period": (np.array([place.orbit.T for place in places]) * 1e-9, describe("period")),
+        "swing": (np.array([m.swing for m in seen]), describe("swing")),
         "highest_rise": (np.array([m.hottest for m in seen]), {"units": "K", "long_name": "highest temperature rise"}),
         "leading": (leading, {"units": "1", "long_name": "one of the two cycles is stable"}),
     }
     return xr.Dataset(
         {name: ("point", v, about) for name, (v, about) in values.items()},
-        attrs={"kind": "fold-of-cycles curve", "ring": base.ring.name, "reason": "; ".join(reasons)},
+        attrs={"kind": "fold-of-cycles curve", "ring": base.ring.name, "reason": reason},
     )

@@ -1,30 +1,33 @@
-"""One ring, its heat and its laser, whose cycles are wanted."""
+"""One ring, its heat and its laser, whose cycles are wanted, and the numbers they depend on, by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
+from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
 from ..equilibria.spectrum import stable_points
 from ..heaters import turned_by
 from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat, Problem
 from ..kernel.tableaus import Method
-from ..kernel.units import NS, internal_detuning, internal_pump, single_ring, units
+from ..kernel.units import internal_detuning, internal_pump, single_ring
 from ..resonator import RingResonator
-from ..thermal import Compact
+from ..ring_toml import UNITS
+from ..thermal import Compact, compact
+from ..unknowns import FROM_ZERO, check_counts, idle, number_of, optical_names, varied
 from .return_map import FINE, Flow, Orbit
 from .settling import settled
 
 LONGEST = 2e6  # ns, of a transient
 SLOWEST, MOST = 30, 1e8  # of the slowest time constant, where that is longer; ns, at most
-SECOND = 1e9  # ns
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +51,14 @@ class CycleProblem:
         return self.detuning + turned_by(self.rise, self.ring)
 
     def kernel(self, method: Method) -> Problem:
-        """The system as the kernel takes it."""
-        return single_ring(self.ring, self.model, self.power, self.total_detuning, SECOND * NS, method)
+        """The system as the kernel takes it, for traces of any length."""
+        return single_ring(self.ring, self.model, self.power, self.total_detuning, 1.0, method)
 
     @cached_property
     def flow(self) -> Flow:
         """Its flow, with a section in the carriers, or in the energy of a ring that has none."""
         quantity = CARRIERS if self.ring.g_tpa > 0 else ENERGY
         return Flow(self.kernel(Method.RODAS4), self.kernel(Method.RODAS5P), quantity)
-
-    @cached_property
-    def units(self) -> Array:
-        """SI value of the internal units of the states."""
-        return units(self.flow.rough.order)
 
     @cached_property
     def internal(self) -> InternalRing:
@@ -78,9 +76,8 @@ class CycleProblem:
         try:
             at = self.internal
         except InputError:
-            return np.full((1, 3), np.nan)
-        pump, detuning = self.laser
-        return np.asarray(stable_points(pump, np.array([detuning]), at)[0])
+            return np.empty((0, 3))
+        return stable_points(*self.laser, at)
 
     @property
     def slowest(self) -> float:
@@ -106,3 +103,79 @@ class CycleProblem:
             self.flow, y, self.stable_points, self.longest, begin=begin, rtol=rtol, where=self.where,
             slow=self.longest < SLOWEST * self.slowest, look=look,
         )  # fmt: skip
+
+
+STEP = 1e-4  # of a number: its fourth power is the truncation, 1e-16 over it the round-off
+LASER = {"power": "W", "detuning": "Hz"}
+
+
+def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
+    """Every name that `changed` knows; "R1" and "tau1" are those of the fastest pole of a network."""
+    own = sorted(name for name in optical_names(ring) if not idle(ring, name))
+    shifts = [f"fcd{k + 1}" for k in range(len(ring.fcd))]
+    order = 0 if isinstance(model, Quadratic) else _poles_of(model).order
+    poles = [f"{name}{k + 1}" for name in ("R", "tau") for k in range(order)]
+    return [*LASER, *own, *shifts, *poles]
+
+
+def value_of(p: CycleProblem, name: str) -> float:
+    """Return a number of a problem, in SI."""
+    if name in optical_names(p.ring):
+        check_counts("parameters", name, p.ring)
+        return number_of(p.ring, name)
+    checks.choice("a parameter", name, parameter_names(p.ring, p.model))
+    if name in LASER:
+        return float(getattr(p, name))
+    kind, k = _numbered(name)
+    return float(p.ring.fcd[k][0] if kind == "fcd" else np.asarray(getattr(_poles_of(p.model), kind))[k])
+
+
+def unit_of(p: CycleProblem, name: str) -> str:
+    """SI unit of a number of a problem."""
+    if name in optical_names(p.ring):
+        return UNITS[name]
+    kind, k = _numbered(name)
+    return f"m^{3 * p.ring.fcd[k][1]:g}" if kind == "fcd" else {**LASER, "R": "K/W", "tau": "s"}[kind]
+
+
+def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
+    """Return the problem with another value of a number."""
+    if name in optical_names(p.ring):
+        return replace(p, ring=varied(p.ring, {name: value}))
+    if name in LASER:
+        return replace(p, power=check_power(value)) if name == "power" else replace(p, detuning=value)
+    kind, number = _numbered(name)
+    if kind == "fcd":
+        terms = [(value, term[1]) if k == number else term for k, term in enumerate(p.ring.fcd)]
+        return replace(p, ring=replace(p.ring, fcd=tuple(terms)))
+    linear = _poles_of(p.model)
+    R, tau = np.array(linear.R, dtype=float), np.array(linear.tau, dtype=float)
+    (R if kind == "R" else tau)[number] = value
+    network = replace(linear, R=R, tau=tau)  # checks them and sorts them
+    checks.keep(network, R=R, tau=tau)  # states and names keep their poles where one time constant passes another
+    model = replace(p.model, linear=network) if isinstance(p.model, OutputMap) else network
+    return replace(p, model=compact(model))
+
+
+def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
+    """Weights and problems whose flows, added up, are the derivative by a number, in internal units over SI."""
+    value = value_of(p, name)
+    h = STEP * (p.ring.linear_rate / (2 * np.pi) if name == "detuning" else abs(value)) or FROM_ZERO.get(name, 0.0)
+    if h == 0:
+        raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
+    if value != 0 or name == "detuning":
+        return [(w / (12 * h), changed(p, name, value + k * h)) for k, w in ((1, 8), (-1, -8), (2, -1), (-2, 1))]
+    return [(4 / (2 * h), changed(p, name, h)), (-1 / (2 * h), changed(p, name, 2 * h)), (-3 / (2 * h), p)]
+
+
+def _numbered(name: str) -> tuple[str, int]:
+    """Split "R1", "tau12" or "fcd2" into its kind and a number from 0; another name is its own kind."""
+    kind = name.rstrip("0123456789")
+    return (kind, int(name[len(kind) :]) - 1) if kind != name else (name, 0)
+
+
+def _poles_of(model: Compact) -> Foster:
+    """The network of a model that has one."""
+    if isinstance(model, Quadratic):
+        raise checks.InputError("a quadratic model has no poles R and tau; name numbers of the ring or of the laser")
+    return model.linear if isinstance(model, OutputMap) else model

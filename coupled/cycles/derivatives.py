@@ -28,12 +28,10 @@ from ..kernel.units import NS, internal_heat
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
 from ..thermal import provenance, trusted
-from .cycle_problem import CycleProblem
+from .cycle_problem import CycleProblem, differences, parameter_names, unit_of, value_of
 from .limit_cycle import cycle_near
-from .multiple_shooting import Family, Nodes, flow, linearised, newton, weights
-from .orbit_measures import measure
-from .parameters import differences, parameter_names, unit_of, value_of
-from .return_map import Orbit
+from .multiple_shooting import Family, Nodes, corrected, flow, weights
+from .return_map import Orbit, measure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -139,15 +137,13 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     order = np.argsort(at)
     family = Family(p, tuple(names), np.array([value_of(p, name) or 1.0 for name in names]))
     nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), family.start())
-    unit = weights(family, p.flow.scale(orbit.trace.rows), orbit.T)
     q, n = len(names), orbit.start.size
-    known = linearised(family, nodes, rtol=FINEST)
-    step = known and newton(nodes, known, np.eye(n + 1 + q)[n + 1 :], np.zeros(q), unit)
-    if not step:
+    found = corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], weights(family, orbit.trace), rtol=FINEST)
+    if found is None:
         raise checks.InputError(
             f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
         )
-    moves = step.moves / family.ranges[:, None, None]
+    moves = found.moves / family.ranges[:, None, None]
     turns, places = moves[:, :, n].sum(axis=1), np.argsort(order)
     dy, dt = moves[:, places, :n], (np.cumsum(moves[:, :, n], axis=1) - moves[:, :, n])[:, places]
     dU = np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,27 +17,30 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
+from ..circuit.run import run_circuit
+from ..circuit.stationary import autonomous
 from ..contradictions import check_geometry
 from ..heaters import constant
-from ..kernel.integrator import PoleHeat
-from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power
+from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat
+from ..kernel.tableaus import Method
+from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, units
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import provenance, trusted
-from .branch import near_hopf
-from .circuit_cycle import circuit_limit_cycle
+from .branch import is_hopf_point, near_hopf
 from .cycle_problem import MOST, CycleProblem
-from .hopf_points import is_hopf_point
-from .multiple_shooting import closed
-from .orbit_measures import measure, time_weights
-from .return_map import FINE, Orbit, close
-from .settling import RestError
+from .multiple_shooting import Family, first_place
+from .return_map import FINE, MIDDLE, Flow, Orbit, close, measure, time_weights
+from .settling import Part, RestError, measured, pulse_train
 
 UNSTABLE = 1 + 1e-7  # of a multiplier; they are exact to some 1e-8
 MOST_PULSES = 1000  # in a period of a guess
 SETTLING, TURNS = 30.0, 1e5  # of the slowest heat; ns: a transient that leads near a cycle, then some pulses
 NEARLY = 1e-3  # of the largest values, to which a pulse repeats itself
 REACH = 30.0  # of a guess's period, within which the next pulse comes
+LONGEST = 1.0  # s, of a circuit's trace
+SWING = 1e-3  # relative, below which the state of a circuit counts as at rest
+ROWS = 401  # of a circuit's cycle
 
 
 def limit_cycle(
@@ -105,7 +109,7 @@ def limit_cycle(
     654.4713 ns, stable
     """
     if isinstance(ring, Circuit):
-        return circuit_limit_cycle(ring, model, power=power, heaters=heaters, detuning=detuning, settle=settle)
+        return _of_circuit(ring, model, power, heaters, detuning, settle)
     check_ring(ring)
     doubts = check_geometry(ring, model)
     power, detuning = check_power(power), check_detuning(detuning)
@@ -121,10 +125,11 @@ def limit_cycle(
 def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
     """Return the cycle near a guess, or on which the ring settles from it; InputError where there is none."""
     order = p.flow.rough.order
+    unit = units(order)
     if guess is None:
         return settled_cold(p)
     if isinstance(guess, State):
-        return p.settled(starting_point(guess, order).as_array() / p.units, "the guess")
+        return p.settled(starting_point(guess, order).as_array() / unit, "the guess")
     if is_hopf_point(guess):
         return near_hopf(p, guess)
     attrs = getattr(guess, "attrs", {})
@@ -134,13 +139,13 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
             "a coupled.State or a point of coupled.hopf_curves"
         )
     if "pulses" not in attrs:
-        return p.settled(starting_point(guess, order).as_array() / p.units, "the run given as guess")
+        return p.settled(starting_point(guess, order).as_array() / unit, "the run given as guess")
     pulses = checks.integer("guess.attrs['pulses']", attrs["pulses"], 1, MOST_PULSES)
     period = checks.positive("guess.attrs['period']", attrs.get("period"), unit="s")
     y = State.end_of(guess).as_array()
-    if y.size != p.units.size:  # heat of another model
-        return p.settled(np.concatenate([y[:3], _shared(p, float(guess["delta_T"].values[0]))]) / p.units, "the guess")
-    found = close(p.flow, y / p.units, pulses, REACH * period / NS)
+    if y.size != unit.size:  # heat of another model
+        return p.settled(np.concatenate([y[:3], _shared(p, float(guess["delta_T"].values[0]))]) / unit, "the guess")
+    found = close(p.flow, y / unit, pulses, REACH * period / NS)
     if found is None:
         raise InputError(
             f"no cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz near the one given as guess, of "
@@ -166,10 +171,10 @@ def settled_cold(p: CycleProblem) -> Orbit:
         trace = p.flow.trace(met.y, FINE, 1, TURNS) if met.crossings.size else None
         if trace is None or float(np.abs((trace.end - trace.start) / p.flow.scale(trace.rows)).max()) > NEARLY:
             raise
-        orbit = closed(p, trace)
-        if orbit is None or orbit.size >= 1:
+        found = first_place(Family(p, (), np.empty(0)), trace, FINE)
+        if found is None or found.orbit.size >= 1:
             raise
-        return orbit
+        return found.orbit
 
 
 def _shared(p: CycleProblem, rise: float) -> Array:
@@ -199,7 +204,7 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
     variables["weight"] = ("time", time_weights(orbit) * NS, about)
     variables["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
     attrs = provenance("limit cycle", ring, p.model) | {"input_power": p.power, "detuning": p.detuning}
-    attrs |= _numbers(orbit) | {"final_state": orbit.start * p.units}
+    attrs |= _numbers(orbit) | {"final_state": orbit.start * units(p.flow.rough.order)}
     return xr.Dataset(variables, coords={"time": ("time", t * NS, dataset.describe("time"))}, attrs=attrs)
 
 
@@ -230,3 +235,57 @@ def stability(others: NDArray[np.complex128]) -> tuple[str, complex]:
     if abs(worst) < UNSTABLE:
         return "stable", worst
     return ("doubled" if worst.real < -1 and worst.imag == 0 else "unstable"), worst
+
+
+def _of_circuit(
+    circuit: Circuit,
+    model: Any,
+    power: Mapping[str, float],
+    heaters: Mapping[str, float] | None,
+    detuning: float,
+    settle: float,
+) -> xr.Dataset:
+    """The cycle that a circuit runs into: a run from cold leads near it, and `settling.pulse_train` closes it."""
+    settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
+    system = autonomous(circuit, model, power, heaters, detuning)
+    edges, drive = np.array([0.0, LONGEST / NS]), system.drive
+    tables = {name: getattr(drive, name)._replace(edges=edges) for name in ("power", "phase", "detuning")}
+    system = replace(system, drive=drive._replace(edges=edges, **tables))
+    rough, fine = (system.problem(method) for method in (Method.RODAS4, Method.RODAS5P))
+    run = Flow(fine, fine).run(fine.zero(), settle / NS, MIDDLE)
+    quantity, k, seen = _pulses(run.rows, fine.rings, settle)
+    orbit, why, _ = pulse_train(Flow(rough, fine, quantity, k), run.y, seen, False, True, FINE)
+    if orbit is None:
+        raise InputError(
+            f"settle = {settle:g} s leads to no cycle: {why}",
+            "lengthen it, unless the pulses die away or never repeat",
+        )
+    attrs = {"final_state": orbit.start * units(fine.order, fine.rings), "model_tau": np.ravel(1 / system.heat.rate)}
+    times = np.linspace(0.0, orbit.T * NS, ROWS)
+    cycle = run_circuit(
+        system.circuit, model, heaters=heaters, detuning=detuning, average=False, method=None, progress=None,
+        power={laser.name: power.get(laser.name, 0.0) for laser in system.circuit.lasers}, duration=times[-1],
+        rtol=FINE, times=times, initial=xr.Dataset(attrs=attrs | {"heater_states": system.heater_states}),
+    )  # fmt: skip
+    cycle["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
+    cycle.attrs["period"] = float(times[-1])
+    return cycle
+
+
+def _pulses(rows: Array, rings: int, settle: float) -> tuple[int, int, Part]:
+    """The ring whose carriers swing most late in a run, what is watched there, and what it does.
+
+    Of rings without carriers the energy counts.
+    """
+    late, states = rows[:, 0] > settle / NS / 2, rows[:, 1 : 1 + 4 * rings].reshape(-1, rings, 4)
+    quantity = CARRIERS if states[:, :, 2].max() > 0 else ENERGY
+    q = states[:, :, 2] if quantity == CARRIERS else (states[:, :, :2] ** 2).sum(axis=2)
+    high = q[late].max(axis=0)
+    swing = (high - q[late].min(axis=0)) / np.maximum(high, 1e-300)
+    k = int(np.argmax(swing))
+    if swing[k] < SWING:
+        raise InputError("the circuit comes to rest and has no pulses there; steady_states finds it")
+    seen = measured(rows[:, 0], q[:, k], settle / NS)
+    if seen.rises < 3:
+        raise InputError(f"settle = {settle:g} s holds fewer than three pulses in its last part; lengthen it")
+    return quantity, k, seen

@@ -17,6 +17,7 @@ Source: Ascher, Mattheij and Russell, Numerical Solution of Boundary Value Probl
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +27,7 @@ from thermofem.checks import InputError
 
 from ..kernel.integrator import Problem, Run
 from ..kernel.tableaus import Method
-from .cycle_problem import CycleProblem
-from .parameters import changed, differences, value_of
+from .cycle_problem import CycleProblem, changed, differences, value_of
 from .return_map import FINE, PER_STEP, Orbit, Trace
 
 COARSE = 1e-7  # rtol of the traces that are differentiated: multipliers to 1e-6
@@ -109,24 +109,15 @@ def extent_of(rows: Array) -> float:
     return float((np.ptp(every, axis=0) / np.maximum(np.abs(every).max(axis=0), 1e-300)).max())
 
 
-class Step(NamedTuple):
-    """A step of Newton's method, and the directions W."""
-
-    nodes: Nodes
-    """Behind the step."""
-    directions: Array
-    moves: Array
-    size: float
-    """Largest change in units of the largest values."""
-
-
 class Linear(NamedTuple):
     """The equations at a trial orbit and their derivatives."""
 
     problem: Problem
     runs: list[Run]
     V: Array
+    """(m, n, n), of the flow between the nodes by the states."""
     P: Array
+    """(m, n, q), by the parameters."""
 
 
 def flow(problem: Problem, y: Array, h: float, rtol: float, per_step: int = 1) -> Run:
@@ -135,43 +126,18 @@ def flow(problem: Problem, y: Array, h: float, rtol: float, per_step: int = 1) -
     return problem.integrate(y, rtol=rtol, per_step=per_step, keep_steps=True)
 
 
-def derivatives(family: Family, problem: Problem, nodes: Nodes, rtol: float) -> tuple[Array, Array]:
-    """Derivatives of the flow between the nodes, by the states (m, n, n) and by the parameters (m, n, q)."""
-    m, n = nodes.y.shape
-    V, P, none = np.empty((m, n, n)), np.zeros((m, n, nodes.values.size)), np.empty((n, 0))
-    steps = [flow(problem, y, h, rtol).steps for y, h in zip(nodes.y, nodes.h, strict=True)]
-    for i in range(m):
-        V[i] = problem.follow(nodes.y[i], steps[i], np.eye(n))[1]
-    p = family.at(nodes.values)
-    for k, name in enumerate(family.names):
-        for weight, other in differences(p, name):
-            there = other.kernel(Method.RODAS5P)
-            for i in range(m):
-                P[i, :, k] += weight * there.follow(nodes.y[i], steps[i], none)[0]
-    return V, P
-
-
-def orbit_of(nodes: Nodes, known: Linear, move: float) -> Orbit:
-    """The closed orbit through the nodes."""
-    runs = known.runs
-    begins = np.concatenate([[0.0], np.cumsum(nodes.h)])
-    for run, begin in zip(runs, begins, strict=False):
-        run.rows[:, 0] += begin
-    rows = np.concatenate([run.rows[min(i, 1) :] for i, run in enumerate(runs)])
-    parts = [(y, run.steps) for y, run in zip(nodes.y, runs, strict=True)]
-    whole = np.eye(nodes.y.shape[1])
-    for one in known.V:
-        whole = one @ whole
-    return Orbit(Trace(nodes.y[0], runs[-1].y, float(begins[-1]), rows, parts), whole, move)
-
-
-def weights(family: Family, sizes: Array, T: float) -> Array:
+def weights(family: Family, trace: Trace) -> Array:
     """Factors that make the unknowns (y_1, T, q) comparable: largest values, period, ranges."""
-    return np.concatenate([1 / sizes, [1 / T], 1 / family.ranges])
+    return np.concatenate([1 / family.base.flow.scale(trace.rows), [1 / trace.T], 1 / family.ranges])
 
 
-def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array) -> Step | None:
-    """A step to ``rows`` . dx = ``target``, and the directions; ``rows`` in the units of ``unit``."""
+def newton(
+    nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array
+) -> tuple[Nodes, Array, Array, float] | None:
+    """A step to ``rows`` . dx = ``target``: the nodes behind it, W, its moves, and the largest change.
+
+    ``rows`` and the change are in the units of ``unit``.
+    """
     m, n = nodes.y.shape
     q, size, T = nodes.values.size, 1 / unit[:n], 1 / unit[n]
     across = np.stack([known.problem.slopes(y)[0] for y in nodes.y]) / size
@@ -197,16 +163,26 @@ def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array)
     dy, dh, dq = found[:, :at_h].reshape(-1, m, n) * size, found[:, at_h:at_q] * T, found[:, at_q:] / unit[n + 1 :]
     after = Nodes(nodes.y + dy[0], nodes.h + dh[0], nodes.values + dq[0])
     directions = np.concatenate([dy[1:, 0], dh[1:].sum(axis=1, keepdims=True), dq[1:]], axis=1)
-    moves = np.concatenate([dy[1:], dh[1:, :, None]], axis=2)
-    return Step(after, directions, moves, float(np.abs(found[0, :at_q]).max()))
+    return after, directions, np.concatenate([dy[1:], dh[1:, :, None]], axis=2), float(np.abs(found[0, :at_q]).max())
 
 
-def linearised(family: Family, nodes: Nodes, rtol: float = COARSE) -> Linear | None:
+def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
     """Follow all arcs of a trial orbit, and differentiate them along traces of ``rtol``; None where that fails."""
+    m, n = nodes.y.shape
+    arcs = [*zip(nodes.y, nodes.h, strict=True)]
+    V, P, none = np.empty((m, n, n)), np.zeros((m, n, nodes.values.size)), np.empty((n, 0))
     try:
-        problem = family.at(nodes.values).kernel(Method.RODAS5P)
-        runs = [flow(problem, y, h, min(rtol, FINE), PER_STEP) for y, h in zip(nodes.y, nodes.h, strict=True)]
-        V, P = derivatives(family, problem, nodes, rtol)
+        p = family.at(nodes.values)
+        problem = p.kernel(Method.RODAS5P)
+        runs = [flow(problem, y, h, min(rtol, FINE), PER_STEP) for y, h in arcs]
+        steps = [flow(problem, y, h, rtol).steps for y, h in arcs]
+        for i in range(m):
+            V[i] = problem.follow(nodes.y[i], steps[i], np.eye(n))[1]
+        for k, name in enumerate(family.names):
+            for weight, other in differences(p, name):
+                there = other.kernel(Method.RODAS5P)
+                for i in range(m):
+                    P[i, :, k] += weight * there.follow(nodes.y[i], steps[i], none)[0]
     except InputError:  # out of the range of the parameter, or the light runs away
         return None
     return Linear(problem, runs, V, P)
@@ -224,19 +200,28 @@ def corrected(
     for k in range(MOST_STEPS):
         known = linearised(family, nodes, rtol)
         step = known and newton(nodes, known, rows, (rows * unit) @ (position(trial) - position(nodes)), unit)
-        if not known or not step or not step.size < min(FARTHEST * extent, 2 * best) or not step.nodes.h.min() > 0:
+        if not known or not step:
             return None
-        if step.size <= CLOSE_ENOUGH * max(extent, SMALLEST):
-            return place_of(family, nodes, known, step, k + 1)
-        nodes, best = step.nodes, step.size
+        after, directions, moves, size = step
+        if not size < min(FARTHEST * extent, 2 * best) or not after.h.min() > 0:
+            return None
+        if size <= CLOSE_ENOUGH * max(extent, SMALLEST):
+            orbit = _orbit(nodes, known, size)
+            return Place(nodes, orbit, weights(family, orbit.trace), directions, moves, k + 1)
+        nodes, best = after, size
     return None
 
 
-def place_of(family: Family, nodes: Nodes, known: Linear, step: Step, steps: int) -> Place:
-    """A closed orbit as a place of the family."""
-    orbit = orbit_of(nodes, known, step.size)
-    unit = weights(family, family.base.flow.scale(orbit.trace.rows), orbit.T)
-    return Place(nodes, orbit, unit, step.directions, step.moves, steps)
+def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
+    """The closed orbit through the nodes."""
+    runs = known.runs
+    begins = np.concatenate([[0.0], np.cumsum(nodes.h)])
+    for run, begin in zip(runs, begins, strict=False):
+        run.rows[:, 0] += begin
+    rows = np.concatenate([run.rows[min(i, 1) :] for i, run in enumerate(runs)])
+    parts = [(y, run.steps) for y, run in zip(nodes.y, runs, strict=True)]
+    whole = reduce(lambda before, V: V @ before, known.V, np.eye(nodes.y.shape[1]))
+    return Orbit(Trace(nodes.y[0], runs[-1].y, float(begins[-1]), rows, parts), whole, move)
 
 
 def position(nodes: Nodes) -> Array:
@@ -304,18 +289,9 @@ def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Arr
     return found and (found, rows)
 
 
-def first_place(family: Family, orbit: Orbit) -> Place | None:
-    """A closed orbit as a place of the family, with its parameters held."""
-    n, q = orbit.start.size, len(family.names)
-    size = family.base.flow.scale(orbit.trace.rows)
-    whole = Nodes(orbit.start[None], np.array([orbit.T]), family.start())
-    nodes = placed(family.base.kernel(Method.RODAS5P), whole, size)
-    return corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], weights(family, size, orbit.T))
-
-
-def closed(p: CycleProblem, trace: Trace) -> Orbit | None:
-    """The cycle near a trace that almost returns; None where Newton's method finds none."""
-    family, size = Family(p, (), np.empty(0)), p.flow.scale(trace.rows)
-    nodes = placed(p.flow.fine, Nodes(trace.start[None], np.array([trace.T]), np.empty(0)), size)
-    found = corrected(family, nodes, np.empty((0, size.size + 1)), weights(family, size, trace.T), rtol=FINE)
-    return found and found.orbit
+def first_place(family: Family, trace: Trace, rtol: float = COARSE) -> Place | None:
+    """The cycle near a trace that almost returns, with the parameters held; None where Newton's method finds none."""
+    n, q, unit = trace.start.size, len(family.names), weights(family, trace)
+    whole = Nodes(trace.start[None], np.array([trace.T]), family.start())
+    nodes = placed(family.base.flow.fine, whole, 1 / unit[:n])
+    return corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], unit, rtol=rtol)

@@ -92,7 +92,7 @@ def settled(
     Raises InputError: it comes to rest (RestError), or does not repeat itself within ``longest``.
     """
     passed, duration, step, said, wary = 0.0, FIRST_PART, 0.0, "no pulse", False
-    still = bool(points.size and points[0, 0] > 0)
+    still = len(points) > 0
     while passed < longest:
         look()
         run = flow.run(y, duration, first_step=min(step, FIRST_STEP))
@@ -127,10 +127,7 @@ def rest_words(where: str, passed: float, at: Array, begin: str = "a cold ring")
 def resting(row: Array, points: Array) -> Array | None:
     """The stable fixed point that the last row of a part is at."""
     here = np.array([row[1] ** 2 + row[2] ** 2, row[3], row[4]])
-    for point in points[points[:, 0] > 0]:
-        if np.all(np.abs(here - point) <= REST * np.abs(point)):
-            return np.asarray(point)
-    return None
+    return next((point for point in points if np.all(np.abs(here - point) <= REST * np.abs(point))), None)
 
 
 def pulse_train(

@@ -74,7 +74,7 @@ def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
 def jacobians(y: Array, detuning: Array, ring: InternalRing) -> Array:
     """Return d(dy/dt)/dy at states of shape (m, 3 + n) under detunings of shape (m,): (m, 3 + n, 3 + n).
 
-    da/dt = (i D - gamma) a + i pump,   dN/dt = -N/tau(N) + g U^2,   heat as in `heat_at_rest`
+    da/dt = (i D - gamma) a + i pump,   dN/dt = -N/tau(N) + g U^2,   heat as in `balance`
     D = -thermal_shift dT - S(N) - kerr U - detuning,   gamma = loss + fca N + tpa U
     P_abs = 2 (absorbed + fca N + tpa U) U
     """
@@ -148,12 +148,9 @@ def survey(pump: Array, detuning: Array, ring: InternalRing) -> Survey:
     return Survey(cell, U, D, growth, omega, fastest, points, stable)
 
 
-def stable_points(pump: float, detunings: Array, ring: InternalRing) -> Array:
-    """Return the stable fixed points by increasing energy, rows (U, N, dT), shape (m, most, 3); rows of nan follow."""
-    found = survey(np.full(detunings.size, pump), detunings, ring)
-    out = np.full((detunings.size, max(int(found.stable.max()), 1), 3), np.nan)
-    still = found.growth <= 0
-    cell, here = found.cell[still], balance(found.U[still], ring)
-    nth = np.arange(cell.size) - np.searchsorted(cell, cell)
-    out[cell, nth] = np.stack([found.U[still], here.N, here.dT], axis=-1)
-    return out
+def stable_points(pump: float, detuning: float, ring: InternalRing) -> Array:
+    """Return the stable fixed points at a laser setting, rows (U, N, dT), by increasing energy."""
+    found = survey(np.array([pump]), np.array([detuning]), ring)
+    U = found.U[found.growth <= 0]
+    here = balance(U, ring)
+    return np.stack([U, here.N, here.dT], axis=-1)

@@ -1,23 +1,32 @@
-"""The points of a map: power and detuning, and whatever of the ring is varied with or instead of them."""
+"""The points of a map: power and detuning, or what of the ring is varied instead, and the fixed points there."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.data.dataset import describe
+from thermofem.models import ThermalModel
+from thermofem.models.contract import bare
 
 from ..arguments import MOST_POINTS, check_axis, check_ring
+from ..contradictions import without_origin
+from ..cycles.limit_cycle import limit_cycle
+from ..equilibria.balance import absorbable, balance, internal_ring
+from ..equilibria.spectrum import Survey, survey
 from ..heaters import ConstantHeating
+from ..kernel.integrator import CAP
+from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
+from ..thermal import Compact, trusted
 from ..unknowns import check_counts, optical_names, varied
-
-Array = NDArray[np.float64]
 
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
 
@@ -26,14 +35,8 @@ Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
 class Grid:
     """Two axes, and the ring, power and detuning of every point.
 
-    Attributes
-    ----------
-    names : (str, str)
-    axes : (array, array)
-    rows : list of list of Point
-        one list for each value of the first axis.
-    fixed : dict of str to float
-        power and detuning where they are no axes.
+    rows: a list of points for each value of the first axis.
+    fixed: power and detuning where they are no axes.
     """
 
     names: tuple[str, str]
@@ -43,13 +46,16 @@ class Grid:
 
     def coordinates(self) -> dict[str, Any]:
         """Coordinates of the Dataset."""
-        from thermofem.data import dataset
-
-        about = {"power": dataset.describe("input_power"), "detuning": dataset.describe("detuning")}
+        about = {"power": describe("input_power"), "detuning": describe("detuning")}
         return {
             name: (name, axis, about.get(name, {"units": UNITS.get(name) or "1", "long_name": name.replace("_", " ")}))
             for name, axis in zip(self.names, self.axes, strict=True)
         }
+
+    @property
+    def points(self) -> list[Point]:
+        """All points, row by row."""
+        return [point for row in self.rows for point in row]
 
     def warmed(self, heaters: ConstantHeating) -> Grid:
         """The points with the resonances shifted by constant heaters."""
@@ -100,3 +106,87 @@ def grid_of(
             row.append((changed, at["power"], at["detuning"]))
         rows.append(row)
     return Grid((first, second), (one, other), rows, fixed)
+
+
+NO_SWINGS = np.empty(0)
+
+
+class Fixed(NamedTuple):
+    """The fixed points of a point of a map, in internal units."""
+
+    every: Array  # rows U, N, dT and the longest step beside it in ns
+    growth: Array  # largest real part of the eigenvalues
+
+    @property
+    def stable(self) -> Array:
+        """The stable ones, rows U, N, dT."""
+        return self.every[self.growth <= 0, :3]
+
+
+def surveys(
+    model: Compact, points: list[Point]
+) -> Iterator[tuple[NDArray[np.intp], Survey | checks.InputError, Array]]:
+    """Yield indices of the points of one ring, their fixed points, and N and dT there; or why they have none."""
+    for ring in dict.fromkeys(ring for ring, _, _ in points):
+        cells = np.array([k for k, point in enumerate(points) if point[0] is ring or point[0] == ring])
+        powers = np.array([points[k][1] for k in cells])
+        try:
+            internal_ring(ring, model, absorbable(ring, powers.max()))
+            groups = [cells]
+        except checks.InputError:  # at this power, perhaps not at others
+            groups = [cells[powers == power] for power in np.unique(powers)]
+        for group in groups:
+            pump = np.array([internal_pump(ring, points[k][1]) for k in group])
+            shift = np.array([internal_detuning(points[k][2]) for k in group])
+            try:
+                at = internal_ring(ring, model, max(absorbable(ring, points[k][1]) for k in group))
+                found = survey(pump, shift, at._replace(heat=at.heat.without_idle_poles()))
+            except checks.InputError as error:
+                yield group, error, np.empty((0, 2))
+            else:
+                here = balance(found.U, at)
+                yield group, found, np.column_stack([here.N, here.dT])
+
+
+def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
+    """The fixed points of every point of a map, or why there are none."""
+    out: list[Fixed | str] = [""] * len(points)
+    for cells, found, states in surveys(model, points):
+        if isinstance(found, checks.InputError):
+            for k in cells:
+                out[k] = str(found)
+            continue
+        longest = np.where(found.fastest > 0, CAP / np.where(found.fastest > 0, found.fastest, 1.0), np.inf)
+        every = np.column_stack([found.U, states, longest])
+        for k, ends in zip(cells, pairwise(np.searchsorted(found.cell, np.arange(cells.size + 1))), strict=True):
+            out[k] = Fixed(every[slice(*ends)], found.growth[slice(*ends)])
+    return out
+
+
+def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array | None = None) -> None:
+    """Warn OutsideTrainingWarning where the fixed points or the cycles that are likely the hottest exceed the training.
+
+    model: as the caller gave it; small: the same, compact.
+    swings [shape of the map; K]: of the rings that pulse, nan of others; None where they are not known.
+    """
+    if getattr(bare(model), "largest_rise", None) is None:
+        return
+    points = grid.points
+    rests = np.array([0.0 if isinstance(at, str) else at.every[:, 2].max() for at in fixed_of(small, points)])
+    hottest = [float(rests.max())]
+    if swings is not None and np.isfinite(swings).any():
+        own = swings.ravel()
+        rests[np.isnan(own)] = np.nan
+        likely = {int(np.nanargmax(values)) for values in (own, rests, own + rests)}
+        hottest += [_hottest(small, points[k]) for k in likely]
+    trusted(model, max(hottest))
+
+
+def _hottest(model: Compact, point: Point) -> float:
+    """The highest rise of the cycle at a point, K; 0 where it is not found."""
+    ring, power, detuning = point
+    try:
+        cycle = limit_cycle(ring, without_origin(model), power=power, detuning=detuning)
+    except checks.InputError:
+        return 0.0
+    return float(cycle["delta_T"].max())

@@ -6,7 +6,6 @@ import contextlib
 import json
 import math
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +27,6 @@ class Journal:
         nothing is kept without one.
     identity : dict
         what the rows depend on, as JSON; a file with another identity is refused.
-    valid : function of row and cells
-        whether a row that was read can be one of this map.
 
     Raises
     ------
@@ -38,12 +35,7 @@ class Journal:
         another run is using it.
     """
 
-    def __init__(
-        self,
-        path: str | Path | None,
-        identity: dict[str, Any],
-        valid: Callable[[int, list[Any]], bool] = lambda row, cells: True,
-    ) -> None:
+    def __init__(self, path: str | Path | None, identity: dict[str, Any]) -> None:
         self.path = checks.path("file", path) if path is not None else None
         self.rows: dict[int, list[Any]] = {}
         self._lock = contextlib.ExitStack()
@@ -55,12 +47,12 @@ class Journal:
         self._lock.enter_context(files.locked(self.path.with_name(f".{self.path.name}.lock"), str(self.path)))
         self.path.touch()
         try:
-            self._read(head, valid)
+            self._read(head)
         except BaseException:
             self.close()
             raise
 
-    def _read(self, head: str, valid: Callable[[int, list[Any]], bool]) -> None:
+    def _read(self, head: str) -> None:
         """Read the finished rows of the file, and remove an incomplete last line, as a killed run leaves it."""
         content = files.read_bytes(self.path or "", "map")
         whole = content[: content.rfind(b"\n") + 1]
@@ -82,10 +74,7 @@ class Journal:
         for row in rows:
             if not (isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]):
                 raise checks.InputError(f"{self.path}: a damaged row (its hash differs); give another file name")
-            cells = _revived(row[1])
-            if isinstance(row[0], bool) or not isinstance(row[0], int) or not valid(row[0], cells):
-                raise checks.InputError(f"{self.path}: row {row[0]} is none of this map; give another file name")
-            self.rows[row[0]] = cells
+            self.rows[row[0]] = [[math.nan if value is None else value for value in cell] for cell in row[1]]
         if len(whole) < len(content) and self.path is not None:
             os.truncate(self.path, len(whole))
         if not lines:
@@ -120,10 +109,3 @@ class Journal:
             raise checks.InputError(
                 f"{self.path} cannot be written: {error.strerror}; what it holds so far is kept"
             ) from None
-
-
-def _revived(value: Any) -> Any:
-    """nan where `files.plain` wrote null."""
-    if isinstance(value, list):
-        return [_revived(item) for item in value]
-    return math.nan if value is None else value

@@ -6,15 +6,15 @@ import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thermofem import Quadratic, checks
+from thermofem.arrays import Array
 from thermofem.checks import Words
 from thermofem.data import dataset
 from thermofem.data.variables import in_si
@@ -23,16 +23,16 @@ from thermofem.models import ThermalModel
 from ..arguments import bar, check_duration
 from ..contradictions import check_geometry
 from ..heaters import constant
+from ..kernel.tableaus import Method
+from ..kernel.units import DENSITY, FJ, NS, single_ring, units
 from ..resonator import RingResonator
-from ..runs.pulsing import Regime
+from ..runs.pulsing import Pulsing, Regime, classify, lasting
 from ..runs.resting import Rest
 from ..states import State
 from ..thermal import Compact, long_enough, provenance
-from .grid import Grid, Point, grid_of
+from .grid import Fixed, Grid, Point, fixed_of, grid_of, trusted_map
 from .journal import Journal
-from .settled import Fixed, fixed_of, settled_row
-from .trace_of_point import pulse, rests
-from .trust import trusted_map
+from .settled import Cell, settled_row
 
 FAILED = "failed"
 REGIMES = {FAILED, "bistable", *map(str, Regime)}
@@ -43,16 +43,6 @@ class Follow(Words):
 
     UP = "up"
     DOWN = "down"
-
-
-class _Cell(NamedTuple):
-    """Result of one run."""
-
-    regime: str
-    period: float
-    duty: float
-    swing: float
-    reason: str
 
 
 def pulsing_map(
@@ -153,20 +143,19 @@ def pulsing_map(
         attrs |= {"duration": float(duration), "rtol": float(rtol)}
     if order is not None:
         attrs["follow"] = str(order)
-    journal = Journal(file, _identity(attrs, grid, small), partial(_fits, grid))
+    journal = Journal(file, _identity(attrs, grid, small))
     left = [k for k in range(len(grid.rows)) if k not in journal.rows]
     with _pool(executor) as pool, bar("map", len(grid.rows), show_bar) as advance, journal:
         for _ in journal.rows:
             advance()
         watches = np.zeros((len(grid.rows), 1))  # above 0 where a row is to end
-        fixed = fixed_of(small, [point for k in left for point in grid.rows[k]]) if settled else []
+        fixed = fixed_of(small, [point for k in left for point in grid.rows[k]])
         jobs = {}
         for n, k in enumerate(left):
-            if settled:
-                own = fixed[n * len(grid.rows[k]) : (n + 1) * len(grid.rows[k])]
-                jobs[pool.submit(_settled, small, grid.rows[k], own, watches[k])] = k
-            else:
-                jobs[pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order, watches[k])] = k
+            row = grid.rows[k]
+            own = fixed[n * len(row) : (n + 1) * len(row)]
+            way = (settled_row,) if settled else (_row, float(duration), float(rtol), order)
+            jobs[pool.submit(way[0], small, row, own, watches[k], *way[1:])] = k
         try:
             for job in as_completed(jobs):
                 journal.add(jobs[job], [list(cell) for cell in job.result()])
@@ -175,11 +164,11 @@ def pulsing_map(
             watches[:, 0] = 1.0
             for job in jobs:
                 job.cancel()
-    rows = [[_Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
+    rows = [[Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
     slow = any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row)
     if slow and not settled and long_enough(small) > duration:
         attrs["suggested_duration"] = long_enough(small)
-    columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
+    columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in Cell._fields}
     variables: dict[str, Any] = {
         name: (grid.names, np.array(columns[name]), dataset.describe(name))
         for name in ("regime", "period", "duty", "swing")
@@ -235,60 +224,64 @@ def _identity(attrs: dict[str, Any], grid: Grid, model: Compact) -> dict[str, An
     return numbers
 
 
-def _fits(grid: Grid, row: int, cells: list[Any]) -> bool:
-    """Whether a row of a file can be one of this map."""
-    if not (0 <= row < len(grid.rows) and isinstance(cells, list) and len(cells) == len(grid.rows[row])):
-        return False
-    return all(isinstance(cell, list) and len(cell) == len(_Cell._fields) and _possible(_Cell(*cell)) for cell in cells)
+def pulse(
+    ring: RingResonator,
+    model: Compact,
+    *,
+    power: float,
+    detuning: float,
+    duration: float,
+    rtol: float,
+    initial: State,
+    rest: Rest | None = None,
+    watch: Array | None = None,
+) -> tuple[Pulsing, State]:
+    """Return the result of ``pulsing(simulate(...))`` at constant power (W) and detuning (Hz), and the final state.
 
+    The numbers are the same; without the Dataset a point takes two thirds of the time. The arguments are not checked.
 
-def _possible(cell: _Cell) -> bool:
-    """Whether a cell holds numbers that a run can have: a period above 0, a duty from 0 to 1, a swing from 0 on."""
-    if [type(value) for value in cell] != [str, float, float, float, str] or cell.regime not in {FAILED, *Regime}:
-        return False
-    ranges = ((cell.period, 0.0, np.inf), (cell.duty, 0.0, 1.0), (cell.swing, 0.0, np.inf))
-    known = all(np.isnan(value) or low <= value <= high for value, low, high in ranges)
-    return known and cell.period != 0 and (cell.regime != Regime.SELF_PULSING or np.isfinite(cell.period))
+    rest: the fixed points; a trace that ends near an unstable one is no rest.
+    watch: its first entry is above 0 where another thread asks the integration to stop, by KeyboardInterrupt.
+    """
+    problem = single_ring(ring, model, power, detuning, duration, Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
+    unit = units(problem.order)
 
+    def look(_: float) -> None:
+        if watch is not None and watch[0] > 0:
+            raise KeyboardInterrupt
 
-def _settled(model: Compact, points: list[Point], fixed: list[Fixed | str], watch: NDArray[np.float64]) -> list[_Cell]:
-    """All points of one row, each as the cycle that the ring settles on."""
-    return [_Cell(*found) for found in settled_row(model, points, fixed, watch)]
+    run = problem.integrate(initial.as_array() / unit, rtol=rtol, progress=look)
+    t, ar, ai, N, dT = np.ascontiguousarray(run.rows.T)
+    if t.size < 8:
+        raise checks.InputError(f"the run took {t.size - 1} steps; at least 8 samples are needed to tell a cycle")
+    t, energy = t * NS, (ar * ar + ai * ai) * FJ
+    found = classify(t, N * DENSITY, energy, dT, rtol=rtol, every_step=True)
+    if found.regime == Regime.STABLE:
+        found = lasting(found, t, energy, dT, rest)
+    return found, State.from_array(run.y * unit)
 
 
 def _row(
-    model: Compact, points: list[Point], duration: float, rtol: float, follow: Follow | None, watch: NDArray[np.float64]
-) -> list[_Cell]:
-    """All points of one row, each on its own or from where its neighbour ended."""
-    cells: list[_Cell] = []
+    model: Compact, points: list[Point], fixed: list[Fixed | str], watch: Array, duration: float, rtol: float,
+    follow: Follow | None,
+) -> list[Cell]:  # fmt: skip
+    """All points of one row, each on its own or from where its neighbour ended; what stops one becomes its reason."""
+    cells: list[Cell] = []
     state = cold = State.cold(model.order)
-    pairs = list(zip(points, rests(model, points), strict=True))
-    for point, rest in reversed(pairs) if follow == Follow.DOWN else pairs:
-        cell, end = _cell(model, point, duration, rtol, state, rest, watch)
-        cells.append(cell)
-        state = cold if follow is None or end is None else end
+    pairs = list(zip(points, fixed, strict=True))
+    for (ring, power, detuning), at in reversed(pairs) if follow == Follow.DOWN else pairs:
+        rest = None if isinstance(at, str) else Rest(at.every[:, 0] * FJ, at.every[:, 2], at.growth / NS)
+        try:
+            found, end = pulse(
+                ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, rest=rest,
+                watch=watch,
+            )  # fmt: skip
+            cells.append(Cell(str(found.regime), found.period, found.duty, found.swing, found.reason))
+        except (checks.InputError, RuntimeError) as error:
+            cells.append(Cell(FAILED, reason=str(error)))
+            end = cold
+        state = cold if follow is None else end
     return cells[::-1] if follow == Follow.DOWN else cells
-
-
-def _cell(
-    model: Compact,
-    point: Point,
-    duration: float,
-    rtol: float,
-    state: State,
-    rest: Rest | None,
-    watch: NDArray[np.float64],
-) -> tuple[_Cell, State | None]:
-    """One point, and where its run ended; whatever stops it becomes its reason."""
-    ring, power, detuning = point
-    try:
-        found, end = pulse(
-            ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, rest=rest,
-            watch=watch,
-        )  # fmt: skip
-    except (checks.InputError, RuntimeError) as error:
-        return _Cell(FAILED, float("nan"), float("nan"), float("nan"), str(error)), None
-    return _Cell(str(found.regime), found.period, found.duty, found.swing, found.reason), end
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import groupby
 from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
@@ -18,18 +18,25 @@ from thermofem.checks import InputError
 
 from ..cycles import settling
 from ..cycles.cycle_problem import CycleProblem
-from ..cycles.orbit_measures import measure
+from ..cycles.return_map import measure
 from ..cycles.settling import FIRST_PART, FIRST_STEP, FLAT, MOST_PULSES, Part, RestError, measured, rest_words, resting
-from ..equilibria.balance import absorbable, balance, internal_ring
-from ..equilibria.spectrum import survey
-from ..kernel.integrator import CAP
 from ..kernel.shooting import FINE, Closed, Turns, measures
 from ..kernel.tableaus import Method
-from ..kernel.units import internal_detuning, internal_pump
+from ..kernel.units import NS, internal_detuning
 from ..runs.pulsing import DUTY_LEVEL, Regime
-from .grid import Point
+from .grid import Fixed, Point
 
-Found = tuple[str, float, float, float, str]
+
+class Cell(NamedTuple):
+    """What a ring does at a point of a map."""
+
+    regime: str
+    period: float = np.nan  # s
+    duty: float = np.nan
+    swing: float = np.nan  # K
+    reason: str = ""
+
+
 TRIES = 4  # of closing a cycle near a transient
 AGAIN = 3  # turns by which a cycle is verified
 ASIDE = 3e-4  # of the warmest state of heat, beside a cycle
@@ -39,51 +46,9 @@ REACH = 4.0  # periods within which a trace returns
 AHEAD = ([1.0], [2.0, -1.0], [3.0, -3.0, 1.0])  # the polynomial through one to three neighbours at the next point
 
 
-class Fixed(NamedTuple):
-    """The fixed points of a point of a map, in internal units."""
-
-    every: Array  # rows U, N, dT and the longest step beside it in ns
-    stable: Array  # rows U, N, dT
-
-
-def fixed_of(model: Any, points: list[Point]) -> list[Fixed | str]:
-    """The fixed points of every point of a map, or why there are none."""
-    out: list[Fixed | str] = [""] * len(points)
-    for ring in dict.fromkeys(ring for ring, _, _ in points):
-        cells = np.array([k for k, point in enumerate(points) if point[0] == ring])
-        powers = np.array([points[k][1] for k in cells])
-        try:
-            internal_ring(ring, model, absorbable(ring, powers.max()))
-            groups = [cells]
-        except InputError:  # at this power, perhaps not at others
-            groups = [cells[powers == power] for power in np.unique(powers)]
-        for group in groups:
-            try:
-                found = _fixed(model, [points[k] for k in group])
-            except InputError as error:
-                found = [str(error)] * group.size
-            for k, one in zip(group, found, strict=True):
-                out[k] = one
-    return out
-
-
-def _fixed(model: Any, points: list[Point]) -> list[Any]:
-    """The fixed points of points that have one ring."""
-    ring = points[0][0]
-    at = internal_ring(ring, model, max(absorbable(ring, power) for _, power, _ in points))
-    pump = np.array([internal_pump(ring, power) for _, power, _ in points])
-    found = survey(pump, np.array([internal_detuning(nu) for _, _, nu in points]), at)
-    here = balance(found.U, at)
-    longest = np.where(found.fastest > 0, CAP / np.where(found.fastest > 0, found.fastest, 1.0), np.inf)
-    every = np.column_stack([found.U, here.N, here.dT, longest])
-    ends = np.searchsorted(found.cell, np.arange(len(points) + 1))
-    parts = [slice(*pair) for pair in pairwise(ends)]
-    return [Fixed(every[part], every[part, :3][found.growth[part] <= 0]) for part in parts]
-
-
-def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch: Array) -> list[Found]:
+def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch: Array) -> list[Cell]:
     """Return regime, period (s), duty, swing (K) and the reason at every point of a row."""
-    out: list[Found] = []
+    out: list[Cell] = []
     for (ring, power), group in groupby(zip(points, fixed, strict=True), key=lambda pair: pair[0][:2]):
         row = _Row(ring, model, power, watch)
         beside: list[Closed] = []
@@ -94,7 +59,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
                     raise InputError(at)
                 cell, found = row.point(detuning, at, beside)
             except (InputError, RuntimeError, np.linalg.LinAlgError) as error:
-                cell, found = ("failed", np.nan, np.nan, np.nan, str(error)), None
+                cell, found = Cell("failed", reason=str(error)), None
             beside = [found, *beside[:2]] if found and found.pulses == 1 else []
             out.append(cell)
     return out
@@ -121,14 +86,14 @@ class _Row:
         """One point."""
         return replace(self.problem, detuning=detuning)
 
-    def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Found, Closed | None]:
+    def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Cell, Closed | None]:
         """What the ring does, and its cycle; ``beside`` are those just before, of one pulse, the last first."""
         self.turns.problem.set_detuning(internal_detuning(detuning))
         self.turns.near(fixed.every)
         found = self._continued(beside) if beside and not len(fixed.stable) else None
         return self._from_cold(detuning, fixed) if found is None else (self._words(detuning, found), found)
 
-    def _words(self, detuning: float, found: Closed) -> Found:
+    def _words(self, detuning: float, found: Closed) -> Cell:
         """A cycle as a map tells it; one of many steps is closed precisely, as their errors add up."""
         closer = None
         if len(found.rows) > LONG:
@@ -147,7 +112,7 @@ class _Row:
         found = self.turns.close(y, T, beside=last)
         return found if _is_stable(found) and (len(found.rows) < LONG or self._attracts(found)) else None
 
-    def _from_cold(self, detuning: float, fixed: Fixed) -> tuple[Found, Closed | None]:
+    def _from_cold(self, detuning: float, fixed: Fixed) -> tuple[Cell, Closed | None]:
         """What a cold ring comes to."""
         y, passed, duration, step, tries = self.turns.problem.zero(), 0.0, FIRST_PART, 0.0, 0
         still = len(fixed.stable) > 0
@@ -217,7 +182,7 @@ class _Row:
         expected = np.linalg.matrix_power(M, AGAIN) @ off
         return bool(np.abs(y[slow] - found.y[slow] - expected).max() < aside / 2)
 
-    def _carefully(self, p: CycleProblem, y: Array) -> Found:
+    def _carefully(self, p: CycleProblem, y: Array) -> Cell:
         """What a transient in ``y`` comes to, by `settling.settled`."""
         try:
             orbit = p.settled(y, look=self.look)
@@ -237,17 +202,17 @@ def _is_stable(found: Closed | None) -> TypeGuard[Closed]:
     return bool(np.ptp(N) > FLAT * N.max())
 
 
-def _resting(words: str) -> Found:
-    return (str(Regime.STABLE), np.nan, np.nan, 0.0, words)
+def _resting(words: str) -> Cell:
+    return Cell(str(Regime.STABLE), swing=0.0, reason=words)
 
 
-def _slow(words: str) -> Found:
-    return (str(Regime.SLOW_TRANSIENT), np.nan, np.nan, np.nan, words)
+def _slow(words: str) -> Cell:
+    return Cell(str(Regime.SLOW_TRANSIENT), reason=words)
 
 
-def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int) -> Found:
+def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int) -> Cell:
     """A settled cycle of the period T in ns."""
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
     if pulses > 1:
         words += f"; {pulses} pulses in a period"
-    return (str(Regime.SELF_PULSING), T * 1e-9, duty, swing, words)
+    return Cell(str(Regime.SELF_PULSING), T * NS, duty, swing, words)

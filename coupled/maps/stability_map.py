@@ -10,19 +10,17 @@ import xarray as xr
 
 from thermofem import OutputMap
 from thermofem.arrays import Array, ArrayLike
+from thermofem.checks import InputError
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
-from thermofem.models.contract import bare
 
 from ..contradictions import check_geometry
-from ..equilibria.balance import absorbable, internal_ring
-from ..equilibria.spectrum import survey
+from ..equilibria.balance import absorbable
 from ..heaters import constant
-from ..kernel.units import NS, internal_detuning, internal_pump
+from ..kernel.units import NS
 from ..resonator import RingResonator
-from ..thermal import Compact, compact, provenance, warn_at_top
-from .grid import Grid, grid_of
-from .trust import trusted_map
+from ..thermal import Compact, provenance, warn_at_top
+from .grid import Grid, grid_of, surveys, trusted_map
 
 
 def stability_map(
@@ -76,7 +74,8 @@ def stability_map(
     warm = constant(model, heaters, heated, read)
     grid = grid_of(ring, powers, detunings, vary, results=("frequency",)).warmed(warm)
     doubts = check_geometry(ring, model)
-    small, fixed, stable, growth, omega = _survey(warm.model, grid)
+    small = warm.model
+    fixed, stable, growth, omega = _survey(small, grid)
     names = np.array(["self-pulsing", "stable", "bistable"])
     over = grid.names
     variables: dict[str, Any] = {
@@ -91,21 +90,17 @@ def stability_map(
     return xr.Dataset(variables, grid.coordinates(), attrs)
 
 
-def _survey(model: ThermalModel, grid: Grid) -> tuple[Compact, Array, Array, Array, Array]:
-    """The compact model; numbers of fixed and of stable points, growth rate (1/s) and frequency (Hz) of each cell."""
-    points = [point for row in grid.rows for point in row]
+def _survey(model: Compact, grid: Grid) -> Array:
+    """Numbers of fixed and of stable points, growth rate (1/s) and frequency (Hz) of each cell."""
+    points = grid.points
     largest = max(absorbable(ring, power) for ring, power, _ in points)
-    inner = bare(model)
-    if isinstance(inner, OutputMap) and 2 * inner.coefficient * inner.thermal_resistance * largest <= -1:
-        warn_at_top(inner, f"the ring may absorb up to {largest:.2g} W at these powers")
-    small, out = compact(model), np.empty((4, len(points)))
-    for ring in dict.fromkeys(ring for ring, _, _ in points):
-        cells = [k for k, point in enumerate(points) if point[0] is ring or point[0] == ring]
-        pump = np.array([internal_pump(ring, points[k][1]) for k in cells])
-        shift = np.array([internal_detuning(points[k][2]) for k in cells])
-        at = internal_ring(ring, small, largest)
-        found = survey(pump, shift, at._replace(heat=at.heat.without_idle_poles()))
+    if isinstance(model, OutputMap) and 2 * model.coefficient * model.thermal_resistance * largest <= -1:
+        warn_at_top(model, f"the ring may absorb up to {largest:.2g} W at these powers")
+    out = np.empty((4, len(points)))
+    for cells, found, _ in surveys(model, points):
+        if isinstance(found, InputError):
+            raise found
         order = np.lexsort([found.growth, found.cell])
-        least = order[np.searchsorted(found.cell[order], np.arange(len(cells)))]
+        least = order[np.searchsorted(found.cell[order], np.arange(cells.size))]
         out[:, cells] = found.points, found.stable, found.growth[least] / NS, found.omega[least] / (2 * np.pi * NS)
-    return small, *out.reshape(4, *(axis.size for axis in grid.axes))
+    return out.reshape(4, *(axis.size for axis in grid.axes))

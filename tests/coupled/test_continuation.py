@@ -11,11 +11,10 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
-from coupled.cycles.branch import _is_there, follow_along
+from coupled.cycles.branch import _is_there, born, follow_along
 from coupled.cycles.cycle_problem import CycleProblem
-from coupled.cycles.hopf_points import born
 from coupled.cycles.multiple_shooting import Family
-from coupled.cycles.orbit_measures import time_weights
+from coupled.cycles.return_map import time_weights
 
 RING = coupled.borghi2021()
 LUMPED, NEWTON = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)

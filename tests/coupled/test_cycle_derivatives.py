@@ -9,10 +9,9 @@ import pytest
 
 import coupled
 import thermofem as th
-from coupled.cycles.cycle_problem import CycleProblem
-from coupled.cycles.orbit_measures import measure
-from coupled.cycles.parameters import changed, value_of
-from coupled.cycles.return_map import close
+from coupled.cycles.cycle_problem import CycleProblem, changed, value_of
+from coupled.cycles.return_map import close, measure
+from coupled.kernel.units import units
 
 RING = coupled.borghi2021()
 POWER = 10**0.8 * 1e-3
@@ -26,7 +25,7 @@ def cycle():
 
 def measured(p, cycle):
     """Measures of the cycle near another one, closed on its own."""
-    begin = coupled.State.end_of(cycle).as_array() / p.units
+    begin = coupled.State.end_of(cycle).as_array() / units(p.flow.rough.order)
     orbit = close(p.flow, begin, cycle.attrs["pulses"], 30e9 * cycle.attrs["period"])
     seen = measure(orbit)
     return np.array([orbit.T * 1e-9, seen.duty, seen.swing, seen.extinction])

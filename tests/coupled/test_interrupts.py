@@ -16,7 +16,7 @@ import pytest
 
 import coupled
 import thermofem as th
-from coupled.maps.trace_of_point import pulse
+from coupled.maps.pulsing_map import pulse
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
-from coupled.maps.trace_of_point import pulse
+from coupled.maps.pulsing_map import pulse
 from coupled.plot import plot_map
 from coupled.ring_toml import UNITS
 from coupled.thermal import long_enough

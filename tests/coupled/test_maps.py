@@ -14,7 +14,7 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
-from coupled.maps.trace_of_point import pulse
+from coupled.maps.pulsing_map import pulse
 from coupled.plot import plot_map, plot_maps
 
 RING = coupled.borghi2021()

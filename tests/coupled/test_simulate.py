@@ -11,7 +11,7 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
-from coupled.maps.trace_of_point import pulse
+from coupled.maps.pulsing_map import pulse
 from coupled.parameters import borghi2021 as paper
 from coupled.plot import plot_traces
 

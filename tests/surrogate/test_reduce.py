@@ -271,9 +271,9 @@ def test_bounds_of_random_pencils_hold_and_no_tolerance_is_refused_falsely():
 def test_nearly_equal_columns_give_an_orthonormal_basis(d):
     rng = np.random.default_rng(1)
     M = diags(rng.uniform(0.1, 10, 200)).tocsr()
-    V = orthonormal(rng.standard_normal((200, 5)), M, np.empty((200, 0)), np.empty((200, 0)), smallest=1e-20)
+    V = orthonormal(rng.standard_normal((200, 5)), M, np.empty((200, 0)), np.empty((200, 0)), smallest=1e-20)[0]
     b = rng.standard_normal(200)
     W = np.column_stack([b, b * (1 + d * rng.standard_normal(200)), V @ np.ones(5) + d * rng.standard_normal(200)])
-    new = orthonormal(W, M, V, M @ V, smallest=1e-28)
+    new = orthonormal(W, M, V, M @ V, smallest=1e-28)[0]
     whole = np.column_stack([V, new])
     assert np.abs(whole.T @ (M @ whole) - np.eye(whole.shape[1])).max() < 1e-14

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, csr_matrix, diags, triu
+from scipy.sparse.linalg import splu
 
 from .. import checks
 
@@ -45,14 +47,11 @@ def factorize(matrix: Any, *, upper: bool = False) -> Solve:
 
 def _factors(matrix: Any, *, upper: bool) -> Any:
     """The factorization of `factorize`: an object of qdldl or SuperLU with ``solve``."""
-    from scipy.sparse import csc_matrix, diags
-
     matrix = csc_matrix(matrix)
     qdldl = _qdldl(matrix.shape[0])
     if qdldl is not None:
         with singular_refused():
             return qdldl.Solver(matrix, upper=upper)
-    from scipy.sparse.linalg import splu
 
     if upper:
         matrix = csc_matrix(matrix + matrix.T - diags(matrix.diagonal()))
@@ -80,8 +79,6 @@ def solve_once(matrix: Any, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Matrices of one sparsity pattern, one after the other in a thread, share an ordering and a symbolic factorization.
     """
-    from scipy.sparse import csc_matrix, triu
-
     n = matrix.shape[0]
     qdldl = _qdldl(n)
     if qdldl is None or n > 20_000:  # 20_000: unknowns; beyond, `solve_once` keeps nothing
@@ -219,8 +216,6 @@ class Pencil:
 
     def _matrix(self, a: float, b: float) -> Any:
         """Upper triangle of a E + b K on the union of both sparsity patterns (CSC)."""
-        from scipy.sparse import csc_matrix
-
         self.factorizations += 1
         return csc_matrix((a * self._data[0] + b * self._data[1], self._indices, self._indptr), shape=self._shape)
 
@@ -256,8 +251,6 @@ def _key(a: float, b: float) -> tuple[float, float]:
 
 def _upper_triangle(matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Positions column n + row, increasing, and values of a symmetric matrix's entries on and above its diagonal."""
-    from scipy.sparse import csr_matrix
-
     matrix = csr_matrix(matrix)  # its rows are its columns
     matrix.sum_duplicates()
     n = matrix.shape[0]

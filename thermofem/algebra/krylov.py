@@ -17,6 +17,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..arrays import Array
@@ -129,7 +130,7 @@ class KrylovSpace:
         W = W[:, W.any(axis=0)]  # nothing is left of heat that the space holds to the last digit
         if room == 0 or W.shape[1] == 0:
             return False
-        W, MW = both(W, self.M, self.V, self.MV, most=room, smallest=self.smallest)
+        W, MW = orthonormal(W, self.M, self.V, self.MV, most=room, smallest=self.smallest)
         if W.shape[1] == 0:
             return False
         KW = self.K @ W
@@ -171,8 +172,6 @@ class Rounds(KrylovSpace):
         start: Array | None = None,
         others: Array | None = None,
     ) -> None:
-        from scipy.sparse import csr_matrix
-
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
         if start is not None:
             self.extend(start)
@@ -203,7 +202,7 @@ class Rounds(KrylovSpace):
     def _beside(self) -> Array:
         """M-orthonormal basis W of ``others``."""
         none = np.empty((self.M.shape[0], 0))
-        return orthonormal(self.others, self.M, none, none, most=len(none), smallest=self.smallest)
+        return orthonormal(self.others, self.M, none, none, most=len(none), smallest=self.smallest)[0]
 
     def _outside(self, size: int) -> Array:
         """M-orthonormal basis of the part of ``others`` outside the first ``size`` fields V.
@@ -214,7 +213,7 @@ class Rounds(KrylovSpace):
         inside = MV.T @ W
         left, turn = np.linalg.eigh(np.eye(W.shape[1]) - inside.T @ inside)
         if left[0] <= MUCH:
-            return orthonormal(W, self.M, V, MV, most=len(V) - size, smallest=self.smallest)
+            return orthonormal(W, self.M, V, MV, most=len(V) - size, smallest=self.smallest)[0]
         return np.asarray((W - V @ inside) @ (turn / np.sqrt(left)))
 
 
@@ -223,9 +222,7 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
 
     Raises InputError: a system that is not one of heat flow: E and -A symmetric positive definite.
     """
-    from scipy.sparse import csr_matrix
-
-    check_heat_flow(system)
+    check_pair(system.E, system.A)
     if cycles == 0:
         none = np.empty((system.order, 0))
         return Basis(np.empty(0), none.T @ np.asarray(system.B, dtype=float), none, np.empty((0, 0)))
@@ -245,8 +242,6 @@ def rates(system: LinearSystem, static: Solve) -> tuple[float, float]:
 
     Raises InputError: a static gain, a heat content or a heat capacity that is not positive.
     """
-    from scipy.sparse import csr_matrix
-
     B, M = np.asarray(system.B, dtype=float), csr_matrix(system.E)
     x = np.column_stack([static(b) for b in B.T])
     gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
@@ -267,25 +262,15 @@ def slopes(M: Any, B: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / inertia)
 
 
-def check_heat_flow(system: LinearSystem) -> None:
-    """Raise InputError unless E and A are symmetric."""
-    from scipy.sparse import csr_matrix
-
-    check_pair(csr_matrix(system.E), -csr_matrix(system.A), REFUSAL)
-
-
-def check_pair(E: Any, K: Any, hint: str) -> None:
-    """Raise InputError unless E and K = -A are symmetric: the factorization reads one triangle only."""
-    for name, matrix in (("E", E), ("A", K)):
+def check_pair(E: Any, A: Any, hint: str = REFUSAL) -> None:
+    """Raise InputError unless E and A are symmetric: the factorization reads one triangle only."""
+    for name, matrix in (("E", E), ("A", A)):
         check_symmetric(name, matrix, hint=hint)
 
 
-def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:
-    """The M-orthonormal basis of `both`."""
-    return both(W, M, V, MV, most=most, smallest=smallest)[0]
-
-
-def both(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> tuple[Array, Array]:
+def orthonormal(
+    W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float
+) -> tuple[Array, Array]:
     """M-orthonormal basis of the part of the columns of W outside the M-orthonormal basis V, and M times it.
 
     Gram-Schmidt column by column, the one that adds most first, each orthogonalised again after it was scaled: so

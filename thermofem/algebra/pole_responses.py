@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
-from ..waveforms import Waveform, heating_pieces
+from ..waveforms import heating_pieces
 
 BLOCK = 2_000_000  # numbers of one evaluation, so that many times and poles need no more than 100 MB
 
@@ -32,18 +32,6 @@ def phi(y: Array) -> Array:
             up = (1.0 - m * up) / large
         out[m] = np.where(y < 1.0, out[m], up)
     return out
-
-
-def smooth_pole_responses(rate: Array, wave: Waveform, times: Array, stop: float, *, periodic: bool) -> Array:
-    """Response x of poles dx/dt = -rate x + P(t) to any waveform, as a piecewise cubic (`heating_pieces`).
-
-    rate [shape (n,), 1/s]
-    times [shape (m,), s]: from 0 to ``stop``.
-    stop [s]: end of the pieces; the period where ``periodic``.
-    Returns [shape (m, n), J]
-    """
-    edges, coefficients = heating_pieces(wave, 0.0, stop)
-    return cubic_pole_responses(rate, edges, coefficients, times, periodic=periodic)
 
 
 def cubic_pole_responses(
@@ -90,7 +78,7 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
         raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
     stop = wave.period if periodic and wave.period else max(float(t.max()), np.finfo(float).tiny)
     if not getattr(wave, "piecewise_linear", False):
-        return smooth_pole_responses(rate, wave, t, stop, periodic=periodic)
+        return cubic_pole_responses(rate, *heating_pieces(wave, 0.0, stop), t, periodic=periodic)
     edges, after, before = waveforms.linear_pieces(wave, 0.0, stop)
     length = edges[1:] - edges[:-1]
     slope, settled = (before - after) / length, np.divide.outer(after, rate)

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import skfem
 
 from ..algebra.factor import solve_once
 from ..arrays import Array, NDArray
@@ -118,8 +119,6 @@ class _Grown:
 
     def beyond(self, heat: HeatProblem, axis: int, at: float, levels: Array) -> _Grown:
         """Add layers of triangles from the side r = ``at`` (axis 0) or z = ``at`` (1) out to each of ``levels``."""
-        import skfem
-
         grid = skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
         facets = grid.boundary_facets()
         there = np.abs(grid.p[axis, grid.facets[:, facets]] - at).max(axis=0) <= 1e-9 * heat.geometry.outer_radius

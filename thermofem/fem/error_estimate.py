@@ -29,6 +29,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import eigh
 
 from ..arrays import Array, NDArray
 from .weak_forms import properties
@@ -86,8 +87,6 @@ def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray
 
     Where k_r and k_z differ, angles are those of r/sqrt(k_r), z/sqrt(k_z) and k is sqrt(k_r k_z): exact as lambda -> 0.
     """
-    from scipy.linalg import eigh
-
     t, p = d.basis.mesh.t, d.basis.mesh.p
     around = np.flatnonzero((t == vertex).any(axis=0))
     corners = t[:, around].T

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
@@ -34,8 +35,6 @@ from ..mesh.mesh_motion import vertex_velocities
 from .shape_derivatives import Tangent, tangent
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from ..algebra.krylov import Rounds
     from .heat_problem import HeatProblem
 from ..algebra.pole_responses import pole_responses
@@ -346,8 +345,6 @@ def dataset_of(
 
     ``parameters`` are names, values and SI units; what was not asked for is None.
     """
-    import xarray as xr
-
     names, values, units = zip(*parameters, strict=True)
     per = "K/W per unit of the parameter"
     axes = {"thermal_resistance": (), "step_response": ("time",), "impedance": ("frequency",)}

@@ -24,12 +24,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
 
 from .. import checks
 from ..arrays import Array, NDArray
-from ..geometry.regions import distance
+from ..geometry.regions import distance, nearest
 from ..mesh.triangles import radii
-from .weak_forms import volume
+from .weak_forms import magnitude, summed, volume
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -39,67 +43,51 @@ if TYPE_CHECKING:
 FINENESS = 24  # small triangles along each edge of a triangle that the shell's edge cuts
 
 
-@dataclass(frozen=True, eq=False)
-class Cut:
-    """Intersection of a shell with the triangles of a mesh.
-
-    outline [shape (edges, 2 ends, 2), m]: of the part.
-    thickness [m]
-    inside [shape (triangles,)]: wholly in the shell.
-    cells: triangles near its edge.
-    local [shape (small triangles, 2)]: centroids of the small triangles in each of them.
-    longest [shape (triangles,), m]: edge of each triangle.
-    """
-
-    outline: Array
-    thickness: float
-    inside: NDArray[np.bool_]
-    cells: NDArray[np.intp]
-    local: Array
-    longest: Array
-
-
-def cut_shell(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Cut:
-    """Find the triangles inside a shell and those that its edge cuts; InputError where the part is not meshed."""
-    edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
-    if not edges:
-        raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to lie around")
-    outline = np.concatenate(edges)
-    corners = _corners(basis)
-    far = distance(corners, outline)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
-    thickness = float(probe.shell or 0)
-    outside = mesh.region != mesh.region_names.index(probe.part)
-    inside = outside & (far.max(axis=1) + longest / 2 <= thickness)
-    cells = np.flatnonzero(outside & ~inside & (far.min(axis=1) - longest <= thickness))
-    return Cut(outline, thickness, inside, cells, _centroids(FINENESS), longest)
-
-
-def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
+def shell_integral(
+    geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe, points: Any = None, thicker: complex = 0.0
+) -> Any:
     """Integral of 2 pi r times each basis function over a shell; the sum of the entries is its volume in m^3.
 
     Triangles well inside are integrated exactly, those near the edge by `FINENESS`^2 small triangles each, which count
-    by the share that lies inside.
+    by the share that lies inside. The nearest point of the part's outline moves with the share of the edge at which it
+    lies (envelope theorem).
 
+    points [shape (2, vertices), m]: as of `weak_forms.maps`; the part's outline moves along.
+    thicker [m]: added to the thickness of the probe.
     Raises InputError: the part is not meshed: nothing of it is left.
     """
-    cut = cut_shell(geometry, mesh, basis, probe)
-    total = volume(basis, cut.inside)
-    local, cells, corners = cut.local, cut.cells, _corners(basis)[cut.cells]
-    r, z = np.einsum("qk,ckx->xcq", np.column_stack([1 - local.sum(axis=1), local]), corners)
-    far = distance(np.stack([r, z], axis=-1), cut.outline)
-    depth = (cut.thickness - far) / (cut.longest[cells, None] / FINENESS)
-    weight = 2 * np.pi * radii(r, basis.mesh.depth) * np.clip(0.5 + depth, 0, 1) * _areas(corners)[:, None] / len(local)
+    edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
+    if not edges:
+        raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to lie around")
+    outline, grid, thickness = np.concatenate(edges), basis.mesh, float(probe.shell or 0)
+    corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))  # in the order of the basis, which may not be ours
+    far = distance(corners, outline)
+    sides = corners - np.roll(corners, 1, axis=1)
+    lengths = np.linalg.norm(sides, axis=-1)
+    longest = lengths.max(axis=1)
+    outside = mesh.region != mesh.region_names.index(probe.part)
+    inside = outside & (far.max(axis=1) + longest / 2 <= thickness)
+    cells = np.flatnonzero(outside & ~inside & (far.min(axis=1) - longest <= thickness))
+    local = _centroids(FINENESS)
+    weights = np.column_stack([1 - local.sum(axis=1), local])
+    _, index, place = nearest(np.einsum("qk,ckx->cqx", weights, corners[cells]), outline)
+    if points is not None:
+        corners = np.moveaxis(points[:, grid.t], (0, 1, 2), (2, 1, 0))
+        outline = points.T[cKDTree(grid.p.T).query(outline)[1]]
+        sides = corners - np.roll(corners, 1, axis=1)
+    small = np.einsum("qk,ckx->cqx", weights, corners[cells])
+    feet = outline[index, 0] + place[..., None] * (outline[index, 1] - outline[index, 0])
+    far = np.sqrt(((small - feet) ** 2).sum(axis=-1))
+    edge = sides[cells, lengths[cells].argmax(axis=1)]
+    depth = (thickness + thicker - far) / (np.sqrt((edge**2).sum(axis=-1))[:, None] / FINENESS)
+    share = np.where(np.abs(depth.real) < 0.5, 0.5 + depth, depth.real > 0)
+    (x, y), (s, t) = (corners[cells, 1] - corners[cells, 0]).T, (corners[cells, 2] - corners[cells, 0]).T
+    area = magnitude(x * t - s * y) / 2
+    weight = 2 * np.pi * radii(small[..., 0], grid.depth) * share * area[:, None] / len(local)
+    total = volume(basis, inside, points)
     for k in range(basis.Nbfun):
-        shape = basis.elem.lbasis(local.T, k)[0]
-        total += np.bincount(basis.element_dofs[k, cells], weight @ shape, minlength=basis.N)
+        total = total + summed(basis.element_dofs[k, cells], weight @ basis.elem.lbasis(local.T, k)[0], basis.N)
     return total
-
-
-def _corners(basis: Any) -> Array:
-    """Corners of all triangles, shape (triangles, 3, 2), in the order of the basis, which may not be ours."""
-    grid = basis.mesh
-    return np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
 
 
 def _centroids(n: int) -> Array:
@@ -107,11 +95,6 @@ def _centroids(n: int) -> Array:
     i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
     up, down = i + j < n, i + j < n - 1
     return np.concatenate([np.column_stack([i, j])[up] + 1 / 3, np.column_stack([i, j])[down] + 2 / 3]) / n
-
-
-def _areas(corners: Array) -> Array:
-    (x, y), (s, t) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    return np.abs(x * t - s * y) / 2
 
 
 PER_GAP = 40  # steps of the angle for each gap between the heated part and the copy
@@ -125,11 +108,8 @@ def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array
     """
     points, weights = off_axis_points(geometry, probe)
     cells, local = Triangles.of(basis.mesh).locate(points)
-    total = np.zeros(basis.N)
-    for k in range(basis.Nbfun):
-        shape = basis.elem.lbasis(local, k)[0]
-        total += np.bincount(basis.element_dofs[k, cells], weights * shape, minlength=basis.N)
-    return total
+    shapes = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
+    return np.asarray(summed(basis.element_dofs[:, cells], weights * shapes, basis.N))
 
 
 def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
@@ -158,10 +138,6 @@ def _gap(geometry: CrossSection, probe: Probe) -> float:
 
 def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, Array]:
     """Points r, z in m of a rule on the part's cross-section, and their areas in m^2."""
-    import shapely
-    from skfem.quadrature import get_quadrature
-    from skfem.refdom import RefTri
-
     polygons = [
         shapely.Polygon(face.rings[0] * 1e6, [ring * 1e6 for ring in face.rings[1:]])  # in um, as GEOS has tolerances
         for face in geometry.subdivision.faces
@@ -189,8 +165,6 @@ class Triangles:
     @classmethod
     def of(cls, grid: Any) -> Triangles:
         """Build the search tree; ``corners`` has shape (triangles, 3, 2), in m."""
-        import shapely
-
         corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
         return cls(shapely.STRtree(shapely.polygons(corners)), corners)
 
@@ -199,8 +173,6 @@ class Triangles:
 
         Raises InputError: a point that lies in no triangle.
         """
-        import shapely
-
         found, cell = self.tree.query(shapely.points(points), predicate="intersects")
         inside, first = np.unique(found, return_index=True)  # a point on an edge lies in two triangles
         if inside.size < len(points):

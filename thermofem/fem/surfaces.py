@@ -1,4 +1,4 @@
-"""Boundary conditions and contacts: their facets, their weak forms in the stiffness, and the derivatives of those.
+"""Boundary conditions and contacts: their facets, and their weak forms in the stiffness.
 
 K_ij += int 2 pi r h u_i u_j ds                               where heat h (T - T0) is exchanged with the ambient,
                                                               1/(1/h + R) for h where the part has a resistance R
@@ -17,6 +17,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ..arrays import Array, ArrayLike, NDArray
 from ..mesh.triangles import radii
@@ -24,9 +25,7 @@ from .mesh_division import beside, contacts
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..geometry.parameter_paths import Change
     from ..mesh import Mesh
-    from .heat_problem import HeatProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,26 +52,22 @@ class Side:
     outward: Array
 
     @classmethod
-    def of(cls, basis: Any, facets: NDArray[np.intp]) -> Side:
-        """Functions, points and orientation on some facets of a basis."""
+    def of(cls, basis: Any, facets: NDArray[np.intp], points: Any = None) -> Side:
+        """Functions, points and orientation on some facets of a basis; vertices as of `weak_forms.maps`."""
         grid = basis.mesh
+        p = grid.p if points is None else points
         cells = grid.f2t[0, facets]
         local = (grid.t2f[:, cells] == facets).argmax(axis=0)
         vertices = grid.facets[:, facets]
-        corners, ends = grid.p[:, grid.t[:, cells]], grid.p[:, vertices]
+        corners, ends = p[:, grid.t[:, cells]], p[:, vertices]
         first = grid.t[_edges(basis)[local, 0], cells]
         turned = (first != vertices[0]).astype(np.intp)
         kind: Any = type(basis.elem)
         numbers, shapes, at, weight = _tables(kind)
         along, inward = ends[:, 1] - ends[:, 0], corners.mean(axis=1) - ends.mean(axis=1)
-        outward = np.sign(along[0] * inward[1] - along[1] * inward[0])
+        outward = np.sign((along[0] * inward[1] - along[1] * inward[0]).real)
         dofs = basis.element_dofs[numbers[local].T, cells].T
         return cls(basis, facets, cells, dofs, shapes[local, turned], at, weight, ends, outward)
-
-    @property
-    def round(self) -> bool:
-        """Whether the section is that of a ring, with the weight 2 pi r."""
-        return self.basis.mesh.depth is None
 
     @property
     def radius(self) -> Array:
@@ -85,8 +80,6 @@ class Side:
 
     def matrix(self, other: Side, values: Array) -> Any:
         """Sparse sum of values u v, with u on this side and v on the other one."""
-        from scipy.sparse import csr_matrix
-
         local = np.einsum("faq,fbq,q,qf->fab", other.shape, self.shape, self.weight, values, optimize=True)
         rows = np.broadcast_to(other.dofs[:, :, None], local.shape).ravel()
         columns = np.broadcast_to(self.dofs[:, None, :], local.shape).ravel()
@@ -183,20 +176,13 @@ def source_of(geometry: CrossSection) -> tuple[float, float]:
     return middle, heat.bottom + heat.height / 2
 
 
-def line_source(u: ArrayLike) -> Array:
+def line_source(u: Array) -> Array:
     """Mean over its length of the field of a line source on a half space, c(u) = asinh(1/u) - sqrt(1 + u^2) + u.
 
     u = d/L; the field is P c/(pi k L). c is ln(2/u) - 1 near the line and 1/(2 u) far from it.
     """
-    u = np.asarray(u, dtype=float)
     far = 1 / (np.sqrt(1 + u**2) + u)  # sqrt(1 + u^2) - u without cancellation
     return np.asarray(np.arcsinh(1 / u) - far)
-
-
-def line_source_slope(u: ArrayLike) -> Array:
-    """dc/du of `line_source`: 1 - sqrt(1 + u^2)/u."""
-    u = np.asarray(u, dtype=float)
-    return np.asarray(-1 / (u * (np.sqrt(1 + u**2) + u)))
 
 
 def exchanged(facets: Facets, h: float, series: Array) -> dict[float, Facets]:
@@ -210,49 +196,42 @@ def exchanged(facets: Facets, h: float, series: Array) -> dict[float, Facets]:
     return found
 
 
-def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> Any:
-    """Terms of convection, open sides and contacts in the stiffness, sparse."""
-    cells = basis.element_dofs.shape[1]
-
-    def open_side(side: Side) -> Array:
-        k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, cells))
-        return outlet(side, k[:, side.cells], surfaces)
-
-    def contact(side: Side, resistance: float, pair: Pair) -> Array:
-        return exchange(side, 1 / resistance)
-
-    return surface_sum(basis, surfaces, exchange, open_side, contact)
-
-
-def surface_sum(
+def surface_terms(
     basis: Any,
+    conductivity: ArrayLike,
     surfaces: Surfaces,
-    convection: Callable[[Side, float], Array],
-    outlet: Callable[[Side], Array],
-    contact: Callable[[Side, float, Pair], Array],
+    points: Any = None,
+    series: Callable[..., Any] | None = None,
 ) -> Any:
-    """Sparse sum over all surfaces of weights, shape (q, f), that follow from a side and its coefficient."""
-    from scipy.sparse import csr_matrix
+    """Terms of convection, open sides and contacts in the stiffness, sparse.
 
+    points [shape (2, vertices), m]: as of `weak_forms.maps`.
+    series: what is added to 1/h in m^2 K/W of some facets, or of both sides of a contact; default nothing.
+    """
     total = csr_matrix((basis.N, basis.N))
+
+    def through(h: float, *facets: Facets) -> Any:
+        return h if series is None else 1 / (1 / h + series(*facets))
+
     for h, facets in surfaces.convection.items():
-        side = Side.of(basis, facets)
-        total = total + side.matrix(side, convection(side, h))
+        side = Side.of(basis, facets, points)
+        total = total + side.matrix(side, exchange(side, through(h, facets)))
     if len(surfaces.open):
-        side = Side.of(basis, surfaces.open)
-        total = total + side.matrix(side, outlet(side))
+        side = Side.of(basis, surfaces.open, points)
+        k = np.broadcast_to(np.asarray(conductivity), (2, basis.element_dofs.shape[1]))
+        total = total + side.matrix(side, outlet(side, k[:, side.cells], surfaces))
     for resistance, pair in surfaces.contacts.items():
-        both = [Side.of(basis, facets) for facets in pair]
+        both = [Side.of(basis, facets, points) for facets in pair]
         for one in both:
             for other in both:
                 sign = 1 if one is other else -1
-                total = total + sign * one.matrix(other, contact(one, resistance, pair))
+                total = total + sign * one.matrix(other, exchange(one, through(1 / resistance, *pair)))
     return total
 
 
-def exchange(side: Side, h: float) -> Array:
+def exchange(side: Side, h: Any) -> Array:
     """2 pi r h ds at the points, shape (q, f)."""
-    return 2 * np.pi * h * side.radius * np.linalg.norm(side.ends[:, 1] - side.ends[:, 0], axis=0)
+    return np.asarray(2 * np.pi * h * side.radius * np.sqrt(((side.ends[:, 1] - side.ends[:, 0]) ** 2).sum(axis=0)))
 
 
 def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
@@ -260,87 +239,4 @@ def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
     dr, dz = (side.ends[:, 1] - side.ends[:, 0]) * side.outward
     r, z = (x - origin for x, origin in zip(side.along(side.ends), surfaces.source, strict=True))
     value = 2 * np.pi * side.radius * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1])
-    return np.asarray(value if surfaces.length is None else value / line_source(np.hypot(r, z) / surfaces.length))
-
-
-def surface_tangent(heat: HeatProblem, change: Change, moved: Array, k: Array, of_k: Array) -> Any:
-    """Derivative of `surface_terms`; ``moved`` (2, vertices) and ``of_k`` (2, triangles) are d of points and k."""
-    surfaces = heat.discretization.surfaces
-
-    def convection(side: Side, h: float) -> Array:
-        of_h = h**2 * (_of_sides(heat, change, side.facets) - _contact(heat, change, side.facets))
-        return _exchange(side, moved, h, of_h)
-
-    def outlet(side: Side) -> Array:
-        return _outlet(side, moved, k[:, side.cells], of_k[:, side.cells], surfaces, _source(heat, change))
-
-    def contact(side: Side, resistance: float, pair: Pair) -> Array:
-        of_h = -(_contact(heat, change, pair[0]) + _contact(heat, change, pair[1])) / resistance**2
-        return _exchange(side, moved, 1 / resistance, of_h)
-
-    return surface_sum(heat.discretization.basis, surfaces, convection, outlet, contact)
-
-
-def _of_sides(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
-    """Derivative of -1/h of the side of the domain on which each facet lies; 0 on an isothermal one."""
-    grid, geometry = heat.discretization.basis.mesh, heat.geometry
-    r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-    found = np.zeros(len(facets))
-    for side, of_h in change.convection.items():
-        there = geometry.on_boundary(side, r, z)
-        found[there] = of_h / getattr(geometry, side).exchange(geometry.ambient) ** 2
-    return found
-
-
-def _contact(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
-    """Derivative of the contact resistance of the part beside each facet."""
-    cells = heat.discretization.basis.mesh.f2t[0, facets]
-    there = np.array([change.contact.get(name, 0.0) for name in heat.mesh.region_names])
-    return there[heat.mesh.region[cells]]
-
-
-def _source(heat: HeatProblem, change: Change) -> Array:
-    """Derivative of `source_of`."""
-    part = next(part for part in heat.geometry.parts if part.heated)
-    velocity = change.outlines.get(part.name)
-    if velocity is None:
-        return np.zeros(2)
-    moves = part.straight and not heat.geometry.mirrored
-    return np.array([velocity[:, 0].mean() * moves, (velocity[0, 1] + velocity[3, 1]) / 2])
-
-
-def _velocity(side: Side, moved: Array) -> Array:
-    """Velocity of the ends of the facets, shape (2, 2 ends, f)."""
-    return np.asarray(moved[:, side.basis.mesh.facets[:, side.facets]])
-
-
-def _exchange(side: Side, moved: Array, h: float, of_h: Array) -> Array:
-    """Derivative of `exchange`."""
-    velocity = _velocity(side, moved)
-    along, of_along = (x[:, 1] - x[:, 0] for x in (side.ends, velocity))
-    length = np.linalg.norm(along, axis=0)
-    of_length = np.einsum("xf,xf->f", along, of_along) / length
-    r, of_r = side.radius, side.along(velocity[0]) * side.round
-    return np.asarray(2 * np.pi * (of_r * h * length + r * of_h * length + r * h * of_length))
-
-
-def _outlet(side: Side, moved: Array, k: Array, of_k: Array, surfaces: Surfaces, of_source: Array) -> Array:
-    """Derivative of `outlet`."""
-    velocity = _velocity(side, moved)
-    along, of_along = (x[:, 1] - x[:, 0] for x in (side.ends, velocity))
-    n, of_n = (np.array([x[1], -x[0]]) * side.outward for x in (along, of_along))
-    radius, of_radius = side.radius, side.along(velocity[0]) * side.round
-    r, z = (x - origin for x, origin in zip(side.along(side.ends), surfaces.source, strict=True))
-    of_r, of_z = (x - origin for x, origin in zip(side.along(velocity), of_source, strict=True))
-    flux = n[0] * r + n[1] * z
-    of_flux = of_n[0] * r + n[0] * of_r + of_n[1] * z + n[1] * of_z
-    square = r**2 / k[0] + z**2 / k[1]
-    of_square = 2 * r * of_r / k[0] - r**2 * of_k[0] / k[0] ** 2
-    of_square = of_square + 2 * z * of_z / k[1] - z**2 * of_k[1] / k[1] ** 2
-    value = 2 * np.pi * radius * flux / square
-    of_value = 2 * np.pi * ((of_radius * flux + radius * of_flux) / square - radius * flux * of_square / square**2)
-    if surfaces.length is None:
-        return np.asarray(of_value)
-    d = np.hypot(r, z)
-    c, of_c = line_source(d / surfaces.length), line_source_slope(d / surfaces.length) / surfaces.length
-    return np.asarray(of_value / c - value / c**2 * of_c * (r * of_r + z * of_z) / d)
+    return np.asarray(value if surfaces.length is None else value / line_source(np.sqrt(r**2 + z**2) / surfaces.length))

@@ -8,6 +8,9 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import skfem
+from scipy.sparse import csr_matrix
+from skfem.quadrature import get_quadrature
 
 from .. import checks
 from ..algebra.factor import Pencil
@@ -163,8 +166,6 @@ def build(
     mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
 ) -> Discretization:
     """As `discretize`, with every term of `surfaces` and polynomials up to ``degree`` 2 or 3."""
-    import skfem
-
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
     basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
     both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
@@ -208,47 +209,60 @@ def capacity(basis: Any, heat_capacity: ArrayLike) -> Any:
     return assembled(basis, element_capacity(basis, heat_capacity))
 
 
-def element_conduction(basis: Any, conductivity: ArrayLike) -> Array:
+def element_conduction(basis: Any, conductivity: ArrayLike, points: Any = None) -> Array:
     """K of every triangle, shape (triangles, b, b) with b its basis functions; exact, as r is linear.
+
+    points: as of `maps`.
 
     With J its map from the reference triangle, r_i the radius of corner i and reference integrals S,
 
         K = 2 pi sum_mni (J^-1 diag(k_r, k_z) J^-T)_mn |det J| r_i S_mni,   S_mni = int l_i d_m u d_n u^T
     """
-    J, r = maps(basis.mesh)
+    J, r = maps(basis.mesh, points)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
     inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
-    k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))
-    metric = 2 * np.pi * np.abs(det) * np.einsum("mde,de,nde->mne", inverse, k, inverse)
+    k = np.broadcast_to(np.asarray(conductivity), (2, basis.nelems))
+    metric = 2 * np.pi * magnitude(det) * np.einsum("mde,de,nde->mne", inverse, k, inverse)
     weights = (metric[:, :, None] * r).reshape(-1, basis.nelems)
     return (weights.T @ reference(basis).stiffness).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
-def element_capacity(basis: Any, heat_capacity: ArrayLike) -> Array:
+def element_capacity(basis: Any, heat_capacity: ArrayLike, points: Any = None) -> Array:
     """M of every triangle, shape (triangles, b, b): 2 pi rho c_p |det J| sum_i r_i int l_i u u^T."""
-    J, r = maps(basis.mesh)
+    J, r = maps(basis.mesh, points)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
-    weights = 2 * np.pi * np.abs(det) * np.broadcast_to(np.asarray(heat_capacity, dtype=float), basis.nelems) * r
+    weights = 2 * np.pi * magnitude(det) * np.broadcast_to(np.asarray(heat_capacity), basis.nelems) * r
     return (weights.T @ reference(basis).mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
 def assembled(basis: Any, elements: Array) -> Any:
     """Sparse sum of the matrices of all triangles."""
-    from scipy.sparse import csr_matrix
-
     dofs = basis.element_dofs.T
     rows, columns = (np.broadcast_to(d, elements.shape).ravel() for d in (dofs[:, :, None], dofs[:, None, :]))
     return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
 
 
-def maps(grid: Grid, moved: Array | None = None) -> tuple[Array, Array]:
+def maps(grid: Grid, points: Any = None) -> tuple[Array, Array]:
     """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and `radii` of the corners, shape (3, triangles).
 
-    moved [shape (2, vertices)]: velocities of the vertices; the derivatives of both are returned.
+    points [shape (2, vertices), m]: default those of the grid; complex where a derivative is taken by a complex step.
     """
-    corners = (grid.p if moved is None else moved)[:, grid.t]
-    r = radii(corners[0], grid.depth) if moved is None else corners[0] * (grid.depth is None)
-    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), r
+    corners = (grid.p if points is None else points)[:, grid.t]
+    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), radii(
+        corners[0], grid.depth
+    )
+
+
+def magnitude(det: Any) -> Any:
+    """|det| of real numbers, continued analytically to complex ones."""
+    return det * np.sign(det.real)
+
+
+def summed(numbers: NDArray[np.intp], values: Any, count: int) -> Any:
+    """Sum of all ``values``, real or complex, that have the same number; shape (count,)."""
+    if np.iscomplexobj(values):
+        return summed(numbers, values.real, count) + 1j * summed(numbers, values.imag, count)
+    return np.bincount(numbers.ravel(), values.ravel(), minlength=count).astype(float)
 
 
 class ReferenceTriangle(NamedTuple):
@@ -272,8 +286,6 @@ def reference(basis: Any) -> ReferenceTriangle:
 
 @cache
 def _integrals(element: Any) -> ReferenceTriangle:
-    from skfem.quadrature import get_quadrature
-
     elem = element()
     X, W = get_quadrature(elem.refdom, 2 * elem.maxdeg + 1)
     u, du = map(np.array, zip(*(elem.lbasis(X, k) for k in range(len(elem.doflocs))), strict=True))
@@ -289,9 +301,8 @@ def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
     return integral / integral.sum()
 
 
-def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
-    """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3."""
-    J, r = maps(basis.mesh)
-    weights = 2 * np.pi * np.abs(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
-    shares = weights.T @ reference(basis).load
-    return np.asarray(np.bincount(basis.element_dofs.T[inside].ravel(), shares.ravel(), minlength=basis.N), dtype=float)
+def volume(basis: Any, inside: NDArray[np.bool_], points: Any = None) -> Any:
+    """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3; ``points`` as of `maps`."""
+    J, r = maps(basis.mesh, points)
+    weights = 2 * np.pi * magnitude(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
+    return summed(basis.element_dofs.T[inside], weights.T @ reference(basis).load, basis.N)

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
@@ -207,8 +208,6 @@ class CornerMotion:
 
     def _contains(self, name: str, point: Array) -> bool:
         """Whether the outline of a layer or part goes round a point."""
-        import shapely
-
         polygon: Any = shapely.Polygon(self.outlines[name] / GRID)
         return bool(polygon.contains(shapely.Point(point / GRID)))
 

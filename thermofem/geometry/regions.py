@@ -12,6 +12,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
 
 from .. import checks
 from ..arrays import Array, NDArray
@@ -115,9 +117,6 @@ def subdivide(geometry: CrossSection) -> Subdivision:
 
     Raises InputError: a part that is wholly hidden, or a face thinner than an atom.
     """
-    import shapely
-    from shapely.geometry.polygon import orient
-
     found = outlines(geometry)
     shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in found.items()}
     polygons, voids = list(shapely.polygonize(_visible_edges(geometry, shapes)).geoms), _voids(geometry)
@@ -151,8 +150,6 @@ def outlines(geometry: CrossSection) -> dict[str, Array]:
 
 def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
     """Edges of all outlines, cut where they meet, without those that have the same owner on both sides."""
-    import shapely
-
     lines = shapely.unary_union([shape.exterior for shape in shapes.values()], grid_size=1)
     owners: dict[tuple[Any, ...], list[str | None]] = {}
     cells = list(shapely.polygonize([lines]).geoms)
@@ -172,8 +169,6 @@ def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
 
 def _owners(shapes: dict[str, Any], polygons: list[Any]) -> list[str | None]:
     """For each polygon the last part, or else the layer, that contains it; None outside all of them."""
-    import shapely
-
     inside = [polygon.representative_point() for polygon in polygons]
     which, of = shapely.STRtree(list(shapes.values())).query(inside, predicate="within")
     last = np.zeros(len(polygons), dtype=int)
@@ -241,16 +236,12 @@ def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int
 
 def _skin(geometry: CrossSection, polygons: list[Any]) -> Any:
     """The outline of everything, voids and enclosed gaps filled."""
-    import shapely
-
     box = geometry.inner_end, geometry.bottom_z, geometry.outer_radius, geometry.top_z
     filled = shapely.unary_union([shapely.box(*(round(x / GRID) for x in box)), *polygons], grid_size=1)
     return shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
 
 
 def _middle(edge: Any) -> Any:
-    import shapely
-
     (r0, z0), (r1, z1) = edge
     return shapely.Point((r0 + r1) / 2, (z0 + z1) / 2)
 

@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from .. import checks
 from ..checks import InputError
@@ -72,8 +73,6 @@ class IndexTable:
 
     @cached_property
     def _curve(self) -> Any:
-        from scipy.interpolate import CubicSpline
-
         return CubicSpline(self.wavelengths, self.values)
 
     def index(self, wavelength: float) -> float:

@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator, PPoly
 
 from .. import checks
 from ..arrays import Array, ArrayLike
@@ -150,8 +151,6 @@ class Table:
 
     @cached_property
     def _curve(self) -> Any:
-        from scipy.interpolate import PchipInterpolator
-
         return PchipInterpolator(self.temperatures, self.values)
 
     def value(self, T: ArrayLike) -> Array:
@@ -173,8 +172,6 @@ def _pieces(table: Table, start: float, *, integrated: bool) -> tuple[Array, Arr
 
     Knots in K and coefficients, highest power first: an integration asks so often that SciPy's checks would count.
     """
-    from scipy.interpolate import PPoly
-
     T = table.temperatures
     knots = np.unique([*T, start, 0.0, HOTTEST])
     left = knots[:-1]

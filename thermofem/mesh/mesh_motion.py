@@ -22,6 +22,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ..algebra.factor import factorize
 from ..arrays import Array, NDArray
@@ -185,8 +186,6 @@ def _aligned(ring: Array, old: Array) -> Array:
 
 def _stiffness(mesh: Mesh) -> Any:
     """Linear elements for div((1/size) grad d) = 0, sparse, shape (vertices, vertices)."""
-    from scipy.sparse import csr_matrix
-
     corners = mesh.points[mesh.triangles]
     edges = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # opposite to each corner
     area = signed_areas(mesh.points, mesh.triangles)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 import skfem
 from numpy.typing import NDArray
 
@@ -200,8 +201,6 @@ def _named_triangles(at: NDArray[Any], corners: NDArray[Any], tags: NDArray[Any]
 
 def _check_plane(mesh: Mesh) -> None:
     """InputError where triangles overlap, or meet without sharing their points: no heat would flow there."""
-    import shapely
-
     hint = "gmsh's Coherence or BooleanFragments joins the parts"
     _, place = np.unique(mesh.points, axis=0, return_inverse=True)
     joined = np.ravel(place)[mesh.triangles]

@@ -16,18 +16,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal, localcontext
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from .. import checks
 from ..arrays import ArrayLike
 from ..checks import check_one
 from .contract import Delegates, ThermalModel, columns, names, parts, reader, rows
 from .foster import Foster, linear_poles
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FEWER = "merge neighbouring poles, or fit or reduce to fewer"
 MOST = 200  # poles of a ladder: the time goes with their fourth power, 4 s for 200
@@ -189,8 +187,6 @@ def structure_function(model: ThermalModel) -> xr.Dataset:
     Dataset
         over ``node``: ``resistance`` (K/W), ``capacity`` (J/K), both cumulative.
     """
-    import xarray as xr
-
     ladder = cauer(model)
     fields = {
         "resistance": (np.cumsum(ladder.R), "K/W", "cumulative thermal resistance"),

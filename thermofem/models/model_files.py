@@ -106,7 +106,9 @@ def load_model(path: str | Path) -> Any:
         kind = checks.choice("kind", str(content.get("kind")), KINDS)
         model = KINDS[kind].from_json(content)
         written = model.to_json()
-        _check_units(content.get("units", {}), written["units"])
+        units = checks.mapping("units", content.get("units"))
+        for name, unit in written["units"].items():
+            checks.choice(f"unit of {name}", units.get(name), (unit,), default=unit, hint="model files hold SI")
         _check_static(content.get("thermal_resistance"), written.get("thermal_resistance"), kind)
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from None
@@ -118,14 +120,6 @@ def load_model(path: str | Path) -> Any:
     provenance = content.get("provenance")
     keeps = any(field.name == "origin" for field in fields(model))
     return replace(model, origin=provenance) if keeps and isinstance(provenance, dict) and provenance else model
-
-
-def _check_units(stated: Any, units: Mapping[str, str]) -> None:
-    """InputError where the unit in the file is not the SI unit in which its numbers are read."""
-    stated = checks.mapping("units", stated)
-    for name, unit in units.items():
-        if stated.get(name, unit) != unit:
-            raise checks.InputError(f"{name} is in {checks.shown(stated[name])}; a model file holds it in {unit}")
 
 
 def _check_static(stated: Any, found: float | None, kind: str) -> None:

@@ -15,6 +15,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.integrate import ODEintWarning, odeint
+from scipy.linalg import expm
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
@@ -109,8 +111,6 @@ class Quadratic:
 
     def step_response(self, times: ArrayLike) -> Array:
         """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, for equal poles, too."""
-        from scipy.linalg import expm
-
         t = np.maximum(checks.numbers("times", times), 0)
         n, read = self.order, np.linalg.solve(self.A.T, self.C)
         settled = 1e3 / np.abs(np.linalg.eigvals(self.A).real).min()  # s; expm of a longer time would overflow
@@ -129,25 +129,13 @@ class Quadratic:
             lambda f: np.linalg.solve(2j * np.pi * f[..., None] * np.eye(n) - self.A, B)[..., 0] @ self.C, f, n * n
         )
 
-    def rate(self, x: ArrayLike, power: float) -> Array:
+    def rate(self, x: Array, power: float) -> Array:
         """dx/dt for states x, shape (n,), in K/s, at a power in W."""
-        return self._rate(self._checked("x", x), checks.finite("power", power, unit="W"))
-
-    def jacobian(self, x: ArrayLike, power: float) -> Array:
-        """Derivative of dx/dt by x, shape (n, n), in 1/s."""
-        return self._jacobian(self._checked("x", x), checks.finite("power", power, unit="W"))
-
-    def _rate(self, x: Array, power: float) -> Array:
         return self.A @ x + (self.H @ x) @ x + power * (self.G @ x + self.B)
 
-    def _jacobian(self, x: Array, power: float) -> Array:
+    def jacobian(self, x: Array, power: float) -> Array:
+        """Derivative of dx/dt by x, shape (n, n), in 1/s."""
         return self.A + 2 * (self.H @ x) + power * self.G
-
-    def _checked(self, name: str, x: ArrayLike) -> Array:
-        """States as floats, or InputError."""
-        states = checks.array(name, x)
-        checks.shape(name, states, (self.order,))
-        return states
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest: LSODA from one breakpoint to the next."""
@@ -174,7 +162,7 @@ class Quadratic:
         power, x = checks.finite("power", power, unit="W"), np.zeros(self.order)
         for share in np.linspace(0.125, 1, 8):
             for _ in range(20):
-                change = np.linalg.solve(self._jacobian(x, share * power), self._rate(x, share * power))
+                change = np.linalg.solve(self.jacobian(x, share * power), self.rate(x, share * power))
                 x = x - change
                 if np.abs(change).max() <= 1e-12 * np.abs(x).max() + _TINY:
                     break
@@ -188,7 +176,7 @@ class Quadratic:
         checks.between("times", t.min(), 0, np.inf, unit="s")
         stop = max(float(t.max()), _TINY)
         pieces = waveforms.heating_pieces(wave, 0.0, stop)
-        x = np.zeros(self.order) if initial is None else self._checked("initial", initial)
+        x = np.zeros(self.order) if initial is None else initial
         peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
         scale = self._size(peak) + np.abs(x)
         result = np.empty((t.size, self.order))
@@ -206,8 +194,6 @@ class Quadratic:
 
     def periodic_states(self, wave: waveforms.Waveform, samples: int) -> Array:
         """States over one period of the periodic state, shape (samples, n)."""
-        from scipy.linalg import expm
-
         times = waveforms.period_times(wave, samples)
         period = times[-1]
         mean_power = wave.mean(0.0, period)
@@ -216,7 +202,7 @@ class Quadratic:
         for _ in range(PASSES):
             track = self.states(wave, times, initial=x)
             mean = np.trapezoid(track, times, axis=0) / period
-            monodromy = expm(self._jacobian(mean, mean_power) * period)
+            monodromy = expm(self.jacobian(mean, mean_power) * period)
             change = np.linalg.solve(np.eye(self.order) - monodromy, track[-1] - x)
             x = x + change
             if np.abs(change * self.C).sum() <= 1e-6 * scale:
@@ -234,8 +220,6 @@ class Quadratic:
 
         The steps end on every edge of ``pieces``, between which the power is one cubic: none is stepped over.
         """
-        from scipy.integrate import ODEintWarning, odeint
-
         start, stop = times[0], times[-1]
         first = max(int(np.searchsorted(pieces.edges, start + 1e-9 * (stop - start), side="right")) - 1, 0)
         last = int(np.searchsorted(pieces.edges, stop - 1e-9 * (stop - start), side="left"))
@@ -256,11 +240,11 @@ class Quadratic:
             warnings.simplefilter("ignore", RuntimeWarning)  # overflow of a run-away, which ends in the next line
             try:
                 track = odeint(
-                    lambda t, x: self._rate(x, power(t)),
+                    lambda t, x: self.rate(x, power(t)),
                     x,
                     grid,
                     tfirst=True,
-                    Dfun=lambda t, x: self._jacobian(x, power(t)),
+                    Dfun=lambda t, x: self.jacobian(x, power(t)),
                     rtol=RTOL,
                     atol=np.maximum(atol, _TINY),
                     tcrit=ends,  # each of them is in the grid, as odeint needs it

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.linalg import LinAlgError, eigh
+from scipy.sparse import csc_matrix, csr_matrix, issparse
+from scipy.sparse.linalg import splu
 
 from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
-from ..algebra.krylov import REFUSAL, check_heat_flow
+from ..algebra.krylov import REFUSAL, check_pair
 from ..arrays import Array, ArrayLike, NDArray
 from ..checks import check_names
 from ..data.display import model_html
@@ -19,9 +22,6 @@ from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import at_times, check_single, names, parts, reader, table
 from .foster import Foster, check_residues
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_matrix
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
 SAVED = 2000  # states of a model file, where more than 500 are written as the diagonals of E and A
@@ -110,7 +110,7 @@ class StateSpace:
     @cached_property
     def _modal(self) -> Modal:
         """Transients in closed form; InputError where E or A is not symmetric."""
-        check_heat_flow(self)
+        check_pair(self.E, self.A)
         return Modal(self)
 
     def _check_settles(self) -> None:
@@ -118,7 +118,7 @@ class StateSpace:
 
         A system that grows has a transient, but no static gain and no periodic state.
         """
-        check_heat_flow(self)
+        check_pair(self.E, self.A)
         if self.order <= LARGEST:
             for name, matrix in (("E", self._sparse("E").toarray()), ("-A", -self._sparse("A").toarray())):
                 if not _definite(matrix):
@@ -131,8 +131,6 @@ class StateSpace:
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
-        from scipy.sparse.linalg import splu
-
         check_single(self)
         E, A = self._sparse("E"), self._sparse("A")
         wanted = checks.numbers("frequency", frequency)
@@ -166,8 +164,6 @@ class StateSpace:
         return (run or integrate_periodic(self, wave, samples, rtol=rtol)).outputs[:, 0]
 
     def _sparse(self, name: str) -> csc_matrix:
-        from scipy.sparse import csc_matrix
-
         return csc_matrix(getattr(self, name))
 
     def to_json(self) -> dict[str, Any]:
@@ -185,7 +181,6 @@ class StateSpace:
                     "reduce finite elements (surrogate.reduce); of an array take fewer rings or a larger tolerance",
                 )
         tables = {name: matrix.toarray() for name, matrix in full.items()}
-        _check_definite(tables["E"], tables["A"])
         self.check_passive()
         if self.order > LARGEST:
             tables |= {name: full[name].diagonal() for name in ("E", "A")}
@@ -198,15 +193,15 @@ class StateSpace:
         """The system of a model file."""
         E, A = (_square(content, name) for name in ("E", "A"))
         model = cls(E, A, table(content, "B", 2), table(content, "C", 2), **parts(content))
-        _check_definite(E, A)
         model.check_passive()
         return model
 
     def check_passive(self) -> None:
-        """Raise InputError where a pole cools a part that is heated and read, as `Foster.check_passive`."""
+        """Raise InputError where a mode does not decay, or a pole cools a part that is heated and read."""
         own = [(self.outputs.index(part), i) for i, part in enumerate(self.inputs) if part in self.outputs]
         if self.order > LARGEST:  # of a file: both are diagonal
-            rate, B, C = -self._sparse("A").diagonal(), self.B, self.C
+            capacity, rate, B, C = self._sparse("E").diagonal(), -self._sparse("A").diagonal(), self.B, self.C
+            checks.positive("smallest entry of E and -A", min(capacity.min(), rate.min()))
         else:
             rate, modes = eigenmodes(self)
             B, C = modes.T @ self.B, self.C @ modes
@@ -226,8 +221,6 @@ def _square(content: Mapping[str, Any], name: str) -> Array:
 
 def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
     """A copy of a matrix as real floats: an array, or one with columns or rows in compressed form where ``sparse``."""
-    from scipy.sparse import csc_matrix, csr_matrix, issparse
-
     held = issparse(value)
     found = checks.numbers(name, value.tocoo().data if held else value)
     if not held:
@@ -249,14 +242,6 @@ def _definite(matrix: Array) -> bool:
     return True
 
 
-def _check_definite(E: Array, A: Array) -> None:
-    """Refuse matrices that are not those of a system in which every mode decays."""
-    for name, matrix in (("E", E), ("-A", -A)):
-        check_symmetric(name, matrix)
-        if np.linalg.eigvalsh(matrix)[0] <= 0:
-            raise checks.InputError(f"{name} is not positive definite: some mode would not decay")
-
-
 def foster(system: StateSpace) -> Foster:
     """Diagonalise a small symmetric StateSpace: A v = -lambda E v, R_i = (C v_i)(v_i B)/lambda_i.
 
@@ -274,9 +259,6 @@ def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
 
     Raises InputError: matrices that are not symmetric, E not positive definite, or a mode that does not decay.
     """
-    from scipy.linalg import LinAlgError, eigh
-    from scipy.sparse import issparse
-
     E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (system.E, system.A))
     for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
         check_symmetric(name, matrix, hint="only a symmetric system is a Foster network")

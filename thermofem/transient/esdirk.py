@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..algebra.factor import Pencil
@@ -70,8 +71,6 @@ class Stepper:
     def __init__(
         self, system: LinearSystem, waves: Waveform | Sequence[Waveform], factors: Pencil | None = None
     ) -> None:
-        from scipy.sparse import csr_matrix
-
         self.waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         if len(self.waves) != len(system.inputs):
             raise checks.InputError(f"{len(self.waves)} waveforms for the inputs {system.inputs}; one each is needed")

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix, hstack
 
 from ..algebra.factor import Pencil, Solve
 from ..arrays import Array, NDArray
@@ -59,8 +60,6 @@ class NewtonStepper(Stepper):
         tolerance: float,
         factors: Pencil | None = None,
     ) -> None:
-        from scipy.sparse import hstack
-
         super().__init__(system.linear, waves, factors)
         self.system = system
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
@@ -297,7 +296,5 @@ class _Neighbour:
 
 def _spread(block: Any, at: NDArray[np.intp], n: int) -> Any:
     """Columns ``at`` of an n by n matrix."""
-    from scipy.sparse import csr_matrix
-
     coo = block.tocoo()
     return csr_matrix((coo.data, (coo.row, at[coo.col])), shape=(n, n))

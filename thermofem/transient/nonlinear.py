@@ -32,6 +32,8 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, hstack, identity, vstack
+from scipy.sparse.linalg import splu
 
 from ..algebra.krylov import Basis
 from ..arrays import Array, NDArray
@@ -92,8 +94,6 @@ class NodalOperator:
 
     def jacobian(self, x: Array) -> Any:
         """d/dx at ``x``, sparse."""
-        from scipy.sparse import csr_matrix, identity, vstack
-
         blocks = [identity(x.size, format="csr")]
         for (_, at), slope in zip(self.laws, self.slopes(x), strict=True):
             blocks.append(csr_matrix((slope, (np.arange(at.size), at)), shape=(at.size, x.size)))
@@ -135,9 +135,6 @@ class NonlinearEquations:
 
 def factorize_general(matrix: Any) -> Any:
     """Factorize a sparse matrix that need not be symmetric, and return ``solve(right-hand side)``."""
-    from scipy.sparse import csc_matrix
-    from scipy.sparse.linalg import splu
-
     return splu(csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A").solve
 
 
@@ -176,8 +173,6 @@ def nodal_operator(
     free: unknowns that are not held; the operator acts on them.
     ambient [K]
     """
-    from scipy.sparse import hstack
-
     rest = rest.tocsr(copy=True)
     if parts:
         rest.data[np.abs(rest.data) < 1e-12 * max(abs(matrix).max() for matrix, _ in parts)] = 0.0
@@ -194,8 +189,6 @@ def nodal_operator(
 
 def rows(operator: NodalOperator, matrix: Any) -> NodalOperator:
     """The operator with ``matrix`` in front: some rows or sums of them, with the laws at the nodes they need."""
-    from scipy.sparse import csr_matrix
-
     matrix = csr_matrix(matrix)
     total = (matrix @ operator.matrix).toarray()
     total[np.abs(total) <= 1e-12 * (abs(matrix) @ abs(operator.matrix)).toarray()] = 0.0  # what cancels inside
