@@ -111,7 +111,8 @@ def test_the_period_moves_with_light_and_heat(folder, family):
 
 
 def test_a_ring_that_was_given_follows_in_proportion(folder, family):
-    measured = dataclasses.replace(ring_at(family, family.box.nominal), bus_rate=50e9, index_confinement=None, group_index=None)
+    printed = {"bus_rate": 50e9, "index_confinement": None, "group_index": None}
+    measured = dataclasses.replace(ring_at(family, family.box.nominal), **printed)
     at = {"width": 455e-9, "box": 2e-6}
     changes = MovingRing(family, measured).changes(family, at)
     before, after = (coupled.ring_from(section(folder, width=w)) for w in (450e-9, 455e-9))
