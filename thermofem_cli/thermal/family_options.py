@@ -3,12 +3,21 @@
 A quantity is a function of a thermal model and, where the optics depend on the geometry, of changes of optical numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from scipy import stats
+
+import coupled
+import surrogate
+from coupled import RingResonator
+from coupled.contradictions import check_geometry
+from coupled.ring_family import MovingRing, ring_at
+from coupled.unknowns import number_of, optical_names, varied
+from surrogate import Optics
+from surrogate.family import Family
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.errors import InputError
@@ -17,12 +26,6 @@ from ..command_files import note_ring, ring_of
 from ..console import note, written
 from ..drive_texts import assigned
 from ..options import REFERENCE_RING
-
-if TYPE_CHECKING:
-    from coupled import RingResonator
-    from coupled.ring_family import MovingRing
-    from surrogate import Optics
-    from surrogate.family import Family
 
 Change = Mapping[str, float]
 
@@ -42,8 +45,6 @@ def fixed_of(family: Family, given: list[str] | None) -> dict[str, float]:
 
 def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
     """Normal distributions of --spread 'width=450 nm,5 nm'."""
-    from scipy import stats
-
     spreads = {}
     for name, (unit, text) in _of_parameters(family, "--spread", given, "width=450 nm,5 nm").items():
         mean, _, width = (part.strip() for part in text.partition(","))
@@ -56,9 +57,6 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
 
 def ring_for(family: Family, given: str) -> RingResonator:
     """The ring of --ring; without it that of the family's own geometry where this has [light] and [[bus]]."""
-    from coupled.contradictions import check_geometry
-    from coupled.ring_family import ring_at
-
     own = family.optics
     if given == REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
         found = ring_at(family, family.box.nominal)
@@ -75,9 +73,6 @@ def optics_of(family: Family, given: Sequence[str] | None, ring: RingResonator) 
 
     Slopes are d(optical number)/d(parameter) in SI; 'detuning' is a number, too.
     """
-    import surrogate
-    from coupled.ring_family import MovingRing
-    from coupled.unknowns import optical_names
 
     if not given and family.optics is not None:
         moving = MovingRing(family, ring)
@@ -127,8 +122,6 @@ class Settled:
 
     def __call__(self, model: Any, changes: Change | None = None) -> float:
         """That of one member."""
-        import coupled
-
         moved, shift = _changed(self.ring, changes)
         found = coupled.limit_cycle(moved, model, power=self.power, detuning=self.detuning + shift)
         return float(found.attrs[self.name])
@@ -144,10 +137,6 @@ class PulsingRange:
 
     def __call__(self, model: Any, changes: Change | None = None) -> float:
         """That of one member."""
-        import numpy as np
-
-        import coupled
-
         moved, _ = _changed(self.ring, changes)
         detunings = np.linspace(*DETUNINGS)
         found = coupled.stability_map(moved, model, [self.power, 1.001 * self.power], detunings)
@@ -168,8 +157,6 @@ class Pulsing:
 
     def __call__(self, model: Any, changes: Change | None = None) -> Any:
         """The map of one member."""
-        import coupled
-
         moved, shift = _changed(self.ring, changes)
         found = coupled.stability_map(moved, model, self.powers, self.detunings + shift).regime == "self-pulsing"
         return found.assign_coords(detuning=self.detunings)
@@ -177,8 +164,6 @@ class Pulsing:
 
 def _changed(ring: RingResonator, changes: Change | None) -> tuple[RingResonator, float]:
     """The ring with changed numbers, and the change of the detuning in Hz."""
-    from coupled.unknowns import number_of, varied
-
     if not changes:
         return ring, 0.0
     rest = {name: change for name, change in changes.items() if name != "detuning"}
