@@ -21,8 +21,8 @@ from thermofem.arrays import Array
 from thermofem.fem.assembly import assemble_like
 from thermofem.optics.ring_numbers import LEAST, section_numbers
 
+from .members import Solver
 from .parameter_box import Box
-from .snapshots import Solver
 
 MOST_TERMS = 40  # of a polynomial
 DEGREES = 1, 4  # lowest and highest
