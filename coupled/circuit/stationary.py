@@ -1,7 +1,5 @@
 """Circuits at rest: fixed points under constant light and their stability, and the transmission at low power."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """One ring, its heat and its laser, whose cycles are wanted, and the numbers they depend on, by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property

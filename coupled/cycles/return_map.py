@@ -10,8 +10,6 @@ ones (Rodas5P) close it. The eigenvalues of V are the Floquet multipliers; one o
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ multiplier below -1 has doubled, and twice as many pulses are tried. The cycle i
 it by further turns, and, where a stable fixed point exists, if it is as large as the pulses of the trace.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 

@@ -12,8 +12,6 @@ and heat needs
 Internal units as in `balance`.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All fixed points of one laser setting, with their stability."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

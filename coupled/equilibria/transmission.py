@@ -1,7 +1,5 @@
 """Transmission of a nonlinear ring: all branches against detuning or power, and the loop that a slow sweep follows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, cast
 

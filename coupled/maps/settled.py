@@ -4,8 +4,6 @@ Where one is, the ring may rest there or pulse beside it; a transient from a col
 transient leads to is accepted if the transient comes nearer to it, and a trace from beside it, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
