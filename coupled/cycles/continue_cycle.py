@@ -77,8 +77,7 @@ def continue_cycle(
         "fold", "period doubling", "torus" or "Hopf" at a point that lies exactly there); multipliers over (point,
         multiplier).
         attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range. The branch
-        turns vertical and ends where a deviation grows by 1e10 in a period, as in a canard explosion, or where two
-        folds follow each other within 1e-5 of the range or of the parameter.
+        turns vertical and ends where a deviation grows by 1e10 in a period, as in a canard explosion.
 
     Raises
     ------

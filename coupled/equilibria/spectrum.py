@@ -18,7 +18,6 @@ import numpy as np
 
 from thermofem.arrays import Array, ArrayLike, NDArray
 
-from ..kernel.units import Rates
 from .balance import InternalRing, balance, dispersion, fixed_points
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
@@ -39,11 +38,6 @@ class Secular(NamedTuple):
     kerr: Array
 
 
-def relaxation(N: Array, rates: Rates) -> Array:
-    """Return d(N/tau(N))/dN in 1/ns."""
-    return np.asarray((1 + rates.b * N * (2 + rates.a * N)) / (rates.tau0 * (1 + rates.a * N) ** 2))
-
-
 def secular(U: ArrayLike, ring: InternalRing) -> tuple[Secular, Array]:
     """Return the coefficients at the fixed points of the energies ``U``, and their absorbed powers in uW."""
     U, rates, at = np.asarray(U, dtype=float), ring.rates, balance(U, ring)
@@ -52,7 +46,7 @@ def secular(U: ArrayLike, ring: InternalRing) -> tuple[Secular, Array]:
     coefficients = Secular(
         at.gamma,
         at.gamma + 2 * rates.tpa * U,
-        relaxation(at.N, rates),
+        (1 + rates.b * at.N * (2 + rates.a * at.N)) / (rates.tau0 * (1 + rates.a * at.N) ** 2),
         rates.fca * made,
         dispersion(at.N, ring.fcd)[1] * made,
         heat,
@@ -70,34 +64,11 @@ def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
 
 
 def jacobians(y: Array, detuning: Array, ring: InternalRing) -> Array:
-    """Return d(dy/dt)/dy at states of shape (m, 3 + n) under detunings of shape (m,): (m, 3 + n, 3 + n).
-
-    da/dt = (i D - gamma) a + i pump,   dN/dt = -N/tau(N) + g U^2,   heat as in `balance`
-    D = -thermal_shift dT - S(N) - kerr U - detuning,   gamma = loss + fca N + tpa U
-    P_abs = 2 (absorbed + fca N + tpa U) U
-    """
-    rates, (ar, ai, N) = ring.rates, y[:, :3].T
-    U = ar * ar + ai * ai
-    P_abs = 2 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U
-    heat = ring.heat.linearised(y[:, 3:], P_abs)
-    S, S_slope = dispersion(N, ring.fcd)
-    D = -rates.thermal_shift * heat.dT - S - rates.kerr * U - detuning
-    gamma = rates.loss + rates.fca * N + rates.tpa * U
-    J = np.zeros((*y.shape, y.shape[1]))
-    J[:, 0, 0], J[:, 0, 1], J[:, 1, 0], J[:, 1, 1] = -gamma, -D, D, -gamma
-    of_U, of_N = (-rates.tpa, -rates.kerr), (-rates.fca * np.ones_like(N), -S_slope)  # of -gamma and of D
-    turned = -rates.thermal_shift * heat.read
-    for row, (real, imaginary) in enumerate(((ar, -ai), (ai, ar))):  # what -gamma and D multiply
-        by_U = of_U[0] * real + of_U[1] * imaginary
-        J[:, row, 0] += 2 * ar * by_U
-        J[:, row, 1] += 2 * ai * by_U
-        J[:, row, 2] = of_N[0] * real + of_N[1] * imaginary
-        J[:, row, 3:] = turned * imaginary[:, None]
-    J[:, 2, 0], J[:, 2, 1], J[:, 2, 2] = 4 * rates.g * U * ar, 4 * rates.g * U * ai, -relaxation(N, rates)
-    P_slope = 2 * (rates.absorbed + rates.fca * N + 2 * rates.tpa * U)
-    by_light = np.stack([2 * P_slope * ar, 2 * P_slope * ai, 2 * rates.fca * U], axis=-1)
-    J[:, 3:, :3] = heat.by_power[:, :, None] * by_light[:, None, :]
-    J[:, 3:, 3:] = heat.by_state
+    """Return d(dy/dt)/dy at states of shape (m, 3 + n) under detunings of shape (m,), as of the kernel."""
+    J = np.empty((*y.shape, y.shape[1]))
+    for k, one in enumerate(y):
+        ring.problem.set_detuning(float(detuning[k]))
+        J[k] = ring.problem.slopes(one)[1]
     return J
 
 
