@@ -27,7 +27,7 @@ from thermofem.data.variables import contents
 
 from ..arguments import check_detuning, check_power
 from ..equilibria.balance import balance, fixed_points
-from ..equilibria.spectrum import states
+from ..equilibria.steady_states import states
 from ..heaters import turned_by
 from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS

@@ -12,7 +12,7 @@ from thermofem.checks import InputError
 
 from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
-from ..equilibria.spectrum import stable_points
+from ..equilibria.steady_states import stable_points
 from ..heaters import turned_by
 from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat, Problem
 from ..kernel.tableaus import Method

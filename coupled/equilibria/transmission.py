@@ -31,8 +31,7 @@ from .balance import (
     tilted,
 )
 from .contours import equidistant, intervals_in_window, zeros
-from .spectrum import eigenvalues
-from .steady_states import observables
+from .steady_states import eigenvalues, observables
 
 POINTS = 600  # of a curve
 

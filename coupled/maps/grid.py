@@ -19,7 +19,7 @@ from ..arguments import MOST_POINTS, check_axis, check_ring
 from ..contradictions import without_origin
 from ..cycles.limit_cycle import limit_cycle
 from ..equilibria.balance import absorbable, balance, internal_ring
-from ..equilibria.spectrum import Survey, survey
+from ..equilibria.steady_states import Survey, survey
 from ..heaters import ConstantHeating
 from ..kernel.integrator import CAP
 from ..kernel.units import internal_detuning, internal_pump
