@@ -1,5 +1,6 @@
 """``python -m thermofem``: the command ``thermofem``."""
 
-import runpy
+from thermofem_cli import main
 
-runpy.run_module("thermofem_cli", run_name="__main__", alter_sys=True)
+if __name__ == "__main__":
+    main()

@@ -1,7 +1,5 @@
 """The program ``thermofem``: its commands and the one place where errors become lines and exit codes."""
 
-from __future__ import annotations
-
 import os
 import sys
 import warnings
@@ -14,28 +12,21 @@ from thermofem.errors import InputError, MissingLibraryError, one_line
 from thermofem.models import OutsideTrainingWarning
 from thermofem.version import __version__
 
-from .cite_command import cite
+from .cite_command import cite, reproduce
 from .console import note, print_numbers, settings
 from .doctor_command import doctor
 from .export_command import export
-from .light.cosimulate_command import cosimulate
 from .light.explore_command import explore
 from .light.identify_command import identify
-from .light.map_command import map_
-from .light.modes_command import modes
-from .light.ring_command import ring
-from .light.simulate_command import simulate
-from .light.stability_command import stability
+from .light.map_command import map_, stability
+from .light.modes_command import modes, ring
+from .light.simulate_command import cosimulate, simulate
 from .options import with_common
-from .reproduce_command import reproduce
 from .show_command import show
-from .thermal.calibrate_command import calibrate
-from .thermal.campaign_command import campaign
-from .thermal.design_command import design
-from .thermal.family_command import family
+from .thermal.family_command import calibrate, design, family
 from .thermal.fit_command import fit
 from .thermal.reduce_command import reduce
-from .thermal.solve_command import solve
+from .thermal.solve_command import campaign, solve
 from .thermal.uncertainty_command import uncertainty
 from .thermal.validate_command import validate
 

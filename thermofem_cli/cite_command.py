@@ -1,7 +1,7 @@
-"""``thermofem cite``: what to cite for a result file, from the provenance that it carries."""
+"""``thermofem cite`` and ``reproduce``: what to cite for a result, and the paper from our own FEM by ``paper/``."""
 
-from __future__ import annotations
-
+import importlib
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,12 +9,15 @@ from typing import Annotated, Any
 
 import typer
 
+import surrogate
+import thermofem
 from thermofem.data import files
 from thermofem.errors import InputError, one_line
 from thermofem.version import __version__
 
+from . import options
 from .command_files import expect
-from .console import say
+from .console import say, settings, terminal
 
 _SPECIAL = {c: f"\\{c}" for c in "{}%#&_$"} | {"\\": "\\textbackslash{}", "^": "\\^{}", "~": "\\~{}"}
 _LATEX = str.maketrans(_SPECIAL)
@@ -117,7 +120,6 @@ def _provenance(file: Path) -> dict[str, Any]:
     """Provenance that a file records."""
     expect(file, "data", "result", "model")
     if file.suffix == ".json":
-        import surrogate
         from thermofem.models import load_provenance
 
         kind = type(surrogate.load_model(file)).__name__
@@ -126,3 +128,22 @@ def _provenance(file: Path) -> dict[str, Any]:
 
     data = dataset.load(file)
     return dict(data.attrs)
+
+
+def reproduce(
+    output: options.Folder = Path("out"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="The one-minute version: no maps, no FEM in the loop.")
+    ] = False,
+) -> dict[str, Any]:
+    """Reproduce the paper from our own FEM, in a checkout: report.html with every figure and number, and their data.
+
+    Started again, it goes on where it was, however it ended.
+    """
+    if not Path(thermofem.__file__).parents[1].joinpath("paper", "report", "runner.py").is_file():
+        where = "it stands in paper/ of the sources: `make demo` there installs and runs it"
+        raise InputError("reproduce needs a checkout", where)
+    runner = importlib.import_module("paper.report.runner")
+    workers = settings.threads or len(os.sched_getaffinity(0))
+    made: dict[str, Any] = runner.run(output, quick=quick, workers=workers, console=terminal(err=settings.json))
+    return made

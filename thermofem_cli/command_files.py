@@ -1,26 +1,23 @@
 """Files of a command: what an input file holds, whether outputs can be written, rings and models from files."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from thermofem import checks
+import coupled
+import surrogate
+from coupled import RingResonator
+from thermofem import CrossSection, checks
 from thermofem.data import files
 from thermofem.errors import InputError
+from thermofem.models import ThermalModel
 
 from .console import note
 from .options import REFERENCE_RING
-
-if TYPE_CHECKING:
-    from coupled import RingResonator
-    from thermofem import CrossSection
-    from thermofem.models import ThermalModel
 
 # kind -> what it is, and what takes it
 KINDS = {
@@ -135,8 +132,6 @@ def section_of(path: Path | None) -> CrossSection:
 
 def ring_of(given: str) -> RingResonator:
     """Ring of a file, or one that comes with the package."""
-    import coupled
-
     named = {
         "borghi2021": coupled.borghi2021,
         "borghi2021-lumped": lambda: coupled.borghi2021().with_lumped_fcd(),
@@ -175,8 +170,6 @@ def model_of(
 
     Raises InputError: no model; several inputs or outputs and no choice, or a name that is none of them.
     """
-    import surrogate
-
     expect(path, "model")
     model: ThermalModel = surrogate.load_model(path)
     if in_volts((getattr(model, "origin", None) or {}).get("assumed")):

@@ -4,8 +4,6 @@ Results are printed on standard output; messages, warnings and bars on standard 
 Under ``--json`` standard output holds one JSON object alone, and results in words follow the messages.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging

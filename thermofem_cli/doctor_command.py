@@ -1,7 +1,5 @@
 """``thermofem doctor``: what works on this machine."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import platform
 import re

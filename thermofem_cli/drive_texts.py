@@ -6,24 +6,22 @@ AMOUNT pulse WIDTH [at START]       one pulse
 AMOUNT sine FREQUENCY               AMOUNT sin(2 pi FREQUENCY t)
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 from scipy.constants import c
 
+import coupled
 import thermofem as th
+from coupled import Laser, RingResonator
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.errors import InputError
-
-if TYPE_CHECKING:
-    from coupled import Laser, RingResonator
 
 PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
 FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START] or AMOUNT sine FREQUENCY"
@@ -115,8 +113,6 @@ def pair(text: str, name: str) -> list[str]:
 
 def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[Any, Any]:
     """Axes of a map: powers in W, evenly spaced in dBm, and detunings in Hz."""
-    import numpy as np
-
     low, high = (quantity.positive(part, "W", name="--power") for part in pair(power, "--power"))
     if low >= high:
         raise InputError(f"--power = {power!r}: the first must be below the second")
@@ -151,8 +147,6 @@ def light(
     ring: RingResonator, power: str, detuning: str, sweep: str | None, modulate: list[str] | None, duration: float
 ) -> dict[str, Any]:
     """``power`` and ``detuning`` of the laser in a run of ``duration`` in s."""
-    import coupled
-
     found: dict[str, Any] = {
         "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": detuning_of(detuning, ring),
@@ -227,8 +221,6 @@ def _varying(option: str, text: str, unit: str, duration: float) -> Any:
     if not word:
         return float(value)
     if word == "sine":
-        import numpy as np
-
         rate = quantity.positive(rest, "Hz", name=option)
         return _within(th.Function(lambda t: value * np.sin(2 * np.pi * rate * t), period=1 / rate), duration)
     first, _, second = rest.partition(" duty " if word == "square" else " at ")

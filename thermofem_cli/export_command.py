@@ -1,12 +1,11 @@
 """``thermofem export``: a model, or a ring whole, for circuit and system simulators; matrices; a table of poles."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+import coupled
 import surrogate
 import thermofem as th
 from surrogate.export import DEMONSTRATIONS, FORMATS
@@ -38,8 +37,6 @@ def export(
     output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
 ) -> dict[str, Any]:
     """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers."""
-    import coupled
-
     ending = FORMATS[checks.choice("--to", to, FORMATS)]
     expect(model, "model")
     if ring and circuit:
@@ -73,8 +70,6 @@ def _reference(light: Any) -> Any:
 
 def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:
     """Settled period in s; None where the ring does not pulse."""
-    import coupled
-
     channel = model.channel(*lit_part(model)) if isinstance(model, StateSpace) else model
     try:
         return float(coupled.limit_cycle(ring, channel, power=power, detuning=detuning).attrs["period"])

@@ -1,7 +1,5 @@
 """Arguments and options that several commands take, each declared once; processes and clusters of --workers."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import inspect

@@ -1,16 +1,17 @@
 """``thermofem show``: the card of a model file."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from scipy.constants import c
 
+import coupled
+import surrogate
 import thermofem as th
 from thermofem.checks import between
 from thermofem.data import files, quantity
@@ -40,8 +41,6 @@ def show(
 
     A ring's numbers stand with their units, derived ones too; a geometry is printed whole.
     """
-    import surrogate
-
     kind = kind_of(file)
     if kind == "ring":
         return _ring(file)
@@ -60,7 +59,6 @@ def show(
 
 def _ring(path: Path) -> dict[str, Any]:
     """Print every number of a ring file with its unit: given, by default, and derived."""
-    import coupled
     from coupled.ring_toml import UNITS
 
     ring = coupled.RingResonator.from_toml(path)
@@ -133,7 +131,6 @@ def _poles(model: Any) -> list[dict[str, float]] | None:
 def _resistance(model: Any) -> float | list[list[float]]:
     if (len(model.inputs), len(model.outputs)) == (1, 1):
         return float(model.thermal_resistance)
-    import numpy as np
 
     gains: list[list[float]] = np.asarray(model.gain).tolist()
     return gains

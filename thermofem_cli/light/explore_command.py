@@ -1,13 +1,14 @@
 """``thermofem explore``: one HTML file that computes a ring in the browser."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import coupled
+import surrogate
 import thermofem as th
+from coupled.explore.page import Page
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.errors import InputError
@@ -16,9 +17,6 @@ from .. import options
 from ..command_files import channel_of, check_outputs, expect, kind_of, note_ring, ring_of, section_of
 from ..console import note, working, wrote
 from ..drive_texts import detuning_of, steady_heaters
-
-if TYPE_CHECKING:
-    from coupled.explore.page import Page
 
 
 def explore(
@@ -44,9 +42,6 @@ def explore(
     A geometry is reduced, and Newton's law, the second-order equation and a Foster network are trained on it. Parts
     of a model that the light does not heat are heaters, each with a slider.
     """
-    import coupled
-    import surrogate
-
     given = list(inputs or [])
     check_outputs([output], inputs=[*given, ring])
     if output.suffix.lower() not in (".html", ".htm"):
@@ -81,8 +76,6 @@ def explore(
 
 def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str, th.models.ThermalModel]:
     """Models of files, named after them."""
-    import surrogate
-
     for path in paths:
         expect(path, "model", "geometry")
     names = [path.stem for path in paths]
@@ -108,7 +101,6 @@ def models_of_geometry(
     path: Path | None, accuracy: float = 1e-3, heated: str | None = None
 ) -> tuple[dict[str, Any], th.fem.HeatProblem]:
     """The certified reduction of a geometry, and the usual models trained on that reduction."""
-    import surrogate
     from coupled.explore.contents import HEATERS
     from surrogate.judging.ladder import fit_usual
 

@@ -1,12 +1,13 @@
 """``thermofem identify``: parameters of a ring from measured drop traces."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+import xarray as xr
 
+import coupled
+import surrogate
 import thermofem as th
 from thermofem.data import quantity
 from thermofem.errors import InputError
@@ -15,9 +16,6 @@ from .. import options
 from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, say, watched, wrote
 from ..drive_texts import detuning_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 LONGEST = 1.0  # s: a column of times without a unit that spans more is not in s
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
@@ -46,8 +44,6 @@ def identify(
 
     The thermal model is written beside the ring file, with the ending .json.
     """
-    import coupled
-    import surrogate
     from coupled.ring_toml import write_text
 
     heat = output.with_suffix(".json")
@@ -94,8 +90,6 @@ def identify(
 
 def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     """Drop power over time (s) of a table, in W, or in an arbitrary unit where the table states another."""
-    import xarray as xr
-
     from thermofem.data.number_table import number_table
 
     table = number_table(path.read_bytes())

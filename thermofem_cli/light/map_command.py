@@ -1,25 +1,22 @@
-"""``thermofem map``: where a ring self-pulses, by integration."""
-
-from __future__ import annotations
+"""``thermofem map`` and ``stability``: where a ring self-pulses, by integration or by linear stability."""
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
 import typer
+import xarray as xr
 
+import coupled
 import thermofem as th
+from coupled import RingResonator
 from thermofem.data import quantity
 
 from .. import options
 from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
 from ..console import say, watched, working, written, wrote
 from ..drive_texts import grid, steady_heaters
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from coupled import RingResonator
 
 
 def map_(
@@ -46,8 +43,6 @@ def map_(
     output: options.NetCDF = Path("map.nc"),
 ) -> dict[str, Any]:
     """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
-    import coupled
-
     check_outputs([output, figure, resume], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     over = grid(resonator, power, detuning, points)
@@ -75,8 +70,6 @@ def map_(
 
 def say_regimes(found: xr.Dataset) -> dict[str, int]:
     """Print and return the number of points of each regime."""
-    import numpy as np
-
     names, counts = np.unique(found["regime"].values, return_counts=True)
     say(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
     return {str(name): int(count) for name, count in zip(names, counts, strict=True)}
@@ -121,7 +114,6 @@ def draw_map(
     parts: dict[str, Any],
 ) -> None:
     """Draw a map with the Hopf curves, the folds of fixed points and those of cycles of a linear model."""
-    import coupled
     from coupled.heaters import constant
     from coupled.plot import plot_maps
     from thermofem.plot import save_figure
@@ -144,3 +136,34 @@ def draw_map(
     words = [ring.name, f"{type(thermal).__name__}{size}, R_th = {thermal.thermal_resistance / 1e3:.4g} K/mW"]
     title = ", ".join([*words, *(f"{name} at {quantity.write(power, 'W')}" for name, power in heaters.items())])
     save_figure(plot_maps({title: found}, show=show, hopf={title: hopf}, folds={title: folds})[0, 0], path)
+
+
+def stability(
+    model: options.Model,
+    ring: options.Ring = options.REFERENCE_RING,
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    heater: options.Heater = None,
+    power: options.Powers = "3 dBm, 10 dBm",
+    detuning: options.Detunings = "-30 GHz, 30 GHz",
+    points: options.Points = "100, 100",
+    figure: options.Figure = None,
+    output: options.NetCDF = Path("stability.nc"),
+) -> dict[str, Any]:
+    """Classify every point of a map by linear stability; the figure adds Hopf curves and folds of states and cycles."""
+    check_outputs([output, figure], images=[figure], inputs=[model, ring])
+    resonator = ring_of(ring)
+    axes = grid(resonator, power, detuning, points)
+    powers = steady_heaters(heater)
+    thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
+    with working("finding fixed points and their eigenvalues"):
+        found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
+    th.save(found, output)
+    note_ring(resonator, ring)
+    counts = say_regimes(found)
+    if figure:
+        draw_map(found, figure, ("regime",), resonator, thermal, powers, parts)
+    numbers = {"thresholds": say_thresholds(found), **say_tuning(resonator, thermal, **parts)}
+    wrote(output, figure)
+    return {"points": counts, **numbers, "map": output, "figure": figure}

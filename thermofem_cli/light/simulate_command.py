@@ -1,24 +1,23 @@
-"""``thermofem simulate``: a ring driven with a thermal model."""
-
-from __future__ import annotations
+"""``thermofem simulate`` and ``cosimulate``: a ring driven with a thermal model, or with the FEM in the loop."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+import xarray as xr
 
+import coupled
+import surrogate
 import thermofem as th
+from coupled.loop.cosimulate import NO_PREDICTOR
+from coupled.runs.pulsing import Pulsing
 from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from .. import drive_texts, options
-from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
+from ..command_files import channel_of, check_outputs, expect, model_of, note_ring, ring_of, section_of
 from ..console import say, time_bar, working, wrote
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from coupled.runs.pulsing import Pulsing
+from ..drive_texts import detuning_of, heater_powers, times_of
 
 SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
 MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
@@ -47,8 +46,6 @@ def simulate(
     output: options.Output = Path("traces.nc"),
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
-    import coupled
-
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     if sweep is not None:
         swept = drive_texts.begins_with("--sweep", sweep.split(",")[0].strip())
@@ -93,8 +90,6 @@ def _probes(run: xr.Dataset) -> list[dict[str, float]]:
 
 def verdict(run: xr.Dataset, duration: str) -> Pulsing:
     """Classify a run; InputError where it has too few steps."""
-    import coupled
-
     steps = run["time"].size - 1
     if steps < 4:
         raise InputError(f"--duration = {duration} is over after {steps} steps, too few for a cycle; make it longer")
@@ -108,3 +103,79 @@ def say_pulsing(found: Pulsing) -> dict[str, Any]:
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
     numbers = {name: getattr(found, name) for name in ("period", "duty", "swing")}
     return {"regime": str(found.regime), "reason": found.reason, **numbers}
+
+
+def cosimulate(
+    geometry: options.Geometry = None,
+    power: options.Power = "8 dBm",
+    detuning: options.Detuning = "0 GHz",
+    duration: options.Duration = "20 us",
+    ring: options.Ring = options.REFERENCE_RING,
+    heater: options.VaryingHeater = None,
+    predictor: Annotated[
+        str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
+    ] = None,
+    max_discrepancy: Annotated[str, typer.Option(help="Discrepancy left between light and FEM.")] = "1 mK",
+    accuracy: options.Accuracy = 1e-3,
+    rtol: options.Rtol = 1e-6,
+    field_times: options.FieldTimes = None,
+    paraview: options.Paraview = None,
+    figure: options.Figure = None,
+    output: options.NetCDF = Path("cosimulation.nc"),
+) -> dict[str, Any]:
+    """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
+    check_outputs([output, figure, paraview], images=[figure], inputs=[geometry, ring, predictor])
+    resonator = ring_of(ring)
+    length = quantity.positive(duration, "s", name="--duration")
+    settings: dict[str, Any] = {
+        "power": quantity.not_negative(power, "W", name="--power"),
+        "detuning": detuning_of(detuning, resonator),
+        "max_discrepancy": quantity.positive_rise(max_discrepancy, name="--max-discrepancy"),
+        "heaters": heater_powers(heater, length),
+        "field_times": times_of(field_times),
+        "predictor": _predictor(predictor),
+    }
+    if paraview and not settings["field_times"]:
+        raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
+    if paraview:
+        from thermofem.data.fields import files_of
+
+        files_of(paraview, len(settings["field_times"]))
+    section = section_of(geometry)
+    with working("meshing and assembling"):
+        heat = th.assemble(section, accuracy)
+    with time_bar(f"{heat.unknowns} temperatures in the loop", length) as progress:
+        run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
+    with working("judging and writing the run"):
+        found = verdict(run, duration)
+        th.save(run, output)
+    if paraview:
+        th.data.fields.write_fields(run, paraview)
+    if figure:
+        from coupled.plot import plot_traces
+        from thermofem.plot import save_figure
+
+        save_figure(plot_traces(run), figure)
+    note_ring(resonator, ring)
+    numbers = say_pulsing(found)
+    a = run.attrs
+    say(
+        f"{a['windows']} windows, {a['passes']} passes, largest discrepancy {a['largest_discrepancy'] * 1e3:.2g} mK, "
+        f"heat imbalance {a['heat_imbalance']:.0e}"
+    )
+    seconds = a["cpu_optics"] + a["cpu_corrector"]
+    say(f"{a['fem_solves']} solves with {a['fem_unknowns']} unknowns, {seconds:.2g} s of CPU time")
+    files = [path for path in (output, paraview, figure) if path]
+    wrote(*files)
+    costs = ("windows", "passes", "largest_discrepancy", "heat_imbalance", "fem_solves", "fem_unknowns")
+    return {**numbers, **{name: a[name] for name in costs}, "wrote": files}
+
+
+def _predictor(given: str | None) -> th.models.ThermalModel | None:
+
+    if given is None:
+        return None
+    if given == "none":
+        return NO_PREDICTOR
+    expect(Path(given), "model")
+    return surrogate.load_model(given)

@@ -3,22 +3,23 @@
 A quantity is a function of a thermal model and, where the optics depend on the geometry, of changes of optical numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from scipy import stats
+
+import coupled
+import surrogate
+from coupled import RingResonator
+from surrogate import Optics
+from surrogate.family import Family
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from ..command_files import note_ring, ring_of
 from ..drive_texts import assigned, detuning_of
-
-if TYPE_CHECKING:
-    from coupled import RingResonator
-    from surrogate import Optics
-    from surrogate.family import Family
 
 Change = Mapping[str, float]
 
@@ -38,8 +39,6 @@ def fixed_of(family: Family, given: list[str] | None) -> dict[str, float]:
 
 def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
     """Normal distributions of --spread 'width=450 nm,5 nm'."""
-    from scipy import stats
-
     spreads = {}
     for name, (unit, text) in _of_parameters(family, "--spread", given, "width=450 nm,5 nm").items():
         mean, _, width = (part.strip() for part in text.partition(","))
@@ -52,7 +51,6 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
 
 def optics_of(family: Family, given: Sequence[str] | None, ring: str) -> Optics | None:
     """Slopes d(optical number)/d(parameter) in SI of --optics 'bus_rate/width=-1e17'; 'detuning' is a number, too."""
-    import surrogate
     from coupled.unknowns import optical_names
 
     if not given:
@@ -79,8 +77,6 @@ def _of_parameters(family: Family, option: str, given: list[str] | None, example
 
 def cycle_property(name: str, family: Any, ring: str, power: str, detuning: str) -> Callable[..., float]:
     """Period (s) or swing (K) of the settled cycle."""
-    import coupled
-
     resonator, watts, hertz = _drive(family, ring, power, detuning)
 
     def of_cycle(model: Any, changes: Change | None = None) -> float:
@@ -93,10 +89,6 @@ def cycle_property(name: str, family: Any, ring: str, power: str, detuning: str)
 
 def pulsing_range(family: Any, ring: str, power: str, detuning: str) -> Callable[..., float]:
     """Range of detunings in Hz over which no state is stable, at one power."""
-    import numpy as np
-
-    import coupled
-
     resonator, watts, _ = _drive(family, ring, power, detuning)
     detunings = np.linspace(*DETUNINGS)
 
@@ -112,7 +104,6 @@ def pulsing_range(family: Any, ring: str, power: str, detuning: str) -> Callable
 
 def pulsing_points(family: Any, ring: str, powers: Any, detunings: Any) -> Callable[..., Any]:
     """Where no state is stable, Boolean over power and detuning."""
-    import coupled
     from coupled.contradictions import check_geometry
 
     resonator = ring_of(ring)

@@ -1,13 +1,13 @@
 """``thermofem fit``: training data or a measured table in, a compact model out."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+import xarray as xr
 
+import surrogate
 import thermofem as th
 from thermofem import checks
 from thermofem.data import files, quantity
@@ -17,9 +17,6 @@ from .. import options
 from ..command_files import about, check_outputs, expect, in_volts, kind_of
 from ..console import note, say, working, written, wrote
 from ..drive_texts import heating
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
@@ -65,8 +62,6 @@ def fit(
     For a table (thermofem fit scope.csv --pulse "4 us" --power "1.3 mW") --power, --pulse or --square say what was
     applied. The offset is subtracted, the start of the heating is found, and what was assumed is printed.
     """
-    import surrogate
-
     checks.choice("--kind", kind, KINDS)
     mzi = _interferometer(readout, phase)
     if mzi is not None:
@@ -153,7 +148,6 @@ def _interferometer(readout: str | None, phase: str | None) -> th.MZI | None:
 def _trained(
     kind: str, training: list[Any], order: str | None, transfer: bool | None, readout: th.MZI | None = None
 ) -> Any:
-    import surrogate
 
     if kind == "newton":
         return surrogate.fit_newton(training)
@@ -167,8 +161,6 @@ def _trained(
 
 def _sindy(training: list[xr.Dataset]) -> Any:
     """Identify a SINDy network of the core and the shells around it."""
-    import surrogate
-
     if len(training) > 1:
         raise InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
     with working("training"):

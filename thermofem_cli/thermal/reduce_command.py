@@ -1,12 +1,11 @@
 """``thermofem reduce``: geometry in, certified reduced model out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+import surrogate
 import thermofem as th
 from thermofem import checks
 from thermofem.data import files, quantity
@@ -34,8 +33,6 @@ def reduce(
     output: options.Output = Path("model.json"),
 ) -> dict[str, Any]:
     """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
-    import surrogate
-
     if positions is not None:
         options.unused(context, "has no effect with --positions: every ring of an array is read", "read")
     check_outputs([output], inputs=[geometry, positions])
@@ -83,8 +80,6 @@ def _array(
     heat: th.fem.HeatProblem, positions: Path, tolerance: float, heated: list[str], output: Path
 ) -> dict[str, Any]:
     """Reduce an array of the ring at some places: one input and output for each, further inputs for its heaters."""
-    import surrogate
-
     places = _places(positions)
     array = surrogate.reduce_array(heat, places, tolerance, heated=heated[0], heaters=heated[1:])
     surrogate.save_model(array.model, output, provenance=array.provenance)

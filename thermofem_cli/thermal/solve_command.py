@@ -1,24 +1,23 @@
-"""``thermofem solve``: geometry and drive in, training data and pictures out."""
+"""``thermofem solve`` and ``campaign``: one geometry or many in, training data and pictures out."""
 
-from __future__ import annotations
-
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
 import typer
+import xarray as xr
 
 import thermofem as th
 from thermofem import checks
+from thermofem.campaign import Summary
 from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import check_outputs, section_of
-from ..console import bar, note, say, time_bar, working, written, wrote
+from ..command_files import check_outputs, expect, section_of
+from ..console import bar, note, say, settings, time_bar, working, written, wrote
 from ..drive_texts import heating, times_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FRAMES = 60  # of an animation whose times are not given
 
@@ -76,7 +75,6 @@ def solve(
         from thermofem.data.fields import files_of
 
         files_of(paraview, len(kept))
-    import numpy as np
 
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy)
@@ -107,8 +105,6 @@ def solve(
 
 def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
     """Print R_th of every part that is read, with the rise time (10 to 90 % of R_th ``power``) of a step in W."""
-    import numpy as np
-
     a, times = data.attrs, data["time"].values
     source, names = a["heated"], a["read"].split(", ")
     resistances = np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"]))
@@ -182,3 +178,43 @@ def _film(data: xr.Dataset, path: Path) -> None:
 
     with bar(f"drawing {path.name}") as progress:
         plot.animate_field(data, path, on_frame=lambda at, total: progress(at + 1, total))
+
+
+def campaign(
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")],
+    output: options.Folder = Path("campaign"),
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take geometries that failed again.")] = False,
+) -> dict[str, Any]:
+    """Solve many geometries: one netCDF file for each, one index, one training collection.
+
+    Started again, it goes on where it was, however it ended.
+    """
+    if scheduler and workers:
+        raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
+    expect(file, "campaign")
+    plan = th.Campaign.from_toml(file)
+    count = workers if workers is not None or scheduler else settings.threads
+    with options.executor_of(scheduler) as executor, bar("geometries") as progress:
+
+        def report(summary: Summary) -> None:
+            rate = f"{summary.finished / summary.seconds:.1f}/s" if summary.seconds else ""
+            failed = f", {summary.failed} failed" if summary.failed else ""
+            progress(summary.done, summary.total, f"{summary.done}/{summary.total} {rate}{failed}")
+
+        summary = plan.run(output, executor, workers=count, retry_failed=retry_failed, report=report)
+    found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
+    say(f"{summary.total} geometries: {found}, {summary.failed} failed")
+    with th.campaign.open_campaign(output) as index:
+        cut = int((index["domain_error"] > plan.accuracy).sum())
+    if cut:
+        note(
+            f"{cut} have domain_error above accuracy = {plan.accuracy:g}: their bottom or outer side is too near: "
+            'move it outwards, or make it "open" where the stack goes on'
+        )
+    if summary.failed:
+        say(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
+    files = {"index": output / "index.nc", "training": output / "training.nc"}
+    wrote(*files.values())
+    return {**asdict(summary), "domain_too_small": cut, **files}

@@ -1,12 +1,11 @@
-"""``thermofem uncertainty``: fabrication tolerances propagated through a family."""
-
-from __future__ import annotations
+"""``thermofem uncertainty``: tolerances of fabrication, propagated through a family."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+import surrogate
 import thermofem as th
 from thermofem.errors import InputError
 
@@ -42,8 +41,6 @@ def uncertainty(
 
     For --map, --power and --detuning are pairs: '3 dBm, 10 dBm' and '-30 GHz, 30 GHz'.
     """
-    import surrogate
-
     if map_ and period:
         raise InputError("--period and --map exclude each other; leave it out")
     if not map_:

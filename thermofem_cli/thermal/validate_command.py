@@ -1,14 +1,15 @@
 """``thermofem validate``: over which periods, and up to which power, models of a ring can be trusted."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
 import typer
+import xarray as xr
 from rich.table import Table
 
+import surrogate
 import thermofem as th
 from surrogate.judging.validate import valid_range
 from thermofem import checks
@@ -19,9 +20,6 @@ from thermofem.errors import InputError
 from .. import options
 from ..command_files import check_outputs, expect
 from ..console import say, show, working, wrote
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SAME = "no material depends on temperature: the same at every power"
 
@@ -47,8 +45,6 @@ def validate(
     Given a geometry, the usual kinds of model are trained on it and judged by its FEM, with k(T) at the power asked;
     given models, those.
     """
-    import numpy as np
-
     low, high = quantity.positive(shortest, "s", name="--shortest"), quantity.positive(longest, "s", name="--longest")
     if low >= high:
         raise InputError(f"--shortest = {shortest} must be below --longest = {longest}")
@@ -79,8 +75,6 @@ def _models(
     **wave: Any,
 ) -> dict[str, Any]:
     """Judge models from files."""
-    import surrogate
-
     check_outputs([output, figure], images=[figure], inputs=[*models, reference])
     if output.suffix.lower() in IMAGES:
         raise InputError(f"--output = {output} takes the curves (.nc); --figure {output} draws them")
@@ -99,8 +93,6 @@ def _models(
 
 def _channel(path: Path, heated: str | None, read: str | None) -> th.models.ThermalModel:
     """Thermal model of a file; of one with several parts the channel that is asked for."""
-    import surrogate
-
     expect(path, "model")
     model: Any = surrogate.load_model(path)
     if len(model.inputs) == len(model.outputs) == 1:
@@ -156,8 +148,6 @@ def _geometry(
 
 def _against_power(system: Any) -> list[str]:
     """Up to which power the steady rise of linear models and of an output map is within 1 and 10 % of k(T)."""
-    import numpy as np
-
     from surrogate.judging.ladder import linear_reach
 
     found, lines = linear_reach(system), []
@@ -175,16 +165,12 @@ def _against_power(system: Any) -> list[str]:
 
 def _save(curves: Mapping[str, xr.Dataset], path: Path) -> None:
     """Write the curves of several models over a dimension ``model``."""
-    import xarray as xr
-
     joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
     th.save(joined.assign_coords(model=list(curves)), path)
 
 
 def _judged(curve: xr.Dataset) -> dict[str, Any]:
     """Largest error of a model, and the periods (s) over which it is within 1 and 10 %."""
-    import numpy as np
-
     error = np.abs(curve["relative_error"].values)
     ranges = {f"within_{share:g}": valid_range(curve, within=share) for share in (0.01, 0.1)}
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
