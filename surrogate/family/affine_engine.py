@@ -19,7 +19,7 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.heat_problem import on_mesh, resistances
+from thermofem.fem.assembly import on_mesh, resistances
 from thermofem.fem.mesh_division import split
 from thermofem.fem.weak_forms import maps, reference
 from thermofem.geometry.regions import Face

@@ -24,6 +24,7 @@ from .affine_engine import AffineMembers
 from .interpolation import OutputMaps
 from .members import Certified, MemberModes, certified, coarse_difference
 from .moved_mesh_engine import MovedMeshMembers
+from .optical_numbers import OpticalNumbers
 from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
@@ -80,6 +81,8 @@ class Family:
     output_maps : OutputMaps, optional
         k(T) and c_p(T) up to a power: the output map of every member, by interpolation, and its own error. All errors
         beside it, derivatives and certificates are those at small power.
+    optics : OpticalNumbers, optional
+        where the geometry has [light]: what `coupled.ring_at` makes the ring of a member from, and its errors.
     provenance : dict
     """
 
@@ -92,6 +95,7 @@ class Family:
     floor: float
     factor: float
     output_maps: OutputMaps | None = None
+    optics: OpticalNumbers | None = None
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:

@@ -23,6 +23,7 @@ from .affine_grid import Axis, CellGrid, SampledWeights, SurfacePoints
 from .interpolation import OutputMaps
 from .members import pack, unpack
 from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers
+from .optical_numbers import OpticalNumbers
 from .parameter_box import Box
 
 if TYPE_CHECKING:
@@ -68,6 +69,9 @@ def save(family: Family, path: str | Path) -> Path:
         arrays |= {"basis": family.members.basis}
     if family.output_maps is not None:
         arrays |= {"map_shares": family.output_maps.shares, "map_coefficients": family.output_maps.coefficients}
+    if family.optics is not None:
+        content["optics"], own = family.optics.content()
+        arrays |= own
     whole = pack({"header": np.array(json.dumps(content)), **arrays})
     return write_whole(path, lambda p: p.write_bytes(whole))
 
@@ -155,6 +159,7 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
             "count": checks.integer("count", error["count"], 1, np.inf),
         },
         "output_maps": output_maps,
+        "optics": OpticalNumbers.of_content(content["optics"], arrays) if "optics" in content else None,
         "provenance": dict(content["provenance"]),
     }
 

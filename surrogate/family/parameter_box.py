@@ -89,6 +89,16 @@ class Box:
         product = np.sqrt(np.where(positive, low * self.high, 0.0))
         return np.where(positive, product, (self.low + self.high) / 2)
 
+    @cached_property
+    def nominal(self) -> dict[str, float]:
+        """Parameters of the campaign's own geometry; the middle of the box where one lies outside."""
+        section = CrossSection.from_toml_text(self.campaign.geometry)
+        own = np.array([change(section, v.paths).value for v in self.campaign.variations])
+        slack = 1e-9 * (self.high - self.low)
+        inside = bool(((own >= self.low - slack) & (own <= self.high + slack)).all())
+        row = np.clip(own, self.low, self.high) if inside else self.middle
+        return dict(zip(self.names, row.tolist(), strict=True))
+
     def at(self, share: Array) -> Array:
         """Parameters at shares 0 to 1 of the ranges, shape (..., p)."""
         linear = self.low + share * (self.high - self.low)

@@ -42,6 +42,7 @@ from .members import (
     snapshot_of,
 )
 from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, projected
+from .optical_numbers import OpticalNumbers, train_optics
 from .parameter_box import Box
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
@@ -267,8 +268,13 @@ def train_family(
         output_maps = interpolate_output_maps(engine, (a, b), power, foster, seed, replace(solver, store=None))
     elif engine.reference.nonlinear:
         log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
+    optics: OpticalNumbers | None = None
+    if box.base.light is not None:
+        report("modes and couplers")
+        optics = train_optics(box, seed, solver)
     for name in _without_effect(box, members, heated):
-        log.warning("parameter %r changes nothing in this geometry; leave it out", name)
+        if optics is None or not optics.moves(box.names.index(name)):
+            log.warning("parameter %r changes nothing in this geometry; leave it out", name)
     if error.worst > tolerance:
         log.warning(
             "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
@@ -286,6 +292,7 @@ def train_family(
         floor=SAFETY * max(meshes),
         factor=SAFETY * max(ratios),
         output_maps=output_maps,
+        optics=optics,
         provenance={
             "method": f"reduced basis, {members.engine}",
             "version": version,

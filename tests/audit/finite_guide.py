@@ -24,8 +24,8 @@ K = {"Si": 148.0, "SiO2": 1.38}  # W/(m K)
 C = {"Si": 2330 * 711.0, "SiO2": 2203 * 709.0}  # J/(m^3 K)
 TIMES = (0.1, 1.0, 10.0, 100.0)  # us
 SHIFTS = 10.0 ** np.arange(-4, 2.5, 0.5)  # 1/us
-LENGTHS = (10.0, 20.0, 40.0, 100.0, 320.0)  # um
-STEPPED = (20.0,)  # um: lengths whose step is computed
+LENGTHS = (10.0, 40.0, 100.0, 320.0)  # um
+STEPPED = (40.0,)  # um: lengths whose step is computed
 
 
 def graded(start: float, stop: float, first: float, ratio: float = 2.0) -> list[float]:
@@ -88,6 +88,7 @@ def rises(length: float, order: int) -> list[float]:
         inverse = matrix.Inverse(space.FreeDofs(), inverse="sparsecholesky")
         fields.append(mean.CreateVector())
         fields[-1].data = inverse * mean
+        del inverse  # one factorization at a time
     basis = ng.MultiVector(fields[0], len(fields))
     for one, field in zip(basis, fields, strict=True):
         one.data = 1 / field.Norm() * field
