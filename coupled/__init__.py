@@ -1,6 +1,6 @@
 """Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
 
-from . import noise  # noqa: F401 - as coupled.noise
+from . import noise, ring_family  # noqa: F401 - as coupled.noise, coupled.ring_family
 from .carriers import ConstantLifetime, ShockleyReadHall
 from .circuit import (
     Circuit,

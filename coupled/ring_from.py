@@ -21,7 +21,9 @@ from thermofem.checks import InputError
 from thermofem.data import quantity
 from thermofem.geometry import Bus
 from thermofem.geometry.parameter_paths import change
-from thermofem.optics.shape import ABOUT, Variation, numbers, variations
+from thermofem.optics.coupler import MOST, TRUSTED, of_buses
+from thermofem.optics.ring_numbers import radiation_rate, ring_numbers
+from thermofem.optics.shape import ABOUT, Variation, variations
 
 from . import ring_toml
 from .carriers import ConstantLifetime
@@ -37,7 +39,6 @@ if TYPE_CHECKING:
     from thermofem.optics.mode import Mode
 
 SMALL = 1e-5  # largest relative change in the differences of closed forms
-TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed
 
 
 class Origin(NamedTuple):
@@ -100,7 +101,7 @@ class MadeRing:
         of_mode = self.mode.derivatives(parameters, **self._rules)
         changes = [change(_section(self.mode), one) for one in parameters]
         varied = variations(self.mode, changes)
-        at, rows = _numbers(self.mode, self._loss, self._buses, self._rules), []
+        at, rows = ring_numbers(self.mode, self._loss, [bus.power for bus in self._buses], **self._rules), []
         for k, one in enumerate(varied):
             slopes = {name: float(of_mode[name][k]) for name in ABOUT if name in at}
             of_light = one.change.optical.get("light", {})
@@ -189,11 +190,13 @@ def ring_from(
     hint = '7 dB/cm are 161 1/m; text such as "7 dB/cm" is taken, too'
     alpha = checks.between("loss", alpha, 0, 1e6, unit="1/m", hint=hint)
     material = section.material_of(found.core)
-    base = _base(base, material, found.wavelength)
+    base = base_of(base, material, found.wavelength)
     rules = {"dispersion": dispersion, "spread_carriers": spread_carriers}
     made = _buses(found, gap, coupling, straight, buses)
-    fields: dict[str, Any] = _fields(_numbers(found, alpha, made, rules), round(found.order))
-    fields["scattering_rate"] = _radiated(found)
+    fields: dict[str, Any] = fields_of(
+        ring_numbers(found, alpha, [bus.power for bus in made], **rules), round(found.order)
+    )
+    fields["scattering_rate"] = radiation_rate(found)
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
     ring_toml.tell_base(_name(base), base, fields)
     return MadeRing(ring, _origins(ring, base, found, made), found, alpha, made, rules)
@@ -203,16 +206,8 @@ def _section(mode: Mode) -> CrossSection:
     return mode.light.geometry  # type: ignore[union-attr]
 
 
-def _numbers(mode: Mode, loss: float, buses: Sequence[_Bus], rules: Mapping[str, bool]) -> dict[str, float]:
-    """What the fields of the ring are made of."""
-    own = dict(zip(ABOUT, numbers(mode, **rules).tolist(), strict=False))
-    own |= {"radius": mode.radius, "wavelength": mode.wavelength, "loss": loss}
-    own["index"] = mode.light.core_index  # type: ignore[union-attr]
-    return own | {f"kappa {k}": bus.power for k, bus in enumerate(buses)}
-
-
-def _fields(n: Mapping[str, float], order: int) -> dict[str, float]:
-    """Fields of the ring, as functions of `_numbers`; the order of the resonance is whole."""
+def fields_of(n: Mapping[str, float], order: int) -> dict[str, float]:
+    """Fields of the ring, as functions of `ring_numbers`; the order of the resonance is whole."""
     length, speed = 2 * math.pi * n["radius"], c / n["n_g"]
     rates = [-speed / (2 * length) * math.log1p(-n[name]) for name in n if name.startswith("kappa")]
     return {
@@ -235,7 +230,9 @@ def _along(at: Mapping[str, float], slopes: Mapping[str, float], order: int) -> 
     """Derivatives of the fields and of kappa^2 along those of the numbers."""
     largest = max(abs(slope / at[name]) for name, slope in slopes.items() if at[name])
     h = SMALL / (largest or 1.0)
-    ahead, behind = (_fields({name: v + sign * h * slopes[name] for name, v in at.items()}, order) for sign in (1, -1))
+    ahead, behind = (
+        fields_of({name: v + sign * h * slopes[name] for name, v in at.items()}, order) for sign in (1, -1)
+    )
     kappas = {f"kappa_{k[-1]}": slope for k, slope in slopes.items() if k.startswith("kappa")}
     return {name: (ahead[name] - behind[name]) / (2 * h) for name in ahead} | kappas
 
@@ -274,7 +271,7 @@ def _name(base: RingResonator) -> str:
     return next((name for name, one in PUBLISHED.items() if one() == base), base.name)
 
 
-def _base(base: RingResonator | None, material: Any, wavelength: float) -> RingResonator:
+def base_of(base: RingResonator | None, material: Any, wavelength: float) -> RingResonator:
     """The ring that gives what no geometry gives."""
     low, high = ring_toml.SILICON
     silicon = low < material.index.index(wavelength) < high
@@ -302,8 +299,6 @@ def _base(base: RingResonator | None, material: Any, wavelength: float) -> RingR
 
 def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, count: int | None) -> tuple[_Bus, ...]:
     """kappa^2 of every bus, from the arguments or else from the [[bus]] tables."""
-    from thermofem.optics.coupler import MOST, TRUSTED, coupling
-
     section = _section(mode)
     if gap is not None and given is not None:
         raise InputError("gap and coupling are both given; give one of them, the gap in m or kappa^2")
@@ -316,26 +311,13 @@ def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, 
         return (_Bus("", given, "given: kappa^2", 0.0, None),) * number
     wanted = section.buses if gap is None else (Bus("gap", checks.positive("gap", gap, unit="m"), straight),)
     found = []
-    for bus in wanted:
-        width = _width(mode)
-        if bus.width is not None and not math.isclose(bus.width, width, rel_tol=1e-6):
-            raise InputError(
-                f"bus {bus.name!r} is {bus.width * 1e9:g} nm wide and the ring {width * 1e9:g} nm; couplers of unlike "
-                "guides are not computed",
-                "give coupling, the power that the bus takes in one pass",
-            )
-        made = coupling(mode, bus.gap, bus.straight, radius=mode.radius - bus.straight / math.pi)
+    for bus, made in zip(wanted, of_buses(mode, wanted), strict=True):
         how = (
             f"computed: kappa^2 = {made.power:.4f} of the supermodes, {made.by_gap * 1e-7:+.1f} % per nm of gap, "
             f"{made.by_width * 1e-7:+.1f} % per nm of width"
         )
         found.append(_Bus(bus.name, made.power, how, TRUSTED, made))
     return tuple((found * number)[:number])
-
-
-def _width(mode: Mode) -> float:
-    (part,) = (part for part in _section(mode).parts if part.name == mode.core)
-    return part.outer_radius - part.inner_radius
 
 
 def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]:
@@ -354,21 +336,6 @@ def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]
     weights = [slopes[name] for name in names]
     kept = of_cycle.sel(parameter=names)
     return {key: float(kept[key].values @ weights) for key in ("period", "duty", "swing", "extinction")}
-
-
-def _radiated(mode: Mode) -> float:
-    """Amplitude rate w/(2 Q_rad) in 1/s; 0 where a bend is so wide that Q_rad is above 1e9."""
-    clad = mode.light.cladding_index  # type: ignore[union-attr]
-    decay = mode.k0 * math.sqrt(mode.n_eff**2 - clad**2)
-    if 2 / 3 * mode.radius * 1e6 * decay**3 / mode.square > TIGHT:
-        return 0.0
-    quality = mode.q_radiation
-    if quality < 1e3:
-        raise InputError(
-            f"the bend of {mode.radius * 1e6:g} um radiates: Q = {quality:.3g}", "take a larger radius or a wider core"
-        )
-    rate = math.pi * c / mode.wavelength / quality
-    return rate if rate > 1e5 else 0.0
 
 
 def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str | None = None) -> dict[str, float]:

@@ -3,13 +3,13 @@
 Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from thermofem import checks
@@ -20,13 +20,8 @@ from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, time_unit
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
 
+from .arrays.array_reduction import ArrayReduction
 from .judging.validate import widest_range
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-
-    from .arrays.array_reduction import ArrayReduction
 
 CURVE = "Datasets of surrogate.period_error"
 

@@ -11,7 +11,7 @@ from .data import (
 )
 from .data.dataset import load, save
 from .data.measured_trace import read_trace
-from .fem import assemble
+from .fem import assemble, light
 from .fem.heat_derivatives import derivatives
 from .geometry import (
     Boundary,
@@ -27,7 +27,6 @@ from .geometry import (
     straight_guide,
     strip_ring,
 )
-from .lighting import light
 from .materials import Material
 from .models import Foster, StateSpace
 from .models import OutputMap as OutputMap

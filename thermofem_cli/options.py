@@ -92,6 +92,7 @@ Optics = Annotated[
 ]
 
 Workers = Annotated[int | None, typer.Option(min=1, max=1024, help="Worker processes; default: one for each CPU.")]
+Processes = Annotated[int, typer.Option("--workers", min=1, max=1024, help="Worker processes.")]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")]
 
 FieldTimes = Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")]

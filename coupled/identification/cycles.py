@@ -1,4 +1,4 @@
-"""The mean cycle of a drop trace as Fourier coefficients: what two traces are compared by.
+"""Drop traces as targets of a fit, and the mean cycle of each as Fourier coefficients, by which it is compared.
 
     drop(t) = Re sum_k c_k exp(2 pi i k (t - t_0)/T),      k = 0 .. 32
 
@@ -10,18 +10,23 @@ is as a detector of 32/T bandwidth shows it, and moves smoothly with every param
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, Complex, NDArray
+from thermofem.arrays import Array, Complex
 from thermofem.data.variables import in_si
 
+from ..arguments import check_detuning, check_power
+from ..kernel.units import slowest_rate
 from ..runs.pulsing import Regime, crossings, pulsing
 from ..runs.repetition import LONGEST_PATTERN
+from ..thermal import Compact
+from .forced_filters import Forced
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,11 +37,13 @@ SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the s
 LAST = 3  # cycles of a simulated trace, which has no noise to average
 SAMPLES = 2048  # of a simulated cycle
 BETWEEN, MANY = 8, 100_000  # points of the autocorrelation in a sample, of traces with at most so many samples
-PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
 PARTS, MOVES = 32, 0.05  # pieces of a trace at rest, and the share of the mean by which their means may differ
 LEVEL = 0.05  # of the mean: a smaller swing counts as that
-NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses, with a swing that counts
 NEAR = 0.1  # of a whole number, relative: a ratio of periods that is one
+LONGEST = 40e-6  # s simulated for a trace that is longer, or
+SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
+MOST = 50_000  # samples of a simulated trace
+UNEVEN, COARSE = 3.0, 0.01  # largest gap between samples over the median one, and over the period
 STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
 
 
@@ -94,16 +101,15 @@ class Observed:
         """Whether the drop power is in W."""
         return self.unit == "W"
 
-    def mean(self, drawn: NDArray[np.int64] | None = None) -> Cycle:
-        """The mean cycle of all pieces, or of those that were ``drawn``; their phases correct the clock."""
-        picked = np.arange(len(self.pieces)) if drawn is None else np.sort(drawn)
-        pieces = self.pieces[picked]
-        if not np.isfinite(self.clock) or np.ptp(picked) == 0:
-            return Cycle(self.clock, pieces.mean(axis=0))
-        slope, _ = np.polyfit(picked, np.unwrap(np.angle(pieces[:, 1])), 1)
+    def mean(self) -> Cycle:
+        """The mean cycle of all pieces, whose phases correct the clock."""
+        number = np.arange(len(self.pieces))
+        if not np.isfinite(self.clock) or number.size == 1:
+            return Cycle(self.clock, self.pieces.mean(axis=0))
+        slope, _ = np.polyfit(number, np.unwrap(np.angle(self.pieces[:, 1])), 1)
         period = self.clock / (1 + slope / (2 * np.pi))
-        turned = np.exp(-1j * slope * np.outer(picked, np.arange(pieces.shape[1])))
-        return Cycle(period, (pieces * turned).mean(axis=0))
+        turned = np.exp(-1j * slope * np.outer(number, np.arange(self.pieces.shape[1])))
+        return Cycle(period, (self.pieces * turned).mean(axis=0))
 
 
 def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
@@ -129,10 +135,7 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     if not np.isfinite(clock):
         _check_rest(name, drop)
         return _at_rest(drop, unit)
-    step = _step(t)
-    for _ in range(3):
-        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), step), unit)
-        clock = seen.mean().period
+    seen = _counted(t, drop, clock, unit, 3, 0)
     return seen if _settled(name, seen.pieces) else _at_rest(drop, unit)
 
 
@@ -188,15 +191,13 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     return grid, np.interp(grid, t, drop)
 
 
-def cycle_of(run: xr.Dataset, *, at: Array | None = None, near: float = np.nan) -> Cycle:
-    """The mean cycle of a noiseless trace of `simulate`.
-
-    ``near`` is the period in s of the trace that it is compared with: pulses of several rises, or that alternate, are
-    cut where that is.
+def cycle_of(run: xr.Dataset, *, at: Array, near: float = np.nan) -> Cycle:
+    """The mean cycle of the noiseless trace of `simulate`, in its second half.
 
     ``at`` are the times in s at which a measured trace was sampled: straight lines between samples cut the corners of a
-    cycle, which must be the same ones in both. All cycles of their second half then count by one clock, as `observe`
-    takes them: what has not settled is in both. Otherwise the last three count, each by its own clock.
+    cycle, which must be the same ones in both. All cycles count by one clock, as `observe` takes them: what has not
+    settled is in both. ``near`` is the period in s of the trace that it is compared with: pulses of several rises, or
+    that alternate, are cut where that is.
     """
     found = pulsing(run)
     t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
@@ -204,26 +205,24 @@ def cycle_of(run: xr.Dataset, *, at: Array | None = None, near: float = np.nan) 
     edges = np.empty(0)
     if found.regime == Regime.SELF_PULSING:
         edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)
-        several = _rises(edges, near)
-        edges = edges[::-1][::several][LAST::-1]
+        edges = edges[:: -_rises(edges, near)][LAST::-1]
+    drop = np.interp(at, t, drop)
     if edges.size < 2:
         still = np.zeros(HARMONICS + 1, dtype=complex)
-        late = np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512) if at is None else at
-        level = np.interp(late, t, drop)
-        still[0] = (level if at is None else _second_half(at, level)[1]).mean()
+        still[0] = _second_half(at, drop)[1].mean()
         return Cycle(float("nan"), still)
     clock = float(np.mean(np.diff(edges)))
-    if at is not None:
-        t, drop = at, np.interp(at, t, drop)
-    if at is None or SETTLED_SHARE * (t[-1] - t[0]) < 2 * clock:
-        return Cycle(clock, _pieces(t, drop, edges, _step(t), SAMPLES).mean(axis=0))
-    t, drop = _second_half(t, drop)
-    step = _step(t)
-    for _ in range(2):
-        marks = t[0] + clock * np.arange((t[-1] - t[0]) / clock)
-        mean = Observed(clock, _pieces(t, drop, marks, step, SAMPLES)).mean()
-        clock = mean.period
-    return mean
+    if SETTLED_SHARE * (at[-1] - at[0]) < 2 * clock:
+        return Cycle(clock, _pieces(at, drop, edges, SAMPLES).mean(axis=0))
+    return _counted(*_second_half(at, drop), clock, "W", 2).mean()
+
+
+def _counted(t: Array, drop: Array, clock: float, unit: str, times: int, least: int = SAMPLES) -> Observed:
+    """All cycles of an evenly sampled trace, cut by a clock that they correct ``times`` - 1 times."""
+    for _ in range(times):
+        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), least), unit)
+        clock = seen.mean().period
+    return seen
 
 
 def _rises(edges: Array, period: float) -> int:
@@ -231,32 +230,6 @@ def _rises(edges: Array, period: float) -> int:
     ratio = period / float(np.mean(np.diff(edges[-2 * LAST - 1 :]))) if edges.size > 1 and np.isfinite(period) else 1.0
     whole = round(ratio)
     return whole if 1 < whole <= LONGEST_PATTERN and abs(ratio / whole - 1) < NEAR else 1
-
-
-def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:
-    """Misfit of a model's cycle to a measured one, and the model's cycle aligned in phase (and scale).
-
-    Returns residuals [shape (66,)]: ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the
-        measured swing, so that the sum of their squares is the mean square over the cycle; a swing below a twentieth of
-        the mean counts as that.
-    """
-    pulses = np.isfinite([model.period, measured.period])
-    drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * max(map(_counts, (model, measured)))
-    aligned = model.shifted(lag(model.harmonics, measured.harmonics)) if pulses.all() else model
-    both = np.array([aligned.harmonics, measured.harmonics])
-    if not absolute:
-        factor = np.vdot(both[0], both[1]).real / np.vdot(both[0], both[0]).real
-        aligned = Cycle(aligned.period, factor * aligned.harmonics)
-    off = aligned.harmonics - measured.harmonics
-    size = SHAPE_ERROR * measured.scale
-    waves = off[1:] / np.sqrt(2)  # the mean square of Re c exp(i phi) is |c|^2 / 2
-    shape = np.concatenate([[off[0].real], waves.real, waves.imag]) / size
-    return np.concatenate([[drift / PERIOD_ERROR], shape]), aligned
-
-
-def _counts(cycle: Cycle) -> float:
-    """How much a cycle counts beside a rest, from 0 to 1: one that hardly swings is almost at rest."""
-    return (cycle.swing / cycle.scale) ** 2 if np.isfinite(cycle.period) else 0.0
 
 
 def _repetition(t: Array, x: Array) -> float:
@@ -285,14 +258,9 @@ def _repetition(t: Array, x: Array) -> float:
     return float(best / fine * (t[-1] - t[0]) / (n - 1))
 
 
-def _step(t: Array) -> float:
-    """Time between two samples."""
-    return float(np.median(np.diff(t)))
-
-
-def _pieces(t: Array, drop: Array, edges: Array, step: float, least: int = 0) -> Complex:
-    """c_k of the pieces between ``edges``, shape (n, 33), of a trace with a ``step`` between its samples."""
-    n = max(least, 4 * HARMONICS, int(np.ceil((edges[1] - edges[0]) / step)))
+def _pieces(t: Array, drop: Array, edges: Array, least: int) -> Complex:
+    """c_k of the pieces between ``edges``, shape (n, 33), each of ``least`` samples or as many as the trace has."""
+    n = max(least, 4 * HARMONICS, int(np.ceil((edges[1] - edges[0]) / float(np.median(np.diff(t))))))
     phase = (np.arange(n) + 0.5) / n
     at = edges[:-1, None] + np.diff(edges)[:, None] * phase
     waves = np.fft.rfft(np.interp(at, t, drop), axis=1)[:, : HARMONICS + 1] * (2 / n)
@@ -313,3 +281,87 @@ def lag(model: Complex, measured: Complex) -> float:
             break
         shift -= slope / bend / (2 * np.pi)
     return shift
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One trace to meet.
+
+    power [W]; detuning [Hz].
+    times, drop [shape (n,)]: samples, in s from when the light was switched on, and in the unit of the trace.
+    settled: whether nothing is known of its beginning, and it is compared with the settled cycle.
+    """
+
+    observed: Observed
+    power: float
+    detuning: float
+    times: Array
+    drop: Array
+    settled: bool = False
+
+    @property
+    def uneven(self) -> bool:
+        """Whether samples are so unevenly spread that straight lines between them bend the cycle by chance."""
+        late = self.times[self.times >= (self.times[0] + self.times[-1]) / 2]
+        gaps = np.diff(late)
+        return bool(gaps.max() > UNEVEN * np.median(gaps) and gaps.max() > COARSE * self.observed.clock)
+
+    @property
+    def cold(self) -> bool:
+        """Whether the trace begins where the light was switched on."""
+        return not self.settled and self.times[0] <= 2 * float(np.median(np.diff(self.times)))
+
+    def window(self, model: Compact) -> tuple[float, float]:
+        """Begin and end in s of the run of a model that is compared, in its second half.
+
+        Of a settled trace, and of one that is longer than the model needs to settle, the end of a run that is just so
+        long is compared.
+        """
+        enough = max(LONGEST, SETTLED / slowest_rate(model))
+        whole = not self.settled and self.times[-1] <= enough
+        return (float(self.times[0]), float(self.times[-1])) if whole else (0.0, enough)
+
+    @cached_property
+    def forced(self) -> Forced:
+        """The trace evenly sampled."""
+        length = float(self.times[-1] - self.times[0])
+        n = min(MOST, 1 + round(length / float(np.median(np.diff(self.times)))))
+        drop = np.interp(np.linspace(self.times[0], self.times[-1], n), self.times, self.drop)
+        return Forced(length / (n - 1), drop, self.power, self.detuning, self.cold, self.observed.absolute)
+
+
+def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
+    """Check the traces and cut them into cycles."""
+    several: list[Any] = list(traces) if isinstance(traces, list | tuple) else [traces]
+    if not several:
+        raise checks.InputError("traces is empty; give Datasets from coupled.simulate or measured ones")
+    targets = []
+    for k, trace in enumerate(several):
+        name = f"traces[{k}]"
+        _check_alone(name, trace)
+        observed = observe(trace, name)
+        power = trace.attrs.get("input_power", trace.attrs.get("power"))
+        if power is None or "detuning" not in trace.attrs:
+            raise checks.InputError(f"{name} does not say its drive; set its attrs 'power' (W) and 'detuning' (Hz)")
+        power = check_power(power, f"the power of {name}")
+        detuning = check_detuning(trace.attrs["detuning"], f"the detuning of {name}")
+        times = np.asarray(in_si(name, trace[["time"]])["time"].values, dtype=float)
+        settled = "initial" in trace.attrs or bool(checks.integer(f"{name}.attrs['settled']", _mark(trace), 0, 1))
+        drop = np.asarray(trace["drop"].values, dtype=float)
+        targets.append(Target(observed, power, detuning, times - min(times[0], 0.0), drop, settled))
+    return targets
+
+
+def _mark(trace: Any) -> Any:
+    """The attribute "settled" of a trace as a number; a file keeps True as 1."""
+    mark = trace.attrs.get("settled", 0)
+    return int(mark) if isinstance(mark, bool | np.bool_) else mark
+
+
+def _check_alone(name: str, trace: Any) -> None:
+    """InputError for a run with a second laser or with heaters, whose light and heat no fit here counts."""
+    lasers = int(checks.integer(f"{name}.attrs['lasers']", getattr(trace, "attrs", {}).get("lasers", 1), 1, 1e6))
+    heated = "heater_power" in getattr(trace, "variables", {})
+    others = "a second laser" if lasers > 1 else "heaters" if heated else ""
+    if others:
+        raise checks.InputError(f"{name} is of a ring with {others}; one laser alone can be fitted")

@@ -18,31 +18,14 @@ from ..contradictions import check_geometry
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import ThermalFamily, Unknowns, unknowns
-from .comparison import comparison, doubts
+from .cycles import Target, targets_of
 from .forced_filters import Start, forced_starts
-from .levenberg import End, Prior, Residuals, central_slopes, least_squares
-from .matching import Target, at_bound, targets_of
-from .settled_cycles import SOFT, STAGES, Seen, Stage, cycle_residuals, seen
+from .levenberg import End, Prior, Residuals, at_bound, central_slopes, least_squares
+from .settled_cycles import SOFT, STAGES, Seen, Stage, comparison, cycle_residuals, doubts, seen
 
 log = logging.getLogger("thermofem")
 
-ALONG = (
-    0,
-    -0.01,
-    0.01,
-    -0.02,
-    0.02,
-    -0.04,
-    0.04,
-    -0.07,
-    0.07,
-    -0.1,
-    0.1,
-    -0.15,
-    0.15,
-    -0.2,
-    0.2,
-)  # fmt: skip; of a logarithm
+ALONG = np.append(0, np.outer((0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2), (-1, 1)))  # of a logarithm
 DRAWN, TRIES = 10, 5  # further points about a forced fit, and how many of all are followed
 ASTRAY = 8.0  # residuals over their deviations after a stage, above which a later one does not help
 NOISE = 1.5  # the same at the end: a fit above it failed
@@ -248,7 +231,7 @@ def _deviations(
     what: Unknowns, traces: int, residuals: Callable[[Stage], Residuals], x: Array, start: Start
 ) -> tuple[Array, float]:  # fmt: skip
     """Standard deviations of the logarithms, nan of those on a bound, and by what factor the profile widened them."""
-    found, free = np.full(x.size, np.nan), np.flatnonzero(~at_bound(what, x))
+    found, free = np.full(x.size, np.nan), np.flatnonzero(~at_bound(x, what.low, what.high))
     if not free.size:
         return found, 1.0
     last = residuals(STAGES[-1])

@@ -7,16 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thermofem.arrays import Array
+from thermofem.arrays import Array, NDArray
 
 STEP = 1e-3  # of a logarithm, for forward differences
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # for central ones, of which the largest is taken about which a trace is straight
 WIDE = (1e-2, 5e-3)  # where those lead nowhere
 STRAIGHT, JUMP = 0.25, 0.5  # second over first difference: a trace is straight below, and has a jump above
 SMALL = 0.5  # change of all residuals of a trace that is less than their noise
+AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound has not ended before it
 FARTHEST = 0.5  # of a logarithm, in one step
 
 Residuals = Callable[[Array], "Array | None"]  # None where a point makes no model
+
+
+def at_bound(x: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+    """Which of the logarithms ``x`` ended on a bound of the search."""
+    return (x < low + AT_BOUND) | (x > high - AT_BOUND)
 
 
 class End(NamedTuple):

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermofem import checks
+from thermofem.arrays import Array
 
 from ..arguments import bar, check_ring
+from ..contradictions import without_origin
 from ..resonator import RingResonator
-from ..unknowns import unknowns
-from .cycles import HARMONICS
-from .matching import at_bound, coarse, polished, residuals, simulated, targets_of
+from ..runs.simulate import simulate
+from ..thermal import Compact
+from ..unknowns import Unknowns, unknowns
+from .cycles import HARMONICS, MOST, Cycle, Target, cycle_of, lag, targets_of
+from .levenberg import at_bound
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,7 +28,100 @@ log = logging.getLogger("thermofem")
 
 GRID = 6  # start values of either parameter
 STARTS = 4  # of them that are followed: the best one alone may lie in the basin of a ring that pulses twice as fast
+STEP = 1e-3  # of a logarithm, for the slopes of a search: far above what the step control of the integration leaves
+RTOL = 1e-5
+STEPS = 5e-9  # s at most between two samples of the carriers, so that their spikes are seen
+IMPOSSIBLE = 1e3  # residual where the parameters make no model
+EVALUATIONS = 15  # steps of least squares in each
+PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
+NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses, with a swing that counts
 START = 2  # harmonics in the search from them
+
+
+def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
+    """The cycle of the model under the drive of a trace, sampled as the trace is."""
+    begin, end = target.window(model)
+    at = target.times
+    if end != at[-1] or at.size > MOST:
+        at = np.linspace(begin, end, min(MOST, 1 + math.ceil((end - begin) / float(np.median(np.diff(at))))))
+    run = simulate(
+        ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
+        times=np.unique(np.minimum(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]).round(15), end)),
+    )  # fmt: skip
+    return cycle_of(run, at=at, near=target.observed.clock)
+
+
+def residuals(what: Unknowns, target: Target, wanted: Cycle, x: Array) -> Array:
+    """Residuals of a trace at the logarithms ``x``, shape (66,)."""
+    try:
+        cycle = simulated(*what.build(x), target)
+    except (checks.InputError, RuntimeError):
+        return np.full(2 * wanted.harmonics.size, IMPOSSIBLE)
+    return misfit(cycle, wanted, target.observed.absolute)[0]
+
+
+def coarse(found: Array, harmonics: int) -> Array:
+    """The residuals of `residuals` without those of the higher harmonics."""
+    last = HARMONICS + 1
+    return np.concatenate([found[: 2 + harmonics], found[1 + last : 1 + last + harmonics]])
+
+
+def polished(
+    what: Unknowns, target: Target, wanted: Cycle, start: Array, stages: tuple[int, ...]
+) -> tuple[Array, float]:  # fmt: skip
+    """Least squares from ``start`` with more harmonics in each stage; the logarithms and the sum of squares.
+
+    A steep edge of a cycle that is out of place by more than its own length gives no direction, and with all harmonics
+    at once the way leads through a narrow, bent valley: 40 steps do not reach an end that 11 in stages do (measured,
+    Newton's law). Few harmonics may leave a direction open, along which a good start is lost: where the end is worse
+    than the start, the last stage begins there again.
+    """
+    from scipy.optimize import least_squares
+
+    def stage(x: Array, harmonics: int) -> tuple[Array, float]:
+        best = least_squares(
+            lambda x: coarse(residuals(what, target, wanted, x), harmonics),
+            x,
+            bounds=(what.low - 1e-9, what.high + 1e-9),
+            diff_step=STEP / np.maximum(np.abs(what.start), 1e-3),
+            xtol=1e-5,
+            ftol=1e-5,
+            max_nfev=EVALUATIONS,
+        )
+        return np.clip(best.x, what.low, what.high), float(2 * best.cost)
+
+    x, cost = start, np.inf
+    for harmonics in stages:
+        x, cost = stage(x, harmonics)
+    if np.sum(coarse(residuals(what, target, wanted, start), stages[-1]) ** 2) < cost:
+        return stage(start, stages[-1])
+    return x, cost
+
+
+def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:
+    """Misfit of a model's cycle to a measured one, and the model's cycle aligned in phase (and scale).
+
+    Returns residuals [shape (66,)]: ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the
+        measured swing, so that the sum of their squares is the mean square over the cycle; a swing below a twentieth of
+        the mean counts as that.
+    """
+    pulses = np.isfinite([model.period, measured.period])
+    drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * max(map(_counts, (model, measured)))
+    aligned = model.shifted(lag(model.harmonics, measured.harmonics)) if pulses.all() else model
+    both = np.array([aligned.harmonics, measured.harmonics])
+    if not absolute:
+        factor = np.vdot(both[0], both[1]).real / np.vdot(both[0], both[0]).real
+        aligned = Cycle(aligned.period, factor * aligned.harmonics)
+    off = aligned.harmonics - measured.harmonics
+    size = SHAPE_ERROR * measured.scale
+    waves = off[1:] / np.sqrt(2)  # the mean square of Re c exp(i phi) is |c|^2 / 2
+    shape = np.concatenate([[off[0].real], waves.real, waves.imag]) / size
+    return np.concatenate([[drift / PERIOD_ERROR], shape]), aligned
+
+
+def _counts(cycle: Cycle) -> float:
+    """How much a cycle counts beside a rest, from 0 to 1: one that hardly swings is almost at rest."""
+    return (cycle.swing / cycle.scale) ** 2 if np.isfinite(cycle.period) else 0.0
 
 
 def fit_newton_per_trace(
@@ -88,15 +186,14 @@ def fit_newton_per_trace(
     bounded: list[bool] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
         for target in targets:
-            one, wanted = [target], [target.observed.mean()]
-
-            costs = [np.sum(coarse(residuals(what, one, wanted, x), stages[0]) ** 2) for x in grid]
-            ends = [polished(what, one, wanted, grid[k], stages) for k in np.argsort(costs)[:STARTS]]
+            wanted = target.observed.mean()
+            costs = [np.sum(coarse(residuals(what, target, wanted, x), stages[0]) ** 2) for x in grid]
+            ends = [polished(what, target, wanted, grid[k], stages) for k in np.argsort(costs)[:STARTS]]
             best, cost = min(ends, key=lambda end: end[1])
-            bounded.append(bool(np.any(at_bound(what, best))))
+            bounded.append(bool(np.any(at_bound(best, what.low, what.high))))
             tau, capacity = np.exp(best)
             model_period = simulated(*what.build(best), target).period
-            rows.append([target.power, target.detuning, tau, capacity, wanted[0].period, model_period, np.sqrt(cost)])
+            rows.append([target.power, target.detuning, tau, capacity, wanted.period, model_period, np.sqrt(cost)])
             advance()
     columns = np.array(rows).T
     names = ("power", "detuning", "tau_th", "heat_capacity", "period", "period_model", "misfit")

@@ -19,14 +19,13 @@ Passive: with t_k = 1/(1 + (w/lambda_k)^2), which rises with lambda_k, and R_k =
 so that no powers of any rings draw heat from nothing if no S_m has a negative eigenvalue, which is checked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from scipy.sparse import diags
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
@@ -232,8 +231,6 @@ def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tole
 
 def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
     """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
-    from scipy.sparse import diags
-
     n = len(rings.of)
     rates, inputs, outputs, names = [], [], [], []
     bounds, poles = np.zeros((n, n * (1 + len(heaters)))), np.zeros((n, n * (1 + len(heaters))), dtype=np.int64)

@@ -19,13 +19,14 @@ Errors are relative to H_d(0) + `FLOOR` R_th, R_th being that of the heated ring
 rings, and a pair whose heat hardly arrives need not be known to many digits. Far pairs do without the fast poles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 from thermofem import InputError, Part, Probe, StateSpace, assemble, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
@@ -213,9 +214,6 @@ def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance:
 
 def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Array:
     """Real and imaginary parts of the field of the heated ring at ``count`` frequencies, columns of length 1."""
-    from scipy.sparse import csc_matrix
-    from scipy.sparse.linalg import splu
-
     E, A, b = csc_matrix(system.E), csc_matrix(system.A), np.asarray(system.B[:, 0]) + 0j
     low, high = RANGE
     fields = [
@@ -227,8 +225,6 @@ def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Ar
 
 def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
     """The system on a basis and on further fields, in its modes."""
-    from scipy.linalg import eigh
-
     V = basis
     if more is not None:
         for _ in range(2):  # twice is enough, as for Gram and Schmidt

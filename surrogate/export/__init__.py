@@ -3,22 +3,17 @@
 A format joins by a function ``write(model, path, header, ...)`` and one line in `FORMATS`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thermofem import checks
 from thermofem.data.files import check_target
-from thermofem.models import HasModel, bare
+from thermofem.models import HasModel, ThermalModel, bare
 
 from . import fmu, matrices_and_poles, spice, verilog_a
 from .export_header import header
 from .ring_rates import demonstration
-
-if TYPE_CHECKING:
-    from thermofem.models import ThermalModel
 
 FORMATS = {"spice": ".cir", "verilog-a": ".va", "fmu": ".fmu", "mat": ".mat", "csv": ".csv"}  # usual endings
 DEMONSTRATIONS = {"spice": ".cir", "verilog-a": ".sim", "fmu": ".py"}  # of a ring: endings of PATH_demo

@@ -1,7 +1,5 @@
 """Header of every exported file: the model, its geometry, its error and its units."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Iterable, Mapping
@@ -9,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.io import loadmat
 
 import thermofem
 from thermofem.checks import InputError
@@ -44,8 +43,6 @@ def is_export(path: Path) -> bool:
             with zipfile.ZipFile(path) as unit, unit.open("modelDescription.xml") as file:
                 return mark in file.read(MOST)
         if path.suffix == ".mat":
-            from scipy.io import loadmat
-
             return mark in str(loadmat(path, variable_names=["header"]).get("header")).encode()
         with path.open("rb") as file:
             return mark in file.read(MOST)

@@ -5,8 +5,6 @@ Python. Co-simulation holds the inputs over a communication step. The poles of a
 exactly; a ring is integrated with Rodas4 at the tolerance of the experiment, by default 1e-6.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import logging

@@ -4,8 +4,6 @@ Matrices are in SI: E dx/dt = A x + B P, dT = C x. A Quadratic adds H and G as `
 map adds its coefficient: dT = C x + coefficient (C x)^2.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path

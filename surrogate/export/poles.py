@@ -3,8 +3,6 @@
 dx_k/dt = -rate_k x_k + sum_i B_ki P_i,    z_j = sum_k C_jk x_k,    dT_j = z_j + coefficient z_j^2
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any

@@ -12,8 +12,6 @@ N (N^2 + eps^2)^((p - 1)/2) stands for N^p, whose slope is infinite at N = 0 for
 Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, as `coupled.RingResonator` reads them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

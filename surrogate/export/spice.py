@@ -9,8 +9,6 @@ outputs are ideal sources, so that light goes one way. 1 V at ``detuning`` is 1 
 in sqrt(fJ) and the carriers in 1e23/m^3: a current of 1 A is one unit per ns.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

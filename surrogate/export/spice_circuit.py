@@ -7,8 +7,6 @@ Every terminal is a pair of nodes re, im. A waveguide is a rotation,
 with f the laser minus the circuit's reference frequency; a delay is two ideal lines, one for re and one for im.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ fields, 1 V = 1 sqrt(W), each as a pair of pins re and im; 1 V at ``detuning`` i
 carriers in 1e23/m^3 are nodes of disciplines of their own, so that a simulator knows their tolerances.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,11 +1,19 @@
-"""Where a family is affine: outlines on lines across r and z, and the properties of many members at once.
+"""Where a family is affine: outlines on lines across r and z, the cells between them, and surfaces along them.
 
 Every outline that runs along r or z lies on a line; its position is linear in the parameters. Between two lines
 
     r = a_i + b_i rho,    z = c_j + d_j zeta
 
 with rho and zeta the coordinates of the reference geometry. Lines near the heated parts move along with them, so that
-the mesh there keeps its sizes.
+the mesh there keeps its sizes. Convection, open sides and contacts are quadrature points with weights that depend on
+the parameters,
+
+    K += sum_q w_q(mu) U_q U_q^T
+
+with U_q the trace at point q, or the jump of both sides. All w(mu) lie in a space of few dimensions: an SVD of samples
+gives a basis, pivoted QR the points at which the weights are evaluated (discrete empirical interpolation,
+S. Chaturantabut, D. C. Sorensen, SIAM J. Sci. Comput. 32, 2737 (2010); the points after Z. Drmac, S. Gugercin,
+SIAM J. Sci. Comput. 38, A631 (2016)).
 """
 
 from __future__ import annotations
@@ -13,20 +21,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
+from scipy.sparse import csr_matrix, vstack
 
-from thermofem import Boundary, CrossSection
+from thermofem import CrossSection
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.mesh_division import PERFECT
+from thermofem.fem import HeatProblem
+from thermofem.fem.mesh_division import resistances
 from thermofem.geometry.parameter_paths import Change
 from thermofem.geometry.regions import outlines
-from thermofem.materials.material_library import VOID, Material
-from thermofem.materials.property_laws import PowerLaw
+from thermofem.materials.material_library import VOID
 
-from .parameter_box import Box
+from .parameter_box import Box, Properties
 
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
+GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
+SAMPLES = 300
+ARRAYS = "kind", "ends", "gauss", "interval", "material", "outward"  # fields with a row for each point
 
 
 class NotAffineError(ValueError):
@@ -51,12 +66,8 @@ class Axis:
     def maps(self, offset: Array) -> tuple[Array, Array]:
         """a and b of every interval, each of shape (..., l - 1)."""
         position = self.at(offset)
-        b = (position[..., 1:] - position[..., :-1]) / self._gaps
+        b = np.diff(position, axis=-1) / np.diff(self.base)
         return position[..., :-1] - b * self.base[:-1], b
-
-    @cached_property
-    def _gaps(self) -> Array:
-        return np.diff(self.base)
 
     def moved(self, x: Array, interval: NDArray[np.intp], offset: Array) -> Array:
         """Positions of points in given intervals."""
@@ -66,11 +77,12 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class CellGrid:
-    """Lines across both axes and the owner of every cell between them.
+    """Lines across both axes, and the cells between them that are meshed.
 
     owner [list of list of (str or None)]: layer or part of cell (i, j); None where nothing is meshed.
     """
 
+    box: Box
     r: Axis
     z: Axis
     owner: list[list[str | None]]
@@ -86,13 +98,39 @@ class CellGrid:
             raise NotAffineError("the terms of a family on lines have the weight 2 pi r of a ring")
         if base.probes:
             raise NotAffineError("shells around parts and copies off the axis do not follow lines")
-        r, z = _lines(base, box.changes)
         ranges = box.low - box.middle, box.high - box.middle
         heated = [part for part in base.parts if part.heated]
-        r, z = (_ordered(axis, ranges, half) for axis in (r, z))
+        r, z = (_ordered(axis, ranges, half) for axis in _lines(base, box.changes))
         r = _with_companions(r, ranges, [x for part in heated for x in (part.inner_radius, part.outer_radius)])
         z = _with_companions(z, ranges, [x for part in heated for x in (part.bottom, part.top)])
-        return cls(r, z, _owners(base, r.base, z.base))
+        return cls(box, r, z, _owners(base, r.base, z.base))
+
+    @cached_property
+    def cells(self) -> tuple[NDArray[np.intp], NDArray[np.intp], list[str]]:
+        """Intervals i across r and j across z, shape (c,), and the owner, of every cell that is meshed."""
+        found = [(i, j, name) for i, column in enumerate(self.owner) for j, name in enumerate(column) if name]
+        i, j, owner = zip(*found, strict=True)
+        return np.array(i), np.array(j), list(owner)
+
+    @cached_property
+    def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
+        """Every material once, and which one each cell has."""
+        material = [self.box.base.material_of(name).name for name in self.cells[2]]
+        names = list(dict.fromkeys(material))
+        return names, np.array([names.index(one) for one in material])
+
+    def coefficients(self, rows: Array, at: Properties) -> tuple[Array, Array, Array]:
+        """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
+        names, index = self._materials
+        k_r, k_z, c = (2 * np.pi * np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
+        offset, (i, j, _) = rows - self.box.middle, self.cells
+        a, b = (x[:, i] for x in self.r.maps(offset))
+        d = self.z.maps(offset)[1][:, j]
+        ratio, area = d / b, 2 * np.pi * b * d
+        along_r, along_z = k_r * ratio, k_z / ratio
+        stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
+        volume = np.concatenate([area * a, area * b], axis=1)
+        return stiffness, np.concatenate([c, c], axis=1) * volume / (2 * np.pi), volume
 
 
 def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
@@ -168,77 +206,156 @@ def _owners(base: CrossSection, r: Array, z: Array) -> list[list[str | None]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Properties:
-    """Properties at the ambient temperature, each of shape (n,) or ().
+class SurfacePoints:
+    """Quadrature points on surfaces, in the reference geometry.
 
-    k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
-    contact [dict from part to array; m^2 K/W]
-    convection [dict from side to array; W/(m^2 K)]
+    kind [shape (q,)]: "convection SIDE" (also of an isothermal side under a contact resistance), "open" or "contact".
+    ends [shape (q, 2 ends, 2), m]: of the facet.
+    gauss [shape (q,)]: which of the three points.
+    interval [shape (q, 2)]: cells across r and z beside the facet.
+    material: beside it.
+    outward [shape (q, 2)]: unit normal.
+    parts: whose contact resistances add.
     """
 
-    k_r: dict[str, Array]
-    k_z: dict[str, Array]
-    capacity: dict[str, Array]
-    contact: dict[str, Array]
-    convection: dict[str, Array]
+    kind: NDArray[Any]
+    ends: Array
+    gauss: NDArray[np.intp]
+    interval: NDArray[np.intp]
+    material: NDArray[Any]
+    outward: Array
+    parts: list[tuple[str, ...]]
+
+    def pick(self, chosen: NDArray[np.intp]) -> SurfacePoints:
+        """Some of the points."""
+        arrays = {name: getattr(self, name)[chosen] for name in ARRAYS}
+        return SurfacePoints(**arrays, parts=[self.parts[k] for k in chosen])
+
+    def weights(self, grid: CellGrid, rows: Array, at: Properties) -> Array:
+        """w at every point for parameters of shape (n, p); shape (n, q)."""
+        offset = rows - grid.box.middle
+        place = []
+        for axis, line in enumerate((grid.r, grid.z)):
+            a, b = line.maps(offset)
+            a, b = a[:, self.interval[:, axis]], b[:, self.interval[:, axis]]
+            place.append(a[:, :, None] + b[:, :, None] * self.ends[None, :, :, axis])
+        r, z = place
+        length = np.hypot(r[..., 1] - r[..., 0], z[..., 1] - z[..., 0])
+        x = GAUSS[self.gauss]
+        r, z = (y[..., 0] * (1 - x) + y[..., 1] * x for y in (r, z))
+        measure = 2 * np.pi * r * length * WEIGHT[self.gauss]
+        return measure * self._exchange(grid, offset, at, r, z)
+
+    def _exchange(self, grid: CellGrid, offset: Array, at: Properties, r: Array, z: Array) -> Array:
+        """Heat per area and kelvin at every point."""
+        h = np.zeros(r.shape)
+        for q, kind in enumerate(self.kind):
+            if kind != "open":  # contacts in series, and with the convection of a side, if it has any
+                own = [1 / at.convection[side] for side in kind.split()[1:] if side in at.convection]
+                h[:, q] = 1 / sum([*own, *(at.contact[part] for part in self.parts[q])])
+            else:
+                height = z[:, q] - _source(grid, offset)
+                n, m = self.outward[q], self.material[q]
+                square = r[:, q] ** 2 / at.k_r[m] + height**2 / at.k_z[m]
+                h[:, q] = (n[0] * r[:, q] + n[1] * height) / square
+        return h
 
 
-def member_properties(box: Box, rows: Array) -> Properties:
-    """Properties for members with the parameters ``rows``, shape (n, p)."""
-    base, paths = box.base, [v.paths for v in box.campaign.variations]
-    used = box.materials
-    given: dict[str, dict[str, Array]] = {name: {} for name in used}
-    contact: dict[str, Array] = {}
-    for interface in base.interfaces:
-        contact[interface.part] = contact.get(interface.part, 0.0) + np.full(len(rows), interface.resistance)
-    convection = {
-        side: np.full(len(rows), h)
-        for side in ("bottom", "top", "outer")
-        if (h := getattr(base, side).exchange(base.ambient))
-    }
-    ambient = np.full(len(rows), base.ambient)
-    for column, each in zip(rows.T, paths, strict=True):
-        for path in each:
-            kind, *middle = path.split(".")
-            if path == "ambient":
-                ambient = column
-            elif kind == "material":
-                split = 2 if len(middle) > 2 and middle[-2] in ("conductivity", "specific_heat") else 1
-                name = ".".join(middle[:-split])
-                if name in given:
-                    given[name][".".join(middle[-split:])] = column
-            elif kind == "interface":
-                name = ".".join(middle[:-1])
-                first = next(interface for interface in reversed(base.interfaces) if interface.part == name)
-                contact[name] = contact[name] - first.resistance + column
-            elif kind == "boundary":
-                given_side: Boundary = getattr(base, middle[0])
-                convection[middle[0]] = column * (given_side.exchange(base.ambient) / given_side.coefficient)
-    contact = {name: np.maximum(value, PERFECT) for name, value in contact.items()}
-    k_r, k_z, capacity = {}, {}, {}
-    for name, material in used.items():
-        k_r[name], k_z[name], capacity[name] = _material(material, given[name], ambient)
-    return Properties(k_r, k_z, capacity, contact, convection)
+def _source(grid: CellGrid, offset: Array) -> Array:
+    """Height of the middle of the first heated part."""
+    part = next(part for part in grid.box.base.parts if part.heated)
+    positions = grid.z.at(offset)
+    low, high = (int(np.abs(grid.z.base - z).argmin()) for z in (part.bottom, part.top))
+    return np.asarray((positions[:, low] + positions[:, high]) / 2)
 
 
-def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:
-    """k_r, k_z and rho c_p of one material with some of its numbers replaced by arrays."""
+def points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[SurfacePoints, Any] | None:
+    """Quadrature points of a heat problem on the reference mesh, and the sparse traces U, shape (q, unknowns).
 
-    def factor(kind: str) -> Array:
-        law = getattr(material, f"{kind}_law")
-        if not isinstance(law, PowerLaw):
-            return np.asarray(law.factor(T0))
-        exponent = given.get(f"{kind}.exponent", law.exponent)
-        reference = given.get(f"{kind}.reference", law.reference)
-        return np.asarray((T0 / reference) ** exponent)
+    intervals [shape (triangles, 2)]: across r and z. None where the geometry has no such surfaces.
+    """
+    d, found, traces = heat.discretization, [], []
+    s = d.surfaces
+    grid = d.basis.mesh
+    for facets in s.convection.values():
+        r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
+        for side in ("top", "bottom", "outer"):
+            there = facets[heat.geometry.on_boundary(side, r, z)]
+            if len(there):
+                found.append(_on(heat, there, intervals, f"convection {side}"))
+                traces.append(_trace(d.basis, there))
+    if len(s.open):
+        found.append(_on(heat, s.open, intervals, "open"))
+        traces.append(_trace(d.basis, s.open))
+    for one, other in s.contacts.values():
+        found.append(_on(heat, one, intervals, "contact", other))
+        traces.append(_trace(d.basis, one) - _trace(d.basis, other))
+    if not found:
+        return None
+    arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
+    every = SurfacePoints(**arrays, parts=[part for one in found for part in one.parts])
+    return every, vstack(traces).tocsr()
 
-    def number(kind: str) -> Array | float:
-        names = (kind, f"{kind}.value", f"{kind}.r")
-        return next((given[name] for name in names if name in given), getattr(material, kind))
 
-    along_r = number("conductivity")
-    along_z = material.conductivity_z if material.conductivity_z is not None else along_r
-    along_z = given.get("conductivity.z", along_z)
-    k = factor("conductivity")
-    c = number("density") * number("specific_heat") * factor("specific_heat")
-    return np.asarray(along_r * k), np.asarray(along_z * k), np.broadcast_to(c, T0.shape)
+def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
+    """Properties of all functions at the three Gauss points of each facet, sparse, shape (3 f, n)."""
+    x = GAUSS
+    shape = np.array([(1 - x) * (1 - 2 * x), x * (2 * x - 1), 4 * x * (1 - x)])  # (function, point)
+    dofs = np.vstack([basis.nodal_dofs[0][basis.mesh.facets[:, facets]], basis.facet_dofs[0][facets]])
+    values = np.broadcast_to(shape.T, (len(facets), 3, 3))
+    columns = np.broadcast_to(dofs.T[:, None, :], values.shape)
+    rows = np.broadcast_to(np.arange(3 * len(facets)).reshape(-1, 3, 1), values.shape)
+    return csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * len(facets), basis.N))
+
+
+def _on(
+    heat: HeatProblem,
+    facets: NDArray[np.intp],
+    intervals: NDArray[np.intp],
+    kind: str,
+    other: NDArray[np.intp] | None = None,
+) -> SurfacePoints:
+    """Points of facets; ``other`` are the same facets of a contact, on its other side."""
+    grid = heat.discretization.basis.mesh
+    beside = grid.f2t[0, facets]
+    ends = np.moveaxis(grid.p[:, grid.facets[:, facets]], (0, 1, 2), (2, 1, 0))  # (f, end, axis)
+    centre = grid.p[:, grid.t[:, beside]].mean(axis=1).T
+    along = ends[:, 1] - ends[:, 0]
+    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+    normal *= np.sign(np.einsum("fx,fx->f", normal, ends.mean(axis=1) - centre))[:, None]
+    names = heat.mesh.region_names
+    limit = resistances(heat.geometry)
+    owners = [[names[r] for r in heat.mesh.region[beside]]]
+    if other is not None:
+        owners.append([names[r] for r in heat.mesh.region[grid.f2t[0, other]]])
+    parts = [tuple(name for name in pair if name in limit) for pair in zip(*owners, strict=True)]
+    material = np.array([heat.geometry.material_of(name).name for name in owners[0]])
+    return SurfacePoints(
+        kind=np.repeat(np.full(len(facets), kind, dtype=object), 3),
+        ends=np.repeat(ends, 3, axis=0),
+        gauss=np.tile(np.arange(3), len(facets)),
+        interval=np.repeat(intervals[beside], 3, axis=0),
+        material=np.repeat(material.astype(object), 3),
+        outward=np.repeat(normal, 3, axis=0),
+        parts=[part for part in parts for _ in range(3)],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SampledWeights:
+    """Weights from a few of their points: w = modes @ weights at those points."""
+
+    points: SurfacePoints
+    modes: Array
+
+    @classmethod
+    def of(cls, every: SurfacePoints, samples: Array) -> SampledWeights:
+        """Choose points from weights at many members, shape (n, q)."""
+        scale = np.abs(samples).max(axis=0)  # far points carry small weights, and count as well
+        u, s, _ = np.linalg.svd((samples / scale).T, full_matrices=False)
+        # 1e-13: singular values below this share of the first are round-off
+        rank = max(1, int((s > 1e-13 * s[0] * np.sqrt(len(scale))).sum()))
+        _, _, order = qr(u[:, :rank].T, pivoting=True, mode="economic")
+        chosen = order[:rank]
+        modes = scale[:, None] * (u[:, :rank] @ np.linalg.inv(u[chosen, :rank])) / scale[chosen]
+        return cls(every.pick(chosen), modes)

@@ -7,27 +7,25 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from scipy.linalg import eigh
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.netcdf import DAMAGE
 from thermofem.fem.heat_derivatives import ModalDerivative, dataset_of, step_times
 from thermofem.models.contract import OutsideTrainingWarning
 
 from ..reduction.reduce import reduce
 from . import family_files
+from .affine_engine import AffineMembers
 from .interpolation import OutputMaps
+from .members import Certified, MemberModes, certified, coarse_difference
+from .moved_mesh_engine import MovedMeshMembers
+from .optical_numbers import OpticalNumbers
 from .parameter_box import Box
-from .projected_matrices import AffineMembers, MemberMatrices, MemberModes, difference
-from .snapshots import Certified, certified
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from .projected_matrices import MovedMeshMembers
 
 log = logging.getLogger("thermofem")
 
@@ -83,6 +81,8 @@ class Family:
     output_maps : OutputMaps, optional
         k(T) and c_p(T) up to a power: the output map of every member, by interpolation, and its own error. All errors
         beside it, derivatives and certificates are those at small power.
+    optics : OpticalNumbers, optional
+        where the geometry has [light]: what `coupled.ring_at` makes the ring of a member from, and its errors.
     provenance : dict
     """
 
@@ -95,6 +95,7 @@ class Family:
     floor: float
     factor: float
     output_maps: OutputMaps | None = None
+    optics: OpticalNumbers | None = None
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
@@ -157,10 +158,9 @@ class Family:
         row = self.box.row(values)
         return self._with_output_map(self._foster(self.members.member(row).modes(), a, b), row, (a, b))
 
-    def at(self, values: Mapping[str, float]) -> Model:
+    def at(self, values: Mapping[str, Any]) -> Model:
         """`model` of the first channel with the parameters in a mapping."""
-        row, channel = self.box.row(values), self._channel(None, None)
-        return self._with_output_map(self._foster(self.members.member(row).modes(), *channel), row, channel)
+        return self.model(**values)
 
     def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
         if self.output_maps is None:
@@ -227,9 +227,7 @@ class Family:
         much on top. It is an estimate from those few members and no bound; `certify` measures one member. It holds at
         small power: with k(T) the error of the output map, ``output_maps.error``, comes on top.
         """
-        return self._predicted(self.members.member(self.box.row(values)))
-
-    def _predicted(self, small: MemberMatrices) -> float:
+        small = self.members.member(self.box.row(values))
         return self.floor + self.factor * coarse_difference(small, len(self.inputs))
 
     def derivatives(
@@ -277,8 +275,6 @@ class Family:
 
         The step is in proportion to a contact resistance, whose 1/R bends, and to the range of any other parameter.
         """
-        from scipy.linalg import eigh
-
         a, b = channel or self._channel(None, None)
         contact = self.box.contact
         # 1e-11 m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
@@ -344,13 +340,6 @@ class Held:
         return self.family.at({**self.values, **values})
 
 
-def coarse_difference(small: MemberMatrices, heated: int) -> float:
-    """Change of a member from the first part of the basis to all of it."""
-    # with 0.7 of the functions, in the comparison behind `Family.predicted_error`
-    count = max(1, int(0.7 * small.K.shape[0]))
-    return difference(small.first(count).modes(), small.modes(), heated)
-
-
 def load_family(path: str | Path) -> Family:
     """Read a family that `Family.save` wrote.
 
@@ -359,15 +348,15 @@ def load_family(path: str | Path) -> Family:
     InputError
         no such file, not a family, one of a newer version, changed since it was written, or one without members.
     """
-    fields = family_files.read(path)
-    numbers = fields["error"]
-    error = HeldOut([numbers["worst"]])
-    error.median, error.count = numbers["median"], numbers["count"]
-    family = Family(**{**fields, "error": error})
-    try:
+
+    def checked(fields: dict[str, Any]) -> Family:
+        numbers = fields["error"]
+        error = HeldOut([numbers["worst"]])
+        error.median, error.count = numbers["median"], numbers["count"]
+        family = Family(**{**fields, "error": error})
         with np.errstate(all="ignore"):
             middle = family.model(**dict(zip(family.names, family.box.middle, strict=True)))
-            checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")
-    except DAMAGE as fault:
-        raise checks.InputError(f"{path} is not a complete family: no member can be made of it ({fault})") from None
-    return family
+        checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")
+        return family
+
+    return family_files.read(path, checked)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,13 @@ from thermofem.data.netcdf import DAMAGE
 from thermofem.data.quantity import SI
 from thermofem.mesh import Mesh
 
-from .affine_grid import Axis, CellGrid
-from .affine_matrices import Cells, Coefficients
+from .affine_engine import AffineMembers, Coefficients
+from .affine_grid import Axis, CellGrid, SampledWeights, SurfacePoints
 from .interpolation import OutputMaps
+from .members import pack, unpack
+from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers
+from .optical_numbers import OpticalNumbers
 from .parameter_box import Box
-from .projected_matrices import AffineMembers, MovedMeshEngine, MovedMeshMembers
-from .snapshots import pack, unpack
-from .surface_weights import SampledWeights, SurfacePoints
 
 if TYPE_CHECKING:
     from .family import Family
@@ -68,6 +69,9 @@ def save(family: Family, path: str | Path) -> Path:
         arrays |= {"basis": family.members.basis}
     if family.output_maps is not None:
         arrays |= {"map_shares": family.output_maps.shares, "map_coefficients": family.output_maps.coefficients}
+    if family.optics is not None:
+        content["optics"], own = family.optics.content()
+        arrays |= own
     whole = pack({"header": np.array(json.dumps(content)), **arrays})
     return write_whole(path, lambda p: p.write_bytes(whole))
 
@@ -110,10 +114,10 @@ def _campaign(campaign: Campaign) -> dict[str, Any]:
     return {"name": campaign.name, "geometry": geometry, "heated": heated, "read": read, "variations": variations}
 
 
-def read(path: str | Path) -> dict[str, Any]:
-    """Read the fields of a family that `Family.save` wrote; ``error`` as a dict of its numbers.
+def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
+    """``make`` a family of the fields that `Family.save` wrote; ``error`` is a dict of its numbers.
 
-    Raises InputError: no such file, not a family, or one of a newer version.
+    Raises InputError: no such file, not a family, one of a newer version, or one that cannot be made.
     """
     raw = read_bytes(path, "family")
     try:
@@ -126,7 +130,7 @@ def read(path: str | Path) -> dict[str, Any]:
         raise checks.InputError(f"{path} has schema {checks.shown(content.get('schema'))}; this version reads {SCHEMA}")
     try:
         _check_arrays(arrays)
-        return _fields(content, arrays)
+        return make(_fields(content, arrays))
     except DAMAGE as error:
         raise checks.InputError(f"{path} is not a complete family: {error}") from None
 
@@ -155,6 +159,7 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
             "count": checks.integer("count", error["count"], 1, np.inf),
         },
         "output_maps": output_maps,
+        "optics": OpticalNumbers.of_content(content["optics"], arrays) if "optics" in content else None,
         "provenance": dict(content["provenance"]),
     }
 
@@ -184,7 +189,7 @@ def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
 
 
 def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
-    grid = CellGrid(Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
+    grid = CellGrid(box, Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
     surface = None
     if "surface" in content:
         s = content["surface"]
@@ -193,7 +198,7 @@ def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMember
         parts = [tuple(part) for part in s["parts"]]
         surface = SampledWeights(SurfacePoints(kind=kind, material=material, parts=parts, **fields), a["modes"])
     stiffness, capacity = ((a[f"{x}_kind"], a[f"{x}_ratio"]) for x in ("stiffness", "capacity"))
-    coefficients = Coefficients(box, grid, Cells.of(grid, box), stiffness, capacity, surface)
+    coefficients = Coefficients(grid, stiffness, capacity, surface)
     statics = checks.integer("statics", content["statics"], 1, a["ports"].shape[-1])
     return AffineMembers(coefficients, a["K"], a["M"], a["ports"], a["volumes"], statics)
 

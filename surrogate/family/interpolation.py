@@ -7,8 +7,6 @@ parameters (scikit-learn). Members that were not interpolated between, and the h
 the steady rise at the power and at half of it, and of a pulse, against finite elements with the laws of temperature.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from thermofem import Foster, OutputMap, Pulse, checks, solve
 from thermofem.arrays import Array
@@ -23,10 +22,10 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem
 
 from ..reduction.nonlinear_reduction import output_map
-from .affine_matrices import AffineEngine
+from .affine_engine import AffineEngine
+from .members import Solver
+from .moved_mesh_engine import MovedMeshEngine
 from .parameter_box import Box
-from .projected_matrices import MovedMeshEngine
-from .snapshots import Solver
 
 TAIL = 1e-4  # probability beyond either end of the span on which members are worked out
 
@@ -68,8 +67,6 @@ def interpolate_members(
 
     Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), Section 2.7.
     """
-    from scipy.stats import qmc
-
     p, (low, high) = len(dists), box
     least = 2 * (p + 1) * (p + 2)
     checks.between("interpolate", count, least, 2000, hint=f"members; {p} parameters need {least} at least")

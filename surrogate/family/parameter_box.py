@@ -1,4 +1,4 @@
-"""The box of parameters that a family covers: names, ranges and what each parameter changes in the geometry."""
+"""The box of parameters that a family covers: names, ranges, and the geometry and materials of its members."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
-from thermofem import Campaign, CrossSection, checks
+from thermofem import Boundary, Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem.mesh_division import PERFECT
 from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_library import Material
-
-MOST = 2**24  # members at once: half a gigabyte of parameters
+from thermofem.materials.property_laws import PowerLaw
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +54,17 @@ class Box:
         low, high = np.array(ends).T
         names = tuple(v.name for v in campaign.variations)
         box = cls(campaign, names, low, high, tuple(v.logarithmic for v in campaign.variations))
-        box._check()
+        for corner in box.corners():
+            try:
+                box.geometry(corner)
+            except checks.InputError as error:
+                where = box.words(corner)
+                raise checks.InputError(f"the ranges contradict each other: at {where}: {error}") from None
         return box
+
+    def words(self, row: Array) -> str:
+        """Names and values of one member."""
+        return ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, row, strict=True))
 
     @property
     def size(self) -> int:
@@ -80,11 +89,19 @@ class Box:
         product = np.sqrt(np.where(positive, low * self.high, 0.0))
         return np.where(positive, product, (self.low + self.high) / 2)
 
+    @cached_property
+    def nominal(self) -> dict[str, float]:
+        """Parameters of the campaign's own geometry; the middle of the box where one lies outside."""
+        section = CrossSection.from_toml_text(self.campaign.geometry)
+        own = np.array([change(section, v.paths).value for v in self.campaign.variations])
+        slack = 1e-9 * (self.high - self.low)
+        inside = bool(((own >= self.low - slack) & (own <= self.high + slack)).all())
+        row = np.clip(own, self.low, self.high) if inside else self.middle
+        return dict(zip(self.names, row.tolist(), strict=True))
+
     def at(self, share: Array) -> Array:
         """Parameters at shares 0 to 1 of the ranges, shape (..., p)."""
         linear = self.low + share * (self.high - self.low)
-        if not any(self.logarithmic):
-            return np.asarray(linear)
         low = np.where(self.logarithmic, self.low, 1.0)
         ratio = np.where(self.logarithmic, self.high, 1.0) / low
         return np.asarray(np.where(self.logarithmic, low * ratio**share, linear))
@@ -92,16 +109,12 @@ class Box:
     def share(self, rows: Array) -> Array:
         """The inverse of `at`."""
         linear = (rows - self.low) / (self.high - self.low)
-        if not any(self.logarithmic):
-            return np.asarray(linear)
         low, at = (np.where(self.logarithmic, x, 1.0) for x in (self.low, rows))
         high = np.where(self.logarithmic, self.high, 2.0)
         return np.asarray(np.where(self.logarithmic, np.log(at / low) / np.log(high / low), linear))
 
     def draw(self, count: int, seed: int) -> Array:
-        """SurfacePoints of a scrambled Sobol sequence, shape (count, p)."""
-        from scipy.stats import qmc
-
+        """Points of a scrambled Sobol sequence, shape (count, p)."""
         shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))
         return self.at(shares[:count])
 
@@ -131,15 +144,6 @@ class Box:
         """Materials that the base geometry is made of."""
         return {m.name: m for m in (self.base.material_of(region) for region in self.base.region_names)}
 
-    def _check(self) -> None:
-        """Raise InputError where a corner of the box is no geometry."""
-        for corner in self.corners():
-            try:
-                self.geometry(corner)
-            except checks.InputError as error:
-                where = ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, corner, strict=True))
-                raise checks.InputError(f"the ranges contradict each other: at {where}: {error}") from None
-
     def row(self, values: Mapping[str, Any]) -> Array:
         """Parameters of one member, shape (p,); InputError for a missing or unknown name, or one outside the box."""
         rows = self.rows(values)
@@ -149,8 +153,6 @@ class Box:
 
     def rows(self, values: Mapping[str, ArrayLike]) -> Array:
         """Parameters of many members, broadcast against each other, shape (..., p)."""
-        if (row := self._plain(values)) is not None:
-            return row
         for name in values:
             checks.choice("parameter", name, self.names)
         missing = [name for name in self.names if name not in values]
@@ -167,9 +169,78 @@ class Box:
                 )
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
-    def _plain(self, values: Mapping[str, Any]) -> Array | None:
-        """Plain numbers inside the box, in their order; None where anything else is given."""
-        if values.keys() != set(self.names) or not all(isinstance(v, float) for v in values.values()):
-            return None
-        row = np.array([values[name] for name in self.names], dtype=float)
-        return row if bool(((row >= self.low) & (row <= self.high)).all()) else None
+    def properties(self, rows: Array) -> Properties:
+        """Properties for members with the parameters ``rows``, shape (n, p)."""
+        base, paths = self.base, [v.paths for v in self.campaign.variations]
+        used = self.materials
+        given: dict[str, dict[str, Array]] = {name: {} for name in used}
+        contact: dict[str, Array] = {}
+        for interface in base.interfaces:
+            contact[interface.part] = contact.get(interface.part, 0.0) + np.full(len(rows), interface.resistance)
+        convection = {
+            side: np.full(len(rows), h)
+            for side in ("bottom", "top", "outer")
+            if (h := getattr(base, side).exchange(base.ambient))
+        }
+        ambient = np.full(len(rows), base.ambient)
+        for column, each in zip(rows.T, paths, strict=True):
+            for path in each:
+                kind, *middle = path.split(".")
+                if path == "ambient":
+                    ambient = column
+                elif kind == "material":
+                    split = 2 if len(middle) > 2 and middle[-2] in ("conductivity", "specific_heat") else 1
+                    name = ".".join(middle[:-split])
+                    if name in given:
+                        given[name][".".join(middle[-split:])] = column
+                elif kind == "interface":
+                    name = ".".join(middle[:-1])
+                    first = next(interface for interface in reversed(base.interfaces) if interface.part == name)
+                    contact[name] = contact[name] - first.resistance + column
+                elif kind == "boundary":
+                    given_side: Boundary = getattr(base, middle[0])
+                    convection[middle[0]] = column * (given_side.exchange(base.ambient) / given_side.coefficient)
+        contact = {name: np.maximum(value, PERFECT) for name, value in contact.items()}
+        k_r, k_z, capacity = {}, {}, {}
+        for name, material in used.items():
+            k_r[name], k_z[name], capacity[name] = _material(material, given[name], ambient)
+        return Properties(k_r, k_z, capacity, contact, convection)
+
+
+@dataclass(frozen=True, eq=False)
+class Properties:
+    """Properties at the ambient temperature, each of shape (n,) or ().
+
+    k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
+    contact [dict from part to array; m^2 K/W]
+    convection [dict from side to array; W/(m^2 K)]
+    """
+
+    k_r: dict[str, Array]
+    k_z: dict[str, Array]
+    capacity: dict[str, Array]
+    contact: dict[str, Array]
+    convection: dict[str, Array]
+
+
+def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:
+    """k_r, k_z and rho c_p of one material with some of its numbers replaced by arrays."""
+
+    def factor(kind: str) -> Array:
+        law = getattr(material, f"{kind}_law")
+        if not isinstance(law, PowerLaw):
+            return np.asarray(law.factor(T0))
+        exponent = given.get(f"{kind}.exponent", law.exponent)
+        reference = given.get(f"{kind}.reference", law.reference)
+        return np.asarray((T0 / reference) ** exponent)
+
+    def number(kind: str) -> Array | float:
+        names = (kind, f"{kind}.value", f"{kind}.r")
+        return next((given[name] for name in names if name in given), getattr(material, kind))
+
+    along_r = number("conductivity")
+    along_z = material.conductivity_z if material.conductivity_z is not None else along_r
+    along_z = given.get("conductivity.z", along_z)
+    k = factor("conductivity")
+    c = number("density") * number("specific_heat") * factor("specific_heat")
+    return np.asarray(along_r * k), np.asarray(along_z * k), np.broadcast_to(c, T0.shape)

@@ -5,8 +5,6 @@ it is added, so its error is a fair test of the functions so far. Between batche
 all functions and with those of earlier batches alone; where the two differ most, the next members are solved.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json
@@ -25,45 +23,44 @@ from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
 from thermofem.campaign.stored_tasks import Store
-from thermofem.data.files import read_toml
+from thermofem.data.files import from_toml, read_toml, to_toml
 
+from .affine_engine import AffineEngine, AffineMembers
 from .affine_grid import NotAffineError
-from .affine_matrices import AffineEngine
-from .family import Family, HeldOut, coarse_difference
+from .family import Family, HeldOut
 from .interpolation import OutputMaps, interpolate_output_maps
+from .members import (
+    FINEST,
+    Member,
+    MemberModes,
+    Solver,
+    certified_modes,
+    coarse_difference,
+    difference,
+    extend_basis,
+    fine_member,
+    snapshot_of,
+)
+from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, projected
+from .optical_numbers import OpticalNumbers, train_optics
 from .parameter_box import Box
-from .projected_matrices import AffineMembers, MemberModes, MovedMeshEngine, MovedMeshMembers, difference, projected
-from .snapshots import FINEST, Member, Solver, certified_modes, extend_basis, fine_member, snapshot_of
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
 STATIC = 0.1  # of the tolerance, by which thermal resistances of the first functions may miss those of all
 KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch adds
 CANDIDATES = 128
 BATCH = 6
-MOST_BATCHES = 60  # batches
+MOST_BATCHES = 60
 
-
-@dataclass(frozen=True, eq=False)
-class Trained:
-    """Results of the training.
-
-    basis [shape (unknowns, N)]: functions, those of the static fields first.
-    statics: how many.
-    left: worst error of every batch, predicted before it was added.
-    """
-
-    basis: Array
-    statics: int
-    members: tuple[Member, ...]
-    left: tuple[float, ...]
-    terms: AffineMembers | None
+Engine = AffineEngine | MovedMeshEngine
+Members = AffineMembers | MovedMeshMembers
 
 
 @dataclass
 class Trainer:
     """State of a training run."""
 
-    engine: AffineEngine | MovedMeshEngine
+    engine: Engine
     ports: tuple[str, ...]
     tolerance: float
     seed: int
@@ -78,9 +75,8 @@ class Trainer:
         self.members: list[Member] = []
         self.earlier = 0  # functions before the last batch
 
-    def run(self) -> Trained:
+    def run(self) -> Members:
         """Train until a batch is predicted to `SHARE` of the tolerance."""
-        left: list[float] = []
         rows = self._first()
         for number in range(MOST_BATCHES):
             errors = []
@@ -91,15 +87,13 @@ class Trainer:
                     errors.append(difference(here, member.modes, self.heated))
                 self.members.append(member)
             self.report(f"{len(self.members)} members solved, {self.V.shape[1]} functions")
-            if errors:
-                left.append(max(errors))
-                if left[-1] <= SHARE * self.tolerance:
-                    break
+            if errors and max(errors) <= SHARE * self.tolerance:
+                break
             self.earlier = self.V.shape[1]
             fields = np.hstack([member.fields for member in new])
             self.V = extend_basis(self.V, self.X, fields, KEPT * self.tolerance)
             rows = self._next(number)
-        return self._finish(left)
+        return self._finish()
 
     def _solved(self, rows: Array) -> list[Member]:
         """Members on the reference mesh; those that fail are left out."""
@@ -112,19 +106,17 @@ class Trainer:
         """The middle, some corners and points inside."""
         return np.vstack([self.box.middle[None], self.box.corners(2 * BATCH), self.box.draw(BATCH, self.seed)])
 
-    def _terms(self, V: Array, statics: int) -> AffineMembers | None:
-        """Terms between functions, where the engine has such."""
-        if not isinstance(self.engine, AffineEngine):
-            return None
-        terms = self.engine.project(V, self.ports)
-        return AffineMembers.of(self.engine.coefficients, terms, self.engine.volumes(self.ports), statics)
+    def _terms(self, engine: AffineEngine, V: Array, statics: int) -> AffineMembers:
+        """Members in the functions V."""
+        terms = engine.project(V, self.ports)
+        return AffineMembers.of(engine.coefficients, terms, engine.volumes(self.ports), statics)
 
     def _next(self, number: int) -> Array:
         """Members where all functions and the earlier ones differ most, and some drawn at random."""
         random = self.box.draw(BATCH, self.seed + 1 + number)
-        terms = self._terms(self.V, 0)
-        if terms is None or not self.earlier:
+        if isinstance(self.engine, MovedMeshEngine) or not self.earlier:
             return random
+        terms = self._terms(self.engine, self.V, 0)
         inside = self.box.draw(CANDIDATES, self.seed + 1000 + number)
         candidates = np.vstack([inside, self.box.corners(CANDIDATES // 4)])
         gaps = []
@@ -140,18 +132,17 @@ class Trainer:
                 break
         return np.vstack([candidates[picked], random[: BATCH - len(picked)]])
 
-    def _finish(self, left: list[float]) -> Trained:
+    def _finish(self) -> Members:
         """The fewest functions that hold all members, those of the static fields first."""
         none = np.empty((self.engine.unknowns, 0))
         static = extend_basis(none, self.X, np.hstack([m.static for m in self.members]), 0.02 * KEPT * self.tolerance)
         fields = np.hstack([member.fields for member in self.members])
         basis, statics = extend_basis(static, self.X, fields, KEPT * self.tolerance), static.shape[1]
-        terms = self._terms(basis, statics)
-        if terms is not None:
-            count = self._fewest(terms, statics)
-            kept, statics = np.eye(terms.size)[:, :count], self._enough(terms, statics, count)
-            basis, terms = basis[:, :count], terms.rotated(kept, statics)
-        return Trained(basis, statics, tuple(self.members), tuple(left), terms)
+        if isinstance(self.engine, MovedMeshEngine):
+            return MovedMeshMembers(self.engine, basis, self.ports)
+        terms = self._terms(self.engine, basis, statics)
+        count = self._fewest(terms, statics)
+        return terms.rotated(np.eye(terms.size)[:, :count], self._enough(terms, statics, count))
 
     def _fewest(self, terms: AffineMembers, statics: int) -> int:
         """Smallest number of functions that keeps the error of all members below `SHARE` of the tolerance."""
@@ -256,12 +247,8 @@ def train_family(
         rows, fine_members = _held_out(box, held_out, seed, ports, tolerance, solver)
         report(f"{len(fine_members)} held-out members solved")
         engine, references = _engine(box, ports, heated, tolerance, rows, fine_members)
-        found = Trainer(engine, ports, tolerance, seed, heated, report, solver).run()
-    members: AffineMembers | MovedMeshMembers
-    if found.terms is not None:
-        members = found.terms
-    else:  # of the engine on moved meshes: that on lines gives terms
-        members = MovedMeshMembers(engine, found.basis, ports)  # type: ignore[arg-type]
+        trainer = Trainer(engine, ports, tolerance, seed, heated, report, solver)
+        members = trainer.run()
     small = [members.member(row) for row in rows]
     modes = [one.modes() for one in small]
     errors = [difference(one, truth, heated) for one, truth in zip(modes, fine_members, strict=True)]
@@ -281,8 +268,13 @@ def train_family(
         output_maps = interpolate_output_maps(engine, (a, b), power, foster, seed, replace(solver, store=None))
     elif engine.reference.nonlinear:
         log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
+    optics: OpticalNumbers | None = None
+    if box.base.light is not None:
+        report("modes and couplers")
+        optics = train_optics(box, seed, solver)
     for name in _without_effect(box, members, heated):
-        log.warning("parameter %r changes nothing in this geometry; leave it out", name)
+        if optics is None or not optics.moves(box.names.index(name)):
+            log.warning("parameter %r changes nothing in this geometry; leave it out", name)
     if error.worst > tolerance:
         log.warning(
             "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
@@ -300,12 +292,13 @@ def train_family(
         floor=SAFETY * max(meshes),
         factor=SAFETY * max(ratios),
         output_maps=output_maps,
+        optics=optics,
         provenance={
             "method": f"reduced basis, {members.engine}",
             "version": version,
             "campaign": box.campaign.name,
             "campaign_hash": campaign_hash(box.campaign),
-            "solved_members": len(found.members),
+            "solved_members": len(trainer.members),
             "seconds": round(time.perf_counter() - started, 3),
             "unknowns": engine.unknowns,
         },
@@ -323,7 +316,7 @@ def _held_out(
     return rows[there], [found[k] for k in there]
 
 
-def _without_effect(box: Box, members: AffineMembers | MovedMeshMembers, heated: int) -> list[str]:
+def _without_effect(box: Box, members: Members, heated: int) -> list[str]:
     """Parameters whose whole range moves no response by more than `NOTHING`."""
     found = []
     for k, name in enumerate(box.names):
@@ -342,10 +335,7 @@ def read_campaign(path: str | Path) -> Campaign:
     """
 
     def campaign(text: str) -> Campaign:
-        from thermofem.data import files
-        from thermofem.data.files import to_toml
-
-        table: dict[str, Any] = files.from_toml(text)
+        table: dict[str, Any] = from_toml(text)
         ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))
         table.setdefault("samples", 1 if ranges else 0)
         return Campaign(**campaign_file.fields(to_toml(table), Path(path).parent))
@@ -361,11 +351,11 @@ def campaign_hash(campaign: Campaign) -> str:
 
 def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
-) -> tuple[AffineEngine | MovedMeshEngine, list[MemberModes]]:
+) -> tuple[Engine, list[MemberModes]]:
     """Choose the engine, and a mesh whose error at held-out members is below `SHARE`; and these members on it."""
     accuracy = 0.5 * tolerance  # 0.5: accuracy of the first reference mesh over the tolerance
     for _ in range(3):  # 3: reference meshes tried
-        engine: AffineEngine | MovedMeshEngine
+        engine: Engine
         try:
             engine = AffineEngine(box, accuracy)
         except NotAffineError as reason:

@@ -7,14 +7,14 @@ The spectrum of time constants is always stable and passive:
 There is nothing to search: the problem is convex and its optimum has few nonzero R_i.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from scipy.optimize import least_squares
 
 from thermofem import Foster, checks
 from thermofem.arrays import Array, ArrayLike
@@ -23,9 +23,6 @@ from thermofem.data import quantity
 from .fit import Fit, Training
 from .fit_result import EXPLAINED, cancelling, unseen_times
 from .pole_projection import CUT, noise_along
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
 FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
@@ -74,8 +71,6 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
 
     Source of the form: Borghi et al., Opt. Express 29, 4363 (2021), Section 5, C_s exp(-t/tau_s) + C_f exp(-t/tau_f).
     """
-    from scipy.optimize import least_squares
-
     t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
     order = checks.integer("order", order, 1, 5)
     if t.size != y.size or t.size <= 2 * order:

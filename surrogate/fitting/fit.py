@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array
@@ -42,9 +43,6 @@ from .fit_result import (
 )
 from .optical_fit import fit_optical
 from .pole_projection import FitProblem, Optimum, optimum, polish
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 METHODS = ("variable projection", "pso")
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"

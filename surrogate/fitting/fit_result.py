@@ -6,8 +6,6 @@ Noise has forgotten itself after a sixteenth of the time between two breakpoints
 Over n lags of this length the autocorrelation of noise is 0 +- 1/sqrt(n).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -7,13 +7,12 @@ and c, which are eliminated (variable projection); a = P0/2, V = hypot(b, c)/a a
 ln R_i and ln tau_i are searched for, from several starts, as the trace is periodic in the phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.optimize import least_squares
 
 from thermofem import MZI, Foster, checks
@@ -23,10 +22,6 @@ from thermofem.waveforms import period_times
 
 from .fit_result import Fit
 from .pole_projection import noise_along
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so

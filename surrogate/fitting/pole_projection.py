@@ -25,14 +25,13 @@ A fit carries the noise of each trace into the residuals of the others, along th
 traces, these are taken out of each before its variance and rho are read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.optimize import least_squares, nnls
 
 from thermofem import checks
 from thermofem.algebra.autocorrelation import FEWEST, autocorrelation, independent
@@ -183,8 +182,6 @@ class FitProblem:
 
     def gains(self, phi: Array) -> Array:
         """Linear least squares, with gains >= 0 where asked."""
-        from scipy.optimize import nnls
-
         norm = np.linalg.norm(phi, axis=0)
         norm = np.where(norm > 0, norm, 1.0)  # a pole too fast for any sample
         if self.positive:
@@ -269,8 +266,6 @@ def _moved(problem: FitProblem, end: Array, phi: Array, gain: Array) -> Array:
 
 def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
     """Least squares in the logarithms of the rates, and the shifts; the end and its sum of squares."""
-    from scipy.optimize import least_squares
-
     shortest, longest = problem.span
     n, free = start.size, int(np.count_nonzero(problem.within))
     low = np.repeat([np.log(1e-3 / longest), -1.0], [n, free])

@@ -32,25 +32,18 @@ import logging
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from itertools import combinations_with_replacement
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+import xarray as xr
 
 from thermofem import Quadratic, checks
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data.dataset import check_together, response_of, warn_of
 from thermofem.models import HasModel, Network, gate
-from thermofem.waveforms import Waveform
-
-if TYPE_CHECKING:
-    import xarray as xr
-from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING
-
 from thermofem.models.identified_network import STATIC
-
-if TYPE_CHECKING:
-    import xarray as xr
+from thermofem.waveforms import Waveform
 
 log = logging.getLogger("thermofem")
 
@@ -58,7 +51,6 @@ OTHER = 0.05  # relative difference of static gains that is told
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
 SEED = 0
 UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
-
 
 Identified = TypeVar("Identified", Network, Quadratic)
 
@@ -132,10 +124,9 @@ def fit_sindy(
         data that are not evenly sampled or lack probes; a window of less than one sample or more than a third of the
         data; an identified network that does not pass the gate.
     """
-    times, rise, wave, names = read_probes(data)
-    gains = checks.array("static", data.attrs.get("thermal_resistances", ()) if static is None else static)
-    if gains.size != rise.shape[1] or gains.min() <= 0:
-        raise checks.InputError(f"static has {gains.size} values for {rise.shape[1]} probes; one positive K/W for each")
+    probed = read_probes(data)
+    names, wave = probed.names, probed.wave
+    gains = probed.each("static", data.attrs.get("thermal_resistances", ()) if static is None else static)
     if gains.max() > gains[0]:
         hotter = names[int(np.argmax(gains))]
         raise checks.InputError(
@@ -144,39 +135,64 @@ def fit_sindy(
     stated = np.ravel(data.attrs.get("thermal_resistances", gains))
     if stated.shape == gains.shape and np.any(np.abs(gains - stated) > OTHER * stated):
         log.warning("static contradicts the thermal_resistances that the data state: %s and %s K/W", gains, stated)
-    step = float(times[1] - times[0])
-    half = half_width(window, times)
-    largest = float(rise[:, 0].max())
-    power_unit = largest / gains[0]
-    scale, unit = gains * power_unit, UNIT * step  # a static unit power gives unit states
-    coefficients = _identify(
-        rise / scale, wave(times) / power_unit, times / unit, half / unit, checks.flag("impose", impose)
-    )
-    A = coefficients[:, :-1] * scale[:, None] / scale / unit
-    b = coefficients[:, -1] * scale / power_unit / unit
+    n, largest = gains.size, float(probed.rise[:, 0].max())
+    rows = [np.outer(np.eye(n)[i], np.eye(n + 1)[n]).ravel() for i in range(1, n)]  # power enters the core only
+    if checks.flag("impose", impose):
+        rows += [np.outer(np.eye(n)[i], np.ones(n + 1)).ravel() for i in range(n)]  # A 1 + b = 0
+    units = Units.of([probed], gains)
+    found = regress([probed], units, window, rows, degree=1)
+    A, b = found[:, :-1] / units.rise, found[:, -1] / units.power
     poles = gate(A, b, float(gains[0]), name=names[0])
-    model = Network(A, b, names, poles, largest)
-    n = len(names)
-    parameters = {f"A_{i + 1}_{j + 1}": float(A[i, j]) for i in range(n) for j in range(n)}
-    parameters |= {f"b_{i + 1}": float(b[i]) for i in range(n)}
-    misfit = poles.response(wave, times) - rise[:, 0]
+    misfit = poles.response(wave, probed.times) - probed.rise[:, 0]
     seen = np.where(np.abs(b) > 1e-9 * np.abs(b).max(), b, 0.0)
     equations = _equations(names, [*(f"T[{name}]" for name in names), "P"], np.column_stack([A, seen]))
-    return fitted(model, equations, parameters, misfit, rise[:, 0], [wave], data.attrs.get("geometry"))
+    model = Network(A, b, names, poles, largest)
+    return fitted(model, equations, _coefficients(A=A, b=b), misfit, [probed], data.attrs.get("geometry"))
 
 
-def half_width(window: float | None, times: Array) -> float:
-    """Half width of the test functions in s, `WINDOW` samples if None; InputError where none or all lie in it."""
-    step, hint = float(times[1] - times[0]), "from one sample to a third of the data"
-    given = WINDOW * step if window is None else window
-    return checks.between("window", given, step * (1 - 1e-9), float(times[-1]) / 3, unit="s", hint=hint)
+@dataclass(frozen=True, eq=False)
+class Probed:
+    """Rises of the core and of shells around it under one drive.
+
+    times [shape (m,), s], rise [shape (m, n), K]: the core's first.
+    """
+
+    times: Array
+    rise: Array
+    wave: Waveform
+    names: tuple[str, ...]
+
+    def each(self, name: str, values: ArrayLike) -> Array:
+        """One positive number for each probe; InputError for others."""
+        found = checks.array(name, values)
+        if found.size != len(self.names) or found.min() <= 0:
+            raise checks.InputError(f"{name} has {found.size} values for {len(self.names)} probes; all positive")
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Units in which states, power and coefficients are of order one.
+
+    rise [shape (n,), K]: of each probe; power [W]: a static unit power gives unit states; time [s]
+    """
+
+    rise: Array
+    power: float
+    time: float
+
+    @classmethod
+    def of(cls, data: Sequence[Probed], gains: Array) -> Units:
+        """Those of data, with the static gains of the probes in K/W."""
+        power = max(float(one.rise[:, 0].max()) for one in data) / gains[0]
+        return cls(gains * power, power, UNIT * float(data[0].times[1] - data[0].times[0]))
 
 
 def fitted(
-    model: Any, equations: tuple[str, ...], parameters: dict[str, float], misfit: Array, rise: Array,
-    waves: Sequence[Waveform], geometry: str | None,
+    model: Any, equations: tuple[str, ...], parameters: dict[str, float], misfit: Array, data: Sequence[Probed],
+    geometry: str | None,
 ) -> SindyFit[Any]:  # fmt: skip
-    """Make the result of an identification; ``misfit`` is the network's error in K at the core's ``rise``."""
+    """Make the result of an identification; ``misfit`` is the network's error in K at the core."""
     rms = float(np.sqrt(np.mean(misfit**2)))
     fit = SindyFit(
         model=model,
@@ -184,36 +200,28 @@ def fitted(
         parameters=parameters,
         standard_errors=dict.fromkeys(parameters, float("nan")),
         residual=rms,
-        relative_residual=rms / float(np.ptp(rise)),
-        training=tuple(f"{type(wave).__name__.lower()}, from rest" for wave in waves),
+        relative_residual=rms / float(np.ptp(np.concatenate([one.rise[:, 0] for one in data]))),
+        training=tuple(f"{type(one.wave).__name__.lower()}, from rest" for one in data),
         geometry=geometry,
     )
     return replace(fit, model=replace(model, origin=fit.provenance))
 
 
-def _identify(states: Array, control: Array, times: Array, half: float, impose: bool) -> Array:
-    """Coefficients (n, n + 1) of the states and the control in each equation, all of order one."""
-    n = states.shape[1]
-    rows = [np.outer(np.eye(n)[i], np.eye(n + 1)[n]).ravel() for i in range(1, n)]  # power enters the core only
-    if impose:
-        rows += [np.outer(np.eye(n)[i], np.ones(n + 1)).ravel() for i in range(n)]  # A 1 + b = 0
-    return regress([states], [control], times, half, rows, degree=1)
+def regress(data: Sequence[Probed], units: Units, window: float | None, rows: Sequence[Array], *, degree: int) -> Array:
+    """Weak-form regression by pysindy, with coefficients c of order one held to ``rows @ c = 0``.
 
-
-def regress(
-    states: Sequence[Array], controls: Sequence[Array], times: Array, half: float, rows: Sequence[Array], *, degree: int
-) -> Array:
-    """Weak-form regression by pysindy on one or several trajectories, coefficients held to ``rows @ c = 0``.
-
-    states, controls [shapes (m, n) and (m,)]: of order one, all at ``times``.
-    half: half width of the test functions, in the unit of ``times``.
+    window [s]: half width of the test functions, default `WINDOW` samples.
     rows [shape (n * terms,)]: terms of one equation after the other.
-    degree: of the polynomials in (states, control), without the constant.
-    Returns [shape (n, terms)]
+    degree: of the polynomials in (states, power), without the constant.
+    Returns [shape (n, terms)]: K/s for each term in `Units`.
     """
     import pysindy
     from pysindy.optimizers import ConstrainedSR3
 
+    times = data[0].times / units.time
+    step, hint = float(data[0].times[1] - data[0].times[0]), "from one sample to a third of the data"
+    given = WINDOW * step if window is None else window
+    half = checks.between("window", given, step * (1 - 1e-9), float(data[0].times[-1]) / 3, unit="s", hint=hint)
     constraints = {"constraint_lhs": np.array(rows), "constraint_rhs": np.zeros(len(rows))} if rows else {}
     optimizer = ConstrainedSR3(
         reg_weight_lam=0.0,
@@ -224,24 +232,25 @@ def regress(
         **constraints,
     )
     terms = pysindy.PolynomialLibrary(degree=degree, include_bias=False)
-    u = [c[:, None] for c in controls]
+    states = [one.rise / units.rise for one in data]
+    u = [one.wave(one.times)[:, None] / units.power for one in data]
     before = np.random.get_state()  # noqa: NPY002 - pysindy draws the places of its test functions from the global state
     np.random.seed(SEED)  # noqa: NPY002
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pysindy warns of its own array bookkeeping; the gate judges the result
             # 400: test functions, at random places
-            library = pysindy.WeakPDELibrary(terms, spatiotemporal_grid=times, K=400, p=4, H_xt=[half])
-            sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer).fit(list(states), times, u=u)
+            library = pysindy.WeakPDELibrary(terms, spatiotemporal_grid=times, K=400, p=4, H_xt=[half / units.time])
+            sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer).fit(states, times, u=u)
     except np.linalg.LinAlgError:
         raise checks.InputError("the regression is singular: do power and static gains belong to the data?") from None
     finally:
         np.random.set_state(before)  # noqa: NPY002
-    return np.asarray(sindy.coefficients(), dtype=float)
+    return np.asarray(sindy.coefficients(), dtype=float) * units.rise[:, None] / units.time
 
 
-def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ...]]:
-    """Times, rises (time, probe), drive and names of the probes."""
+def read_probes(data: xr.Dataset) -> Probed:
+    """The rises, drive and probes of a Dataset; InputError where they are no evenly sampled transient of shells."""
     if "delta_T" not in data or "probe" not in data["delta_T"].dims:
         raise checks.InputError(
             "data.delta_T has no probes: SINDy needs shells of oxide around the core beside it; describe them as "
@@ -262,7 +271,7 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
         raise checks.InputError(
             f"the first probe is {names[0]!r}; it must be the heated part, {data.attrs['heated']!r}"
         )
-    return times, rise, responses[0].wave, names
+    return Probed(times, rise, responses[0].wave, names)
 
 
 def _equations(names: tuple[str, ...], terms: Sequence[str], table: Array) -> tuple[str, ...]:
@@ -310,41 +319,31 @@ def fit_sindy_quadratic(
         pass the gate at small power, misses the steady state, or runs away on its own training.
     """
     datasets = data if isinstance(data, Sequence) else [data]
-    read = [read_probes(d) for d in datasets]
+    probed = [read_probes(d) for d in datasets]
     check_together(datasets)
-    times, names = read[0][0], read[0][3]
-    if any(r[3] != names or r[0].shape != times.shape or not np.allclose(r[0], times) for r in read):
+    times, names = probed[0].times, probed[0].names
+    if any(p.names != names or p.times.shape != times.shape or not np.allclose(p.times, times) for p in probed):
         raise checks.InputError("every Dataset needs the same probes and times")
-    gains, settled = checks.array("static", static), checks.array("steady", steady)
-    power = checks.power("power", power)
-    n = len(names)
-    if {gains.size, settled.size} != {n} or min(gains.min(), settled.min()) <= 0:
+    gains, settled = probed[0].each("static", static), probed[0].each("steady", steady)
+    power, n = checks.power("power", power), len(names)
+    units = Units.of(probed, gains)
+    found = regress(probed, units, window, _rows(n, settled / units.rise, power / units.power), degree=2)
+    largest = max(float(p.rise[:, 0].max()) for p in probed)
+    model = _model(np.where(_present(n), found, 0.0), units, names[0], largest)
+    gate(model.A, model.B, float(gains[0]))
+    rise = float(model.steady_rise(power))
+    if abs(rise - settled[0]) > STATIC * settled[0]:
         raise checks.InputError(
-            f"static has {gains.size} and steady {settled.size} values for {n} probes; all positive"
+            f"the identified network is refused: it settles at {rise:.5g} K under {power:g} W, not {settled[0]:.5g}"
         )
-    step = float(times[1] - times[0])
-    half = half_width(window, times)
-    largest = max(float(r[1][:, 0].max()) for r in read)
-    unit, power_unit = UNIT * step, largest / gains[0]
-    scale = gains * power_unit
-    found = regress(
-        [r[1] / scale for r in read],
-        [r[2](times) / power_unit for r in read],
-        times / unit,
-        half / unit,
-        _rows(n, settled / scale, power / power_unit),
-        degree=2,
-    )
-    model = _model(np.where(_present(n), found, 0.0), scale, power_unit, unit, names[0], largest)
-    _gate(model, float(gains[0]), power, float(settled[0]))
-    misfit = np.concatenate([model.response(r[2], times) - r[1][:, 0] for r in read])
+    misfit = np.concatenate([model.response(p.wave, times) - p.rise[:, 0] for p in probed])
     geometries = {d.attrs.get("geometry") for d in datasets}
     geometry = geometries.pop() if len(geometries) == 1 else None
-    rises = np.concatenate([r[1][:, 0] for r in read])
     terms = [*(f"T[{name}]" for name in names), *(f"T[{name}]^2" for name in names), "P", f"T[{names[0]}] P"]
     table = np.column_stack([model.A, np.einsum("ijj->ij", model.H), model.B, model.G[:, 0]])
-    equations = _equations(names, terms, table)
-    return fitted(model, equations, _parameters(model), misfit, rises, [r[2] for r in read], geometry)
+    named = _coefficients(A=model.A, b=model.B, H=model.H, G=model.G)
+    parameters = {name: value for name, value in named.items() if value}
+    return fitted(model, _equations(names, terms, table), parameters, misfit, probed, geometry)
 
 
 def _products(n: int) -> list[tuple[int, int]]:
@@ -379,35 +378,23 @@ def _rows(n: int, settled: Array, power: float) -> list[Array]:
     return rows
 
 
-def _model(found: Array, scale: Array, power_unit: float, unit: float, name: str, largest: float) -> Quadratic:
-    """The network in K, W and seconds from coefficients of order one."""
-    n = scale.size
-    rows = found * scale[:, None] / unit
+def _model(rows: Array, units: Units, name: str, largest: float) -> Quadratic:
+    """The network in K, W and seconds from the coefficients of `regress`."""
+    n, scale = units.rise.size, units.rise
     H, G = np.zeros((n, n, n)), np.zeros((n, n))
     for column, (j, k) in zip(rows[:, n + 1 :].T, _products(n), strict=True):
         if j == k < n:
             H[:, j, j] = column / scale[j] ** 2
         elif j < k == n:
-            G[:, j] = column / (scale[j] * power_unit)
-    A, B, C = rows[:, :n] / scale, rows[:, n] / power_unit, np.eye(n)[0]
+            G[:, j] = column / (scale[j] * units.power)
+    A, B, C = rows[:, :n] / scale, rows[:, n] / units.power, np.eye(n)[0]
     return Quadratic(A, H, G, B, C, inputs=(name,), outputs=(name,), largest_rise=largest)
 
 
-def _gate(model: Quadratic, static: float, power: float, settled: float) -> None:
-    gate(model.A, model.B, static)
-    rise = float(model.steady_rise(power))
-    if abs(rise - settled) > STATIC * settled:
-        raise checks.InputError(
-            f"the identified network is refused: it settles at {rise:.5g} K under {power:g} W, not {settled:.5g}"
-        )
-
-
-def _parameters(model: Quadratic) -> dict[str, float]:
-    """Every coefficient of the library that is not zero, counted from 1."""
-    named = {"A": model.A, "b": model.B, "H": model.H, "G": model.G}
+def _coefficients(**arrays: Array) -> dict[str, float]:
+    """Entries of arrays by name and indices, counted from 1, such as ``A_1_2``."""
     return {
         "_".join([name, *(str(i + 1) for i in at)]): float(value)
-        for name, array in named.items()
+        for name, array in arrays.items()
         for at, value in np.ndenumerate(array)
-        if value != 0
     }

@@ -1,12 +1,11 @@
 """Train all compact models of one geometry, from one pole to the certified reduction, and compare them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import Constant, Foster, Probe, Pulse, SquareWave, Telegraph, assemble, checks, solve, waveforms
 from thermofem.arrays import Array, ArrayLike
@@ -23,9 +22,6 @@ from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
 from .temperature_swing import swings
 from .validate import PERIODS, error_curve, widest_range
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
@@ -234,8 +230,6 @@ def judge(
         ``swing_error`` (relative); over model and power: ``shortest`` and ``longest`` period (s) of the range within
         10 %, nan where there is none; over model: ``states``. ``attrs["verdict"]`` says it in words.
     """
-    import xarray as xr
-
     periods = checks.array("periods", periods, increasing=True)
     watts = checks.array("powers", powers, increasing=True)
     checks.unique("powers", watts.tolist())
@@ -301,8 +295,6 @@ def linear_reach(system: NonlinearSystem, powers: ArrayLike = WARM) -> xr.Datase
 
     The output map is made for the largest power. Powers (W) from the first without a steady state on are left out.
     """
-    import xarray as xr
-
     rise = []
     for power in checks.array("powers", powers, increasing=True):
         try:

@@ -1,10 +1,10 @@
 """Swing of the periodic state under a square wave, over its period, and the period at which a model has a swing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.optimize import brentq
 
 from thermofem import Foster, OutputMap, Quadratic, SquareWave, StateSpace, checks
 from thermofem.arrays import Array
@@ -43,8 +43,6 @@ def _correction(
     reduction: QuadraticReduction, system: NonlinearSystem, periods: Array, power: float, duty: float
 ) -> Array:
     """Swing of the full order over that of its quadratic reduction at each period."""
-    from scipy.interpolate import PchipInterpolator
-
     few = np.geomspace(periods[0], periods[-1], CHECKED) if periods.size > CHECKED else periods
     ratio = []
     for period in few:
@@ -68,8 +66,6 @@ def swing_over_period(model: ThermalModel, periods: Array, power: float, duty: f
 
 def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Callable[[float], float]:
     """A cubic spline of log swing over log period, from half the shortest to twice the longest; beyond, no table."""
-    from scipy.interpolate import CubicSpline
-
     low, high = np.log(periods[0] / 2), np.log(periods[-1] * 2)
     # 1.25: between the periods of a `_table`: interpolation leaves 1e-5 of the swing (measured)
     nodes = np.linspace(low, high, 1 + int(np.ceil((high - low) / np.log(1.25))))
@@ -133,7 +129,6 @@ def _overshooting(poles: Foster, wave: SquareWave) -> Array:
 
 def period_of(look: Callable[[float], float], swing: float, near: float) -> float:
     """The period in s at which the function ``look`` equals a swing: a bracket around ``near``, then Brent's method."""
-    from scipy.optimize import brentq
 
     def excess(log_period: float) -> float:
         return look(float(np.exp(log_period))) - swing

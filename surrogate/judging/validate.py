@@ -3,12 +3,11 @@
 Source of the period error: Borghi et al., Opt. Express 29, 4363 (2021), Section 6 and Fig. 7.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.constants import c
 
 from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, checks, waveforms
@@ -19,9 +18,6 @@ from thermofem.piecewise import bounds
 from thermofem.waveforms import Waveform
 
 from .temperature_swing import period_of, swing_over_period, swings
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 PERIODS = np.geomspace(1e-7, 1e-5, 13)  # s, of the curves from which ranges of validity are read
 COMPARED = 20_001  # times of one period at which models are compared: the fastest poles err just after an edge
@@ -70,8 +66,6 @@ def period_error(
 
 def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float, duty: float) -> xr.Dataset:
     """`period_error` against swings of a reference that are known already."""
-    import xarray as xr
-
     look = swing_over_period(model, periods, power, duty)
     found = np.array([period_of(look, s, t) for s, t in zip(swing, periods, strict=True)])
     error, own = periods - found, np.array([look(t) for t in periods])
@@ -221,8 +215,6 @@ def compare(
     InputError
         no model or what is none, no waveform, or a drive under which the reference does not move.
     """
-    import xarray as xr
-
     given: Any = held_out_drives() if drives is None else drives
     drives = [given] if hasattr(given, "breakpoints") else list(given)
     wavelength = checks.positive("wavelength", wavelength, unit="m", at_most=1e-4, hint="did you mean 1.55e-6?")

@@ -18,8 +18,6 @@ Sources: B. C. Moore, IEEE Trans. Autom. Control 26, 17 (1981); K. Glover, Int. 
 W. Q. Liu, V. Sreeram, K. L. Teo, Syst. Control Lett. 33, 219 (1998) (symmetric systems).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -32,14 +32,13 @@ Round-off. Nearly equal ports, or a basis that holds the ports to their last dig
 the closed form misses; beyond 1 % of the residual `certify_defect` takes the residual as it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
 
 from thermofem import checks
 from thermofem.algebra import krylov
@@ -311,8 +310,6 @@ def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
 
     A port that the basis holds to round-off has no share; one port is left as it is.
     """
-    from scipy.linalg import qr
-
     if remainder.shape[1] == 1:
         return remainder, np.eye(1)
     left = _left(remainder, ports)

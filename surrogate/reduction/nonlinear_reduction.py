@@ -28,14 +28,13 @@ Sources: B. Kramer, K. Willcox, AIAA J. 57, 2297 (2019); E. Qian, B. Kramer, B. 
 weights, of gamma).
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.algebra.factor import factorize
@@ -47,9 +46,6 @@ from thermofem.models import HasModel, NonlinearSystem, check_single
 from thermofem.transient.nonlinear import cubic_form, operators
 
 from .reduce import Reduction, reduce
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 log = logging.getLogger("thermofem")
 

@@ -8,13 +8,13 @@ Sources: A. Ruhe, Linear Algebra Appl. 58, 391 (1984) (rational Krylov); A. C. A
 Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.reduction.certified_space`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from scipy.sparse import csr_matrix
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.krylov import check_pair
@@ -25,9 +25,6 @@ from thermofem.fem.heat_derivatives import project as on_modes
 from thermofem.models import HasModel
 
 from .certified_space import Certificate, CertifiedSpace, Indices, Projection, certify, certify_defect, leftover
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 NOTHING = 1e-50  # of the entries of an input or output
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
@@ -256,8 +253,6 @@ def _model(
 
 def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     """K, M, the distinct columns of [B, C^T], and the index of the column of each input and each output."""
-    from scipy.sparse import csr_matrix
-
     K, M = -csr_matrix(system.A), csr_matrix(system.E)
     check_pair(M, K, "this reduction and its bound need the matrices of heat flow")
     ports: list[Array] = []
@@ -299,8 +294,6 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     InputError
         a reduction with several channels, one of another problem, or a path without a derivative.
     """
-    import xarray as xr
-
     model = reduction.model
     if not isinstance(model, Foster):
         raise checks.InputError("pole_derivatives needs one input and one output; reduce heat.channels(heated, read)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..family import Certified, Family
-from .inverse_search import QUANTITIES, Optics, Quantity, Ranges, Search, family_over, search_of, wanted_of
+from .inverse_search import QUANTITIES, Follows, Quantity, Ranges, Search, family_over, search_of, wanted_of
 from .pareto import front_of
 
 if TYPE_CHECKING:
@@ -70,13 +71,17 @@ def design(
     *,
     target: Mapping[Quantity, float],
     fixed: Mapping[str, float] | None = None,
-    optics: Optics | None = None,
+    optics: Follows | None = None,
     tolerance: float = 1e-3,
+    executor: Executor | None = None,
     seed: int = 0,
 ) -> Design:
     """Find the member whose properties come nearest to the wanted ones.
 
         min over the box of sum over targets of (quantity/target - 1)^2
+
+    Fewer targets than free parameters have many solutions. The one nearest to the geometry that the family was made of
+    is returned, distances counted in the ranges of ``free``, and ``message`` says so.
 
     Parameters
     ----------
@@ -94,6 +99,8 @@ def design(
         how the optics follow the geometry; functions then take a second argument, the dict of changes.
     tolerance : float
         of a family that is trained here.
+    executor : concurrent.futures.Executor
+        of the training and of the candidates that the search begins from.
     seed : int
 
     Returns
@@ -112,10 +119,10 @@ def design(
         checks.finite("target", value, hint="words are for surrogate.studies.pareto.pareto_front")
         if name in QUANTITIES:
             checks.positive(f"target {name}", value)
-    family = family_over(family, free, tolerance)
+    family = family_over(family, free, tolerance, executor)
     search = search_of(family, free, target, fixed, optics)
     wanted = {name: float(value) for name, value in search.wanted.items()}
-    x = _nearest(search, seed)
+    x = _nearest(search, seed, executor)
     got = search.achieved(x)
     if all(np.isnan(value) for value in got.values()):
         raise checks.InputError(f"no member of the {CANDIDATES} looked at has {search.missing}")
@@ -132,7 +139,7 @@ def design(
         active=tuple(at),
         sensitivity=slopes,
         certified=family.certify(**found),
-        message=_message(reached, got, wanted, at) + _unknown(search, slopes),
+        message=_message(reached, got, wanted, at) + _many(search, reached) + _unknown(search, slopes),
         family=family,
         front=None if reached or len(got) == 1 else _front(search, seed),
     )
@@ -146,19 +153,34 @@ def _front(search: Search, seed: int) -> xr.Dataset | None:
         return None
 
 
-def _nearest(search: Search, seed: int) -> Array:
-    """Least squares in a unit cube from the best of some candidates."""
+def _nearest(search: Search, seed: int, executor: Executor | None) -> Array:
+    """Least squares in a unit cube from the nominal member and the best of some candidates."""
     from scipy.optimize import least_squares
     from scipy.stats import qmc
 
     starts = qmc.Sobol(len(search.moving), seed=np.random.default_rng(checks.seed(seed))).random(CANDIDATES)
-    costs = [float(np.sum(search.misfit(x) ** 2)) for x in starts]
+    costs = np.sum(search.misfits(starts, executor) ** 2, axis=1)
     found = []
-    for k in np.argsort(costs)[:2]:
-        begin = np.clip(starts[k], 1e-3, 1 - 1e-3)
+    for start in (search.nominal, *starts[np.argsort(costs)[:2]]):
+        begin = np.clip(start, 1e-3, 1 - 1e-3)
         options = {"diff_step": STEP, "xtol": 1e-10, "ftol": 1e-12, "max_nfev": 40}
         found.append(least_squares(search.misfit, begin, bounds=(0, 1), **options))
-    return np.asarray(min(found, key=lambda end: float(end.cost)).x)
+    best = np.asarray(min(found, key=lambda end: float(end.cost)).x)
+    if len(search.wanted) >= len(search.moving) or not search.reached(best, REACHED):
+        return best
+    ends = [np.asarray(end.x) for end in found]
+    return min((_closest(search, end) for end in ends if search.reached(end, REACHED)), key=search.distance)
+
+
+def _closest(search: Search, x: Array) -> Array:
+    """The solution nearest to the nominal member, from one of many."""
+    from scipy.optimize import minimize
+
+    on = {"type": "eq", "fun": search.misfit}
+    options = {"eps": STEP, "ftol": 1e-8, "maxiter": 30}
+    end = minimize(lambda y: search.distance(y) ** 2, x, constraints=on, bounds=[(0, 1)] * len(x), options=options)
+    y = np.clip(end.x, 0, 1)
+    return y if search.reached(y, REACHED / 10) and search.distance(y) < search.distance(x) else x
 
 
 def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
@@ -172,6 +194,15 @@ def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[
             down, up = (float(one({**values, name: end})) for end in ends)
             found[quantity][name] = (up - down) / (ends[1] - ends[0])
     return found
+
+
+def _many(search: Search, reached: bool) -> str:
+    """That the found member is one of many, where it is."""
+    wanted, free = len(search.wanted), len(search.moving)
+    if not reached or wanted >= free:
+        return ""
+    at = ", ".join(f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items())
+    return f"; {wanted} wanted and {free} free: one solution of many, the nearest to {at} in units of the ranges"
 
 
 def _unknown(search: Search, slopes: Mapping[str, Mapping[str, float]]) -> str:

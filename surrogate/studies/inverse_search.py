@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from ..export.poles import poles_of
 from ..family import Family, train_family
 
 Model = Foster | OutputMap
+
+PIECES = 64  # of many members, one task of an executor each
 
 Quantity = str | Callable[..., Any]
 Slope = float | tuple[ArrayLike, ArrayLike]
@@ -61,6 +64,18 @@ class Optics:
             )
             found[number] = float(sum(parts))
         return found
+
+
+class Follows(Protocol):
+    """What `Property` needs of optics that follow the geometry: `Optics`, or `coupled.ring_family.MovingRing`."""
+
+    def check(self, family: Family) -> None:
+        """Raise InputError where it does not go with the family."""
+        ...
+
+    def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
+        """Change of every number at a member."""
+        ...
 
 
 def _slope(number: str, slope: Slope) -> float | tuple[Array, Array]:
@@ -147,13 +162,27 @@ class Property:
     reason: of the last member without it.
     """
 
-    def __init__(self, family: Family, quantity: Quantity, optics: Optics | None = None) -> None:
+    def __init__(self, family: Family, quantity: Quantity, optics: Follows | None = None) -> None:
         if optics is not None:
-            checks.instances("optics", (optics,), Optics)[0].check(family)
+            checks.has("optics", optics, "changes", hint="surrogate.Optics, or coupled.ring_family.MovingRing")
+            optics.check(family)
         if isinstance(quantity, str):
             checks.choice("quantity", quantity, QUANTITIES, hint="or give a function of a model")
         self.family, self.quantity, self.optics = family, quantity, optics
         self.reason = "none was looked at"
+
+    def many(self, members: Sequence[Mapping[str, float]], executor: Executor | None = None) -> list[Any]:
+        """The property of many members, on an executor in pieces."""
+        if executor is None:
+            return [self(values) for values in members]
+        size = max(1, len(members) // PIECES)
+        tasks = [(self, members[k : k + size]) for k in range(0, len(members), size)]
+        found: list[Any] = []
+        for future in [executor.submit(_piece, *task) for task in tasks]:
+            values, reason = future.result()
+            found += values
+            self.reason = reason or self.reason
+        return found
 
     def __call__(self, values: Mapping[str, float]) -> Any:
         """The property of the member with these values."""
@@ -169,6 +198,12 @@ class Property:
             self.reason = str(error)
             return np.nan
         return _real(found)
+
+
+def _piece(one: Property, members: Sequence[Mapping[str, float]]) -> tuple[list[Any], str]:
+    """The property of some members, in a worker, and why the last one without it has none."""
+    one.reason = ""
+    return [one(values) for values in members], one.reason
 
 
 def _real(found: Any) -> Any:
@@ -224,9 +259,32 @@ class Search:
 
     def misfit(self, x: Array) -> Array:
         """Relative misfit of every target."""
-        got = self.achieved(x)
+        return self._misfit(list(self.achieved(x).values()))
+
+    def misfits(self, points: Array, executor: Executor | None = None) -> Array:
+        """Those of many points of the cube, shape (n, targets)."""
+        members = [self.values(x) for x in points]
+        columns = [one.many(members, executor) for one in self.properties.values()]
+        return np.array([self._misfit(row) for row in zip(*columns, strict=True)])
+
+    def _misfit(self, got: Sequence[float]) -> Array:
         # 1e6: relative misfit of a member that has no such property, such as a ring that does not pulse
-        return np.array([1e6 if np.isnan(got[name]) else got[name] / float(self.wanted[name]) - 1 for name in got])
+        pairs = zip(got, self.wanted.values(), strict=True)
+        return np.array([1e6 if np.isnan(value) else value / float(wanted) - 1 for value, wanted in pairs])
+
+    def reached(self, x: Array, within: float) -> bool:
+        """Whether every target is met."""
+        return bool((np.abs(self.misfit(x)) <= within).all())
+
+    @property
+    def nominal(self) -> Array:
+        """Place in the cube of the geometry that the family was made of, or the nearest."""
+        k, own = self.moving, np.array(list(self.family.box.nominal.values()))
+        return np.asarray(np.clip((own - self.low)[k] / (self.high - self.low)[k], 0, 1))
+
+    def distance(self, x: Array) -> float:
+        """Distance from the nominal member in units of the ranges."""
+        return float(np.linalg.norm(x - self.nominal))
 
 
 def search_of(
@@ -234,7 +292,7 @@ def search_of(
     free: Ranges | None,
     target: Mapping[Quantity, Any],
     fixed: Mapping[str, float] | None,
-    optics: Optics | None,
+    optics: Follows | None,
 ) -> Search:
     """Check targets, ranges and fixed values, and make the search."""
     wanted = wanted_of(target)
@@ -258,7 +316,9 @@ def wanted_of(target: Mapping[Quantity, Any]) -> dict[str, float | str]:
     return wanted
 
 
-def family_over(given: Family | CrossSection, free: Ranges | None, tolerance: float) -> Family:
+def family_over(
+    given: Family | CrossSection, free: Ranges | None, tolerance: float, executor: Executor | None = None
+) -> Family:
     """A family as it is, or one trained over ranges of the parameters of a geometry."""
     if isinstance(given, Family):
         return given
@@ -266,7 +326,7 @@ def family_over(given: Family | CrossSection, free: Ranges | None, tolerance: fl
     for path, pair in checks.mapping("free", free).items():
         low, high = ends(path, pair)
         variations.append(Variation(path, (path,), change(given, path).unit, low=low, high=high))
-    return train_family(Campaign(given.to_toml(), tuple(variations), samples=1), tolerance)
+    return train_family(Campaign(given.to_toml(), tuple(variations), samples=1), tolerance, executor=executor)
 
 
 def ends(name: str, pair: Any) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from thermofem import CrossSection, checks
 from thermofem.arrays import Array
 
 from ..family import Family
-from .inverse_search import Optics, Quantity, Ranges, Search, family_over, search_of, wanted_of
+from .inverse_search import Follows, Quantity, Ranges, Search, family_over, search_of, wanted_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,7 +27,7 @@ def pareto_front(
     *,
     target: Mapping[Quantity, float | str],
     fixed: Mapping[str, float] | None = None,
-    optics: Optics | None = None,
+    optics: Follows | None = None,
     generations: int = GENERATIONS,
     seed: int = 0,
 ) -> xr.Dataset:

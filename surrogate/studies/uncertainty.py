@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from thermofem.data import quantity
 
 from ..family import Family
 from ..family.interpolation import interpolate_members
-from .inverse_search import Optics, Property, Quantity, word
+from .inverse_search import Follows, Property, Quantity, word
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 MOST = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
 RESAMPLES = 200  # of the members, for the intervals of the indices
 NEEDED = "a distribution of scipy.stats with its numbers is needed"
+ONE_DEVIATION = 0.158655, 0.841345  # shares of a normal distribution below its mean minus and plus one deviation
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
@@ -31,8 +34,9 @@ def uncertainty(
     *,
     samples: int = 1024,
     fixed: Mapping[str, float] | None = None,
-    optics: Optics | None = None,
+    optics: Follows | None = None,
     interpolate: int | None = None,
+    executor: Executor | None = None,
     seed: int = 0,
 ) -> xr.Dataset:
     """Distribution of a property of the members, and the Sobol index of every parameter.
@@ -53,20 +57,23 @@ def uncertainty(
         base samples n, a power of two; the property is worked out n (p + 2) times for p parameters.
     fixed : dict from parameter to float
         of the parameters that are not varied; default the middle of their range, the geometric mean of a positive one.
-    optics : Optics
+    optics : Optics or coupled.ring_family.MovingRing
         how the optics follow the geometry; functions then take a second argument, the dict of changes.
     interpolate : int
         compute the property for this number of members only and interpolate between them (scikit-learn); for a
         property that takes long.
+    executor : concurrent.futures.Executor
+        where members are worked out, such as that of a Dask client; the quantity must then be one that it can pickle.
     seed : int
 
     Returns
     -------
     xarray.Dataset
-        over "parameter": first_order and total_order with their 95 % intervals (``_low``, ``_high``, by bootstrap);
-        over "sample": ``value``. Attributes: mean, standard_deviation, quantile_05, quantile_50, quantile_95, missing
-        (share of members without the property), and with ``interpolate`` interpolation_error (rms) and
-        interpolation_worst, relative, over held-out members. Of a map: mean (of Booleans the probability),
+        over "parameter": first_order and total_order with their 95 % intervals (``_low``, ``_high``, by bootstrap), and
+        per_deviation, half the change from 16 to 84 % of one parameter; with ``optics`` also per_deviation_heat, with
+        the optics at rest; over "sample": ``value``. Attributes: mean, standard_deviation, quantile_05, quantile_50,
+        quantile_95, missing (share of members without the property), and with ``interpolate`` interpolation_error (rms)
+        and interpolation_worst, relative, over held-out members. Of a map: mean (of Booleans the probability),
         standard_deviation, first_order and total_order at every point (nan where nothing varies). Without ``optics``
         it is the thermal part alone.
 
@@ -82,7 +89,7 @@ def uncertainty(
     names = _checked(family, checks.mapping("distributions", distributions), fixed, samples)
     dists = [_Distribution(name, distributions[name]) for name in names]
     one = Property(family, quantity, optics)
-    sampled = _Sampled(_many(one, names, fixed), _clip(family, names), lambda: one.reason)
+    sampled = _Sampled(_many(one, names, fixed, executor), _clip(family, names), lambda: one.reason)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
     if interpolate is not None:
         low, high = np.array(_box(family, names)).T
@@ -92,7 +99,41 @@ def uncertainty(
     indices = _sobol(sampled, dists, samples, seed)
     if sampled.like is not None:
         return _map(sampled, indices, names, attrs)
-    return _scalar(sampled, indices, names, attrs)
+    found = _scalar(sampled, indices, names, attrs)
+    per = {"per_deviation": _per_deviation(one, dists, fixed)}
+    if optics is not None:
+        rest = Property(family, quantity, _Still(optics, _values(family, dists, fixed)))
+        per["per_deviation_heat"] = _per_deviation(rest, dists, fixed)
+    return found.assign({name: ("parameter", values) for name, values in per.items()})
+
+
+@dataclass(frozen=True)
+class _Still:
+    """Optics that stay as they are at one member."""
+
+    optics: Follows
+    at: Mapping[str, float]
+
+    def check(self, family: Family) -> None:
+        self.optics.check(family)
+
+    def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
+        return self.optics.changes(family, self.at)
+
+
+def _values(family: Family, dists: Sequence[Any], fixed: Mapping[str, float]) -> dict[str, float]:
+    """The member at the medians."""
+    middle = dict(zip(family.names, family.box.middle.tolist(), strict=True))
+    return {**middle, **fixed, **{d.name: float(d.ppf(np.array(0.5))) for d in dists}}
+
+
+def _per_deviation(one: Property, dists: Sequence[Any], fixed: Mapping[str, float]) -> Array:
+    """Half the change of the property from 16 to 84 % of one parameter, the others at their medians, shape (p,)."""
+    at, found = _values(one.family, dists, fixed), []
+    for d in dists:
+        low, high = (float(d.ppf(np.array(q))) for q in ONE_DEVIATION)
+        found.append(float(one({**at, d.name: high}) - one({**at, d.name: low})) / 2)
+    return np.array(found)
 
 
 def _checked(
@@ -263,7 +304,9 @@ def _clip(family: Family, names: tuple[str, ...]) -> Callable[[Array], Array]:
     return clip
 
 
-def _many(one: Property, names: tuple[str, ...], fixed: Mapping[str, float]) -> Callable[[Array], Any]:
+def _many(
+    one: Property, names: tuple[str, ...], fixed: Mapping[str, float], executor: Executor | None
+) -> Callable[[Array], Any]:
     """The property of many members from parameters of shape (p, n); the resistance of all members in one call."""
     family = one.family
     middle = dict(zip(family.names, family.box.middle, strict=True))
@@ -273,6 +316,6 @@ def _many(one: Property, names: tuple[str, ...], fixed: Mapping[str, float]) -> 
         if one.quantity == "thermal_resistance":
             columns: dict[str, Any] = {**dict(zip(names, x, strict=True)), **rest}
             return family.thermal_resistance(**columns)
-        return [one({**rest, **dict(zip(names, map(float, column), strict=True))}) for column in x.T]
+        return one.many([{**rest, **dict(zip(names, column, strict=True))} for column in x.T.tolist()], executor)
 
     return values

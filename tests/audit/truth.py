@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 import thermofem as th
 from thermofem.algebra.krylov import Rounds, rates
-from thermofem.fem.heat_problem import HeatProblem, resistances
-from thermofem.fem.mesh_division import refined, split
+from thermofem.fem.heat_problem import HeatProblem
+from thermofem.fem.mesh_division import refined, resistances, split
 from thermofem.fem.probe_means import probe_mean
 from thermofem.fem.surfaces import surfaces_of
 from thermofem.fem.weak_forms import build, properties

@@ -80,6 +80,7 @@ def test_the_map_of_probabilities_and_the_settled_period(folder):
     assert found["mean"].values[0, 0] == 0
     text = run(*spread, "--period", "--interpolate", "12", "--samples", "4")
     assert "interpolated between 12 members" in text
+    assert "the optics stand still" in text
     assert 600 < float(text.split("mean ")[1].split(" ns")[0]) < 800  # 685 ns at 2 um
 
 

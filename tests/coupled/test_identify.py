@@ -16,10 +16,9 @@ from audit import pulls
 import coupled
 import surrogate
 import thermofem as th
-from coupled.identification.comparison import read_apart
-from coupled.identification.cycles import Cycle, cycle_of, misfit, observe
-from coupled.identification.matching import residuals, simulated, targets_of
-from coupled.identification.settled_cycles import repeat_within
+from coupled.identification.cycles import Cycle, cycle_of, observe, targets_of
+from coupled.identification.newton_traces import misfit, residuals, simulated
+from coupled.identification.settled_cycles import read_apart, repeat_within
 from coupled.plot import plot_identification, plot_newton_traces
 from coupled.unknowns import unknowns
 from thermofem.models.foster import second_order_poles
@@ -123,12 +122,12 @@ def test_a_model_is_sampled_as_the_trace_is():
     for times in (TIMES, None):
         length = 12e-6 if times is None else times[-1]
         run = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, detuning=0.0, duration=length, times=times)
-        targets = targets_of(run)
+        (target,) = targets_of(run)
         what = unknowns(RING, list(TRUE), EXPERIMENT)
-        left = residuals(what, targets, [target.observed.mean() for target in targets], what.start)
+        left = residuals(what, target, target.observed.mean(), what.start)
         # of 3 % of the swing and 1 % of the period; by straight lines between accepted steps it was 0.02
-        assert np.sqrt(np.sum(left[0, 1:] ** 2)) < 8e-3
-        assert abs(left[0, 0]) < 0.01
+        assert np.sqrt(np.sum(left[1:] ** 2)) < 8e-3
+        assert abs(left[0]) < 0.01
 
 
 def test_newton_trace_by_trace():
@@ -172,8 +171,9 @@ def test_a_quiet_trace_is_a_level():
     assert np.isnan(quiet.period)
     assert quiet.harmonics[0].real == pytest.approx(level, rel=1e-3)
     assert not quiet.harmonics[1:].any()
-    assert misfit(cycle_of(run), quiet)[0] == pytest.approx(0, abs=1e-2)
-    pulses = cycle_of(coupled.simulate(RING, EXPERIMENT, power=6.31e-3, duration=12e-6))
+    assert misfit(cycle_of(run, at=run.time.values), quiet)[0] == pytest.approx(0, abs=1e-2)
+    run = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, duration=12e-6)
+    pulses = cycle_of(run, at=run.time.values)
     assert misfit(pulses, quiet)[0][0] == 300  # a cycle against none: the cap, 3/0.01
 
 
@@ -340,9 +340,9 @@ def test_a_trace_may_begin_late_or_hot_or_outlast_the_heat():
     unknown = hot.assign_coords(time=hot["time"] - 5e-6).assign_attrs(settled=True)
     del unknown.attrs["initial"]
     for heat, trace in ((fast, late), (fast, hot), (fast, unknown), (slow, run(slow, 300e-6, 2e-9))):
-        targets = targets_of(trace)
+        (target,) = targets_of(trace)
         what = unknowns(RING, ["bus_rate"], heat)
-        left = residuals(what, targets, [target.observed.mean() for target in targets], what.start)
+        left = residuals(what, target, target.observed.mean(), what.start)
         # of 1 % of the period and 3 % of the swing; e^-8 of the slowest pole is left, 3e-4 of some 10 % of the period,
         # and the mean cycle of what has not quite settled. Before, the period alone was off by 1 to 8 of its 1 %
         assert np.sqrt(np.sum(left**2)) < 0.1
@@ -366,9 +366,9 @@ def test_a_trace_that_drifts_to_rest_is_compared_with_the_same_half():
     slow = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 6e-6])
     light = {"power": 3e-4, "detuning": -3e9}
     trace = coupled.simulate(RING, slow, **light, duration=10e-6, times=np.linspace(0, 10e-6, 4000))
-    targets = targets_of(trace)
+    (target,) = targets_of(trace)
     what = unknowns(RING, ["loss_rate"], slow)
-    left = residuals(what, targets, [target.observed.mean() for target in targets], what.start)
+    left = residuals(what, target, target.observed.mean(), what.start)
     assert np.abs(left).max() < 0.01  # of .15 % of the mean; it was 2.4
 
 

@@ -13,8 +13,8 @@ from coupled.contradictions import check_geometry
 from coupled.cycles.derivatives import cycle_derivatives
 from coupled.ring_from import chain
 from surrogate.reduction.reduce import pole_derivatives
-from thermofem.fem.heat_problem import on_mesh
-from thermofem.mesh.mesh_motion import moved
+from thermofem.fem.assembly import on_mesh
+from thermofem.mesh.mesh_motion import Motion
 
 
 def nitride():
@@ -205,7 +205,7 @@ def test_python_lists_what_a_base_gives_too(caplog):
 def neighbour(heat, path, value):
     """The same mesh with its vertices moved to another geometry."""
     other = heat.geometry.with_({path: value})
-    return on_mesh(other, replace(heat.mesh, points=moved(heat.mesh, heat.geometry, other)), 1e-3)
+    return on_mesh(other, replace(heat.mesh, points=Motion(heat.mesh, heat.geometry).moved(other)), 1e-3)
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,16 @@
 """Figures of published devices, computed from the geometry files of docs/measured.
 
-python tests/devices.py        prints the figures of every device of docs/measured.toml
+python tests/support/devices.py          prints the figures of every device of docs/measured.toml
+python tests/support/devices.py figure   draws docs/images/shifters.png
 """
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +22,8 @@ import thermofem.readout
 from thermofem.data import quantity
 
 MEASURED = ROOT / "docs" / "measured.toml"
-DEVICES: list[dict[str, Any]] = tomllib.loads(MEASURED.read_text(encoding="utf-8"))["device"]
+CONTENT: dict[str, list[dict[str, Any]]] = tomllib.loads(MEASURED.read_text(encoding="utf-8"))
+DEVICES, SHIFTERS = CONTENT["device"], CONTENT["shifter"]
 GROUP_INDEX = 4.2  # of a silicon wire, where the source states none
 WAVELENGTH = 1550e-9
 
@@ -99,9 +103,48 @@ class Device:
         """Shift of a resonance, λ/n_g dn/dT R_th, nm/mW."""
         return 1e9 * WAVELENGTH / GROUP_INDEX * self.row["dn_dT"] * self.resistance * 1e-3
 
+    def settling(self) -> float:
+        """Time between 10 and 90 % of the way after a plain step, ns."""
+        return 1e3 * self.rise_time()
+
+    def pulsed(self, factor: float) -> float:
+        """Time in ns after which a power that is ``factor`` times the last one has brought the last temperature."""
+        return 1e9 * self.reached(1 / factor)
+
+    def removed_near(self) -> float:
+        return self.removed("near")
+
+    def removed_far(self) -> float:
+        return self.removed("far")
+
+    def removed(self, read: str) -> float:
+        """Phase in rad that the trench keeps from another guide."""
+        kept = self.heat.thermal_resistance(self.row["heated"], read)
+        power, length = quantity.parse(self.row["power"], "W"), quantity.parse(self.row["length"], "m")
+        without = self.whole.thermal_resistance(self.row["heated"], read) - kept
+        return 2 * np.pi * length / WAVELENGTH * self.row["dn_dT"] * power * without
+
+    @cached_property
+    def corners(self) -> list[float]:
+        """Corner frequencies of two poles fitted to 150 us of a step, kHz."""
+        times = np.linspace(0, 150e-6, 3000)
+        data = th.solve(self.heat, th.Constant(1e-3), times, heated=self.row["heated"], read=self.row["read"])
+        return sorted(1e-3 / (2 * np.pi * np.array(surrogate.fit_foster(data, 2).model.tau)))
+
+    def slow_corner(self) -> float:
+        return self.corners[0]
+
+    def fast_corner(self) -> float:
+        return self.corners[1]
+
+    @cached_property
+    def whole(self) -> th.fem.HeatProblem:
+        """The section without its voids."""
+        parts = tuple(p for p in self.geometry.parts if p.material != "void")
+        return th.assemble(replace(self.geometry, parts=parts), accuracy=5e-3)
+
     def undercut(self) -> float:
-        whole = replace(self.geometry, parts=tuple(p for p in self.geometry.parts if p.material != "void"))
-        return self.resistance / th.assemble(whole, accuracy=5e-3).thermal_resistance()
+        return self.resistance / self.whole.thermal_resistance()
 
     def newton(self) -> float:
         return 1e9 * surrogate.fit_newton(self.trained(0.8e-6)).parameters["tau_th"]
@@ -119,7 +162,10 @@ class Device:
 
 def light(row: dict[str, Any], figure: dict[str, Any]) -> tuple[float, float, float]:
     """A dynamic figure with its read-out: as named in the row, and the ends of what is plausible."""
-    if figure["kind"] == "bandwidth":
+    if figure["kind"] == "settling":
+        device, pulse = Device(row), row["pulse"]
+        values = [device.pulsed(factor) for factor in (pulse["factor"], *pulse["plausible"])]
+    elif figure["kind"] == "bandwidth":
         named = Device(row, figure["light_at"]) if "light_at" in figure else Device(row)
         ends = Device(row), Device(row, row["vary"]["from"]), Device(row, row["vary"]["to"])
         values = [device.light_bandwidth() for device in (named, *ends)]
@@ -138,7 +184,35 @@ def computed(row: dict[str, Any]) -> dict[str, tuple[float, float, float]]:
     return {kind: (mine, min(values), max(values)) for kind, values in found.items() for mine in values[:1]}
 
 
+def cloud(path: Path) -> None:
+    """Draw pi power against time constant: shifters of the review, and ours by heat alone and as light reads it."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
+    published = np.array([[one["pi_power"], one["time"]] for one in SHIFTERS])
+    x = np.array([0.3, 100])
+    for product in (30, 100, 300, 1000):
+        axes.plot(x, product / x, color="0.85", zorder=0)
+        axes.annotate(f"{product} mW µs", (28, product / 28), color="0.45", fontsize=8, va="bottom")
+    axes.plot(*published.T, "o", color="0.3", label="published")
+    labels: tuple[str | None, str | None] = ("computed, heat alone", "computed, heat and read-out")
+    for row in DEVICES:
+        own = {figure["kind"]: figure for figure in reversed(row["figure"])}
+        if "pi_power" in own and "time" in own:
+            power, times = own["pi_power"]["ours"], [own["time"][key] for key in ("ours", "light")]
+            axes.plot([power, power], times, color="C0", lw=0.8)
+            for time, face, label in zip(times, ("white", "C0"), labels, strict=True):
+                axes.plot(power, time, "s", color="C0", mfc=face, label=label)
+            labels = (None, None)
+    axes.set(xscale="log", yscale="log", xlim=x, ylim=(1, 300), xlabel="π power, mW", ylabel="time constant, µs")
+    axes.legend(loc="lower left", frameon=False)
+    figure.savefig(path, dpi=120)
+
+
 if __name__ == "__main__":
+    if "figure" in sys.argv:
+        cloud(ROOT / "docs" / "images" / "shifters.png")
+        sys.exit()
     for row in DEVICES:
         print(row["name"])
         for kind, (ours, low, high) in computed(row).items():

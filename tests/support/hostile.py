@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.family.snapshots import pack
+from surrogate.family.members import pack
 
 BREAKS = ["\n", "\r", "\r\n", "\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\u2029"]
 ODD = ["\0", "\x1b[31m", "\t", "\x7f", "\u202e", "\ud800", '"', "'", "`", "$", "\\", "/", "*/", "]", "[/x]", "{", "%"]

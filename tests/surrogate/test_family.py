@@ -10,8 +10,8 @@ import pytest
 
 import surrogate
 import thermofem as th
+from surrogate.family.members import MemberModes, difference
 from surrogate.family.parameter_box import Box
-from surrogate.family.projected_matrices import MemberModes, difference
 from thermofem.campaign import Drive, Variation
 
 STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))

@@ -12,7 +12,7 @@ from commands import says_one_line
 
 import surrogate
 import thermofem as th
-from surrogate.family import snapshots
+from surrogate.family import members
 
 CAMPAIGN = """
 [[vary]]
@@ -57,10 +57,10 @@ def test_a_changed_number_is_refused(content, tmp_path):
 
 def test_damaged_headers_are_refused_or_make_members(content, tmp_path):
     with np.load(io.BytesIO(content)) as file:
-        arrays = {name: file[name] for name in file.files if name != snapshots.HASH}
+        arrays = {name: file[name] for name in file.files if name != members.HASH}
     header = json.loads(str(arrays.pop("header")))
     for tree in list(hostile.replaced_leaves(header))[::17]:
-        (tmp_path / "family.npz").write_bytes(snapshots.pack({"header": np.array(json.dumps(tree)), **arrays}))
+        (tmp_path / "family.npz").write_bytes(members.pack({"header": np.array(json.dumps(tree)), **arrays}))
         says_one_line(lambda: surrogate.load_family(tmp_path / "family.npz"))
 
 
@@ -74,7 +74,7 @@ def test_numbers_of_the_header_lie_in_their_range(content, tmp_path, name, value
         arrays = {key: file[key] for key in file.files if key != "hash"}
     arrays["header"] = np.array(json.dumps({**json.loads(str(arrays["header"])), name: value}))
     path = tmp_path / "family.json"
-    path.write_bytes(snapshots.pack(arrays))
+    path.write_bytes(members.pack(arrays))
     with pytest.raises(th.InputError, match=name):
         surrogate.load_family(path)
 
@@ -83,7 +83,7 @@ def test_a_family_without_its_hash_is_refused(content, tmp_path):
     """It was believed: a rise of 4e-8 K/mW, or an error of another library."""
     with np.load(io.BytesIO(content)) as file:
         arrays = dict(file)
-    del arrays[snapshots.HASH]
+    del arrays[members.HASH]
     memory = io.BytesIO()
     np.savez_compressed(memory, **arrays)
     path = tmp_path / "family.json"

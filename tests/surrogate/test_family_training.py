@@ -15,10 +15,10 @@ from test_family import BOX, STEP, campaign
 
 import surrogate
 import thermofem as th
-from surrogate.family.affine_matrices import AffineEngine
+from surrogate.family.affine_engine import AffineEngine
+from surrogate.family.members import MemberModes, Solver
+from surrogate.family.moved_mesh_engine import MovedMeshEngine
 from surrogate.family.parameter_box import Box
-from surrogate.family.projected_matrices import MemberModes, MovedMeshEngine
-from surrogate.family.snapshots import Solver
 from thermofem.campaign import Variation
 from thermofem.campaign.stored_tasks import Store
 

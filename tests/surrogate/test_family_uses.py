@@ -31,6 +31,20 @@ def test_a_wanted_resistance_is_found_and_certified(family):
     assert found.active == ()
 
 
+def test_of_many_solutions_the_nearest_is_taken(family):
+    """One target over three parameters: at the nearest solution the way from the nominal member is along the slope."""
+    nominal = family.box.nominal
+    R = 1.05 * family.model(**nominal).thermal_resistance
+    found = [surrogate.design(family, target={"thermal_resistance": R}, seed=seed) for seed in (0, 1)]
+    span = {name: high - low for name, (low, high) in family.ranges.items()}
+    way = np.array([(found[0].values[name] - nominal[name]) / span[name] for name in span])
+    slope = np.array([found[0].sensitivity["thermal_resistance"][name] * span[name] for name in span])
+    # the target is missed by at most 2e-4, and the search ends where its distance changes by 1e-8
+    assert way @ slope / np.linalg.norm(way) / np.linalg.norm(slope) == pytest.approx(1, abs=1e-3)
+    assert found[1].values == pytest.approx(found[0].values, rel=1e-3)  # whatever is drawn at random
+    assert "1 wanted and 3 free: one solution of many, the nearest to radius" in found[0].message
+
+
 def test_a_target_out_of_reach_gives_the_nearest_member(family):
     found = surrogate.design(family, target={"thermal_resistance": 1e6})
     assert not found.reached

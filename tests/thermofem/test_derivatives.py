@@ -11,7 +11,7 @@ from skfem.quadrature import get_quadrature
 
 import thermofem as th
 from thermofem.data.files import to_toml
-from thermofem.fem.heat_problem import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.geometry.parameter_paths import change, place
 from thermofem.mesh.mesh_motion import vertex_velocities
 

@@ -14,7 +14,7 @@ from thermofem.checks import InputError
 from thermofem.fem.mesh_division import split
 from thermofem.geometry import CrossSection
 from thermofem.mesh import make, mesh_for
-from thermofem.mesh.mesh_motion import Motion, moved, quality
+from thermofem.mesh.mesh_motion import Motion, quality
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
 
@@ -49,7 +49,7 @@ def heater_mesh(needs_mesher):
 )
 def test_the_mesh_of_the_strip_becomes_that_of_another_one(strip_mesh, changes):
     new = th.strip_ring(**changes)
-    points = moved(strip_mesh, th.strip_ring(), new)
+    points = Motion(strip_mesh, th.strip_ring()).moved(new)
     assert replace(strip_mesh, points=points).volumes() == pytest.approx(new.volumes(), rel=ROUND_OFF, abs=0)
     # the mesher's worst is 0.45; a factor of 3 in one direction, as the substrate has, brings an equal triangle to 0.6
     assert quality(points, strip_mesh.triangles).min() > 0.15
@@ -68,12 +68,12 @@ def test_the_mesh_of_the_strip_becomes_that_of_another_one(strip_mesh, changes):
 )
 def test_tilted_walls_heaters_and_voids_are_followed(heater_mesh, text, new):
     geometry = heater(text, new)
-    points = moved(heater_mesh, heater(), geometry)
+    points = Motion(heater_mesh, heater()).moved(geometry)
     assert replace(heater_mesh, points=points).volumes() == pytest.approx(geometry.volumes(), rel=ROUND_OFF, abs=0)
 
 
 def test_a_vertical_wall_can_be_tilted(strip_mesh):
-    points = moved(strip_mesh, th.strip_ring(), tilted(75))
+    points = Motion(strip_mesh, th.strip_ring()).moved(tilted(75))
     found = replace(strip_mesh, points=points).volumes()
     assert found == pytest.approx(tilted(75).volumes(), rel=ROUND_OFF, abs=0)
 
@@ -94,7 +94,7 @@ def test_velocities_are_differences_of_moved_meshes(strip_mesh):
 def test_nodes_doubled_along_a_contact_stay_together(strip_mesh):
     doubled = split(strip_mesh, {"core": 1e-8})
     old, new = th.strip_ring(), th.strip_ring(radius=7e-6, width=500e-9)
-    first, second = (moved(mesh, old, new) for mesh in (strip_mesh, doubled))
+    first, second = (Motion(mesh, old).moved(new) for mesh in (strip_mesh, doubled))
     pairs = {tuple(point) for point in np.round(second / 1e-18)}
     assert len(pairs) == len(first) < len(second)
     replace(doubled, points=second)  # it refuses triangles that turned over
@@ -103,11 +103,13 @@ def test_nodes_doubled_along_a_contact_stay_together(strip_mesh):
 def test_a_mesh_that_cannot_follow_says_so(strip_mesh):
     old = th.strip_ring()
     with pytest.raises(InputError) as error:
-        moved(strip_mesh, old, th.heated_ring())
+        Motion(strip_mesh, old).moved(th.heated_ring())
     says(error, "other faces", "cannot follow")
     with pytest.raises(InputError) as error:
-        moved(strip_mesh, th.strip_ring(width=500e-9), old)
+        Motion(strip_mesh, th.strip_ring(width=500e-9)).moved(old)
     says(error, "no vertex at a corner", "the one it was made for")
     with pytest.raises(InputError) as error:
-        moved(strip_mesh, old, th.strip_ring(radius=0.24e-6))  # what was 7.7 um wide inside the ring is 15 nm wide
+        Motion(strip_mesh, old).moved(
+            th.strip_ring(radius=0.24e-6)
+        )  # what was 7.7 um wide inside the ring is 15 nm wide
     says(error, "turn over", "make a new mesh")

@@ -344,8 +344,8 @@ def test_derivatives_by_width_and_height(geometry, width, height):
 
 def test_derivatives_are_those_of_the_moved_mesh():
     """Against modes solved anew on meshes whose vertices moved: the difference errs by the square of its step."""
-    from thermofem.fem.heat_problem import on_mesh
-    from thermofem.mesh.mesh_motion import moved
+    from thermofem.fem.assembly import on_mesh
+    from thermofem.mesh.mesh_motion import Motion
 
     geometry = th.strip_ring(radius=5e-6)
     heat = th.assemble(geometry)
@@ -354,7 +354,7 @@ def test_derivatives_are_those_of_the_moved_mesh():
     ends = []
     for sign in (1, -1):
         other = geometry.with_({"part.core.width": 450e-9 + sign * step})
-        mesh = replace(heat.mesh, points=moved(heat.mesh, geometry, other))
+        mesh = replace(heat.mesh, points=Motion(heat.mesh, geometry).moved(other))
         ends.append(th.light(on_mesh(other, mesh, 1e-3), wavelength=1.55e-6).mode("TE0"))
     d = mode.derivatives(["part.core.width"])
     for name, one in {
@@ -388,8 +388,8 @@ def test_derivatives_by_index_and_wavelength():
 
 def test_derivative_of_the_temperature_that_the_light_sees():
     """Against differences on the moved mesh, whose mode is solved anew."""
-    from thermofem.fem.heat_problem import on_mesh
-    from thermofem.mesh.mesh_motion import moved
+    from thermofem.fem.assembly import on_mesh
+    from thermofem.mesh.mesh_motion import Motion
 
     geometry = nitride(1e-6, 0.4e-6, radius=20e-6)
     heat = th.assemble(geometry)
@@ -398,7 +398,7 @@ def test_derivative_of_the_temperature_that_the_light_sees():
         rises = []
         for sign in (1, -1):
             other = geometry.with_({path: value + sign * step})
-            found = on_mesh(other, replace(heat.mesh, points=moved(heat.mesh, geometry, other)), 1e-3)
+            found = on_mesh(other, replace(heat.mesh, points=Motion(heat.mesh, geometry).moved(other)), 1e-3)
             found = found.with_light(th.light(found, wavelength=1.55e-6).mode())
             rises.append([found.thermal_resistance("core", "light"), *step_rise(found)])
         d = th.derivatives(lit, [path], times=[1e-8, 1e-6], read="light")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.fem.heat_problem import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.fem.mesh_division import parted, split
-from thermofem.mesh.mesh_motion import moved
+from thermofem.mesh.mesh_motion import Motion
 from thermofem.mesh.triangles import Mesh
 
 SQUARES = np.array([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2]], dtype=float)
@@ -65,7 +65,7 @@ def test_voids_that_touch_in_a_corner_are_as_if_they_overlapped(needs_mesher):
 def test_both_copies_of_a_vertex_move_with_the_corner(needs_mesher):
     heat = th.assemble(membrane(), 1e-2)
     further = membrane(corner=11.2e-6)
-    points = moved(heat.mesh, heat.geometry, further)
+    points = Motion(heat.mesh, heat.geometry).moved(further)
     at = np.flatnonzero((heat.mesh.points == (11e-6, 0.0)).all(axis=1))
     assert len(at) == 2
     assert np.array_equal(points[at], [(11.2e-6, 0.0)] * 2)
@@ -78,7 +78,7 @@ def test_derivatives_on_a_parted_mesh_agree_with_a_difference(needs_mesher):
     heat, path, step = th.assemble(membrane(), 1e-2), "part.core.radius", 2e-9
     slope = th.derivatives(heat, [path]).thermal_resistance
     ends = [heat.geometry.with_({path: 7.25e-6 + x}) for x in (-step, step)]
-    meshes = [replace(heat.mesh, points=moved(heat.mesh, heat.geometry, end)) for end in ends]
+    meshes = [replace(heat.mesh, points=Motion(heat.mesh, heat.geometry).moved(end)) for end in ends]
     low, high = (on_mesh(*pair, 1e-2).thermal_resistance() for pair in zip(ends, meshes, strict=True))
     # the square of 2 nm over the 450 nm of the core, times a few
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-4)

@@ -36,7 +36,7 @@ from ..errors import InputError
 from .stored_tasks import Store
 
 if TYPE_CHECKING:
-    from .plan import Campaign, Case
+    from .campaign import Campaign, Case
 
 log = logging.getLogger("thermofem")
 Row = dict[str, Array]  # thermal_resistance, delta_T_DRIVE and `NUMBERS` of one geometry

@@ -1,6 +1,7 @@
 """The axisymmetric heat equation on a meshed cross-section: matrices, probes and error estimates."""
 
-from .assembly import assemble
-from .heat_problem import Discretization, HeatProblem, discretize
+from .assembly import assemble, light
+from .heat_problem import HeatProblem
+from .weak_forms import Discretization, discretize
 
-__all__ = ["Discretization", "HeatProblem", "assemble", "discretize"]
+__all__ = ["Discretization", "HeatProblem", "assemble", "discretize", "light"]

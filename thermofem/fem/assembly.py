@@ -1,4 +1,6 @@
-"""The heat problem of a geometry: on the moved mesh of a similar one where that keeps the accuracy, else on its own.
+"""From a geometry to its heat problem or its modes: mesh, matrices, error estimate, refinement.
+
+The mesh is the moved one of a similar geometry where that keeps the accuracy, else its own.
 
 A `Leader` holds the mesh of one geometry. For another geometry with the same faces its vertices move with the outlines
 (`mesh_motion`). The moved mesh is taken where its estimated error keeps the promise, or after triangles were divided
@@ -10,32 +12,90 @@ factorizations are made once, too (`Pencil.inherit`).
 
 from __future__ import annotations
 
+import logging
 import threading
 from dataclasses import replace
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from .. import checks
 from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..geometry.ring_sections import strip_ring
-from ..mesh import find_committed, make, mesh_for
+from ..mesh import Mesh, find_committed, make, mesh_for
 from ..mesh.element_sizes import sizes
 from ..mesh.gmsh_mesher import read_committed
 from ..mesh.mesh_motion import Motion, quality
-from .heat_problem import HeatProblem, adapted, on_mesh, resistances
-from .mesh_division import divided, split
+from ..optics.modes import Light
+from .error_estimate import Estimate
+from .heat_problem import HeatProblem
+from .mesh_division import divided, resistances, split
+from .probe_means import probe_mean
+from .surfaces import surfaces_of
+from .weak_forms import Discretization, build, properties
 
-if TYPE_CHECKING:
-    from ..mesh import Mesh
-    from .weak_forms import Discretization
-
+ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
+LARGEST = 400_000  # unknowns; a mesh with more is not refined
 MARGIN = 0.9  # of the accuracy, for the mesh that is moved
 FLATTEST = 0.05  # of `mesh_motion.quality`; flatter triangles are not worth an estimate
 DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which a moved mesh is worth dividing
 
+DRAWN = 1e-3  # accuracy of the heat mesh that `light` makes for a geometry
 COMMITTED, COARSER = (1e-3, 1e-4), 2.0  # accuracies of committed meshes, and up to which factor above they serve
 
+log = logging.getLogger("thermofem")
 _thread = threading.local()  # one thread works on one geometry at a time
+
+
+def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
+    """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
+
+    The log says so where `ROUNDS`, `LARGEST` or `mesh_division.FINEST` end that before.
+    """
+    resistance, finer = resistances(geometry), mesh
+    for _ in range(ROUNDS):
+        mesh = finer
+        heat = on_mesh(geometry, split(mesh, resistance), accuracy)
+        estimate = heat.estimate()
+        if estimate.largest <= accuracy or heat.unknowns > LARGEST:
+            break
+        found = divided(mesh, estimate, accuracy)
+        if found is None:
+            break
+        finer = found
+    if estimate.largest > accuracy:
+        log.warning(
+            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
+            geometry.name,
+            heat.unknowns,
+            estimate.largest,
+            accuracy,
+            _corner(heat, estimate),
+        )
+    return heat, mesh
+
+
+def _corner(heat: HeatProblem, estimate: Estimate) -> str:
+    """Where the field is most singular, and what helps; "" where it is nowhere strongly so."""
+    if not estimate.corners:
+        return ""
+    r, z = min(estimate.corners, key=lambda point: estimate.corners[point])
+    there = (heat.mesh.points == (r, z)).all(axis=1)[heat.mesh.triangles].any(axis=1)
+    names = [repr(heat.mesh.region_names[k]) for k in np.unique(heat.mesh.region[there])]
+    return (
+        f"; {', '.join(names)} meet in the corner r = {r:g} m, z = {z:g} m, and what flows through a corner depends on "
+        "picometres; let the good conductors overlap there, or keep them apart"
+    )
+
+
+def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`mesh_division.split`)."""
+    mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
+    conductivity, heat_capacity = properties(geometry, mesh)
+    discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))
+    probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
+    discretization = replace(discretization, means={**discretization.means, **probes})
+    return HeatProblem(geometry, mesh, discretization, accuracy)
 
 
 class Leader:
@@ -111,6 +171,39 @@ def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
     leader = _strip(accuracy) if _like_a_strip(geometry) else None
     found = leader and leader.follow(geometry)
     return found or adapted(geometry, make(geometry, accuracy), accuracy)
+
+
+def light(
+    section: CrossSection | HeatProblem, *, wavelength: float | None = None, part: str | None = None, order: int = 2
+) -> Light:
+    """The guided modes of a cross-section.
+
+    Parameters
+    ----------
+    section : CrossSection or HeatProblem
+        of a heat problem its mesh is taken, cut to a window about the part; of a geometry that of `assemble`. Where the
+        heat has no triangles (air above the stack, voids) a mesh is drawn.
+    wavelength : float, m
+        default that of [light] in the geometry.
+    part : str
+        the core; default that of [light], or "core", or the first heated part.
+    order : int
+        of the elements, 2 or 3. On the mesh for 1e-3 of the heat n_eff and n_g are within 2e-4 (order 2) and 2e-5 (3).
+
+    Raises
+    ------
+    InputError
+        no guided mode; a material without an index in its reach; a wavelength outside an index law's range.
+
+    >>> import thermofem as th
+    >>> mode = th.light(th.strip_ring(), wavelength=1.55e-6).mode("TE0")
+    >>> round(mode.n_eff, 2), round(mode.n_g, 2)
+    (2.36, 4.29)
+    """
+    hint = "th.strip_ring() is a geometry, th.assemble(geometry) a heat problem"
+    checks.instance("section", section, CrossSection, HeatProblem, hint=hint)
+    heat = section if isinstance(section, HeatProblem) else meshed(section, DRAWN)[0]
+    return Light.of(heat, wavelength, part, order)
 
 
 def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatProblem:

@@ -19,7 +19,7 @@ from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
 from ..arrays import Array, NDArray
-from ..geometry.guides import LIGHT
+from ..geometry.section_parts import LIGHT
 from ..optics.reading import light_integral
 from .probe_means import probe_integral
 from .surfaces import surface_terms

@@ -27,8 +27,8 @@ import skfem
 from ..algebra.factor import solve_once
 from ..arrays import Array, NDArray
 from ..mesh import Mesh
-from .mesh_division import beside, contacts, resistances
-from .surfaces import Surfaces, exchanged, line_source, surface_terms
+from .mesh_division import resistances
+from .surfaces import Surfaces, line_source, surface_terms, surfaces_of
 from .weak_forms import build, capacity, properties
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
     sides = [side for side in ("bottom", "outer") if getattr(heat.geometry, side).kind != "convection"]
     if not sides:
         return None
-    geometry, grid = heat.geometry, heat.discretization.basis.mesh
+    geometry = heat.geometry
     source = heat.discretization.surfaces.source[1]
     R, depth = geometry.outer_radius, source - geometry.bottom_z
     far = sizes * max(R, depth)
@@ -84,9 +84,7 @@ def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
     mesh = Mesh(grown.points, grown.triangles, heat.mesh.region[grown.owner], heat.mesh.region_names, geometry.depth)
     k = properties(geometry, heat.mesh)[0][:, grown.owner]
     count = len(heat.mesh.triangles)
-    facet = np.zeros(grid.facets.shape[1], dtype=np.intp)
-    facet[grid.t2f] = mesh.skfem.t2f[:, :count]
-    surfaces = _surfaces(heat, mesh, facet, sides, far, source - far)
+    surfaces = _surfaces(geometry, mesh, sides, far, source - far)
     d = build(mesh, k, np.ones(len(mesh.triangles)), surfaces)
     if geometry.length is not None:
         d = replace(d, stiffness=(d.stiffness + capacity(d.basis, k[1] * _sink(heat, mesh))).tocsr())
@@ -142,57 +140,25 @@ class _Grown:
         return _Grown(points, np.concatenate([self.triangles, new]), np.concatenate([self.owner, owner]))
 
 
-def _surfaces(
-    heat: HeatProblem, mesh: Mesh, facet: NDArray[np.intp], sides: list[str], reach: float, depth: float
-) -> Surfaces:
-    """Boundary conditions and contacts of the wider domain; ``facet`` numbers those of the domain in it.
+def _surfaces(geometry: CrossSection, mesh: Mesh, moved: list[str], reach: float, depth: float) -> Surfaces:
+    """Boundary conditions and contacts of the wider domain, whose ``moved`` sides are open at r = reach, z = depth."""
+    grid = mesh.skfem
+    ends = grid.p[:, grid.facets[:, grid.boundary_facets()]]
+    r, z = ends.mean(axis=1)
 
-    reach, depth [m]: r and z of the far ends.
-    """
-    geometry, old, grid = heat.geometry, heat.discretization.surfaces, heat.discretization.basis.mesh
-    edge = grid.boundary_facets()
-    r, z = grid.p[:, grid.facets[:, edge]].mean(axis=1)
-    on = {side: geometry.on_boundary(side, r, z) for side in ("bottom", "outer")}
-    inside = edge[np.any([on[side] for side in sides], axis=0)]
-    held = [facet[np.setdiff1d(old.held, inside)]]
-    convection = {h: [facet[np.setdiff1d(there, inside)]] for h, there in old.convection.items()}
-    wide = mesh.skfem
-    new = np.setdiff1d(wide.boundary_facets(), facet[edge])
-    ends = wide.p[:, wide.facets[:, new]]
-    slack = 1e-9 * geometry.outer_radius
+    def at(place: Array, value: float) -> NDArray[np.bool_]:
+        return np.asarray(np.abs(place - value).max(axis=0) <= 1e-9 * geometry.outer_radius)
 
-    def at(axis: int, value: float) -> NDArray[np.bool_]:
-        place = np.abs(ends[0]) if axis == 0 else ends[1]
-        return np.asarray(np.abs(place - value).max(axis=0) <= slack)
-
-    far = np.zeros(len(new), dtype=bool)
-    if "outer" in sides:
-        far |= at(0, reach)
-    if "bottom" in sides:
-        far |= at(1, depth)
-    for side, there in (
-        ("bottom", at(1, geometry.bottom_z)),
-        ("outer", at(0, geometry.outer_radius)),
-        ("top", at(1, geometry.top_z)),
-    ):
-        boundary = getattr(geometry, side)
-        h = boundary.exchange(geometry.ambient)
-        if side in sides or not (h or boundary.kind == "isothermal"):
-            continue
-        cooled = new[there & ~far]
-        series = beside(mesh, resistances(geometry), cooled)
-        if not h:
-            held.append(cooled[series == 0])
-        for through, those in exchanged(cooled, h, series).items():
-            convection.setdefault(through, []).append(those)
-    return replace(
-        old,
-        length=None,
-        held=np.concatenate(held),
-        convection={h: np.concatenate(each) for h, each in convection.items() if sum(map(len, each))},
-        open=new[far],
-        contacts=contacts(mesh, resistances(geometry)),
-    )
+    far = at(np.abs(ends[0]), reach) & ("outer" in moved) | at(ends[1], depth) & ("bottom" in moved)
+    lines = {
+        "bottom": at(ends[1], geometry.bottom_z),
+        "top": at(ends[1], geometry.top_z),
+        "outer": at(np.abs(ends[0]), geometry.outer_radius),
+    }
+    # the other sides go on in straight lines
+    sides = {side: (geometry.on_boundary(side, r, z) | on) & ~far for side, on in lines.items() if side not in moved}
+    found = surfaces_of(geometry, mesh, resistances(geometry), sides)
+    return replace(found, length=None, open=grid.boundary_facets()[far])
 
 
 log = logging.getLogger("thermofem")

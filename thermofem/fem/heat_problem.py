@@ -9,7 +9,6 @@ are the matrices at the ambient temperature T0, and `HeatProblem.model` is the n
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,7 +18,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
-from ..geometry.guides import LIGHT
+from ..geometry.section_parts import LIGHT
 from ..materials.property_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
@@ -29,22 +28,12 @@ from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from .domain_truncation import Wider, domain_error, warn_of_domain, wider
 from .error_estimate import Estimate, MeshError
-from .mesh_division import divided, resistances, split
-from .probe_means import probe_mean
-from .surfaces import Surfaces, surfaces_of
-from .weak_forms import Discretization, build, capacity, conduction, discretize, properties
+from .weak_forms import Discretization, capacity, conduction, properties
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..mesh import Mesh
     from ..optics import Mode
-
-__all__ = ["Discretization", "HeatProblem", "Surfaces", "discretize"]
-
-ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
-LARGEST = 400_000  # unknowns; a mesh with more is not refined
-
-log = logging.getLogger("thermofem")
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,57 +324,6 @@ class HeatProblem:
         everywhere = np.zeros((*state.shape[:-1], self.discretization.mass.shape[0]))
         everywhere[..., self.discretization.free] = state
         return everywhere[..., self.discretization.basis.nodal_dofs[0]]
-
-
-def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
-    """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
-
-    The log says so where `ROUNDS`, `LARGEST` or `mesh_division.FINEST` end that before.
-    """
-    resistance, finer = resistances(geometry), mesh
-    for _ in range(ROUNDS):
-        mesh = finer
-        heat = on_mesh(geometry, split(mesh, resistance), accuracy)
-        estimate = heat.estimate()
-        if estimate.largest <= accuracy or heat.unknowns > LARGEST:
-            break
-        found = divided(mesh, estimate, accuracy)
-        if found is None:
-            break
-        finer = found
-    if estimate.largest > accuracy:
-        log.warning(
-            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
-            geometry.name,
-            heat.unknowns,
-            estimate.largest,
-            accuracy,
-            _corner(heat, estimate),
-        )
-    return heat, mesh
-
-
-def _corner(heat: HeatProblem, estimate: Estimate) -> str:
-    """Where the field is most singular, and what helps; "" where it is nowhere strongly so."""
-    if not estimate.corners:
-        return ""
-    r, z = min(estimate.corners, key=lambda point: estimate.corners[point])
-    there = (heat.mesh.points == (r, z)).all(axis=1)[heat.mesh.triangles].any(axis=1)
-    names = [repr(heat.mesh.region_names[k]) for k in np.unique(heat.mesh.region[there])]
-    return (
-        f"; {', '.join(names)} meet in the corner r = {r:g} m, z = {z:g} m, and what flows through a corner depends on "
-        "picometres; let the good conductors overlap there, or keep them apart"
-    )
-
-
-def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
-    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`mesh_division.split`)."""
-    mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
-    conductivity, heat_capacity = properties(geometry, mesh)
-    discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))
-    probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
-    discretization = replace(discretization, means={**discretization.means, **probes})
-    return HeatProblem(geometry, mesh, discretization, accuracy)
 
 
 def _names(

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
-from ..geometry.guides import LIGHT
+from ..geometry.section_parts import LIGHT
 from ..optics.shape import light_slope
 from .probe_means import shell_integral
 from .surfaces import surface_terms

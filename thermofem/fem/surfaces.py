@@ -142,23 +142,35 @@ class Surfaces:
         return bool(self.convection or self.contacts or len(self.open))
 
 
-def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
-    """Held, convective and open facets, and contacts."""
+def surfaces_of(
+    geometry: CrossSection,
+    mesh: Mesh,
+    resistance: dict[str, float],
+    sides: Mapping[str, NDArray[np.bool_]] | None = None,
+) -> Surfaces:
+    """Held, convective and open facets, and contacts.
+
+    resistance: of each part with a contact, in m^2 K/W (`mesh_division.resistances`).
+    sides: which facets of the mesh's boundary lie on "bottom", "top" and "outer"; default by the geometry.
+    """
     grid = mesh.skfem
     facets = grid.boundary_facets()
-    r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
+    if sides is None:
+        r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
+        sides = {side: geometry.on_boundary(side, r, z) for side in ("bottom", "top", "outer")}
     none = np.empty(0, dtype=np.intp)
     where = {"isothermal": none, "open": none, "insulated": none}
     convection: dict[float, Facets] = {}
-    for side in ("bottom", "top", "outer"):
-        boundary = getattr(geometry, side)
-        there = facets[geometry.on_boundary(side, r, z)]
+    for side, on in sides.items():
+        boundary, there = getattr(geometry, side), facets[on]
         h = boundary.exchange(geometry.ambient)
         series = beside(mesh, resistance, there) * (h > 0 or boundary.kind == "isothermal")
         if not h:
             where[boundary.kind] = np.append(where[boundary.kind], there[series == 0])
-        for through, those in exchanged(there, h, series).items():
-            convection[through] = np.append(convection.get(through, none), those)
+        # 1/(1/h + R) of the parts there, or 1/R where h is 0; facets of a held side without R are held
+        for own in np.unique(series[(series > 0) | (h > 0)]):
+            through = float(1 / (own + (1 / h if h else 0.0)) if own else h)
+            convection[through] = np.append(convection.get(through, none), there[series == own])
     return Surfaces(
         held=where["isothermal"],
         convection=convection,
@@ -183,17 +195,6 @@ def line_source(u: Array) -> Array:
     """
     far = 1 / (np.sqrt(1 + u**2) + u)  # sqrt(1 + u^2) - u without cancellation
     return np.asarray(np.arcsinh(1 / u) - far)
-
-
-def exchanged(facets: Facets, h: float, series: Array) -> dict[float, Facets]:
-    """Facets of a side by the coefficient through which they lose heat, W/(m^2 K): 1/(1/h + R), or 1/R where h is 0.
-
-    series [shape of ``facets``, m^2 K/W]: R of the parts there. Facets of a held side without R are left out.
-    """
-    found = {}
-    for own in np.unique(series[(series > 0) | (h > 0)]):
-        found[float(1 / (own + (1 / h if h else 0.0)) if own else h)] = facets[series == own]
-    return found
 
 
 def surface_terms(

@@ -127,47 +127,13 @@ def discretize(
     held : array of int
         boundary facets at the ambient temperature (numbered as `facets` does).
     convection : dict from h in W/(m^2 K) to an array of facets
-
-    Raises
-    ------
-    InputError
-        a value for another number of triangles, or a negative one; a facet or an h out of range.
     """
-    n, facets = len(mesh.triangles), mesh.skfem.facets.shape[1]
-    k, c = (
-        checks.numbers(name, value)
-        for name, value in (("conductivity", conductivity), ("heat_capacity", heat_capacity))
-    )
-    for name, value, shapes in (("conductivity", k, ((), (n,), (2, n))), ("heat_capacity", c, ((), (n,)))):
-        if value.shape not in shapes:
-            raise checks.InputError(f"{name} has the shape {value.shape}; one for each of {n} triangles is needed")
-        if value.min() < 0:
-            raise checks.InputError(f"{name} = {value.min():g} is negative in a triangle; it must be zero or more")
-    return build(mesh, k, c, Surfaces(held=_facets("held", held, facets), convection=_convection(convection, facets)))
+    return build(mesh, conductivity, heat_capacity, Surfaces(held=held, convection=convection or {}))
 
 
-def _facets(name: str, value: Any, count: int) -> NDArray[np.intp]:
-    """Numbers of facets, or InputError."""
-    numbers = checks.array(name, value, empty=True)
-    if np.any(numbers != np.round(numbers)) or (numbers.size and not 0 <= numbers.min() <= numbers.max() < count):
-        raise checks.InputError(f"{name} holds a number that is no facet; they go from 0 to {count - 1}")
-    return numbers.astype(np.intp)
-
-
-def _convection(given: Any, count: int) -> dict[float, NDArray[np.intp]]:
-    """Facets by h, or InputError."""
-    return {
-        checks.between("h", h, 0, 1e12, unit="W/(m^2 K)"): _facets("convection", value, count)
-        for h, value in (given or {}).items()
-    }
-
-
-def build(
-    mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
-) -> Discretization:
-    """As `discretize`, with every term of `surfaces` and polynomials up to ``degree`` 2 or 3."""
-    element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
-    basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
+def build(mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces) -> Discretization:
+    """As `discretize`, with every term of `surfaces`."""
+    basis = skfem.Basis(mesh.skfem, skfem.ElementTriP2(), intorder=5)
     both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
     stiffness = both.real  # one sparsity pattern for both
     if surfaces.any:

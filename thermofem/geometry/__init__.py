@@ -2,9 +2,8 @@
 
 from .cross_section import CrossSection
 from .gdsfactory_import import from_gdsfactory
-from .guides import Bus, Guide
 from .ring_sections import disc, heated_ring, rib_ring, straight_guide, strip_ring
-from .section_parts import Boundary, Interface, Layer, Part, Probe
+from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe
 
 __all__ = [
     "Boundary", "Bus", "CrossSection", "Guide", "Interface", "Layer", "Part", "Probe", "disc", "from_gdsfactory",

@@ -24,15 +24,18 @@ from .. import checks
 from ..data import files
 from ..materials.material_library import VOID, Material, find
 from . import geometry_file, parameter_paths
-from .guides import Bus, Guide, check_guides
 from .regions import Subdivision, check_held, check_places, subdivide
 from .section_parts import (
+    BUSES,
     INSULATED,
     ISOTHERMAL,
+    LIGHT,
     OPEN,
     SAME,
     THINNEST,
     Boundary,
+    Bus,
+    Guide,
     Interface,
     Layer,
     Part,
@@ -358,4 +361,23 @@ def check_distance(geometry: CrossSection, part: Part, distance: float, who: str
             f"{who}: the copy of {part.name!r} at distance = {distance:g} m reaches {most:g} m, and the domain ends at "
             f"outer_radius = {geometry.outer_radius:g} m; outer_radius must be at least {most:g} m, and twice that "
             "keeps the outer side from being felt"
+        )
+
+
+def check_guides(section: CrossSection) -> None:
+    """InputError where [light] or [[bus]] contradict the parts of a section."""
+    if len(section.buses) > len(BUSES):
+        raise checks.InputError(f"{len(section.buses)} tables [[bus]]; a ring has one or two")
+    checks.unique("[[bus]]: name", [bus.name for bus in section.buses])
+    if section.buses and section.kind != "ring":
+        raise checks.InputError("[[bus]] goes with a ring; this is a straight section")
+    if section.light is None:
+        return
+    solid = [part.name for part in section.parts if part.material != VOID]
+    checks.choice("[light]: part", section.light.part, solid)
+    groups = (section.layers, section.parts, section.probes)
+    if any(one.name == LIGHT for group in groups for one in group):
+        raise checks.InputError(
+            f"{section.name!r} has [light], and something called {LIGHT!r}: the name of the temperature that the mode "
+            "sees; rename it"
         )

@@ -6,6 +6,7 @@ that suggests the nearest one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,20 @@ from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.index_laws import read_index, write_index
 from ..materials.material_library import LAW_KEYS, LIBRARY, PROPERTIES, Material, read_property, write_property
-from .guides import BUSES, Bus, Guide
-from .section_parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
+from .section_parts import (
+    BUSES,
+    INSULATED,
+    ISOTHERMAL,
+    VERTICAL,
+    Boundary,
+    Bus,
+    Guide,
+    Interface,
+    Layer,
+    Part,
+    Probe,
+    ring,
+)
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
@@ -94,38 +107,43 @@ def fields(text: str) -> dict[str, Any]:
     if straight and "outer_radius" in top:
         raise InputError("outer_radius belongs to a ring; a straight section has half_width and length")
     boundary = read_table(top.get("boundary", {}), _BOUNDARY, "[boundary]")
+    for number, bus in enumerate(top.get("bus", [])):
+        bus.setdefault("name", BUSES[min(number, 1)])
     return {
         "name": top.get("name", "cross-section"),
         **{key: top[key] for key in ("kind", "outer_radius", "length", "half_width") if key in top},
-        "layers": tuple(_layer(item, k) for k, item in enumerate(top["layer"], 1)),
-        "parts": tuple(_part(item, k) for k, item in enumerate(top["part"], 1)),
-        "interfaces": tuple(_interface(item, k) for k, item in enumerate(top.get("interface", []), 1)),
-        "probes": tuple(_probe(item, k) for k, item in enumerate(top.get("probe", []), 1)),
+        "layers": _each(top, "layer", _LAYER, Layer, ("name", "material", "thickness")),
+        "parts": _each(top, "part", _PART, _part, ("name", "material", "bottom", "height")),
+        "interfaces": _each(top, "interface", _INTERFACE, Interface, ("part", "resistance")),
+        "probes": _each(top, "probe", _PROBE, Probe, ("name", "part")),
         "bottom": _boundary(boundary, "bottom", ISOTHERMAL),
         "top": _boundary(boundary, "top", INSULATED),
         "outer": _boundary(boundary, "outer", INSULATED),
         "materials": tuple(_material(name, item) for name, item in top.get("material", {}).items()),
         "ambient": top.get("ambient", 293.15),
         "light": _light(top["light"], top["part"]) if "light" in top else None,
-        "buses": tuple(_bus(item, k) for k, item in enumerate(top.get("bus", []))),
+        "buses": _each(top, "bus", _BUS, Bus, ("gap",)),
     }
 
 
-def _where(kind: str, table: dict[str, Any], k: int) -> str:
-    name = table.get("name", table.get("part"))
-    return f"{kind} {name!r}" if isinstance(name, str) else f"{kind} number {k}"
+def _each(
+    top: dict[str, Any], kind: str, keys: dict[str, Any], make: Callable[..., Any], required: tuple[str, ...]
+) -> tuple[Any, ...]:
+    """What ``make`` makes of every table of a list, whose keys are checked."""
+    found = []
+    for k, table in enumerate(top.get(kind, []), 1):
+        name = table.get("name", table.get("part"))
+        where = f"{kind} {name!r}" if isinstance(name, str) else f"{kind} number {k}"
+        found.append(make(**read_table(table, keys, where, required=required)))
+    return tuple(found)
 
 
-def _layer(table: dict[str, Any], k: int) -> Layer:
-    return Layer(**read_table(table, _LAYER, _where("layer", table, k), required=("name", "material", "thickness")))
-
-
-def _part(table: dict[str, Any], k: int) -> Part:
-    where = _where("part", table, k)
-    values = read_table(table, _PART, where, required=("name", "material", "bottom", "height"))
+def _part(**values: Any) -> Part:
+    """A part from either form of its radii."""
     by_centre, by_edges = {"radius", "width"} & set(values), {"inner_radius", "outer_radius"} & set(values)
     if "x" in values and not by_edges and "radius" not in values:
         return Part(**values)
+    where = f"part {values['name']!r}"
     if len(by_centre) == 2 and not by_edges:
         inner, outer = ring(values.pop("radius"), values.pop("width"), of=f"{where}: ")
         values |= {"inner_radius": inner, "outer_radius": outer}
@@ -138,14 +156,6 @@ def _part(table: dict[str, Any], k: int) -> Part:
     return Part(**values)
 
 
-def _interface(table: dict[str, Any], k: int) -> Interface:
-    return Interface(**read_table(table, _INTERFACE, _where("interface of", table, k), required=("part", "resistance")))
-
-
-def _probe(table: dict[str, Any], k: int) -> Probe:
-    return Probe(**read_table(table, _PROBE, _where("probe", table, k), required=("name", "part")))
-
-
 def _light(table: dict[str, Any], parts: list[dict[str, Any]]) -> Guide:
     """What guides; default the part "core", or else the first heated one."""
     values = read_table(table, _LIGHT, "[light]", required=("wavelength",))
@@ -153,11 +163,6 @@ def _light(table: dict[str, Any], parts: list[dict[str, Any]]) -> Guide:
     heated = [part.get("name") for part in parts if part.get("heated")]
     default = "core" if "core" in names or not heated else heated[0]
     return Guide(**{"part": default, **values})
-
-
-def _bus(table: dict[str, Any], k: int) -> Bus:
-    where = _where("bus", table, k + 1)
-    return Bus(**{"name": BUSES[min(k, 1)], **read_table(table, _BUS, where, required=("gap",))})
 
 
 def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
@@ -198,8 +203,10 @@ def _material(name: str, table: Any) -> Material:
 
 def table_of(geometry: CrossSection) -> dict[str, Any]:
     """The table of a geometry file, quantities as text; reading it back gives an equal CrossSection."""
+    sizes = ("outer_radius",) if geometry.kind == "ring" else ("kind", "length", "half_width")
+    domain = {key: getattr(geometry, key) for key in sizes}
     tables = {
-        **_texts({"name": geometry.name, **_domain(geometry), "ambient": geometry.ambient}),
+        **_texts({"name": geometry.name, **domain, "ambient": geometry.ambient}),
         "layer": [_texts(asdict(layer)) for layer in geometry.layers],
         "part": [_texts(_part_values(part)) for part in geometry.parts],
         "interface": [_texts(asdict(interface)) for interface in geometry.interfaces],
@@ -210,13 +217,6 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
         "bus": [_texts(asdict(bus)) for bus in geometry.buses],
     }
     return {key: table for key, table in tables.items() if table}
-
-
-def _domain(geometry: CrossSection) -> dict[str, Any]:
-    """Kind and sizes of the domain."""
-    if geometry.kind == "ring":
-        return {"outer_radius": geometry.outer_radius}
-    return {key: getattr(geometry, key) for key in ("kind", "length", "half_width")}
 
 
 def _texts(values: dict[str, Any]) -> dict[str, Any]:

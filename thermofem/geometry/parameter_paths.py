@@ -22,10 +22,9 @@ from ..data import quantity
 from ..materials.index_laws import constant
 from ..materials.material_library import with_value
 from ..materials.property_laws import Law, PowerLaw
-from . import geometry_file as geometry_file
-from .guides import BUSES, LIGHT
+from . import geometry_file
 from .regions import outlines
-from .section_parts import SAME, Boundary, images
+from .section_parts import BUSES, LIGHT, SAME, Boundary, images
 
 if TYPE_CHECKING:
     from ..materials.material_library import Material
@@ -121,7 +120,6 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
         raise InputError(f"path {path!r} leads nowhere; {_HINT}")
 
 
-_HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
 _PART = {
     "ring": ("radius", "width", "inner_radius", "outer_radius", "bottom", "height", "sidewall_angle"),
     "straight": ("x", "width", "bottom", "height", "sidewall_angle"),
@@ -174,51 +172,38 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     units = sorted({one.unit for one in single})
     if len(units) > 1:
         raise InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
-    kinds = ("outlines", "conductivity", "heat_capacity", "contact", "convection", "shell")
+    kinds = ("outlines", "conductivity", "heat_capacity", "contact", "convection", "shell", "optical")
     sums = {kind: _sum([getattr(one, kind) for one in single]) for kind in kinds}
-    sums["optical"] = {}
-    for one in single:
-        for name, slopes in one.optical.items():
-            sums["optical"][name] = _sum([sums["optical"].get(name, {}), slopes])
     return Change(" + ".join(paths), single[0].value, units[0], **sums)
 
 
 def _sum(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The sum of nested mappings, key by key."""
     total: dict[str, Any] = {}
     for one in each:
         for name, value in one.items():
-            total[name] = total.get(name, 0.0) + value
+            inner = isinstance(value, dict)
+            total[name] = _sum([total.get(name, {}), value]) if inner else total.get(name, 0.0) + value
     return total
 
 
 def _change(geometry: CrossSection, path: str) -> Change:
     kind, *middle = path.split(".")
     if path == ("outer_radius" if geometry.kind == "ring" else "half_width"):
-        return Change(path, geometry.outer_radius, "m", dict(_wider(geometry)))
+        left = -1.0 if geometry.inner_end < 0 else 0.0  # the left corners of the layers of a whole section move, too
+        wider = np.array([(left, 0.0), (1.0, 0.0), (1.0, 0.0), (left, 0.0)])
+        return Change(path, geometry.outer_radius, "m", {layer.name: wider for layer in geometry.layers})
     if path == "ambient":
         return _ambient(geometry)
     if kind == "material" and len(middle) >= 2:
         return _material(geometry, path, middle)
     if kind == "light" and len(middle) == 1:
-        return _guided(geometry, path, "", middle[0])
-    readers = {
-        "bus": _guided,
-        "part": _part,
-        "layer": _layer,
-        "interface": _interface,
-        "probe": _probe,
-        "boundary": _boundary,
-    }
-    if kind not in readers or len(middle) < 2:
+        return _number(geometry, path, kind, "", middle[0])
+    name, key = ".".join(middle[:-1]), middle[-1] if middle else ""
+    readers = {"part": _part, "layer": _layer, "boundary": _boundary}
+    if kind not in (*readers, *_NUMBERS) or not name:
         raise InputError(f"path {path!r} leads nowhere; {_HINT}")
-    return readers[kind](geometry, path, ".".join(middle[:-1]), middle[-1])
-
-
-def _wider(geometry: CrossSection) -> list[tuple[str, Array]]:
-    """The right corners of every layer move with outer_radius or half_width, the left ones of a whole section, too."""
-    left = -1.0 if geometry.inner_end < 0 else 0.0
-    right = np.array([(left, 0.0), (1.0, 0.0), (1.0, 0.0), (left, 0.0)])
-    return [(layer.name, right) for layer in geometry.layers]
+    return readers[kind](geometry, path, name, key) if kind in readers else _number(geometry, path, kind, name, key)
 
 
 def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
@@ -286,35 +271,27 @@ def _layer(geometry: CrossSection, path: str, name: str, key: str) -> Change:
     return Change(path, geometry.layers[moved].thickness, "m", boxes)
 
 
-def _named(path: str, kind: str, name: str, known: Mapping[str, Any]) -> Any:
-    """The interface or probe of a name."""
-    return known[checks.choice(f"path {path!r}: {kind}", name, known)]
+_NUMBERS = {
+    "interface": {"resistance": "m^2*K/W"},
+    "probe": {"shell": "m"},
+    "bus": {"gap": "m", "straight": "m"},
+    "light": {"wavelength": "m", "loss": "1/m"},
+}  # with their SI units
 
 
-def _interface(geometry: CrossSection, path: str, name: str, key: str) -> Change:
-    interface = _named(path, "interface", name, {one.part: one for one in geometry.interfaces})
-    checks.choice(f"path {path!r}: key", key, ("resistance",))
-    return Change(path, interface.resistance, "m^2*K/W", contact={name: 1.0})
-
-
-def _probe(geometry: CrossSection, path: str, name: str, key: str) -> Change:
-    probe = _named(path, "probe", name, {one.name: one for one in geometry.probes})
-    checks.choice(f"path {path!r}: key", key, ("shell",))
-    if not probe.shell:
-        raise InputError(f"path {path!r}: probe {name!r} has no shell")
-    return Change(path, probe.shell, "m", shell={name: 1.0})
-
-
-def _guided(geometry: CrossSection, path: str, name: str, key: str) -> Change:
-    """A number of [light] or of a [[bus]], which moves no mesh."""
+def _number(geometry: CrossSection, path: str, kind: str, name: str, key: str) -> Change:
+    """A number of an interface, a probe, a [[bus]] or [light], which moves no mesh."""
     given: Any = geometry.light
-    if name:
-        given = _named(path, "bus", name, {bus.name: bus for bus in geometry.buses})
-    units = {"gap": "m", "straight": "m"} if name else {"wavelength": "m", "loss": "1/m"}
-    checks.choice(f"path {path!r}: key", key, units)
+    if kind != "light":
+        each = {"interface": geometry.interfaces, "probe": geometry.probes, "bus": geometry.buses}[kind]
+        known = {getattr(one, _NAMED[kind]): one for one in each}
+        given = known[checks.choice(f"path {path!r}: {kind}", name, known)]
+    unit = _NUMBERS[kind][checks.choice(f"path {path!r}: key", key, _NUMBERS[kind])]
     if getattr(given, key, None) is None:
         raise InputError(f"path {path!r} leads nowhere; {geometry.name!r} does not give it")
-    return Change(path, float(getattr(given, key)), units[key], optical={name or LIGHT: {key: 1.0}})
+    of = {"interface": {"contact": {name: 1.0}}, "probe": {"shell": {name: 1.0}}}
+    slope: dict[str, Any] = of.get(kind, {"optical": {name or LIGHT: {key: 1.0}}})
+    return Change(path, float(getattr(given, key)), unit, **slope)
 
 
 def _boundary(geometry: CrossSection, path: str, side: str, key: str) -> Change:

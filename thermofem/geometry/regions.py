@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from shapely.geometry.polygon import orient
 
 from .. import checks
@@ -229,7 +231,7 @@ def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int
         elif z0 == z1 == bottom:
             side = "bottom"
         else:
-            side = "top" if skin.distance(_middle(edge)) <= 1 else "wall"
+            side = "top" if skin.distance(shapely.Point((r0 + r1) / 2, (z0 + z1) / 2)) <= 1 else "wall"
         sides[side].append([[exact.get(round(x), x * GRID) for x in point] for point in edge])
     return {side: np.array(edges).reshape(-1, 2, 2) for side, edges in sides.items()}
 
@@ -239,11 +241,6 @@ def _skin(geometry: CrossSection, polygons: list[Any]) -> Any:
     box = geometry.inner_end, geometry.bottom_z, geometry.outer_radius, geometry.top_z
     filled = shapely.unary_union([shapely.box(*(round(x / GRID) for x in box)), *polygons], grid_size=1)
     return shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
-
-
-def _middle(edge: Any) -> Any:
-    (r0, z0), (r1, z1) = edge
-    return shapely.Point((r0 + r1) / 2, (z0 + z1) / 2)
 
 
 def check_places(geometry: CrossSection) -> None:
@@ -269,19 +266,11 @@ def check_places(geometry: CrossSection) -> None:
 def check_held(geometry: CrossSection) -> None:
     """Raise InputError unless every connected piece touches a side that holds the temperature."""
     faces = geometry.subdivision.faces
-    above = list(range(len(faces)))  # another face of the same piece, or the face itself
     seen: dict[Any, int] = {}
-
-    def first(k: int) -> int:
-        while above[k] != k:
-            above[k] = k = above[above[k]]
-        return k
-
-    for k, face in enumerate(faces):
-        for edge in face.edges().tolist():
-            other = seen.setdefault(frozenset(map(tuple, edge)), k)
-            above[first(k)] = first(other)
-    piece = [first(k) for k in range(len(faces))]
+    pairs = [
+        (k, seen.setdefault(frozenset(map(tuple, edge)), k)) for k, f in enumerate(faces) for edge in f.edges().tolist()
+    ]
+    piece = connected_components(coo_matrix((np.ones(len(pairs)), np.transpose(pairs)), shape=(len(faces),) * 2))[1]
     held = set()
     for side, boundary in (("bottom", geometry.bottom), ("top", geometry.top), ("outer", geometry.outer)):
         if boundary.holds:

@@ -1,4 +1,4 @@
-"""The pieces of a cross-section: layers, ring parts, boundaries, interfaces and probes; all lengths in m."""
+"""Elements of a cross-section: layers, parts, boundaries, interfaces, probes, guides and buses; all lengths in m."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from ..materials.material_library import VOID
 VERTICAL = math.pi / 2
 SAME = 2e-15  # m; points this close are one (two steps of the grid on which outlines are cut)
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
+POLARISATIONS = ("TE", "TM")
+BUSES = ("bus", "drop")  # names of the first and the second one
+LIGHT = "light"  # the name under which the temperature that a mode sees is read
 _LONGEST = 0.1  # m; nothing on a chip is longer
 
 
@@ -247,6 +250,68 @@ class Probe:
             length(f"probe {self.name!r}: shell", self.shell, typical=0.3e-6)
         if self.distance is not None:
             length(f"probe {self.name!r}: distance", self.distance, typical=20e-6)
+
+
+@dataclass(frozen=True)
+class Guide:
+    """The part of a cross-section that guides, and the light in it.
+
+    Parameters
+    ----------
+    wavelength : float, m
+    part : str
+    polarisation : str
+        "TE" or "TM": its fundamental mode is taken.
+    loss : float, 1/m
+        power loss of the guide, which heats.
+    """
+
+    wavelength: float
+    part: str = "core"
+    polarisation: str = "TE"
+    loss: float | None = None
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        hint = "did you mean 1.55e-6?"
+        checks.between("[light]: wavelength", self.wavelength, 1e-7, 1e-4, unit="m", hint=hint)
+        checks.choice("[light]: polarisation", self.polarisation, POLARISATIONS)
+        if self.loss is not None:
+            checks.between("[light]: loss", self.loss, 0, 1e6, unit="1/m", hint="7 dB/cm are 161 1/m")
+
+    @property
+    def mode(self) -> str:
+        """Name of the fundamental mode."""
+        return f"{self.polarisation}0"
+
+
+@dataclass(frozen=True)
+class Bus:
+    """A straight bus beside a ring.
+
+    Parameters
+    ----------
+    name : str
+    gap : float, m
+        between the walls of ring and bus at half height.
+    straight : float, m
+        length of the straight section over which a racetrack couples.
+    width : float, m
+        default that of the ring's guide.
+    """
+
+    name: str
+    gap: float
+    straight: float = 0.0
+    width: float | None = None
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        check_name("bus", self.name)
+        length(f"bus {self.name!r}: gap", self.gap, typical=200e-9)
+        checks.between(f"bus {self.name!r}: straight", self.straight, 0, 1e-2, unit="m", hint="did you mean 3e-6?")
+        if self.width is not None:
+            length(f"bus {self.name!r}: width", self.width, typical=450e-9)
 
 
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:

@@ -4,31 +4,26 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import hashlib
 import importlib
 import re
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import InputError, MissingLibraryError
+from ..geometry.regions import GRID
 from .element_sizes import size_function, sizes
 from .triangles import Mesh
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.regions import Face
-import hashlib
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from ..geometry.regions import GRID
-
-if TYPE_CHECKING:
-    from ..geometry.cross_section import CrossSection
 
 VERSION = 2  # of the mesher: a new number where the same geometry gets another mesh
 

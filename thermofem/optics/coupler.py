@@ -14,6 +14,7 @@ Derivatives are exact for these meshes: each supermode's by Hellmann and Feynman
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ from .space import Space, eigenpairs
 from .window import UM, Window, drawn
 
 if TYPE_CHECKING:
+    from ..geometry import Bus
     from .mode import Mode
     from .modes import Light
 
@@ -158,6 +160,24 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
             "take a wider gap or a shorter straight section",
         )
     return found
+
+
+def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
+    """The couplings of [[bus]] tables; InputError where one has another width than the ring."""
+    light: Light = mode.light  # type: ignore[assignment]
+    (part,) = (one for one in light.geometry.parts if one.name == mode.core)
+    width, found = part.outer_radius - part.inner_radius, {}
+    for bus in buses:
+        if bus.width is not None and not math.isclose(bus.width, width, rel_tol=1e-6):
+            raise checks.InputError(
+                f"bus {bus.name!r} is {bus.width * 1e9:g} nm wide and the ring {width * 1e9:g} nm; couplers of unlike "
+                "guides are not computed",
+                "give coupling, the power that the bus takes in one pass",
+            )
+        if (bus.gap, bus.straight) not in found:
+            bend = mode.radius - bus.straight / math.pi
+            found[bus.gap, bus.straight] = coupling(mode, bus.gap, bus.straight, radius=bend)
+    return [found[bus.gap, bus.straight] for bus in buses]
 
 
 def supermodes(mode: Mode, gap: float, straight: float, bend: float, window: Window, beyond: Array) -> Coupling:

@@ -43,7 +43,7 @@ class Light:
 
     @classmethod
     def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
-        """Those on the mesh of a heat problem, see `lighting.light`."""
+        """Those on the mesh of a heat problem, see `fem.assembly.light`."""
         geometry, given = heat.geometry, heat.geometry.light
         if given is not None:
             wavelength, part = wavelength or given.wavelength, part or given.part

@@ -21,8 +21,8 @@ from .. import checks
 from ..algebra.factor import factorize
 from ..arrays import Array
 from ..checks import InputError
-from ..geometry.guides import LIGHT
 from ..geometry.parameter_paths import Change, change
+from ..geometry.section_parts import LIGHT
 from ..materials.index_laws import constant, constant_index
 from ..mesh.mesh_motion import vertex_velocities
 from .reading import containing, light_integral

@@ -15,7 +15,8 @@ from thermofem.errors import InputError
 from .. import options
 from ..command_files import about, check_outputs, expect, kind_of
 from ..console import note, say, working, written, wrote
-from .family_options import cycle_property, fixed_of, optics_of, pulsing_range, units_of
+from ..drive_texts import detuning_of
+from .family_options import PulsingRange, Settled, fixed_of, optics_of, ring_for, units_of
 
 
 def family(
@@ -25,7 +26,7 @@ def family(
     folder: Annotated[
         Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
     ] = None,
-    workers: Annotated[int, typer.Option(help="Processes that solve members.", min=1, max=1024)] = 1,
+    workers: options.Processes = 1,
     scheduler: options.Scheduler = None,
     power: Annotated[
         str | None, typer.Option(help="Largest absorbed power, e.g. '2 mW'; for conductivities k(T).")
@@ -46,6 +47,9 @@ def family(
     )
     if found.output_maps is not None:
         say(f"k(T) up to {quantity.write(found.output_maps.power, 'W')}: error {found.output_maps.error:.1e}")
+    own = found.optics
+    if own is not None:
+        say(f"light of {own.solved} rings; error over rings left out: {own.words()}")
     wrote(output)
     return {
         "family": output,
@@ -53,6 +57,7 @@ def family(
         "engine": found.engine,
         "error": error,
         "error_hot": None if found.output_maps is None else found.output_maps.error,
+        "error_optics": None if own is None else own.error,
         "ranges": {name: list(map(float, ends)) for name, ends in found.ranges.items()},
     }
 
@@ -116,19 +121,25 @@ def design(
     ring: options.FamilyRing = options.REFERENCE_RING,
     power: options.FamilyPower = "8 dBm",
     detuning: options.FamilyDetuning = "0 GHz",
+    workers: options.Processes = 1,
+    scheduler: options.Scheduler = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
     if not (period or swing or range_):
         options.unused(context, "goes with --period, --swing or --range", "power", "detuning", "optics", "ring")
     found = surrogate.load_family(file)
-    drive = (found, ring, power, detuning)
+    resonator: Any = None
+    drive: tuple[Any, ...] = ()
+    if period or swing or range_:
+        resonator = ring_for(found, ring)
+        drive = resonator, quantity.parse(power, "W", name="--power"), detuning_of(detuning, resonator)
     asked: list[tuple[str, str | None, str, Callable[[], Any]]] = [
         ("--resistance", resistance, "K/W", lambda: "thermal_resistance"),
         ("--rise-time", rise_time, "s", lambda: "rise_time"),
-        ("--period", period, "s", lambda: cycle_property("period", *drive)),
-        ("--swing", swing, "K", lambda: cycle_property("swing", *drive)),
-        ("--range", range_, "Hz", lambda: pulsing_range(*drive)),
+        ("--period", period, "s", lambda: Settled("period", *drive)),
+        ("--swing", swing, "K", lambda: Settled("swing", *drive)),
+        ("--range", range_, "Hz", lambda: PulsingRange(*drive[:2])),
     ]
     target = {make(): _wanted(text, unit, option) for option, text, unit, make in asked if text is not None}
     if not target:
@@ -136,9 +147,10 @@ def design(
     fixed = fixed_of(found, fix)
     if set(fixed) == set(found.names):
         raise InputError("every parameter is fixed; remove one --fix")
-    with working("searching"):
-        settings: dict[str, Any] = {"fixed": fixed, "optics": optics_of(found, optics, ring), "seed": seed}
-        result = surrogate.design(found, target=target, **settings)
+    moving = optics_of(found, optics, resonator) if drive else None
+    settings: dict[str, Any] = {"fixed": fixed, "optics": moving, "seed": seed}
+    with options.executor_of(scheduler, workers if workers > 1 else None) as executor, working("searching"):
+        result = surrogate.design(found, target=target, executor=executor, **settings)
     units = units_of(found) | dict(zip(result.achieved, (unit for _, text, unit, _ in asked if text), strict=True))
     say("reached" if result.reached else "no member that was looked at does that; the nearest one:")
     for name, wanted in zip(result.achieved, target.values(), strict=True):
@@ -154,7 +166,10 @@ def design(
         ]
         say(f"{name} changes by {', '.join(words)}")
     if result.reached and len(target) < len(free):
-        note(f"{len(target)} wanted, {len(free)} free: one solution of many; --fix {free[-1]}=... picks another")
+        note(
+            f"{len(target)} wanted, {len(free)} free: one solution of many, the nearest to the geometry of the family "
+            f"in units of the ranges; --fix {free[-1]}=... picks another"
+        )
     own = written(result.certified.thermal_resistance, "K/W")
     say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
     front = None

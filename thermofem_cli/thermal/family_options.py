@@ -3,7 +3,8 @@
 A quantity is a function of a thermal model and, where the optics depend on the geometry, of changes of optical numbers.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,9 @@ from scipy import stats
 import coupled
 import surrogate
 from coupled import RingResonator
+from coupled.contradictions import check_geometry
+from coupled.ring_family import MovingRing, ring_at
+from coupled.unknowns import number_of, optical_names, varied
 from surrogate import Optics
 from surrogate.family import Family
 from thermofem import checks
@@ -19,7 +23,9 @@ from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from ..command_files import note_ring, ring_of
-from ..drive_texts import assigned, detuning_of
+from ..console import note, written
+from ..drive_texts import assigned
+from ..options import REFERENCE_RING
 
 Change = Mapping[str, float]
 
@@ -49,14 +55,39 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
     return spreads
 
 
-def optics_of(family: Family, given: Sequence[str] | None, ring: str) -> Optics | None:
-    """Slopes d(optical number)/d(parameter) in SI of --optics 'bus_rate/width=-1e17'; 'detuning' is a number, too."""
-    from coupled.unknowns import optical_names
+def ring_for(family: Family, given: str) -> RingResonator:
+    """The ring of --ring; without it that of the family's own geometry where this has [light] and [[bus]]."""
+    own = family.optics
+    if given == REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
+        found = ring_at(family, family.box.nominal)
+        note(f"the ring is computed from the geometry: {found.name}; carriers of {given}")
+        return found
+    found = ring_of(given)
+    note_ring(found, given)
+    check_geometry(found, family)
+    return found
 
+
+def optics_of(family: Family, given: Sequence[str] | None, ring: RingResonator) -> Optics | MovingRing | None:
+    """How the ring follows the geometry: --optics 'bus_rate/width=-1e17', or what the family knows of its light.
+
+    Slopes are d(optical number)/d(parameter) in SI; 'detuning' is a number, too.
+    """
+
+    if not given and family.optics is not None:
+        moving = MovingRing(family, ring)
+        at = ", ".join(f"{name} = {written(value, units_of(family)[name])}" for name, value in moving.at.items())
+        buses = "" if "kappa 0" in family.optics.names else "; no [[bus]]: kappa^2 stands still"
+        note(f"the optics move with the geometry, from the ring as it is at {at}{buses}")
+        return moving
     if not given:
+        note(
+            "the optics stand still, this is the thermal part alone; [light] and [[bus]] in the geometry of the "
+            "family, or --optics, move them"
+        )
         return None
     slopes: dict[str, dict[str, float]] = {}
-    known = {*optical_names(ring_of(ring)), "detuning"}
+    known = {*optical_names(ring), "detuning"}
     for left, value in assigned("--optics", given, "bus_rate/width=-1e17").items():
         number, stroke, parameter = left.partition("/")
         if not stroke:
@@ -75,63 +106,64 @@ def _of_parameters(family: Family, option: str, given: list[str] | None, example
     return {checks.choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
 
 
-def cycle_property(name: str, family: Any, ring: str, power: str, detuning: str) -> Callable[..., float]:
-    """Period (s) or swing (K) of the settled cycle."""
-    resonator, watts, hertz = _drive(family, ring, power, detuning)
+@dataclass(frozen=True)
+class Settled:
+    """Period (s) or swing (K) of the settled cycle of a ring at one power (W) and detuning (Hz)."""
 
-    def of_cycle(model: Any, changes: Change | None = None) -> float:
-        moved, shift = _changed(resonator, changes)
-        return float(coupled.limit_cycle(moved, model, power=watts, detuning=hertz + shift).attrs[name])
+    name: str
+    ring: RingResonator
+    power: float
+    detuning: float
 
-    of_cycle.__name__ = f"settled_{name}"
-    return of_cycle
+    @property
+    def __name__(self) -> str:
+        """Name of the quantity."""
+        return f"settled_{self.name}"
+
+    def __call__(self, model: Any, changes: Change | None = None) -> float:
+        """That of one member."""
+        moved, shift = _changed(self.ring, changes)
+        found = coupled.limit_cycle(moved, model, power=self.power, detuning=self.detuning + shift)
+        return float(found.attrs[self.name])
 
 
-def pulsing_range(family: Any, ring: str, power: str, detuning: str) -> Callable[..., float]:
-    """Range of detunings in Hz over which no state is stable, at one power."""
-    resonator, watts, _ = _drive(family, ring, power, detuning)
-    detunings = np.linspace(*DETUNINGS)
+@dataclass(frozen=True)
+class PulsingRange:
+    """Range of detunings in Hz over which no state is stable, at one power (W)."""
 
-    def range_of_pulsing(model: Any, changes: Change | None = None) -> float:
-        moved, _ = _changed(resonator, changes)
-        growth = coupled.stability_map(moved, model, [watts, 1.001 * watts], detunings).growth_rate.values[0]
+    ring: RingResonator
+    power: float
+    __name__ = "range_of_pulsing"
+
+    def __call__(self, model: Any, changes: Change | None = None) -> float:
+        """That of one member."""
+        moved, _ = _changed(self.ring, changes)
+        detunings = np.linspace(*DETUNINGS)
+        found = coupled.stability_map(moved, model, [self.power, 1.001 * self.power], detunings)
+        growth = found.growth_rate.values[0]
         low, high = growth[:-1], growth[1:]
         share = np.clip(np.maximum(low, high) / np.maximum(np.abs(high - low), 1e-300), 0.0, 1.0)
         return float(share.sum() * np.diff(detunings)[0])
 
-    return range_of_pulsing
 
+@dataclass(frozen=True, eq=False)
+class Pulsing:
+    """Where no state is stable, Boolean over power (W) and detuning (Hz)."""
 
-def pulsing_points(family: Any, ring: str, powers: Any, detunings: Any) -> Callable[..., Any]:
-    """Where no state is stable, Boolean over power and detuning."""
-    from coupled.contradictions import check_geometry
+    ring: RingResonator
+    powers: Any
+    detunings: Any
+    __name__ = "pulses"
 
-    resonator = ring_of(ring)
-    note_ring(resonator, ring)
-    check_geometry(resonator, family)
-
-    def pulses(model: Any, changes: Change | None = None) -> Any:
-        moved, shift = _changed(resonator, changes)
-        found = coupled.stability_map(moved, model, powers, detunings + shift).regime == "self-pulsing"
-        return found.assign_coords(detuning=detunings)
-
-    return pulses
-
-
-def _drive(family: Any, ring: str, power: str, detuning: str) -> tuple[RingResonator, float, float]:
-    from coupled.contradictions import check_geometry
-
-    resonator = ring_of(ring)
-    note_ring(resonator, ring)
-    check_geometry(resonator, family)
-    watts = quantity.parse(power, "W", name="--power")
-    return resonator, watts, detuning_of(detuning, resonator)
+    def __call__(self, model: Any, changes: Change | None = None) -> Any:
+        """The map of one member."""
+        moved, shift = _changed(self.ring, changes)
+        found = coupled.stability_map(moved, model, self.powers, self.detunings + shift).regime == "self-pulsing"
+        return found.assign_coords(detuning=self.detunings)
 
 
 def _changed(ring: RingResonator, changes: Change | None) -> tuple[RingResonator, float]:
     """The ring with changed numbers, and the change of the detuning in Hz."""
-    from coupled.unknowns import number_of, varied
-
     if not changes:
         return ring, 0.0
     rest = {name: change for name, change in changes.items() if name != "detuning"}

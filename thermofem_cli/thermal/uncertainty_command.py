@@ -7,13 +7,14 @@ import typer
 
 import surrogate
 import thermofem as th
+from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import check_outputs, ring_of
+from ..command_files import check_outputs
 from ..console import note, say, working, written, wrote
-from ..drive_texts import grid
-from .family_options import cycle_property, fixed_of, optics_of, pulsing_points, spreads_of, units_of
+from ..drive_texts import detuning_of, grid
+from .family_options import Pulsing, Settled, fixed_of, optics_of, ring_for, spreads_of, units_of
 
 
 def uncertainty(
@@ -34,6 +35,8 @@ def uncertainty(
     ring: options.FamilyRing = options.REFERENCE_RING,
     power: options.FamilyPower = "8 dBm",
     detuning: options.FamilyDetuning = "0 GHz",
+    workers: options.Processes = 1,
+    scheduler: options.Scheduler = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Propagate normally distributed fabrication tolerances to R_th, the settled period or the self-pulsing map, with
@@ -51,10 +54,15 @@ def uncertainty(
     found = surrogate.load_family(file)
     spreads, fixed = spreads_of(found, spread), fixed_of(found, fix)
     what: Any = "thermal_resistance"
-    if map_:
-        what = pulsing_points(found, ring, *grid(ring_of(ring), power, detuning, points))
-    elif period:
-        what = cycle_property("period", found, ring, power, detuning)
+    slopes = None
+    if map_ or period:
+        resonator = ring_for(found, ring)
+        if map_:
+            what = Pulsing(resonator, *grid(resonator, power, detuning, points))
+        else:
+            watts = quantity.parse(power, "W", name="--power")
+            what = Settled("period", resonator, watts, detuning_of(detuning, resonator))
+        slopes = optics_of(found, optics, resonator)
     both = next((name for name in fixed if name in spreads), None)
     if both is not None:
         raise InputError(f"--fix and --spread are both given for {both!r}; leave one of the two out")
@@ -66,9 +74,9 @@ def uncertainty(
     if period and interpolate is None:
         count = samples * (len(spreads) + 2)
         note(f"{count} settled cycles, some minutes; with --interpolate 150 only 150, interpolated, some seconds")
-    slopes = optics_of(found, optics, ring)
     settings: dict[str, Any] = {"samples": samples, "fixed": fixed, "optics": slopes, "seed": seed}
-    with working("sampling"):
+    with options.executor_of(scheduler, workers if workers > 1 else None) as executor, working("sampling"):
+        settings["executor"] = executor
         data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, **settings)
     if map_:
         th.save(data, map_)
@@ -92,8 +100,19 @@ def _say(data: Any, unit: str, interpolate: int | None) -> dict[str, Any]:
             for kind in ("first_order", "total_order")
         )
         say(f"{name}: first-order Sobol index {first}; total {total}")
+        say(f"{name}: {_change(row, unit)} for one standard deviation")
     if interpolate:
         error = data.attrs["interpolation_error"]
         say(f"interpolated between {interpolate} members; rms error {error:.1e} over held-out ones")
     kinds = [f"{kind}{end}" for kind in ("first_order", "total_order") for end in ("", "_low", "_high")]
+    kinds += [kind for kind in ("per_deviation", "per_deviation_heat") if kind in data]
     return {**data.attrs, **{kind: dict(zip(parameters, data[kind].values.tolist(), strict=True)) for kind in kinds}}
+
+
+def _change(row: Any, unit: str) -> str:
+    """Change of the quantity by one standard deviation of a parameter, and what of it is light and heat."""
+    whole = row["per_deviation"].item()
+    if "per_deviation_heat" not in row:
+        return written(whole, unit)
+    heat = row["per_deviation_heat"].item()
+    return f"{written(whole, unit)}, {written(heat, unit)} by heat and {written(whole - heat, unit)} by light"

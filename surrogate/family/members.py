@@ -1,8 +1,9 @@
-"""Members that are solved, on their own mesh or as snapshots of the basis; on any Executor, kept in a folder.
+"""Members of a family: small matrices by projection, their modes, and members that are solved on a mesh.
 
-A snapshot is reduced first (`surrogate.reduce`). Its fields x(s) = (K + s M)^-1 c at many shifts, on the real and on
-the imaginary axis, are then combinations of a few modes. Each is divided by the square root of |Z(s)|: a projection
-that leaves the share e of its energy errs by about e in Z(s).
+A reduced member is K(p) = V^T K_mesh(p) V. A member that is solved, on its own mesh or as a snapshot of the basis, is
+reduced first (`surrogate.reduce`). Its fields x(s) = (K + s M)^-1 c at many shifts, on the real and on the imaginary
+axis, are then combinations of a few modes. Each is divided by the square root of |Z(s)|: a projection that leaves the
+share e of its energy errs by about e in Z(s). Members are solved on any Executor and kept in a folder.
 """
 
 from __future__ import annotations
@@ -21,18 +22,87 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from thermofem import CrossSection, StateSpace, assemble, checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, NDArray
 from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
 from thermofem.data.netcdf import DAMAGE
 from thermofem.fem import HeatProblem
 
 from ..reduction.reduce import Projected, project
-from .affine_matrices import AffineEngine
-from .projected_matrices import MemberModes, MovedMeshEngine, difference
+
+
+@dataclass(frozen=True, eq=False)
+class MemberModes:
+    """A member in modes: Z_ab(s) = sum_i port_ai port_bi / (1 + s tau_i).
+
+    tau [shape (k,), s]
+    ports [shape (ports, k)]: square root of K/W.
+    """
+
+    tau: Array
+    ports: Array
+
+    def R(self, heated: int = 0, read: int = 0) -> Array:
+        """Thermal resistances of the poles in K/W."""
+        return np.asarray(self.ports[heated] * self.ports[read])
+
+    def step_response(self, times: Array, heated: int = 0, read: int = 0) -> Array:
+        """Rise in K/W after a unit step."""
+        return np.asarray(-np.expm1(-times[:, None] / self.tau) @ self.R(heated, read))
+
+
+@dataclass(frozen=True, eq=False)
+class MemberMatrices:
+    """K (N, N) in W/K, M (N, N) in J/K and port functionals (ports, N) of one member."""
+
+    K: Array
+    M: Array
+    ports: Array
+
+    def modes(self) -> MemberModes:
+        """Solve M v = tau K v with v^T K v = 1: errors are relative to the largest time constant and to R_th."""
+        tau, v = eigh(self.M, self.K, check_finite=False)
+        return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
+
+    def resistances(self, heated: int, count: int | None = None) -> Array:
+        """Static gains in K/W of the first ``heated`` ports, read by all, in the first functions."""
+        ports = self.ports[:, :count]
+        return np.asarray(ports[:heated] @ np.linalg.solve(self.K[:count, :count], ports.T))
+
+    def first(self, count: int) -> MemberMatrices:
+        """The member in the first functions alone."""
+        return MemberMatrices(self.K[:count, :count], self.M[:count, :count], self.ports[:, :count])
+
+
+TIMES = np.geomspace(1e-9, 1e-3, 61)  # s; at which errors of step responses are looked at
+
+
+def difference(modes: MemberModes, truth: MemberModes, heated: int = 1) -> float:
+    """Largest relative difference of R_th and of the step response from 1 ns on, over all channels.
+
+    The first ``heated`` ports carry heat, all are read.
+
+    Relative to the value itself where a part reads its own heat, to the static value of the channel elsewhere.
+    """
+    worst = 0.0
+    for a in range(heated):
+        for b in range(len(truth.ports)):
+            static = truth.R(a, b).sum()
+            rise = truth.step_response(TIMES, a, b)
+            off = np.abs(modes.step_response(TIMES, a, b) - rise) / (rise if a == b else abs(static))
+            worst = max(worst, float(abs(modes.R(a, b).sum() / static - 1)), float(off.max()))
+    return worst
+
+
+def coarse_difference(small: MemberMatrices, heated: int) -> float:
+    """Change of a member from the first part of the basis to all of it."""
+    # with 0.7 of the functions, in the comparison behind `Family.predicted_error`
+    count = max(1, int(0.7 * small.K.shape[0]))
+    return difference(small.first(count).modes(), small.modes(), heated)
+
 
 HASH = "hash"  # name of the array that holds it
 _ARCHIVE_DAMAGE = (
@@ -219,7 +289,7 @@ def fine_member(geometry: str, ports: tuple[str, ...], tolerance: float) -> Memb
     return certified_modes(heat, ports, tolerance)[0]
 
 
-def snapshot_of(engine: AffineEngine | MovedMeshEngine, row: Array, ports: tuple[str, ...], tolerance: float) -> Member:
+def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: float) -> Member:
     """A member on the reference mesh."""
     return solve_member(row, engine.heat(row), ports, tolerance)
 

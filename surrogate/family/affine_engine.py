@@ -19,7 +19,7 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.heat_problem import on_mesh, resistances
+from thermofem.fem.assembly import on_mesh, resistances
 from thermofem.fem.mesh_division import split
 from thermofem.fem.weak_forms import maps, reference
 from thermofem.geometry.regions import Face
@@ -27,68 +27,11 @@ from thermofem.mesh import Mesh
 from thermofem.mesh.element_sizes import size_function, sizes
 from thermofem.mesh.gmsh_mesher import make_faces
 
-from .affine_grid import CellGrid, Properties, member_properties
+from .affine_grid import SAMPLES, CellGrid, SampledWeights, points
+from .members import MemberMatrices
 from .parameter_box import Box
-from .surface_weights import SAMPLES, SampledWeights, SurfacePoints, points
 
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Cells of a grid that are meshed.
-
-    i, j [shape (c,)]: interval across r and z.
-    """
-
-    i: NDArray[np.intp]
-    j: NDArray[np.intp]
-    owner: list[str]
-    material: list[str]
-
-    @classmethod
-    def of(cls, grid: CellGrid, box: Box) -> Cells:
-        """Number them."""
-        found = [(i, j, name) for i, column in enumerate(grid.owner) for j, name in enumerate(column) if name]
-        i, j, owner = zip(*found, strict=True)
-        return cls(np.array(i), np.array(j), list(owner), [box.base.material_of(name).name for name in owner])
-
-    @cached_property
-    def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
-        """Every material once, and which one each cell has."""
-        names = list(dict.fromkeys(self.material))
-        return names, np.array([names.index(m) for m in self.material])
-
-    def properties(self, at: Properties) -> tuple[Array, Array, Array]:
-        """2 pi times k_r, k_z and rho c_p of every cell, each of shape (n or 1, c)."""
-        names, index = self._materials
-        k_r, k_z, c = (2 * np.pi * np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
-        return k_r, k_z, c
-
-    def coefficients(
-        self, grid: CellGrid, box: Box, rows: Array, at: Properties | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
-        k_r, k_z, c = self.properties(at or member_properties(box, rows))
-        a, b, d = self.cell_maps(grid, rows - box.middle)
-        volume = self.volume(a, b, d)
-        return self.stiffness(k_r, k_z, a, b, d), np.concatenate([c, c], axis=1) * volume / (2 * np.pi), volume
-
-    def cell_maps(self, grid: CellGrid, offset: Array) -> tuple[Array, Array, Array]:
-        """a, b and d of every cell, each of shape (n, c)."""
-        a, b = grid.r.maps(offset)
-        return a[:, self.i], b[:, self.i], grid.z.maps(offset)[1][:, self.j]
-
-    @staticmethod
-    def stiffness(k_r: Array, k_z: Array, a: Array, b: Array, d: Array) -> Array:
-        """Coefficients of the stiffness, shape (n, 4 c)."""
-        ratio = d / b
-        along_r, along_z = k_r * ratio, k_z / ratio
-        return np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
-
-    @staticmethod
-    def volume(a: Array, b: Array, d: Array) -> Array:
-        """Coefficients of volumes, shape (n, 2 c)."""
-        area = 2 * np.pi * b * d
-        return np.concatenate([area * a, area * b], axis=1)
+CHUNK = 512  # members at once
 
 
 def element_terms(basis: Any) -> tuple[Array, Array, Array]:
@@ -137,60 +80,30 @@ def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
     return kind, ratio
 
 
-PROPERTIES = ("ambient", "material", "interface", "boundary")  # kinds of paths that `member_properties` reads
-
-
 @dataclass(frozen=True, eq=False)
 class Coefficients:
     """Coefficients of all terms as functions of the parameters; with the matrices they make a member.
 
-    stiffness, capacity [(int array, array)]: which term each coefficient of `Cells.coefficients` belongs to, and its
+    stiffness, capacity [(int array, array)]: which term each coefficient of `CellGrid.coefficients` belongs to, and its
         factor.
     """
 
-    box: Box
     grid: CellGrid
-    cells: Cells
     stiffness: tuple[NDArray[np.intp], Array]
     capacity: tuple[NDArray[np.intp], Array]
     surface: SampledWeights | None
 
     def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
         """Coefficients of K (n, q), of M (n, m) and of volumes (n, 2 c) for parameters (n, p)."""
-        K, volume, c = self._static(rows)
-        first = self._firsts[1]
-        return K, c[:, first % c.shape[1]] * volume[:, first] / (2 * np.pi), volume
-
-    def static(self, rows: Array) -> tuple[Array, Array]:
-        """Those of K and of volumes alone."""
-        return self._static(rows)[:2]
-
-    def _static(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Coefficients of K and of volumes, and 2 pi rho c_p of every cell."""
-        if (fixed := self._fixed) is not None:
-            k_r, k_z, c = fixed
-        else:
-            at = member_properties(self.box, rows)
-            k_r, k_z, c = self.cells.properties(at)
-        a, b, d = self.cells.cell_maps(self.grid, rows - self.box.middle)
-        K = self.cells.stiffness(k_r, k_z, a, b, d)[:, self._firsts[0]]
+        at = self.grid.box.properties(rows)
+        stiffness, capacity, volume = self.grid.coefficients(rows, at)
+        K, M = (
+            each[:, np.unique(kind, return_index=True)[1]]  # the first coefficient of every kind
+            for each, (kind, _) in ((stiffness, self.stiffness), (capacity, self.capacity))
+        )
         if self.surface is not None:
-            K = np.concatenate([K, self.surface.points.weights(self.grid, self.box, rows, at)], axis=1)
-        return K, self.cells.volume(a, b, d), c
-
-    @cached_property
-    def _fixed(self) -> tuple[Array, Array, Array] | None:
-        """Laws of the cells that hold for all members; None where a parameter changes one, or surfaces need more."""
-        paths = [path for v in self.box.campaign.variations for path in v.paths]
-        if self.surface is not None or any(path.split(".")[0] in PROPERTIES for path in paths):
-            return None
-        return self.cells.properties(member_properties(self.box, self.box.middle[None]))
-
-    @cached_property
-    def _firsts(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The first coefficient of every kind."""
-        first = [np.unique(kind, return_index=True)[1] for kind, _ in (self.stiffness, self.capacity)]
-        return first[0], first[1]
+            K = np.concatenate([K, self.surface.points.weights(self.grid, rows, at)], axis=1)
+        return K, M, volume
 
 
 class AffineEngine:
@@ -203,8 +116,7 @@ class AffineEngine:
 
     def __init__(self, box: Box, accuracy: float) -> None:
         self.box, self.grid, self.accuracy = box, CellGrid.of(box), accuracy
-        self.cells = Cells.of(self.grid, box)
-        mesh, cell = _mesh(self.grid, self.cells, box, accuracy)
+        mesh, cell = _mesh(self.grid, accuracy)
         self.mesh, self.cell = split(mesh, resistances(box.base)), cell
         vertex = np.zeros(len(self.mesh.points), dtype=np.intp)
         vertex[self.mesh.triangles.ravel()] = np.repeat(cell, 3)
@@ -226,27 +138,25 @@ class AffineEngine:
 
     def heat(self, row: Array) -> HeatProblem:
         """The heat problem of a member on the moved reference mesh."""
-        offset = row - self.box.middle
-        i, j = self.cells.i[self._vertex], self.cells.j[self._vertex]
-        r = self.grid.r.moved(self.mesh.points[:, 0], i, offset)
-        z = self.grid.z.moved(self.mesh.points[:, 1], j, offset)
+        offset, (i, j, _) = row - self.box.middle, self.grid.cells
+        r = self.grid.r.moved(self.mesh.points[:, 0], i[self._vertex], offset)
+        z = self.grid.z.moved(self.mesh.points[:, 1], j[self._vertex], offset)
         moved = replace(self.mesh, points=np.stack([r, z], axis=1))
         return on_mesh(self.box.geometry(row), moved, self.accuracy)
 
     @cached_property
-    def _sampled(self) -> tuple[Coefficients, SurfacePoints, Any]:
+    def _sampled(self) -> tuple[Coefficients, Any]:
+        """Coefficients of all terms, and the sparse traces on the surfaces or None."""
         rows = self.box.draw(SAMPLES, seed=1)
-        stiffness, capacity, _ = self.cells.coefficients(self.grid, self.box, rows)
-        every, traces = points(self.reference, self.cell, self.cells.i, self.cells.j)
-        surface = None
-        if len(every.kind):
-            surface = SampledWeights.of(
-                every, every.weights(self.grid, self.box, rows, member_properties(self.box, rows))
-            )
-        found = Coefficients(
-            self.box, self.grid, self.cells, group_proportional(stiffness), group_proportional(capacity), surface
-        )
-        return found, every, traces
+        at = self.box.properties(rows)
+        stiffness, capacity, _ = self.grid.coefficients(rows, at)
+        i, j, _ = self.grid.cells
+        surface = traces = None
+        if (found := points(self.reference, np.stack([i, j], axis=1)[self.cell])) is not None:
+            every, traces = found
+            surface = SampledWeights.of(every, every.weights(self.grid, rows, at))
+        kinds = group_proportional(stiffness), group_proportional(capacity)
+        return Coefficients(self.grid, *kinds, surface), traces
 
     @property
     def coefficients(self) -> Coefficients:
@@ -259,8 +169,7 @@ class AffineEngine:
         full = np.zeros((basis.N, V.shape[1]))
         full[self.reference.discretization.free] = V
         stiffness, capacity, load = element_terms(basis)
-        count = len(self.cells.i)
-        n = V.shape[1]
+        count, n = len(self.grid.cells[0]), V.shape[1]
         K, M = np.zeros((4, count, n, n)), np.zeros((2, count, n, n))
         L = np.zeros((2, count, n))
         for c in range(count):
@@ -271,24 +180,26 @@ class AffineEngine:
                 for k, term in enumerate(terms):
                     target[k, c] = flat.T @ np.matmul(term[here], local).reshape(-1, n)
             L[:, c] = np.einsum("ktb,tbn->kn", load[:, here], local)
-        coefficients, _, traces = self._sampled
+        coefficients, traces = self._sampled
         K_terms = _summed(K.reshape(-1, n, n), coefficients.stiffness)
         if coefficients.surface is not None:
             U = traces @ full
             extra = [U.T @ (mode[:, None] * U) for mode in coefficients.surface.modes.T]
             K_terms = np.concatenate([K_terms, np.array(extra)])
         M_terms = _summed(M.reshape(-1, n, n), coefficients.capacity)
-        inside = np.array([[owner == name for owner in self.cells.owner] for name in ports])
-        P = inside[:, None, :, None] * L
+        P = self._inside(ports)[:, None, :, None] * L
         return K_terms, M_terms, P.reshape(len(ports), -1, n)
+
+    def _inside(self, ports: tuple[str, ...]) -> NDArray[np.bool_]:
+        """Which cells each port covers, shape (ports, c)."""
+        return np.array([[owner == name for owner in self.grid.cells[2]] for name in ports])
 
     def volumes(self, ports: tuple[str, ...]) -> Array:
         """Terms of the volume of every port, shape (len(ports), 2 c)."""
         basis = self.reference.discretization.basis
         _, _, load = element_terms(basis)
-        each = np.array([np.bincount(self.cell, x.sum(axis=1), minlength=len(self.cells.i)) for x in load])
-        inside = np.array([[owner == name for owner in self.cells.owner] for name in ports])
-        return (inside[:, None, :] * each).reshape(len(ports), -1)
+        each = np.array([np.bincount(self.cell, x.sum(axis=1), minlength=len(self.grid.cells[0])) for x in load])
+        return (self._inside(ports)[:, None, :] * each).reshape(len(ports), -1)
 
 
 def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
@@ -298,15 +209,91 @@ def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
     return total
 
 
-def _mesh(grid: CellGrid, cells: Cells, box: Box, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
+def _mesh(grid: CellGrid, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
     """A mesh that conforms to all lines, regions named after owners, and the cell of every triangle."""
-    r, z = grid.r.base, grid.z.base
+    r, z, base, (left, lower, owners) = grid.r.base, grid.z.base, grid.box.base, grid.cells
     faces = tuple(
         Face(str(k), (np.array([(r[i], z[j]), (r[i + 1], z[j]), (r[i + 1], z[j + 1]), (r[i], z[j + 1])]),))
-        for k, (i, j) in enumerate(zip(cells.i, cells.j, strict=True))
+        for k, (i, j) in enumerate(zip(left, lower, strict=True))
     )
-    mesh = make_faces(faces, size_function(box.base, sizes(accuracy)), box.base.name)
+    mesh = make_faces(faces, size_function(base, sizes(accuracy)), base.name)
     cell = np.array([int(name) for name in mesh.region_names])[mesh.region]
-    names = tuple(name for name in box.base.region_names if name in cells.owner)
-    region = np.array([names.index(owner) for owner in cells.owner])[cell]
+    names = tuple(name for name in base.region_names if name in owners)
+    region = np.array([names.index(owner) for owner in owners])[cell]
     return Mesh(mesh.points, mesh.triangles, region, names), cell
+
+
+@dataclass(frozen=True, eq=False)
+class AffineMembers:
+    """Packed matrices of a family on lines.
+
+    K, M [shape (terms, N (N + 1)/2)]: upper triangles, row by row.
+    ports [shape (ports, 2 c, N)]
+    volumes [shape (ports, 2 c)]
+    statics: first functions, from which the thermal resistance is taken; `Trainer` says how many are enough.
+    """
+
+    coefficients: Coefficients
+    K: Array
+    M: Array
+    ports: Array
+    volumes: Array
+    statics: int
+    engine = "affine"
+
+    @classmethod
+    def of(
+        cls, coefficients: Coefficients, terms: tuple[Array, Array, Array], volumes: Array, statics: int
+    ) -> AffineMembers:
+        """Pack square terms."""
+        K, M, ports = terms
+        upper = np.triu_indices(K.shape[1])
+        return cls(coefficients, K[:, *upper], M[:, *upper], ports, volumes, statics)
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return int(self.ports.shape[2])
+
+    def rotated(self, T: Array, statics: int) -> AffineMembers:
+        """In other functions, the columns of T."""
+        K, M = (np.array([T.T @ self._square(x) @ T for x in packed]) for packed in (self.K, self.M))
+        return AffineMembers.of(self.coefficients, (K, M, self.ports @ T), self.volumes, statics)
+
+    def _square(self, packed: Array) -> Array:
+        n = self.size
+        full, upper = np.zeros((n, n)), self._upper
+        full[upper] = packed
+        full.T[upper] = packed
+        return full
+
+    @cached_property
+    def _upper(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        i, j = np.triu_indices(self.size)
+        return i, j
+
+    @cached_property
+    def _static_terms(self) -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], Array, Array]:
+        """Places and terms of K between the static functions, and the ports of those."""
+        n, upper = self.statics, np.triu_indices(self.size)
+        kept = np.flatnonzero((upper[0] < n) & (upper[1] < n))
+        return (upper[0][kept], upper[1][kept]), np.ascontiguousarray(self.K[:, kept]), self.ports[:, :, :n]
+
+    def member(self, row: Array) -> MemberMatrices:
+        """Matrices of one member."""
+        K, M, volume = self.coefficients(row[None])
+        mean = np.einsum("c,pcn->pn", volume[0], self.ports) / (self.volumes @ volume[0])[:, None]
+        return MemberMatrices(self._square(K[0] @ self.K), self._square(M[0] @ self.M), mean)
+
+    def resistances(self, rows: Array, heated: int, read: int) -> Array:
+        """Static gain of many members, shape (n,), from the static functions."""
+        n, (at, terms, ports) = self.statics, self._static_terms
+        result = np.empty(len(rows))
+        for start in range(0, len(rows), CHUNK):
+            K, _, volume = self.coefficients(rows[start : start + CHUNK])
+            packed = K @ terms
+            full = np.zeros((len(packed), n, n))
+            full[:, at[0], at[1]] = full[:, at[1], at[0]] = packed
+            b, c = ((volume @ ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
+            result[start : start + CHUNK] = np.einsum("nk,nk->n", c, np.linalg.solve(full, b[..., None])[..., 0])
+        return result

@@ -1,0 +1,126 @@
+"""The rings of a family of geometries: optical numbers from its polynomials, heat from its members.
+
+    ring of a member = `ring_from` of its geometry, within `family.optics.error`
+
+A ring that was given follows the geometry in proportion: number(p) = number(p_0) computed(p)/computed(p_0).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from thermofem import checks
+from thermofem.checks import InputError
+from thermofem.optics.coupler import MOST
+
+from .resonator import RingResonator
+from .ring_from import base_of, fields_of
+
+STILL = {"loss": 1.0, "kappa 0": 1e-2}  # loss and kappa^2 where the geometry does not give them: they stand still
+
+
+def ring_at(
+    family: Any,
+    values: Mapping[str, float],
+    base: RingResonator | None = None,
+    *,
+    loss: float | None = None,
+    coupling: float | None = None,
+    order: int | None = None,
+) -> RingResonator:
+    """Return the ring of one member of a family that was trained on a geometry with [light].
+
+    Parameters
+    ----------
+    family : surrogate.family.Family
+    values : dict from parameter to float, SI
+    base : RingResonator
+        what is no geometry; default as in `ring_from`.
+    loss, coupling : float, 1/m and 1
+        power loss of the guide, and kappa^2 of two buses; default those of [light] and of the [[bus]] tables.
+    order : int
+        of the resonance; default that next to the wavelength.
+
+    Raises
+    ------
+    InputError
+        a family without [light], a value outside its box, no loss or no bus.
+    """
+    n = _numbers(family, values)
+    n |= {} if loss is None else {"loss": checks.between("loss", loss, 0, 1e6, unit="1/m")}
+    if coupling is not None:
+        n |= dict.fromkeys(("kappa 0", "kappa 1"), checks.between("coupling", coupling, 1e-9, MOST))
+    for name, key in (("loss", "loss"), ("coupling", "kappa 0")):
+        if key not in n:
+            raise InputError(f"{name} is missing; give it, or [light] with loss and [[bus]] in the geometry")
+    material = family.box.base.material_of(family.box.base.light.part)
+    fields: dict[str, Any] = fields_of(n, _order(n) if order is None else order)
+    name = f"{family.box.campaign.name} at {', '.join(f'{key} = {value:.6g}' for key, value in values.items())}"
+    made = replace(base_of(base, material, n["wavelength"]), name=name, rates=(), **fields)
+    return replace(made, scattering_rate=n["radiated"])
+
+
+@dataclass(frozen=True, eq=False)
+class MovingRing:
+    """How a ring follows the geometry of a family: ``optics`` of `surrogate.uncertainty` and `surrogate.design`.
+
+    ring: at the values of the family's own geometry file, or the middle of the box where that lies outside.
+    """
+
+    family: Any
+    ring: RingResonator
+
+    def __post_init__(self) -> None:
+        if self.ring.rates:
+            rates = ", ".join(name for name, _ in self.ring.rates)
+            raise InputError(
+                f"ring {self.ring.name!r} follows {rates}, which no geometry moves", "replace(ring, rates=())"
+            )
+        self._start  # noqa: B018 - a family without optics raises here
+
+    @cached_property
+    def at(self) -> dict[str, float]:
+        """Parameters at which the ring is as given."""
+        found: dict[str, float] = self.family.box.nominal
+        return found
+
+    @cached_property
+    def _start(self) -> dict[str, float]:
+        return self._numbers(self.at)
+
+    def _numbers(self, values: Mapping[str, float]) -> dict[str, float]:
+        return STILL | _numbers(self.family, values)
+
+    def check(self, family: Any) -> None:
+        """Raise InputError for another family than that of the optics."""
+        if family is not self.family:
+            raise InputError("optics: they are those of another family")
+
+    def changes(self, family: Any, values: Mapping[str, float]) -> dict[str, float]:
+        """Change of every number of the ring at a member; the order of the resonance is held."""
+        order = _order(self._start)
+        n = self._numbers(values)
+        begin, end = (fields_of(one, order) for one in (self._start, n))
+        ratios = {name: end[name] / value for name, value in begin.items() if value}
+        ratios.setdefault("drop_rate", ratios["bus_rate"])
+        if self.ring.index_confinement is None:  # the printed rules: the shift is in proportion to thermo_optic
+            ratios["thermo_optic"] = n["thermo_optic"] / self._start["thermo_optic"]
+        own = {name: getattr(self.ring, name) for name in ratios}
+        found = {name: value * (ratios[name] - 1) for name, value in own.items() if value is not None}
+        return found | {"scattering_rate": n["radiated"] - self._start["radiated"]}
+
+
+def _order(n: Mapping[str, float]) -> int:
+    return round(n["n_eff"] * 2 * math.pi * n["radius"] / n["wavelength"])
+
+
+def _numbers(family: Any, values: Mapping[str, float]) -> dict[str, float]:
+    """The optical numbers of a member."""
+    if family.optics is None:
+        raise InputError("the family has no optics", "train it on a geometry with [light], and [[bus]] tables")
+    found: dict[str, float] = family.optics.at(family.box.share(family.box.row(values)))
+    return found

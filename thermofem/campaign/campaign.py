@@ -1,0 +1,344 @@
+"""Campaigns: base geometry, varied quantities, drives and probes, and the loop over the geometries.
+
+Each geometry is solved in a worker, which writes its file; the process that called keeps the books.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.stats import qmc
+
+from .. import checks, waveforms
+from ..data import files, netcdf
+from ..data.variables import known
+from ..errors import InputError, MissingLibraryError
+from ..fem import HeatProblem
+from ..fem.assembly import assemble_like
+from ..geometry import CrossSection
+from ..geometry.parameter_paths import check_once, place
+from ..geometry.section_parts import LIGHT
+from ..mesh.element_sizes import sizes
+from ..solving import solve, solve_periodic
+from ..version import __version__
+from . import campaign_file
+from .campaign_file import Drive, Value, Variation
+from .collection import NUMBERS, Folder, Row, write_collections
+from .stored_tasks import completed
+
+LARGEST = 1_000_000  # geometries of one campaign
+# names of variables and dimensions of the index and of the training collection
+INDEX = ("case", "key", "status", "reason", "probe", "thermal_resistance", "unknowns", "discretization_error",
+         "domain_error", "feature", "features", "feature_unit")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """One geometry: the values of the variations and the content hash that names its file."""
+
+    key: str
+    values: tuple[Value, ...]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Progress of a campaign.
+
+    Attributes
+    ----------
+    total, reused, finished, failed : int
+        all geometries; with a result from earlier runs; with one from this run; without a result, now or earlier.
+    seconds, cpu_seconds : float
+        of this run: wall time of the solving, CPU time of the geometries in the workers.
+    """
+
+    total: int
+    reused: int = 0
+    finished: int = 0
+    failed: int = 0
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+
+    @property
+    def done(self) -> int:
+        """Geometries that need no more work."""
+        return self.reused + self.finished + self.failed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a worker reports of one geometry: the reason of a failure, CPU seconds, and its row of the index."""
+
+    reason: str
+    cpu: float
+    row: Row = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A base geometry, what is varied, and how each geometry is driven and read.
+
+    Parameters
+    ----------
+    geometry : str
+        text of a geometry file.
+    variations : tuple of Variation
+        the listed ones are crossed; every combination meets every point of the Latin hypercube of the others.
+    drives : tuple of Drive
+        of every geometry; a family needs none.
+    name : str
+    heated : str
+        default the first heated part.
+    read : tuple of str
+        parts and layers to read; default the heated part.
+    accuracy, rtol : float
+        of the mesh and of the time integration.
+    samples, seed : int
+        number of points of the Latin hypercube, and its seed.
+
+    Raises
+    ------
+    InputError
+        what contradicts itself, names what is not in the geometry, or makes more than a million geometries.
+    """
+
+    geometry: str
+    variations: tuple[Variation, ...]
+    drives: tuple[Drive, ...] = ()
+    name: str = "campaign"
+    heated: str | None = None
+    read: tuple[str, ...] = ()
+    accuracy: float = 1e-3
+    rtol: float = 1e-4
+    samples: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        sizes(self.accuracy)  # the rule of the meshes
+        checks.between("rtol", self.rtol, 1e-10, 0.1)
+        self._check_names()
+        check_once(path for variation in self.variations for path in variation.paths)
+        drawn = [v.name for v in self.variations if not v.values]
+        if bool(drawn) != bool(self.samples):
+            raise InputError(
+                f"samples = {self.samples} with ranges to draw from: {', '.join(drawn) or 'none'}",
+                "samples is the number of points drawn from ranges without count",
+            )
+        if len(self) > LARGEST:
+            raise InputError(f"{len(self)} geometries are more than {LARGEST}", "take fewer values or draw from ranges")
+        self.geometry_of(next(self._values()))  # a path that leads nowhere raises here
+
+    def _check_names(self) -> None:
+        """InputError where two names are equal, or one is that of a variable of the index."""
+        taken = {*INDEX, *(f"{kind}_{d.name}" for d in self.drives for kind in ("time", "power", "delta_T"))}
+        for what, items in (("drive", self.drives), ("vary", self.variations)):
+            checks.unique(f"{what} names", [item.name for item in items])
+        for variation in self.variations:
+            own = known(variation.name)
+            if variation.name in taken or (own and own.unit != variation.unit):
+                raise InputError(f"vary: name = {variation.name!r} is taken by the index or by files", "choose another")
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Campaign:
+        """Read a campaign file; InputErrors begin with the name of the file."""
+        folder = Path(path).parent
+        return files.read_toml(path, "campaign", lambda text: cls(**campaign_file.fields(text, folder)))
+
+    def __len__(self) -> int:
+        return math.prod(len(v.values) for v in self.variations if v.values) * max(self.samples, 1)
+
+    @cached_property
+    def _table(self) -> dict[str, Any]:
+        return files.from_toml(self.geometry)
+
+    def _values(self) -> Iterator[tuple[Value, ...]]:
+        """The values of every geometry, in order: lists crossed, the first one slowest, hypercube innermost."""
+        drawn = [v for v in self.variations if not v.values]
+        points = self._hypercube(drawn) if drawn else [[]]
+        for listed in itertools.product(*(v.values for v in self.variations if v.values)):
+            for point in points:
+                grid, free = iter(listed), iter(point)
+                yield tuple(next(grid) if v.values else next(free) for v in self.variations)
+
+    def _hypercube(self, drawn: list[Variation]) -> list[list[float]]:
+        """Points that fall once into each of ``samples`` equal slices of every range, to nine digits."""
+        shares = qmc.LatinHypercube(len(drawn), rng=np.random.default_rng(self.seed)).random(self.samples)
+        return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in shares]
+
+    def geometry_of(self, values: tuple[Value, ...]) -> str:
+        """Text of the geometry file with these values."""
+        table = json.loads(json.dumps(self._table))
+        for variation, value in zip(self.variations, values, strict=True):
+            for path in variation.paths:
+                place(table, path, variation.text(value))
+        return files.to_toml(table)
+
+    def named(self, case: Case) -> dict[str, Value]:
+        """The values of one geometry by name."""
+        return {v.name: value for v, value in zip(self.variations, case.values, strict=True)}
+
+    def cases(self) -> list[Case]:
+        """Every geometry once, with the hash of all that determines its result."""
+        drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
+        base = files.to_toml(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
+        names = [v.name for v in self.variations]  # which the results hold
+        # version 2 of the result files; it enters the hash of every geometry
+        shared = (2, __version__, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
+        seen: dict[str, Case] = {}
+        for values in self._values():
+            content = json.dumps((self.geometry_of(values), *shared))
+            key = hashlib.sha256(content.encode()).hexdigest()[:16]
+            seen.setdefault(key, Case(key, values))
+        return list(seen.values())
+
+    def run(
+        self,
+        directory: str | Path,
+        executor: Executor | None = None,
+        *,
+        workers: int | None = None,
+        retry_failed: bool = False,
+        report: Callable[[Summary], None] | None = None,
+    ) -> Summary:
+        """Solve every geometry that has no result yet, and write index and training collection.
+
+        Parameters
+        ----------
+        directory : str or Path
+            of the results; another run continues there.
+        executor : concurrent.futures.Executor
+            whose workers reach the folder, such as Dask's or ``mpi4py.futures``; default processes of our own.
+        workers : int
+            number of these processes; default one for each CPU.
+        retry_failed : bool
+            take geometries that failed in an earlier run again.
+        report : callable
+            gets a `Summary` when the base geometry is checked, and after every geometry.
+
+        Raises
+        ------
+        InputError
+            no drive; the folder cannot be written or is in use; a base geometry that cannot be solved; an executor that
+            breaks. Finished results are kept.
+        MissingLibraryError
+            meshes must be made and gmsh cannot be loaded.
+        """
+        if not self.drives:
+            raise InputError(f"campaign {self.name!r} has no drive", "add a [[drive]] table (a family needs none)")
+        report = report or (lambda summary: None)
+        folder, cases = Folder(Path(directory).absolute()), self.cases()  # workers have other working folders
+        with folder.opened():
+            folder.write_plan(self, cases)
+            there = folder.store.intact([case.key for case in cases])
+            failed = set() if retry_failed else {case.key for case in cases if folder.reason(case.key)} - there
+            waiting = [case for case in cases if case.key not in there | failed]
+            summary = Summary(len(cases), reused=len(there), failed=len(failed))
+            if waiting:
+                _assembled(self, self.geometry)
+            report(summary)
+            rows, begin = {}, time.perf_counter()
+            work = partial(compute, self, folder)
+            for case, future in completed(work, waiting, executor=executor, workers=workers):
+                error = future.exception()
+                if isinstance(error, MissingLibraryError):
+                    raise error
+                if isinstance(error, BrokenExecutor):
+                    kept = f"{summary.reused + summary.finished} finished geometries are kept, run again with a new one"
+                    raise InputError(f"the executor broke ({error})", kept)
+                outcome = future.result() if error is None else Outcome(str(error), 0.0)
+                if outcome.reason:
+                    folder.write_failure(case.key, outcome.reason, self.named(case))
+                    summary = replace(summary, failed=summary.failed + 1)
+                else:
+                    folder.store.enter(case.key)
+                    folder.failure(case.key).unlink(missing_ok=True)
+                    rows[case.key] = outcome.row
+                    summary = replace(summary, finished=summary.finished + 1)
+                spent = summary.cpu_seconds + outcome.cpu
+                summary = replace(summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)
+                report(summary)
+            write_collections(folder, rows)
+        return summary
+
+
+def _assembled(campaign: Campaign, geometry: str) -> HeatProblem:
+    """The heat problem of one geometry, on the moved mesh of the base where that keeps the accuracy."""
+    base = campaign.geometry if campaign.variations else ""
+    heat = assemble_like(base, CrossSection.from_toml_text(geometry), campaign.accuracy)
+    if LIGHT in campaign.read:
+        heat = heat.lit
+    heat.channels(campaign.heated or heat.heated[0], campaign.read or None)
+    return heat
+
+
+def compute(campaign: Campaign, folder: Folder, case: Case) -> Outcome:
+    """Solve one geometry under every drive and write its file; this runs in a worker.
+
+    Raises MissingLibraryError: no other geometry would fare better.
+    """
+    start = time.thread_time()
+    try:
+        results = _solved(campaign, case)
+        _write(results, folder.store.path(case.key))
+    except MissingLibraryError:
+        raise
+    except Exception as error:  # whatever stops one geometry is recorded, and the others go on
+        kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+        return Outcome(f"{kind}{error}" or "no message", time.thread_time() - start)
+    return Outcome("", time.thread_time() - start, _row(results))
+
+
+def _solved(campaign: Campaign, case: Case) -> dict[str, xr.Dataset]:
+    """One result for each drive, as `thermofem.solve` returns it."""
+    heat = _assembled(campaign, campaign.geometry_of(case.values))
+    heated = campaign.heated or heat.heated[0]
+    names = campaign.read or (heated,)
+    channels: dict[str, Any] = {"heated": heated, "read": names[0] if len(names) == 1 else names, "rtol": campaign.rtol}
+    results = {}
+    for drive in campaign.drives:
+        if drive.times:
+            found = solve(heat, drive.wave, drive.kept, **channels)
+        else:
+            found = solve_periodic(heat, drive.wave, drive.samples, **channels)
+        found.attrs |= {
+            "thermal_resistances": [heat.thermal_resistance(heated, name) for name in names],
+            "drive": drive.name,
+            "campaign_case": case.key,
+            "campaign_values": json.dumps(campaign.named(case)),
+        }
+        results[drive.name] = found
+    return results
+
+
+def _write(results: dict[str, xr.Dataset], path: Path) -> None:
+    """Write the results of one geometry: the first as `thermofem.load` reads it, each further one as a group."""
+
+    def write(temporary: Path) -> None:
+        for number, (name, data) in enumerate(results.items()):
+            data.attrs = netcdf.signed(data.variables, data.attrs)
+            data.to_netcdf(temporary, engine="h5netcdf", group=name if number else None, mode="a" if number else "w")
+
+    files.write_whole(path, write)
+
+
+def _row(results: dict[str, xr.Dataset]) -> Row:
+    """Values of one geometry for the index, see `collection`."""
+    first = next(iter(results.values())).attrs
+    row = {name: np.asarray(first[name], dtype=float) for name in NUMBERS}
+    row["thermal_resistance"] = np.asarray(first["thermal_resistances"], dtype=float)
+    for name, data in results.items():
+        rise = data["delta_T"].values
+        row[f"delta_T_{name}"] = rise[:, None] if rise.ndim == 1 else rise
+    return row
