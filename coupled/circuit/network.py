@@ -14,8 +14,6 @@ rings heat becomes one state for each of them; as the model is linear their sum 
 Source: W. Suh, Z. Wang and S. Fan, IEEE J. Quantum Electron. 40, 1511 (2004).
 """
 
-from __future__ import annotations
-
 import cmath
 import logging
 from collections.abc import Mapping, Sequence

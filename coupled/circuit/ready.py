@@ -1,7 +1,5 @@
 """Ready-made circuits: a bus with rings, a SCISSOR, a CROW, and a ring in a delay loop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

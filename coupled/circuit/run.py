@@ -1,7 +1,5 @@
 """Light, carriers and heat of all rings of a circuit in time: what `simulate` does for a circuit."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Circuits at rest: fixed points under constant light and their stability, and the transmission at low power."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -45,34 +43,7 @@ def circuit_steady_states(
 
     Newton's method starts on the branch of low power, followed from 0 to the whole power, and from ``starts`` random
     detunings of the hot rings, with the light, carriers and heat that belong to them. No method is known that finds all
-    fixed points of several rings: some may be missed. `steady_states` misses none of a ring alone.
-
-    Parameters
-    ----------
-    circuit, thermal
-        as for `simulate`; without delays.
-    power : mapping of laser name to float, W
-    heaters : mapping of name to float, W
-    detuning : float, Hz
-    starts, seed : int
-
-    Returns
-    -------
-    xarray.Dataset
-        over state, by increasing energy: energy (J), carriers (1/m^3), delta_T (K) and absorbed (W) by ring; output (W)
-        by port; growth_rate (1/s), frequency (Hz, of the eigenvalue with that real part) and growing, the number of
-        eigenvalues with a positive real part: 0 for a stable state.
-
-    Raises
-    ------
-    InputError
-        powers that vary, lasers of different frequency, or delays.
-
-    >>> import coupled, thermofem as th
-    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
-    >>> circuit = coupled.bus(coupled.borghi2021())
-    >>> coupled.steady_states(circuit, model, power={"in": 5e-3}, detuning=-32e9).growing.values
-    array([0, 1, 2])
+    fixed points of several rings: some may be missed.
     """
     starts = checks.integer("starts", starts, 0, 100_000)
     system = autonomous(circuit, thermal, power, heaters, detuning)
@@ -211,32 +182,7 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
 def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:
     """Transmission from one laser to every port at low power.
 
-        [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
-
-    Parameters
-    ----------
-    circuit : Circuit
-    detuning : array, shape (n,), Hz
-        increasing; laser minus the circuit's reference frequency.
-    power : mapping of laser name to float, W, optional
-        which laser is lit, by at most 1 uW; default the first one. Its offset counts.
-
-    Returns
-    -------
-    xarray.Dataset
-        transmission (power at the port per power of the laser) and phase (rad) by port, and energy (J per W) by ring,
-        over detuning.
-
-    Raises
-    ------
-    InputError
-        detunings that do not increase, a resonance of a loop of waveguides without loss, a name that is no laser, or
-        more than low power.
-
-    >>> import coupled
-    >>> at = coupled.transmission(coupled.bus(coupled.borghi2021()), detuning=[0.0])
-    >>> at.transmission.sel(port="drop 1").round(4).values
-    array([0.8834])
+    [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
     """
     nu = check_axis("detuning", detuning)
     names = [one.name for one in circuit.lasers]

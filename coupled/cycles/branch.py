@@ -11,8 +11,6 @@ part; its last "cycle" is the fixed point itself.
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 and 10.3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
@@ -29,7 +27,7 @@ from thermofem.data.variables import contents
 
 from ..arguments import check_detuning, check_power
 from ..equilibria.balance import balance, fixed_points
-from ..equilibria.spectrum import states
+from ..equilibria.steady_states import states
 from ..heaters import turned_by
 from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS
@@ -59,7 +57,6 @@ SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends 
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
 AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
 REPELLED = 1e10  # multiplier at which the parameter of a canard stays while the cycle changes
-VERTICAL = 1e-5  # of the range, or of the parameter: folds so near each other are those of an error
 MOST = 400  # cycles of the branch from a Hopf point to a laser
 HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
@@ -196,8 +193,6 @@ def follow_along(
             if end is not None:
                 return [*out, Found(end, HOPF)], "a Hopf point"
         special = _between(family, place, ahead, tangent, step, kinds)
-        if (last := _fold_beside(out, special, high - low)) is not None:
-            return out[:last], "the branch turns vertical: its folds are as near each other as its error"
         out += special
         value = float(ahead.values[0])
         if not low <= value <= high:
@@ -220,20 +215,6 @@ def follow_along(
             return out, "the period grows without bound"
         step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
     return out, "the number of points"
-
-
-def _fold_beside(out: list[Found], special: list[Found], span: float) -> int | None:
-    """Index of the last fold in ``out`` if the next one is within `VERTICAL` of it; None if there is none or it is not.
-
-    At the end of a canard explosion the period grows while the parameter stays, and the error of the cycles decides
-    where the branch seems to turn.
-    """
-    folds = [k for k, found in enumerate(out) if found.kind == "fold"]
-    following = [float(found.place.values[0]) for found in special if found.kind == "fold"]
-    if not folds or not following:
-        return None
-    before = float(out[folds[-1]].place.values[0])
-    return folds[-1] if abs(following[0] - before) < VERTICAL * max(span, abs(before)) else None
 
 
 def _mirrored(family: Family, place: Place, ahead: Place) -> bool:

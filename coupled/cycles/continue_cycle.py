@@ -1,11 +1,10 @@
 """A cycle followed while one number of the ring, the laser or the heat changes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import checks
 from thermofem.arrays import Array
@@ -24,9 +23,6 @@ from .cycle_problem import CycleProblem, unit_of, value_of
 from .limit_cycle import cycle_near, stability
 from .multiple_shooting import Family, first_place
 from .return_map import measure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MOST = 100_000  # cycles of a branch
 SAME_RISE = 1e-6  # of a rise by heaters: what one model makes of equal powers
@@ -77,8 +73,7 @@ def continue_cycle(
         "fold", "period doubling", "torus" or "Hopf" at a point that lies exactly there); multipliers over (point,
         multiplier).
         attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range. The branch
-        turns vertical and ends where a deviation grows by 1e10 in a period, as in a canard explosion, or where two
-        folds follow each other within 1e-5 of the range or of the parameter.
+        turns vertical and ends where a deviation grows by 1e10 in a period, as in a canard explosion.
 
     Raises
     ------
@@ -157,8 +152,6 @@ def _check_heaters(guess: Any, rise: float) -> None:
 
 def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
     """A branch in SI."""
-    import xarray as xr
-
     p, name = family.base, family.names[0]
     values = np.array([float(f.place.values[0]) for f in found])
     seen = [measure(f.place.orbit) for f in found]

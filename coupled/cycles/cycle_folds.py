@@ -11,8 +11,6 @@ the secant method on g.
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 10.3 (curves of codimension one).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

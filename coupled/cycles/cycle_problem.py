@@ -1,7 +1,5 @@
 """One ring, its heat and its laser, whose cycles are wanted, and the numbers they depend on, by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +12,7 @@ from thermofem.checks import InputError
 
 from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
-from ..equilibria.spectrum import stable_points
+from ..equilibria.steady_states import stable_points
 from ..heaters import turned_by
 from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat, Problem
 from ..kernel.tableaus import Method

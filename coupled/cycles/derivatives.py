@@ -9,12 +9,11 @@ with nodes where the measures are taken: the extremes of U and dT and where U cr
     d(crossing) = [d(level) - dU at the crossing]/(dU/dt),       d(level) = .55 d(U_min) + .45 d(U_max)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import checks
 from thermofem.arrays import Array
@@ -32,9 +31,6 @@ from .cycle_problem import CycleProblem, differences, parameter_names, unit_of, 
 from .limit_cycle import cycle_near
 from .multiple_shooting import Family, Nodes, corrected, flow, weights
 from .return_map import Orbit, measure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FINEST = 1e-11  # rtol of the traces: light, which follows heat and carriers, has derivatives that err by 1e4 times it
 
@@ -85,8 +81,6 @@ def cycle_derivatives(
     >>> print(f"{d['period'].sel(parameter='power').item() * 1e6:.1f} ns per mW")
     -18.3 ns per mW
     """
-    import xarray as xr
-
     check_ring(ring)
     power = check_power(power)
     detuning = check_detuning(detuning)

@@ -1,7 +1,5 @@
 """The settled cycle of a self-pulsing ring or circuit, solved for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

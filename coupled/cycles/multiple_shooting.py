@@ -14,8 +14,6 @@ again on dual numbers and, for q, with two other values.
 Source: Ascher, Mattheij and Russell, Numerical Solution of Boundary Value Problems (1995), Sections 4.3 and 4.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple

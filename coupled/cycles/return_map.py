@@ -10,8 +10,6 @@ ones (Rodas5P) close it. The eigenvalues of V are the Floquet multipliers; one o
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -235,7 +233,8 @@ class Measures(NamedTuple):
 
 def measure(orbit: Orbit) -> Measures:
     """Measure an orbit of one ring."""
-    t, energy, dT = periodic_rows(orbit)
+    t, re, im, _, dT = orbit.trace.rows[np.append(True, np.diff(orbit.trace.rows[:, 0]) > 1e-13 * orbit.T)].T
+    energy = re**2 + im**2
     U, heat = CubicSpline(t, energy), CubicSpline(t, dT)
     low_at, low, high_at, high = _extremes(U, t)
     cold_at, cold, hot_at, hot = _extremes(heat, t)
@@ -247,13 +246,6 @@ def measure(orbit: Orbit) -> Measures:
         duty, hot - cold, 10 * np.log10(high / low) if low > 0 else np.inf, low, high, hot, crossings, rising,
         np.array([low_at, high_at, cold_at, hot_at]),
     )  # fmt: skip
-
-
-def periodic_rows(orbit: Orbit) -> tuple[Array, Array, Array]:
-    """Times in ns, energies in fJ and rises in K over a period, both ends included."""
-    t, re, im, _, dT = orbit.trace.rows.T
-    kept = np.append(True, np.diff(t) > 1e-13 * t[-1])
-    return t[kept], (re**2 + im**2)[kept], dT[kept]
 
 
 def _extremes(curve: CubicSpline, t: Array) -> tuple[float, float, float, float]:

@@ -6,8 +6,6 @@ multiplier below -1 has doubled, and twice as many pulses are tried. The cycle i
 it by further turns, and, where a stable fixed point exists, if it is as large as the pulses of the trace.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -78,38 +76,56 @@ def measured(t: Array, q: Array, duration: float) -> Part:
     return Part(low, high, third, fourth, ups.size, gap, (top - min(lows)) / max(top, 1e-300))
 
 
+def transient(
+    run: Callable[[Array, float, float], tuple[Array, float, Array, Array]], y: Array, points: Array, longest: float,
+    look: Callable[[], None],
+) -> Iterator[tuple[Array, Part, Array | None, float]]:  # fmt: skip
+    """Yield the parts of a transient: its end, what it does, the stable fixed point it is at, and the ns passed.
+
+    run: integrates from a state for a time in ns with a first step; returns the end, the next step, rows, and the
+        watched quantity along them.
+    look: called before each part; it may raise.
+    """
+    passed, duration, step = 0.0, FIRST_PART, 0.0
+    while passed < longest:
+        look()
+        y, step, rows, q = run(y, duration, min(step, FIRST_STEP))
+        passed += duration
+        seen = measured(rows[:, 0], q, duration)
+        yield y, seen, resting(rows[-1], points) if seen.rests else None, passed
+        duration = seen.following(duration, longest)
+
+
 def settled(
     flow: Flow, y: Array, points: Array, longest: float, *, begin: str = "a cold ring", where: str = "",
     slow: bool = False, rtol: float = FINE, look: Callable[[], None] = lambda: None,
 ) -> Orbit:  # fmt: skip
     """Return the cycle on which the state ``y`` settles.
 
-    points [shape (k, 3)]: stable fixed points, rows (U, N, dT), as of `spectrum.stable_points`.
+    points [shape (k, 3)]: stable fixed points, rows (U, N, dT), as of `steady_states.stable_points`.
     longest [ns]: of the transient; ``slow`` says that it is short for the system's heat.
     where: the power and detuning, for messages.
     look: called between the parts of the transient; it may raise.
 
     Raises InputError: it comes to rest (RestError), or does not repeat itself within ``longest``.
     """
-    passed, duration, step, said, wary = 0.0, FIRST_PART, 0.0, "no pulse", False
-    still = len(points) > 0
-    while passed < longest:
-        look()
-        run = flow.run(y, duration, first_step=min(step, FIRST_STEP))
-        y, step, passed = run.y, run.step, passed + duration
-        seen = measured(run.rows[:, 0], flow.seen(run.rows), duration)
+    passed, said, wary, still = 0.0, "no pulse", False, len(points) > 0
+
+    def run(y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
+        part = flow.run(y, duration, first_step=first_step)
+        return part.y, part.step, part.rows, flow.seen(part.rows)
+
+    for end, seen, at, passed in transient(run, y, points, longest, look):
         if seen.pulses(still):
-            found, said, unstable = pulse_train(flow, y, seen, wary, passed >= longest, rtol)
+            found, said, unstable = pulse_train(flow, end, seen, wary, passed >= longest, rtol)
             wary = wary or unstable
             if found is not None:
                 swing = float(np.ptp(flow.seen(found.trace.rows)))
                 if not still or abs(swing - (seen.high - seen.low)) <= AGREE * (seen.high - seen.low):
                     return found
                 said = "the pulses still change"
-        at = resting(run.rows[-1], points) if seen.rests else None
         if at is not None:
             raise RestError(rest_words(where, passed, at, begin))
-        duration = seen.following(duration, longest)
     raise InputError(
         f"no settled cycle{where}: {passed / 1e3:.4g} us from {begin} do not lead to one ({said}); give guess= a cycle "
         "nearby" + (SLOW if slow else "")

@@ -12,7 +12,7 @@ The left side of the second rises with U, so every s has one U; detuning(s) runs
 on the scale of 1 in s at any power. Cut at its turning points (the folds of that power), every piece holds a detuning
 at most once: no fixed point is missed.
 
-Heat of one ring, its rise at rest and what small changes about a state do:
+Heat of one ring at rest, and what small changes about it do:
 
     poles:      dx_i/dt = gain_i P - rate_i x_i,             dT = z + curvature z^2,  z = sum_i x_i
     quadratic:  dx/dt   = A x + H[x, x] + (G x + B) P,       dT = C x;      at rest x = P f(P)
@@ -33,21 +33,14 @@ from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 
-from ..kernel.units import EPSILON, FJ, NS, UW, Rates, internal_rates
+from ..kernel.integrator import Problem
+from ..kernel.tableaus import Method
+from ..kernel.units import EPSILON, FJ, NS, UW, Rates, internal_rates, single_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
 from .contours import zeros
 
 TERMS = (16, 32, 64, 128, 256)
-
-
-class Linearised(NamedTuple):
-    """Heat about a state x: d(dx/dt)/dx, d(dx/dt)/dP, dT and d(dT)/dx."""
-
-    by_state: Array
-    by_power: Array
-    dT: Array
-    read: Array
 
 
 class PoleHeat(NamedTuple):
@@ -62,12 +55,6 @@ class PoleHeat(NamedTuple):
         """Rate of the slowest decay, 1/ns."""
         return float(self.rate.min())
 
-    def without_idle_poles(self) -> PoleHeat:
-        """The network without poles that light does not move: those of zero gain, and all but one of equal rates."""
-        rate, which = np.unique(self.rate, return_inverse=True)
-        gain = np.bincount(which, self.gain).astype(float)
-        return PoleHeat(gain[gain > 0], rate[gain > 0], self.curvature)
-
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Rise at rest in K and its derivative by the absorbed power P in uW."""
         R = float((self.gain / self.rate).sum())
@@ -76,13 +63,6 @@ class PoleHeat(NamedTuple):
     def states(self, P: Array) -> Array:
         """States at rest, shape (..., n)."""
         return np.asarray(P)[..., None] * (self.gain / self.rate)
-
-    def linearised(self, x: Array, P: Array) -> Linearised:
-        """Linearise about states x, shape (m, n), under the powers P, shape (m,)."""
-        z = x.sum(axis=-1)
-        read = np.repeat((1 + 2 * self.curvature * z)[:, None], self.rate.size, axis=1)
-        A = np.broadcast_to(-np.diag(self.rate), (len(x), self.rate.size, self.rate.size))
-        return Linearised(A, np.broadcast_to(self.gain, x.shape), z + self.curvature * z**2, read)
 
     def impedance(self, lam: NDArray[np.complex128], P: Array) -> NDArray[np.complex128]:
         """d(dT)/dP in K/uW of changes exp(lam t) about the state at rest under P; one shape."""
@@ -109,10 +89,6 @@ class QuadraticHeat(NamedTuple):
         """Rate of the slowest decay at low power, 1/ns."""
         return float(-np.linalg.eigvals(self.A).real.max())
 
-    def without_idle_poles(self) -> QuadraticHeat:
-        """The system itself."""
-        return self
-
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Rise at rest in K and its derivative by P; beyond ``top`` the tangent there."""
         states, slope = self._at_rest(P)
@@ -130,18 +106,14 @@ class QuadraticHeat(NamedTuple):
         slope = f + inside[..., None] * np.moveaxis(chebyshev.chebval(x, self.slope), 0, -1) * 2 / self.top
         return inside[..., None] * f + (P - inside)[..., None] * slope, slope
 
-    def linearised(self, x: Array, P: Array) -> Linearised:
-        """Linearise about states x, shape (m, n), under the powers P, shape (m,)."""
-        by_state = self.A + 2 * np.einsum("ijk,mk->mij", self.H, x) + P[:, None, None] * self.G
-        return Linearised(by_state, self.B + x @ self.G.T, x @ self.C, np.broadcast_to(self.C, x.shape))
-
     def impedance(self, lam: NDArray[np.complex128], P: Array) -> NDArray[np.complex128]:
         """d(dT)/dP in K/uW of changes exp(lam t) about the state at rest under P; one shape."""
         powers, which = np.unique(P, return_inverse=True)
         which = which.reshape(np.shape(P))
-        at = self.linearised(self.states(powers), powers)
-        rates, modes = np.linalg.eig(at.by_state)
-        gains = (self.C @ modes) * np.linalg.solve(modes, at.by_power[..., None].astype(complex))[..., 0]
+        x = self.states(powers)
+        by_state = self.A + 2 * np.einsum("ijk,mk->mij", self.H, x) + powers[:, None, None] * self.G
+        rates, modes = np.linalg.eig(by_state)
+        gains = (self.C @ modes) * np.linalg.solve(modes, (self.B + x @ self.G.T)[..., None].astype(complex))[..., 0]
         response = np.zeros(np.shape(lam), dtype=complex)
         for k in range(self.C.size):
             response += gains[which, k] / (lam - rates[which, k])
@@ -192,6 +164,7 @@ class InternalRing(NamedTuple):
     rates: Rates
     fcd: Array  # rows (c_k, p_k) of S(N)
     heat: Heat
+    problem: Problem  # as the kernel takes it
 
 
 class Balance(NamedTuple):
@@ -210,7 +183,8 @@ class Balance(NamedTuple):
 def internal_ring(ring: RingResonator, model: ThermalModel, largest: float) -> InternalRing:
     """Ring and thermal model in internal units, with the rise at rest up to an absorbed power of ``largest`` W."""
     small = compact(model)
-    return InternalRing(small, *internal_rates(ring), heat_of(small, largest))
+    problem = single_ring(ring, small, 1e-3, 0.0, 1.0, Method.RODAS4)
+    return InternalRing(small, *internal_rates(ring), heat_of(small, largest), problem)
 
 
 def absorbable(ring: RingResonator, power: float) -> float:

@@ -6,8 +6,8 @@ Energy U and detuned D fix a fixed point, and with it power and detuning (`balan
     A = (lambda + gamma) [lambda + gamma + 2 tpa U + alpha/(lambda + rho)]
     B = kerr + [beta + Z(lambda) (heat (lambda + rho) + cross)]/(lambda + rho)
 
-with the names of `spectrum` and the thermal impedance as Z. A Hopf point has lambda = i w: the imaginary part gives D,
-and the real part leaves one real equation over the plane of U and w,
+with the names of `steady_states` and the thermal impedance as Z. A Hopf point has lambda = i w: the imaginary part
+gives D, and the real part leaves one real equation over the plane of U and w,
 
     D = Im A/Im B,      (Im A)^2 - Im A Im B Re B + (Im B)^2 Re A = 0,
 
@@ -15,8 +15,6 @@ whose zero contours are found on a lattice (`contours`) and refined by Newton's 
 and Im B vanish, contours of two different D cross: they are cut there, and joined to the nearest end.
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -37,7 +35,7 @@ from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, energy, farthest_s, internal_ring
 from .contours import Segment, intervals_in_window, joined, one_sign, refined, zeros
 from .onset import first_lyapunov
-from .spectrum import jacobians, secular, states
+from .steady_states import jacobians, secular, states
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window

@@ -5,8 +5,6 @@ it: it lies where the function has an extremum that comes near zero. Of one that
 off. Where two contours cross, a lattice does not tell which of four ways belong together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 

@@ -13,8 +13,6 @@ differences along Re q and Im q: B(q, .) = J'(Re q) + i J'(Im q), C(q, q*, .) = 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 5.4.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Transmission of a nonlinear ring: all branches against detuning or power, and the loop that a slow sweep follows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -33,8 +31,7 @@ from .balance import (
     tilted,
 )
 from .contours import equidistant, intervals_in_window, zeros
-from .spectrum import eigenvalues
-from .steady_states import observables
+from .steady_states import eigenvalues, observables
 
 POINTS = 600  # of a curve
 
@@ -90,10 +87,7 @@ def transmission(
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
     at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
     U, D, powers, detunings = (_at_one_power if P.size == 1 else _at_one_detuning)(ring, at, P, nu)
-    found = _dataset(ring, at, U, D, powers, detunings)
-    _trust(model, at, found)
-    found.attrs |= provenance("transmission", ring, at.model) | doubts
-    return found
+    return _dataset("transmission", ring, model, at, U, D, powers, detunings).assign_attrs(doubts)
 
 
 def _at_one_power(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Array, ...]:
@@ -217,17 +211,9 @@ def sweep(
         rest = here[stable[here]] if stable[here].any() else here
         nearest = np.abs(np.log(U[rest] / U[path[k - 1]])).argmin() if k else 0
         path[k], jumped[k] = (same[0], False) if same.size else (rest[nearest], k > 0)
-    found = _dataset(ring, at, U[path], D[path], P, nu, "step")
-    _trust(model, at, found)
+    found = _dataset("slow sweep", ring, model, at, U[path], D[path], P, nu, "step")
     found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
-    found.attrs |= provenance("slow sweep", ring, at.model)
     return found
-
-
-def _trust(model: ThermalModel | None, at: InternalRing, found: xr.Dataset) -> None:
-    """Compare the rises along a curve with what the model describes."""
-    linear = at.model.thermal_resistance * found["absorbed"].values
-    trusted(model, found["delta_T"].values, linear)
 
 
 def _in_range(
@@ -276,10 +262,13 @@ def _ends(name: str, value: float | ArrayLike) -> Array:
 
 
 def _dataset(
-    ring: RingResonator, at: InternalRing, U: Array, D: Array, powers: Array, detunings: Array, over: str = "point"
-) -> xr.Dataset:
-    """Fixed points along a line, in SI."""
+    kind: str, ring: RingResonator, model: ThermalModel | None, at: InternalRing, U: Array, D: Array, powers: Array,
+    detunings: Array, over: str = "point",
+) -> xr.Dataset:  # fmt: skip
+    """Fixed points along a line, in SI; their rises are compared with what the model describes."""
     values = {"power": powers, "detuning": detunings} | observables(ring, at, U, D, powers)
+    trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
     return xr.Dataset(
-        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()}
+        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()},
+        attrs=provenance(kind, ring, at.model),
     )

@@ -12,9 +12,8 @@ from ..kernel.tableaus import Method, tableau
 
 # in the order in which they use one another
 MODULES = (
-    "ring", "eigen", "kernel", "equilibria", "curves", "measure", "repetition", "pulsing", "cycle", "heat", "heater",
-    "engine", "channel", "plot", "state", "view", "script", "figures", "thermal", "save", "fields", "summary",
-    "section", "paint", "laser", "take", "main",
+    "ring", "eigen", "kernel", "equilibria", "curves", "measure", "pulsing", "cycle", "heat", "engine", "channel",
+    "plot", "view", "thermal", "state", "script", "figures", "section", "paint", "fields", "pointer", "take", "main",
 )  # fmt: skip
 LIBRARY = "vendor/d3-scale.min.js"
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)

@@ -32,12 +32,7 @@ from .section import section_of
 if TYPE_CHECKING:
     from thermofem.fem import HeatProblem
 
-FIELDS = {
-    "laser": {"power": ("Power in the bus", "dBm"), "detuning": ("Detuning", "GHz")},
-    "ring": {"loadedQ": ("Loaded Q", ""), "intrinsicQ": ("Intrinsic Q", ""), "lifetime": ("Carrier lifetime", "ns")},
-    "time": {"duration": ("Run from cold", "µs")},
-}
-FIGURES = {"plane": "plane", "traces": "traces", "phase": "phase-portrait", "transmission": "transmission", "step": "step", "spectrum": "spectrum", "error": "error", "section": "section"}  # fmt: skip  # noqa: E501
+MOVED = ("loadedQ", "intrinsicQ", "absorbed", "lifetime", "volume", "thermoOptic", "resistance")  # None until they are
 STEP_TIMES = np.geomspace(1e-9, 1e-4, 26)  # s, at which the FEM's own step response is drawn
 
 
@@ -153,7 +148,7 @@ def explore(
     judge = reference or reduction
     start = {
         "ring": 0, "model": 0, "power": round(10 * math.log10(power / 1e-3), 6), "detuning": round(detuning / 1e9, 9),
-        "loadedQ": None, "intrinsicQ": None, "lifetime": None, "duration": 20, "view": "cycle",
+        **dict.fromkeys(MOVED), "duration": 20, "view": "cycle", "units": "GHz",
     }  # fmt: skip
     rings = rings_of(ring, abs(sum(own[0]["R"])) if own else RESISTANCE)
     sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
@@ -206,22 +201,6 @@ def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | 
     return {f"h{k}": 1e3 * heater_power(name, given.get(name, 0.0)) for k, name in enumerate(names)}
 
 
-def _heater_fields(sliders: list[dict[str, Any]]) -> str:
-    """The fields of the heaters' powers."""
-    return "\n".join(
-        _field(f"h{k}", f"Power in {html.escape(slider['name'])}", "mW") for k, slider in enumerate(sliders)
-    )
-
-
-def _family_fields(grid: dict[str, Any] | None) -> str:
-    """The fields of a family's parameters, and how well the page knows its members."""
-    if not grid:
-        return ""
-    fields = [_field(f"p{k}", html.escape(p["name"]), html.escape(grid["units"][k])) for k, p in enumerate(grid["parameters"]) if p["moved"]]  # fmt: skip  # noqa: E501
-    words = f"Interpolated between members: steps within {100 * grid['error']:.2g} % of the thermal resistance."
-    return "\n".join(fields) + f'<p class="soft">{words}</p>'
-
-
 def _step(heat: HeatProblem) -> dict[str, Any]:
     """The FEM's own step response in K/W."""
     from thermofem import Constant, solve
@@ -238,10 +217,6 @@ def _filled(data: dict[str, Any]) -> str:
         "generator": f"thermofem {html.escape(__version__)}",
         "title": html.escape(str(data["title"])),
         "style": bundle.text_of("page/page.css"),
-        **{name: "\n".join(_field(key, *words) for key, words in group.items()) for name, group in FIELDS.items()},
-        **{f"save_{name}": _save(target, name == "traces") for name, target in FIGURES.items()},
-        "geometry": _family_fields(data["family"]),
-        "heaters": _heater_fields(data["heaters"]),
         "modes": str(len(section["modes"]) if section else 0),
         "footer": f"Written by thermofem {html.escape(__version__)}. The equations are those of coupled.simulate; "
         "ticks by d3-scale (ISC licence, Mike Bostock). This file needs no network.",
@@ -250,24 +225,3 @@ def _filled(data: dict[str, Any]) -> str:
         "code": bundle.script(),
     }
     return Template(bundle.text_of("page/page.html")).substitute(parts)
-
-
-def _field(name: str, label: str, unit: str) -> str:
-    """A number with its unit and a slider."""
-    return (
-        f'<div class="field"><div class="row"><label for="{name}">{label}</label><span class="value">'
-        f'<input type="number" id="{name}" step="any" aria-describedby="{name}-problem">'
-        f'<span class="unit">{unit}</span></span></div><input type="range" id="{name}-slider">'
-        f'<p class="problem" id="{name}-problem" role="alert"></p></div>'
-    )
-
-
-def _save(target: str, csv: bool) -> str:
-    """The buttons that save one figure."""
-    kinds = ("svg", "png", "csv") if csv else ("svg", "png")
-    buttons = "".join(
-        f'<button type="button" data-save="{target} {kind}" aria-label="Save {target} as {kind.upper()}">'
-        f"{kind.upper()}</button>"
-        for kind in kinds
-    )
-    return f'<div class="save">{buttons}</div>'

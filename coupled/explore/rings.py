@@ -10,6 +10,7 @@ from ..arguments import check_ring
 from ..parameters.borghi2021 import borghi2021
 from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from ..resonator import RingResonator
+from ..ring_toml import write_text
 
 Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in GHz
 
@@ -17,7 +18,7 @@ ROUND_OFF = 1e-12  # relative; a ring file writes a temperature for kT and may c
 OF_MAPS: Window = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # the maps of Borghi et al.
 OF_SMALL: Window = {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}
 RESISTANCE = 8e3  # K/W of the strips of the papers
-LABELS = ("name", "window")  # of a ring on the page; everything else is its numbers
+LABELS = ("name", "window", "python", "toml")  # of a ring on the page; everything else is its numbers
 
 
 def published() -> list[tuple[RingResonator, Window]]:
@@ -33,14 +34,19 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     model that is shown first; far from that of the papers, a published ring gets a window of its own.
     """
     check_ring(ring)
-    given = asdict(ring)
-    known = [asdict(other) | {"window": window} for other, window in published()]
+    given = _as_taken(ring)
+    known = [_as_taken(other) | {"window": window} for other, window in published()]
     usual = 0.3 < resistance / RESISTANCE < 3
     windows = [other["window"] for other in known if usual and same_numbers(given, other)]
     others = [other for other in known if not same_numbers(given, other)]
     taken = {other["name"] for other in others}
     label = f"{ring.name} (changed)" if ring.name in taken else ring.name
     return [given | {"name": label, "window": windows[0] if windows else window_of(ring, resistance)}, *others]
+
+
+def _as_taken(ring: RingResonator) -> dict[str, Any]:
+    """The fields of a ring, and the ring as Python and as a ring file have it, for what is copied from the page."""
+    return asdict(ring) | {"python": repr(ring), "toml": write_text(ring, {})}
 
 
 def place_of(ring: RingResonator, rings: list[dict[str, Any]]) -> int:

@@ -163,7 +163,7 @@ class Turns:
 def measures(orbit: Closed, level: float) -> tuple[float, float]:
     """Duty cycle above ``level`` of the range of U, and swing in K.
 
-    `orbit_measures.measure` gives the same to 7e-7 by splines, in ten times the time.
+    `return_map.measure` gives the same to 7e-7 by splines, in ten times the time.
     """
     t, re, im, _, dT = orbit.rows[np.append(True, np.diff(orbit.rows[:, 0]) > 0)].T
     U = re * re + im * im

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data.dataset import describe
 from thermofem.models import ThermalModel
@@ -19,7 +19,7 @@ from ..arguments import MOST_POINTS, check_axis, check_ring
 from ..contradictions import without_origin
 from ..cycles.limit_cycle import limit_cycle
 from ..equilibria.balance import absorbable, balance, internal_ring
-from ..equilibria.spectrum import Survey, survey
+from ..equilibria.steady_states import Survey, survey
 from ..heaters import ConstantHeating
 from ..kernel.integrator import CAP
 from ..kernel.units import internal_detuning, internal_pump
@@ -127,6 +127,7 @@ def surveys(
     model: Compact, points: list[Point]
 ) -> Iterator[tuple[NDArray[np.intp], Survey | checks.InputError, Array]]:
     """Yield indices of the points of one ring, their fixed points, and N and dT there; or why they have none."""
+    model = _moved(model)
     for ring in dict.fromkeys(ring for ring, _, _ in points):
         cells = np.array([k for k, point in enumerate(points) if point[0] is ring or point[0] == ring])
         powers = np.array([points[k][1] for k in cells])
@@ -140,12 +141,23 @@ def surveys(
             shift = np.array([internal_detuning(points[k][2]) for k in group])
             try:
                 at = internal_ring(ring, model, max(absorbable(ring, points[k][1]) for k in group))
-                found = survey(pump, shift, at._replace(heat=at.heat.without_idle_poles()))
+                found = survey(pump, shift, at)
             except checks.InputError as error:
                 yield group, error, np.empty((0, 2))
             else:
                 here = balance(found.U, at)
                 yield group, found, np.column_stack([here.N, here.dT])
+
+
+def _moved(model: Compact) -> Compact:
+    """The model without poles that light does not move: those of no gain, and all but one of equal rates."""
+    if isinstance(model, Quadratic):
+        return model
+    linear = model.linear if isinstance(model, OutputMap) else model
+    tau, which = np.unique(linear.tau, return_inverse=True)
+    R = np.bincount(which, linear.R)
+    network = replace(linear, R=R[R != 0], tau=tau[R != 0])
+    return replace(model, linear=network) if isinstance(model, OutputMap) else network
 
 
 def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:

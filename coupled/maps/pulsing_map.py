@@ -1,7 +1,5 @@
 """Maps of self-pulsing over power and detuning by integration, and how far two maps agree."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed

@@ -4,8 +4,6 @@ Where one is, the ring may rest there or pulse beside it; a transient from a col
 transient leads to is accepted if the transient comes nearer to it, and a trace from beside it, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
@@ -19,7 +17,7 @@ from thermofem.checks import InputError
 from ..cycles import settling
 from ..cycles.cycle_problem import CycleProblem
 from ..cycles.return_map import measure
-from ..cycles.settling import FIRST_PART, FIRST_STEP, FLAT, MOST_PULSES, Part, RestError, measured, rest_words, resting
+from ..cycles.settling import FLAT, MOST_PULSES, Part, RestError, rest_words
 from ..kernel.shooting import FINE, Closed, Turns, measures
 from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning
@@ -70,7 +68,7 @@ class _Row:
 
     def __init__(self, ring: Any, model: Any, power: float, watch: Array) -> None:
         self.watch, self.problem = watch, CycleProblem(ring, model, power, 0.0)
-        self.turns, self.longest = Turns(self.problem.kernel(Method.RODAS4)), self.problem.longest
+        self.turns = Turns(self.problem.kernel(Method.RODAS4))
 
     @cached_property
     def precise(self) -> Turns:
@@ -82,22 +80,19 @@ class _Row:
         if self.watch[0] > 0:
             raise KeyboardInterrupt
 
-    def at(self, detuning: float) -> CycleProblem:
-        """One point."""
-        return replace(self.problem, detuning=detuning)
-
     def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Cell, Closed | None]:
         """What the ring does, and its cycle; ``beside`` are those just before, of one pulse, the last first."""
+        p = replace(self.problem, detuning=detuning)
         self.turns.problem.set_detuning(internal_detuning(detuning))
         self.turns.near(fixed.every)
         found = self._continued(beside) if beside and not len(fixed.stable) else None
-        return self._from_cold(detuning, fixed) if found is None else (self._words(detuning, found), found)
+        return self._from_cold(p, fixed.stable) if found is None else (self._words(p, found), found)
 
-    def _words(self, detuning: float, found: Closed) -> Cell:
+    def _words(self, p: CycleProblem, found: Closed) -> Cell:
         """A cycle as a map tells it; one of many steps is closed precisely, as their errors add up."""
         closer = None
         if len(found.rows) > LONG:
-            self.precise.problem.set_detuning(internal_detuning(detuning))
+            self.precise.problem.set_detuning(internal_detuning(p.detuning))
             closer = self.precise.closer(found, PRECISE)
         told = closer or found
         return _pulsing(told.T, *measures(told, DUTY_LEVEL), told.size, told.pulses)
@@ -112,27 +107,25 @@ class _Row:
         found = self.turns.close(y, T, beside=last)
         return found if _is_stable(found) and (len(found.rows) < LONG or self._attracts(found)) else None
 
-    def _from_cold(self, detuning: float, fixed: Fixed) -> tuple[Cell, Closed | None]:
-        """What a cold ring comes to."""
-        y, passed, duration, step, tries = self.turns.problem.zero(), 0.0, FIRST_PART, 0.0, 0
-        still = len(fixed.stable) > 0
-        while passed < self.longest:
-            self.look()
-            run = self.turns.run(y, duration, first_step=min(step, FIRST_STEP))
-            y, step, passed, rows = run.y, run.step, passed + duration, self.turns.rows
-            seen = measured(rows[:, 0], rows[:, 3], duration)
-            at = resting(rows[-1], fixed.stable) if seen.rests else None
-            if seen.pulses(still):
-                found, tries = self._pursued(y, seen, still), tries + 1
+    def _run(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
+        """A part of a transient."""
+        end, rows = self.turns.run(y, duration, first_step=first_step), self.turns.rows
+        return end.y, end.step, rows, rows[:, 3]
+
+    def _from_cold(self, p: CycleProblem, points: Array) -> tuple[Cell, Closed | None]:
+        """What a cold ring comes to; ``points`` are the stable fixed points."""
+        passed, tries = 0.0, 0
+        parts = settling.transient(self._run, self.turns.problem.zero(), points, self.problem.longest, self.look)
+        for y, seen, at, passed in parts:
+            if seen.pulses(len(points) > 0):
+                found, tries = self._pursued(y, seen, len(points) > 0), tries + 1
                 if found is not None:
-                    return self._words(detuning, found), found
+                    return self._words(p, found), found
             if at is not None:
-                return _resting(rest_words(self.at(detuning).where, passed, at)), None
+                return _resting(rest_words(p.where, passed, at)), None
             if tries == TRIES:
-                return self._carefully(self.at(detuning), y), None
-            duration = seen.following(duration, self.longest)
-        where = self.at(detuning).where
-        return _slow(f"no settled cycle{where}: {passed / 1e3:.4g} us from a cold ring do not lead to one"), None
+                return self._carefully(p, y), None
+        return _slow(f"no settled cycle{p.where}: {passed / 1e3:.4g} us from a cold ring do not lead to one"), None
 
     def _pursued(self, y: Array, seen: Part, still: bool) -> Closed | None:
         """The stable cycle that a transient in ``y`` comes to; where a cycle has doubled, that of twice the pulses."""

@@ -1,7 +1,5 @@
 """Where in the plane of power and detuning the ring is stable, bistable or self-pulsing, without any integration."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

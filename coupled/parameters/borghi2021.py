@@ -5,8 +5,6 @@ silicon-on-insulator microring resonators". "Table 1" and "Table 2" are those of
 and "FEM" are the origins that the tables give.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..carriers import ShockleyReadHall

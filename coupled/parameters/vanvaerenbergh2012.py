@@ -7,8 +7,6 @@ Fig. 3, whose points that check holds too, to 1 % in period, temperature and car
 the light that two-photon absorption takes, but all of its heat; that is a slip (2 to 3 % off the figure) and not here.
 """
 
-from __future__ import annotations
-
 from scipy.constants import c
 
 from ..carriers import ConstantLifetime

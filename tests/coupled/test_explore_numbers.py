@@ -84,7 +84,7 @@ def test_stability_map(js):
 
 @pytest.mark.slow
 def test_hopf_points(js):
-    """Every point of Python's Hopf curves is found at its energy, with the same D and frequency."""
+    """Every point of Python's Hopf curves solves the page's equation at its energy and frequency, with the same D."""
     points = 0
     for seed in range(0, CASES, 4):
         ring, model, power, _ = ring_and_model(seed)
@@ -98,9 +98,11 @@ def test_hopf_points(js):
                 shifts.append(2 * np.pi * float(curve.detuning[k]) * 1e-9)
         found = js(
             f"""r => {{ {READY}
-            return r.energies.map(U => p.hopfPoints(U, system, r.powers, r.detunings.map(p.turnOf))
-                .map(h => ({{ w: h.w, turn: p.shiftAt(U, system) - h.D }}))); }}""",
-            argument(ring, model, power, 0.0, powers=powers, detunings=detunings, energies=energies),
+            return r.energies.map((U, k) => [1, -1].map(sign => {{
+                const at = w => p.sheet(p.secular(U, system), w, p.impedance(w, system), sign);
+                const w = r.omegas[k], change = (at(w * (1 + 1e-5)).f - at(w * (1 - 1e-5)).f) / 2e-5;
+                return {{ w: w * (1 - at(w).f / change), turn: p.shiftAt(U, system) - at(w).D }}; }})); }}""",
+            argument(ring, model, power, 0.0, omegas=omegas, energies=energies),
         )
         for candidates, w, shift in zip(found, omegas, shifts, strict=True):
             scale = ring.linear_rate * 1e-9
@@ -122,7 +124,7 @@ def test_hopf_and_fold_curves_lie_on_the_borders(js):
     )
     assert len(hopf) > 20
     assert len(folds) > 20
-    inside = [h for h in hopf if 1e-3 < h["power"] < 1e-2 and h["leading"]]
+    inside = [h for h in hopf if 1e-3 < h["power"] < 1e-2 and h["leading"] and "meets" not in h]
     for point in inside[:: max(len(inside) // 8, 1)]:
         nu = point["detuning"] / (2 * np.pi) * 1e9
         states = coupled.steady_states(ring, model, power=point["power"], detuning=nu)

@@ -80,7 +80,66 @@ def test_the_value_under_the_pointer(page):
     power, milliwatts, detuning, picometres = map(float, re.findall(r"-?\d+\.?\d*", page.inner_text("#pointed")))
     assert (power, milliwatts, detuning) == pytest.approx((8, 6.31, -20), rel=0.02)
     assert picometres == pytest.approx(20e9 * 299792458 / coupled.borghi2021().frequency ** 2 * 1e12, rel=0.02)
-    assert "R_th = 7.800 K/mW" in page.inner_text("#resistance")
+    assert "R_th = 7.800 K/mW" in page.inner_text("#numbers")
+
+
+def test_milliwatts_and_picometres(page):
+    """5 mW is 6.99 dBm; 100 pm on the red side is -c 100 pm/lambda^2; a range is given in the same unit."""
+    page.select_option("#units", "pm")
+    page.fill("#power", "5")
+    page.fill("#detuning", "100")
+    state = page.evaluate("ringPage.state()")
+    assert state["power"] == pytest.approx(10 * np.log10(5), rel=1e-12)
+    moved = -1e-10 * coupled.borghi2021().frequency ** 2 / 299792458 / 1e9
+    assert state["detuning"] == pytest.approx(moved, rel=1e-12)
+    page.fill("#power", "9000")
+    assert "from 0.0001 to 501.187 mW" in page.inner_text("#power-problem")
+    assert "Power (mW)" in page.inner_text("#plane")
+    settled(page)
+    assert "Wavelength from the cold resonance (pm)" in page.inner_text("#transmission")
+
+
+def test_values_of_any_figure_and_what_is_zoomed_in_to(page):
+    """A rectangle becomes the axes, a double click gives them back; on the plane the map is computed in the window."""
+    page.wait_for_function("ringPage.shown.map && ringPage.shown.map.n === 140", timeout=60_000)
+    axes = "ringPage.shown.panels.traces[0].x.scale"
+    span, (left, right) = page.evaluate(f"{axes}.domain()"), page.evaluate(f"{axes}.domain().map({axes})")
+    box = page.locator("#traces").bounding_box()
+    page.mouse.move(box["x"] + left + (right - left) / 4, box["y"] + 40)
+    at = float(re.match(r"Time ([\d.]+) ns, Drop [\d.]+ mW", page.inner_text("#readout"))[1])
+    assert at == pytest.approx(span[1] / 4, rel=0.01)
+    page.mouse.down()
+    page.mouse.move(box["x"] + left + (right - left) / 2, box["y"] + 70, steps=3)
+    page.mouse.up()
+    page.wait_for_function(f"{axes}.domain()[0] > 0")
+    assert page.evaluate(f"{axes}.domain()") == pytest.approx([span[1] / 4, span[1] / 2], rel=0.01)
+    page.mouse.dblclick(box["x"] + 150, box["y"] + 50)
+    page.wait_for_function(f"{axes}.domain()[0] === 0")
+    page.click("button[data-zoom='0.5']")  # about 8 dBm, 0 GHz
+    page.wait_for_function("ringPage.shown.map.window.detuning[0] === -15")
+    assert page.evaluate("ringPage.shown.map.window.power") == [5.5, 9]
+    page.click("button[data-zoom='0']")
+    page.wait_for_function("ringPage.shown.map.window.detuning[0] === -30")
+
+
+def test_a_kept_setting_lies_under_the_next_one(page):
+    before = page.evaluate("ringPage.shown.trace.cycle.period")
+    page.click("#keep")
+    page.fill("#power", "7.5")
+    settled(page, f"ringPage.shown.trace.cycle && ringPage.shown.trace.cycle.period !== {before}")
+    assert f"period {before:.2f} ns" in page.inner_text("#kept")
+    for name in ("traces", "phase-portrait", "transmission", "step"):
+        assert page.locator(f"#{name} path[stroke-dasharray='5 3']").count() >= 1
+    page.click("#keep")
+    assert page.inner_text("#kept") == ""
+
+
+def test_the_hint_of_a_first_visit(page):
+    assert page.is_visible("#hint")
+    page.click("#hint-read")
+    page.reload()
+    settled(page)
+    assert not page.is_visible("#hint")
 
 
 def test_the_laser_is_dragged_on_the_plane(page):
@@ -135,8 +194,8 @@ def test_a_link_restores_both_quality_factors(browser, file, loaded, own):
 @pytest.mark.parametrize(
     ("link", "words"),
     [
-        ("loadedQ=9000&intrinsicQ=5000", "Loaded quality factor = 9000: The loaded quality factor must lie below"),
-        ("loadedQ=1&intrinsicQ=5000", "Intrinsic quality factor = 5000: The loaded quality factor must lie below"),
+        ("loadedQ=9000&intrinsicQ=5000", "Loaded Q = 9000: The loaded quality factor must lie below"),
+        ("loadedQ=1&intrinsicQ=5000", "Intrinsic Q = 5000: The loaded quality factor must lie below"),
         ("power=400", "Power in the bus = 400: Give a value from -40 to 27 dBm."),
         ("power=", "Power in the bus = NaN: This is not a number."),
         ("ring=99", "ring = 99: This page has no such setting."),
@@ -157,13 +216,25 @@ def test_what_a_link_holds_and_cannot_be_taken_is_said(browser, file, link, word
 
 def test_the_copied_script_gives_the_same_numbers(page, capsys):
     """Period, duty and swing of the last cycle of the same run, to the digits that the page prints."""
-    page.fill("#loadedQ", "7000")
-    page.fill("#lifetime", "30")
+    moved = {"loadedQ": 7000, "lifetime": 30, "volume": 5.1, "absorbed": 0.9, "thermoOptic": 1.9, "resistance": 7.5}
+    for name, value in moved.items():
+        page.fill(f"#{name}", str(value))
     page.check("input[value=last]")
     settled(page)
     page.click("#python")
     script = page.input_value("#copied-text")
-    exec(compile(script, "copied", "exec"), {})
+    made = {}
+    exec(compile(script, "copied", "exec"), made)
+    ring, paper = made["ring"], coupled.borghi2021()
+    assert ring.loaded_q == pytest.approx(7000, rel=1e-12)
+    assert ring.intrinsic_q == pytest.approx(paper.intrinsic_q, rel=1e-12)
+    assert ring.carriers.tau0 == pytest.approx(30e-9, rel=1e-12)
+    assert ring.tpa_volume == pytest.approx(5.1e-18, rel=1e-12)
+    assert ring.fca_volume / ring.tpa_volume == pytest.approx(paper.fca_volume / paper.tpa_volume, rel=1e-12)
+    assert ring.loss_rate / (ring.loss_rate + ring.scattering_rate) == pytest.approx(0.9, rel=1e-12)
+    assert ring.thermo_optic == pytest.approx(1.9e-4, rel=1e-12)
+    assert made["model"].thermal_resistance == pytest.approx(7500, rel=1e-12)
+    assert "R_th = 7.500 K/mW" in page.inner_text("#numbers")
     printed = capsys.readouterr().out
     period = float(re.search(r"period ([\d.]+) ns", printed)[1])
     assert period == pytest.approx(page.evaluate("ringPage.shown.trace.pulsing.period"), rel=1e-6)
@@ -171,8 +242,8 @@ def test_the_copied_script_gives_the_same_numbers(page, capsys):
 
 def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
     """The block runs in a shell as it is; drop power and heat of its file at the times of the page's trace."""
-    page.fill("#loadedQ", "7000")
-    page.fill("#power", "9")
+    for name, value in {"loadedQ": 7000, "volume": 5.1, "absorbed": 0.9, "power": 9}.items():
+        page.fill(f"#{name}", str(value))
     page.check("input[value=cold]")
     settled(page)
     page.click("#command")

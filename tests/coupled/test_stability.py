@@ -201,3 +201,12 @@ def _crossings(curve, power):
     at = np.flatnonzero(away[:-1] * away[1:] < 0)
     share = away[at] / (away[at] - away[at + 1])
     return np.sort(curve.detuning.values[at] + share * np.diff(curve.detuning.values)[at])
+
+
+def test_heat_that_lowers_another_part_counts():
+    """Poles of negative resistance, as of a part that the light does not heat, were left out of a map."""
+    model = th.Foster(R=[3000.0, -800.0, 2000.0], tau=[1e-6, 2e-7, 5e-8], inputs=("a",), outputs=("b",))
+    found = coupled.stability_map(RING, model, [5e-3], [-32e9])
+    rest = coupled.steady_states(RING, model, power=5e-3, detuning=-32e9)
+    # equal Jacobians; eigenvalues to round-off times their condition
+    assert float(found["growth_rate"][0, 0]) == pytest.approx(float(rest["growth_rate"].min()), rel=1e-9)

@@ -27,6 +27,7 @@ def ring_and_model(seed):
         carriers=carriers,
         kerr_coefficient=4.5e-18 if seed % 5 == 0 else 0.0,
         fca_cross_section=base.fca_cross_section * draw.uniform(0.5, 1.5),
+        index_confinement=0.9 if seed % 60 == 23 else None,
     )
     poles = int(draw.integers(1, 15))
     shares = draw.uniform(0.2, 1, poles)

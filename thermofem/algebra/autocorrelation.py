@@ -3,8 +3,6 @@
 Source: Geyer, Statist. Sci. 7, 473 (1992), Section 3.3 (initial positive sequence).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 

@@ -8,8 +8,6 @@ the present space. A rotation then gives V^T M V = 1 and V^T K V = diag(rate). T
 Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -3,8 +3,6 @@
 x(t + h) = exp(-rate h) x(t) + sum_m c_m h^(m + 1) phi_m(rate h),   phi_m(y) = integral_0^1 exp(-y (1 - u)) u^m du
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .. import checks, waveforms

@@ -9,8 +9,6 @@ samples = 100                          # points of the Latin hypercube; seed = 0
 A family needs no [[drive]]; a run does.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ what has both, and a damaged file is computed again. A worker that dies costs it
 go on.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

@@ -131,9 +131,12 @@ def discretize(
     return build(mesh, conductivity, heat_capacity, Surfaces(held=held, convection=convection or {}))
 
 
-def build(mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces) -> Discretization:
-    """As `discretize`, with every term of `surfaces`."""
-    basis = skfem.Basis(mesh.skfem, skfem.ElementTriP2(), intorder=5)
+def build(
+    mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
+) -> Discretization:
+    """As `discretize`, with every term of `surfaces` and polynomials up to ``degree`` 2 or 3 (for references)."""
+    element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
+    basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
     both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
     stiffness = both.real  # one sparsity pattern for both
     if surfaces.any:

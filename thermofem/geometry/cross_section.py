@@ -23,26 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..data import files
 from ..materials.material_library import VOID, Material, find
-from . import geometry_file, parameter_paths
+from . import geometry_file, parameter_paths, section_parts
 from .regions import Subdivision, check_held, check_places, subdivide
-from .section_parts import (
-    BUSES,
-    INSULATED,
-    ISOTHERMAL,
-    LIGHT,
-    OPEN,
-    SAME,
-    THINNEST,
-    Boundary,
-    Bus,
-    Guide,
-    Interface,
-    Layer,
-    Part,
-    Probe,
-    images,
-    length,
-)
+from .section_parts import LIGHT, THINNEST, Boundary, Bus, Guide, Interface, Layer, Part, Probe, images, length
 
 KINDS = ("ring", "straight")
 
@@ -91,9 +74,9 @@ class CrossSection:
     layers: tuple[Layer, ...] = ()
     parts: tuple[Part, ...] = ()
     interfaces: tuple[Interface, ...] = ()
-    bottom: Boundary = ISOTHERMAL
-    top: Boundary = INSULATED
-    outer: Boundary = INSULATED
+    bottom: Boundary = section_parts.ISOTHERMAL
+    top: Boundary = section_parts.INSULATED
+    outer: Boundary = section_parts.INSULATED
     materials: tuple[Material, ...] = ()
     ambient: float = 293.15
     probes: tuple[Probe, ...] = ()
@@ -146,10 +129,11 @@ class CrossSection:
             raise checks.InputError(f"{len(data)} layers have datum = true; z = 0 lies at the top of exactly one layer")
         materials = [(f"layer {layer.name!r}", layer.name, layer.material) for layer in self.layers]
         materials += [(f"part {part.name!r}", part.name, part.material) for part in self.parts]
+        probes = [(f"probe {probe.name!r}", probe.name, VOID) for probe in self.probes]
         seen: dict[str, str] = {}
-        for what, name, material in materials:
+        for what, name, material in (*materials, *probes):
             if name in seen:
-                raise checks.InputError(f"{what} has the same name as {seen[name]}; every layer and part needs its own")
+                raise checks.InputError(f"{what} has the same name as {seen[name]}; each needs its own")
             seen[name] = what
             find(material, self.materials, what=f"{what}: material")
         solid = [part.name for part in self.parts if part.material != VOID]
@@ -157,11 +141,6 @@ class CrossSection:
             checks.choice("interface: part", interface.part, solid)
         for probe in self.probes:
             checks.choice(f"probe {probe.name!r}: part", probe.part, solid)
-            if probe.name in seen:
-                raise checks.InputError(
-                    f"probe {probe.name!r} has the same name as {seen[probe.name]}; every probe needs its own"
-                )
-            seen[probe.name] = f"probe {probe.name!r}"
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
@@ -195,7 +174,7 @@ class CrossSection:
         """
         if self.kind != "straight":
             return False
-        beside = [p for p in self.parts if abs(p.inner_radius + p.outer_radius) > SAME]
+        beside = [p for p in self.parts if abs(p.inner_radius + p.outer_radius) > section_parts.SAME]
         pairs = zip(beside[::2], beside[1::2], strict=False)
         follow = all(self.parts.index(b) == self.parts.index(a) + 1 and images(a, b) for a, b in pairs)
         return len(beside) % 2 == 0 and follow
@@ -246,7 +225,7 @@ class CrossSection:
         >>> strip_ring().opened().bottom.kind
         'open'
         """
-        return replace(self, bottom=OPEN, outer=OPEN)
+        return replace(self, bottom=section_parts.OPEN, outer=section_parts.OPEN)
 
     def with_(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> CrossSection:
         """A copy with other values, given by the paths of a campaign: numbers in SI, or text with units.
@@ -366,7 +345,7 @@ def check_distance(geometry: CrossSection, part: Part, distance: float, who: str
 
 def check_guides(section: CrossSection) -> None:
     """InputError where [light] or [[bus]] contradict the parts of a section."""
-    if len(section.buses) > len(BUSES):
+    if len(section.buses) > len(section_parts.BUSES):
         raise checks.InputError(f"{len(section.buses)} tables [[bus]]; a ring has one or two")
     checks.unique("[[bus]]: name", [bus.name for bus in section.buses])
     if section.buses and section.kind != "ring":

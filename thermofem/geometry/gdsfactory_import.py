@@ -4,8 +4,6 @@ gdsfactory gives lengths in um, and sidewall angles in degrees from the vertical
 circle of radius L/(2 pi).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

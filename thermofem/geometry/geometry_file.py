@@ -18,20 +18,8 @@ from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.index_laws import read_index, write_index
 from ..materials.material_library import LAW_KEYS, LIBRARY, PROPERTIES, Material, read_property, write_property
-from .section_parts import (
-    BUSES,
-    INSULATED,
-    ISOTHERMAL,
-    VERTICAL,
-    Boundary,
-    Bus,
-    Guide,
-    Interface,
-    Layer,
-    Part,
-    Probe,
-    ring,
-)
+from . import section_parts
+from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe, ring
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
@@ -108,7 +96,7 @@ def fields(text: str) -> dict[str, Any]:
         raise InputError("outer_radius belongs to a ring; a straight section has half_width and length")
     boundary = read_table(top.get("boundary", {}), _BOUNDARY, "[boundary]")
     for number, bus in enumerate(top.get("bus", [])):
-        bus.setdefault("name", BUSES[min(number, 1)])
+        bus.setdefault("name", section_parts.BUSES[min(number, 1)])
     return {
         "name": top.get("name", "cross-section"),
         **{key: top[key] for key in ("kind", "outer_radius", "length", "half_width") if key in top},
@@ -116,9 +104,9 @@ def fields(text: str) -> dict[str, Any]:
         "parts": _each(top, "part", _PART, _part, ("name", "material", "bottom", "height")),
         "interfaces": _each(top, "interface", _INTERFACE, Interface, ("part", "resistance")),
         "probes": _each(top, "probe", _PROBE, Probe, ("name", "part")),
-        "bottom": _boundary(boundary, "bottom", ISOTHERMAL),
-        "top": _boundary(boundary, "top", INSULATED),
-        "outer": _boundary(boundary, "outer", INSULATED),
+        "bottom": _boundary(boundary, "bottom", section_parts.ISOTHERMAL),
+        "top": _boundary(boundary, "top", section_parts.INSULATED),
+        "outer": _boundary(boundary, "outer", section_parts.INSULATED),
         "materials": tuple(_material(name, item) for name, item in top.get("material", {}).items()),
         "ambient": top.get("ambient", 293.15),
         "light": _light(top["light"], top["part"]) if "light" in top else None,
@@ -252,6 +240,6 @@ def _part_values(part: Part) -> dict[str, Any]:
         and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius)
     ):
         sizes = {"radius": radius, "width": width}
-    angle = None if part.sidewall_angle == VERTICAL else part.sidewall_angle
+    angle = None if part.sidewall_angle == section_parts.VERTICAL else part.sidewall_angle
     rest = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle, "heated": part.heated}
     return {"name": part.name, "material": part.material, **sizes, **rest}

@@ -4,8 +4,6 @@ All lengths in m; ``radius``, ``width``, ``height``, ``box`` and ``cladding`` ar
 said of them, and an InputError names the length that cannot be.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

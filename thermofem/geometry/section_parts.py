@@ -1,7 +1,5 @@
 """Elements of a cross-section: layers, parts, boundaries, interfaces, probes, guides and buses; all lengths in m."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

@@ -3,8 +3,6 @@
 n(lambda),    group index n - lambda dn/dlambda
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -15,8 +15,6 @@ it with a measured value in the geometry file, a plain one or a table with a law
 begins with its coefficient in 1/K. A table has the value of its curve at ``reference``; a value beside it must be that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

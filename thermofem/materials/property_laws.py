@@ -4,8 +4,6 @@ Each law is 1 where the value holds. Besides f a law gives its integral from one
 variable of a conductivity, the enthalpy of a specific heat.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -121,11 +121,10 @@ class Motion:
         Raises InputError: the other geometry has other faces, or a face with another number of corners.
         """
         faces = geometry.subdivision.faces
-        if [face.owner for face in faces] != [face.owner for face in self._faces]:
+        sizes = ([(face.owner, *map(len, face.rings)) for face in each] for each in (faces, self._faces))
+        if len({str(one) for one in sizes}) > 1:
             raise InputError("the new geometry has other faces than the old one, so its mesh cannot follow")
         rings = _rings(faces)
-        if [len(ring) for ring in rings] != [len(ring) for ring in self._rings]:
-            raise InputError("a face of the new geometry has another number of corners, so its mesh cannot follow")
         new = np.concatenate([_aligned(ring, old) for ring, old in zip(rings, self._rings, strict=True)])
         corners = new[self._first]
         if not np.array_equal(corners[self._which], new):

@@ -1,7 +1,5 @@
 """Triangles in (r, z) with named regions, and their files."""
 
-from __future__ import annotations
-
 import logging
 import re
 from dataclasses import dataclass
@@ -18,7 +16,6 @@ from .. import checks
 from ..checks import InputError, check_names
 from ..data import files
 
-LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
 ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
 
@@ -109,10 +106,6 @@ def check_triangles(
     )
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
-    if np.abs(points).max() > LARGEST:
-        raise InputError(
-            f"a point of the mesh lies at {np.abs(points).max():g} m; lengths are in m, at most {LARGEST:g}"
-        )
     if depth is None and points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
         raise InputError(f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on")
     if triangles.min() < 0 or triangles.max() >= len(points):

@@ -19,8 +19,6 @@ Adding a model: write a function that returns one of these kinds, and add it to 
 is a class that satisfies the contract, one file in this folder with one line of `thermofem.models.KINDS`.
 """
 
-from __future__ import annotations
-
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping

@@ -10,8 +10,6 @@ docs/models.md describes every field. A kind of model joins by its methods ``to_
 `KINDS`.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Mapping

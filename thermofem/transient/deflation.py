@@ -20,8 +20,6 @@ part of the impedance that V does not contain, at the time scales of the step an
 estimate and the distance of the interpolation from two further stages are each kept below a share of the tolerance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

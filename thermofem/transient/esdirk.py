@@ -5,8 +5,6 @@ Stage i solves (E - gamma h A) k_i = A (x + h sum_{j<i} a_ij k_j) + B P(t + c_i 
 Source: C. A. Kennedy, M. H. Carpenter, NASA/TM-2016-219173, ESDIRK4(3)6L[2]SA.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cached_property

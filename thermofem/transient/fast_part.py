@@ -14,8 +14,6 @@ With k(T) and c_p(T) the amplitudes follow what these do to the fields (`nonline
 by iteration with g of the last z as one more cubic; what is left of an error falls by k's relative change each time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

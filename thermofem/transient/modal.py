@@ -13,8 +13,6 @@ Sources: V. Druskin, L. Knizhnerman, M. Zaslavsky, SIAM J. Sci. Comput. 31, 3760
 parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass

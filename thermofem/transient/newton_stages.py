@@ -10,8 +10,6 @@ or by `SLIGHT_DRIFT` when another step length asks for factors anyway. Each iter
 the factors are made from the full Jacobian.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

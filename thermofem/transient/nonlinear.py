@@ -23,8 +23,6 @@ Sources: I. Christie et al., IMA J. Numer. Anal. 1, 253 (1981) (laws at the node
 Vorlesungen ueber die Theorie der Waerme (Teubner, 1894).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

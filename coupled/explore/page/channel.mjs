@@ -72,18 +72,11 @@ export function channel(code, kernel, receive, { preempt = false } = {}) {
     worker.postMessage({ kernel });
     post = (message) => worker.postMessage(message);
   } catch {
-    const engine = engineOf();
-    const ready = loadKernel(kernel);
     channel.local = true;
-    post = (message) =>
-      setTimeout(async () => {
-        try {
-          await ready;
-          await answer(engine, message.request, (part, last) => arrived({ id: message.id, part, last }), () => message.id !== id);
-        } catch (error) {
-          arrived({ id: message.id, error: String(error.message), last: true });
-        }
-      });
+    const scope = { postMessage: arrived };
+    serve(scope);
+    post = (data) => setTimeout(() => scope.onmessage({ data }));
+    post({ kernel });
   }
   function ask(request) {
     if (preempt) running.clear();

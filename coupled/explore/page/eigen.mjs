@@ -1,4 +1,4 @@
-// Eigenvalues of small dense matrices, and of a ring at a fixed point from those of a neighbour.
+// Small dense matrices: eigenvalues and elimination; and where a function changes.
 
 /** Reduce a matrix (row-major, n x n, overwritten) to upper Hessenberg form by elimination with pivots. */
 function hessenberg(A, n) {
@@ -49,141 +49,69 @@ function balanceMatrix(A, n) {
 
 /**
  * Eigenvalues of a real matrix, row-major, n x n, which is kept; returns { re, im }.
- * Shifted QR in double steps on the Hessenberg form (Francis; as EISPACK's hqr, Wilkinson and Reinsch 1971).
+ * QR steps with Wilkinson's shift on the Hessenberg form, in complex arithmetic (as EISPACK's comqr).
  */
 export function eigenvalues(matrix, n) {
-  const H = Float64Array.from(matrix);
-  const re = new Float64Array(n);
-  const im = new Float64Array(n);
-  balanceMatrix(H, n);
-  hessenberg(H, n);
-  let norm = 0;
-  for (let i = 0; i < n; i++) for (let j = Math.max(i - 1, 0); j < n; j++) norm += Math.abs(H[i * n + j]);
-  let end = n - 1;
-  let moved = 0;
-  let tries = 0;
-  while (end >= 0) {
-    let l = end;
-    for (; l > 0; l--) {
-      let s = Math.abs(H[(l - 1) * n + l - 1]) + Math.abs(H[l * n + l]);
-      if (s === 0) s = norm;
-      if (Math.abs(H[l * n + l - 1]) <= 2.2e-16 * s) {
-        H[l * n + l - 1] = 0;
-        break;
-      }
-    }
-    let x = H[end * n + end];
-    if (l === end) {
-      re[end] = x + moved;
-      im[end--] = 0;
-      tries = 0;
-      continue;
-    }
-    let y = H[(end - 1) * n + end - 1];
-    let w = H[end * n + end - 1] * H[(end - 1) * n + end];
-    if (l === end - 1) {
-      const p = 0.5 * (y - x);
-      const q = p * p + w;
-      const z = Math.sqrt(Math.abs(q));
-      x += moved;
-      if (q >= 0) {
-        const zz = p + (p >= 0 ? z : -z);
-        re[end - 1] = re[end] = x + zz;
-        if (zz !== 0) re[end] = x - w / zz;
-        im[end - 1] = im[end] = 0;
-      } else {
-        re[end - 1] = re[end] = x + p;
-        im[end - 1] = z;
-        im[end] = -z;
-      }
-      end -= 2;
-      tries = 0;
-      continue;
-    }
-    if (++tries > 120) throw new Error("the eigenvalues did not converge");
-    if (tries % 10 === 0) {
-      moved += x;
-      for (let i = 0; i <= end; i++) H[i * n + i] -= x;
-      const s = Math.abs(H[end * n + end - 1]) + Math.abs(H[(end - 1) * n + end - 2]);
-      x = y = 0.75 * s;
-      w = -0.4375 * s * s;
-    }
-    doubleStep(H, n, l, end, x, y, w);
+  const [re, im] = [Float64Array.from(matrix), new Float64Array(n * n)];
+  balanceMatrix(re, n);
+  hessenberg(re, n);
+  const size = (i, j) => Math.abs(re[i * n + j]) + Math.abs(im[i * n + j]);
+  const norm = re.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
+  for (let end = n - 1, tries = 0; end > 0; ) {
+    let first = end;
+    while (first > 0 && size(first, first - 1) > 2.2e-16 * (size(first, first) + size(first - 1, first - 1) + 1e-16 * norm)) first--;
+    if (first === end) [end, tries] = [end - 1, 0];
+    else if (++tries > 120) throw new Error("the eigenvalues did not converge");
+    else qrStep(re, im, n, first, end, tries % 10 ? shiftOf(re, im, n, end) : [size(end, end - 1) + size(end, end), 0]);
   }
-  return { re, im };
+  const diagonal = (x) => Float64Array.from({ length: n }, (_, k) => x[k * n + k]);
+  return { re: diagonal(re), im: diagonal(im) };
 }
 
-/** One implicit double step on rows l .. end. */
-function doubleStep(H, n, l, end, x, y, w) {
-  let m = end - 2;
-  let p = 0;
-  let q = 0;
-  let r = 0;
-  for (; m >= l; m--) {
-    const z = H[m * n + m];
-    const rr = x - z;
-    const ss = y - z;
-    p = (rr * ss - w) / H[(m + 1) * n + m] + H[m * n + m + 1];
-    q = H[(m + 1) * n + m + 1] - z - rr - ss;
-    r = H[(m + 2) * n + m + 1];
-    const size = Math.abs(p) + Math.abs(q) + Math.abs(r);
-    p /= size;
-    q /= size;
-    r /= size;
-    if (m === l) break;
-    const u = Math.abs(H[m * n + m - 1]) * (Math.abs(q) + Math.abs(r));
-    const v = Math.abs(p) * (Math.abs(H[(m - 1) * n + m - 1]) + Math.abs(z) + Math.abs(H[(m + 1) * n + m + 1]));
-    if (u <= 2.2e-16 * v) break;
-  }
-  for (let i = m; i < end - 1; i++) {
-    H[(i + 2) * n + i] = 0;
-    if (i !== m) H[(i + 2) * n + i - 1] = 0;
-  }
-  for (let k = m; k < end; k++) {
-    const last = k === end - 1;
-    if (k !== m) {
-      p = H[k * n + k - 1];
-      q = H[(k + 1) * n + k - 1];
-      r = last ? 0 : H[(k + 2) * n + k - 1];
-      x = Math.abs(p) + Math.abs(q) + Math.abs(r);
-      if (x !== 0) {
-        p /= x;
-        q /= x;
-        r /= x;
-      }
+/** The eigenvalue of the 2 x 2 block [[a, b], [c, d]] that ends at row `end` which lies nearest to d, [re, im]. */
+function shiftOf(re, im, n, end) {
+  const [a, b, c, d] = [(end - 1) * n + end - 1, (end - 1) * n + end, end * n + end - 1, end * n + end];
+  const [hr, hi] = [(re[a] - re[d]) / 2, (im[a] - im[d]) / 2];
+  const [wr, wi] = [re[b] * re[c] - im[b] * im[c], re[b] * im[c] + im[b] * re[c]];
+  const [qr, qi] = [hr * hr - hi * hi + wr, 2 * hr * hi + wi];
+  let x = Math.sqrt((Math.hypot(qr, qi) + Math.abs(qr)) / 2); // the larger part of the root of h^2 + w
+  let y = x > 0 ? qi / (2 * x) : 0;
+  if (qr < 0) [x, y] = [Math.abs(y), qi < 0 ? -x : x];
+  const sign = hr * x + hi * y < 0 ? -1 : 1;
+  const [ur, ui] = [hr + sign * x, hi + sign * y];
+  const square = ur * ur + ui * ui;
+  return square > 0 ? [re[d] - (wr * ur + wi * ui) / square, im[d] - (wi * ur - wr * ui) / square] : [re[d], im[d]];
+}
+
+/** One QR step with a shift on the rows and columns first .. end: rotations from the left, and their inverses from the right. */
+function qrStep(re, im, n, first, end, [shiftR, shiftI]) {
+  // entries p, q -> conj(c) p + conj(s) q, c q - s p
+  const rotate = (p, q, cr, ci, sr, si) => {
+    const [pr, pi, qr, qi] = [re[p], im[p], re[q], im[q]];
+    re[p] = cr * pr + ci * pi + sr * qr + si * qi;
+    im[p] = cr * pi - ci * pr + sr * qi - si * qr;
+    re[q] = cr * qr - ci * qi - sr * pr + si * pi;
+    im[q] = cr * qi + ci * qr - sr * pi - si * pr;
+  };
+  const shifted = (sign) => {
+    for (let k = first; k <= end; k++) {
+      re[k * n + k] += sign * shiftR;
+      im[k * n + k] += sign * shiftI;
     }
-    let s = Math.sqrt(p * p + q * q + r * r);
-    if (p < 0) s = -s;
-    if (s === 0) continue;
-    if (k === m) {
-      if (l !== m) H[k * n + k - 1] = -H[k * n + k - 1];
-    } else H[k * n + k - 1] = -s * x;
-    p += s;
-    x = p / s;
-    y = q / s;
-    const z = r / s;
-    q /= p;
-    r /= p;
-    for (let j = k; j < n; j++) {
-      let sum = H[k * n + j] + q * H[(k + 1) * n + j];
-      if (!last) {
-        sum += r * H[(k + 2) * n + j];
-        H[(k + 2) * n + j] -= sum * z;
-      }
-      H[(k + 1) * n + j] -= sum * y;
-      H[k * n + j] -= sum * x;
-    }
-    const stop = Math.min(end, k + 3);
-    for (let i = 0; i <= stop; i++) {
-      let sum = x * H[i * n + k] + y * H[i * n + k + 1];
-      if (!last) {
-        sum += z * H[i * n + k + 2];
-        H[i * n + k + 2] -= sum * r;
-      }
-      H[i * n + k + 1] -= sum * q;
-      H[i * n + k] -= sum;
-    }
+  };
+  shifted(-1);
+  const rotations = [];
+  for (let k = first; k < end; k++) {
+    const [p, q] = [k * n + k, (k + 1) * n + k];
+    const r = Math.hypot(re[p], im[p], re[q], im[q]) || 1;
+    rotations.push([re[p] / r, im[p] / r, re[q] / r, im[q] / r]);
+    for (let j = k; j <= end; j++) rotate(k * n + j, (k + 1) * n + j, ...rotations.at(-1));
   }
+  rotations.forEach(([cr, ci, sr, si], i) => {
+    const k = first + i;
+    for (let j = first; j <= k + 1; j++) rotate(j * n + k, j * n + k + 1, cr, -ci, sr, -si);
+  });
+  shifted(1);
 }
 
 /** Solve A x = b by elimination with pivots; both are overwritten, and b is returned. */
@@ -207,4 +135,14 @@ export function solve(A, b, n) {
     b[i] /= A[i * n + i];
   }
   return b;
+}
+
+/** Where `holds` ceases to hold between a, where it does, and b, by bisection. */
+export function bisect(holds, a, b, times = 60) {
+  for (let k = 0; k < times; k++) {
+    const middle = 0.5 * (a + b);
+    if (holds(middle)) a = middle;
+    else b = middle;
+  }
+  return 0.5 * (a + b);
 }

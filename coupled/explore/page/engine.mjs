@@ -1,8 +1,7 @@
 // Answers what the page asks, in a worker or beside it: numbers in, numbers out.
 
-import { lifted, setting } from "./heater.mjs";
 import { DONE, integrate } from "./kernel.mjs";
-import { FJ, NS, UW, absorbedPower, driveOf, turnOf } from "./ring.mjs";
+import { FJ, NS, UW, absorbedPower, driveOf, lifted, setting, turnOf } from "./ring.mjs";
 import { limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";
 import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
@@ -80,7 +79,7 @@ function settle(system, drive, turn, y, found, accuracy) {
       const slowest = settling(cycle.multipliers);
       if (slowest < 1) return shortest(system, drive, turn, { ...cycle, slowest, pattern }, accuracy);
       const { re, im } = cycle.multipliers;
-      if (!re.some((x, k) => x < -1 && im[k] === 0)) return null; // an unstable one is not where the ring settles
+      if (!re.some((x, k) => x < -1 && Math.abs(im[k]) < 1e-6)) return null; // an unstable one is not where the ring settles
       [period, pattern] = [2 * period, 2 * pattern]; // pulses that alternate by less than classify sees
     }
     near = integrate(system, drive, turn, near, 20 * found.period, accuracy.rough).y;

@@ -5,7 +5,7 @@
 // Cut at its turning points, every piece holds a detuning at most once.
 
 import { absorbedPower, dispersion } from "./ring.mjs";
-import { eigenvalues } from "./eigen.mjs";
+import { bisect, eigenvalues } from "./eigen.mjs";
 import { slopes } from "./kernel.mjs";
 
 const SPACING = 0.02;
@@ -82,15 +82,10 @@ export function reach(detuning, drive, sys) {
   return Math.asinh((Math.abs(detuning) + largest) / sys.loss + 1);
 }
 
+/** Where the detuning turns between two s, at which its slopes differ in sign. */
 function slopeZero(left, right, drive, sys) {
   const sign = tilted(left, drive, sys).slope > 0;
-  while (right - left > CLOSE * (1 + Math.abs(left))) {
-    const middle = 0.5 * (left + right);
-    if (middle <= left || middle >= right) break;
-    if (tilted(middle, drive, sys).slope > 0 === sign) left = middle;
-    else right = middle;
-  }
-  return 0.5 * (left + right);
+  return bisect((s) => tilted(s, drive, sys).slope > 0 === sign, left, right);
 }
 
 function flattest(left, right, drive, sys) {

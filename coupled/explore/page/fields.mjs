@@ -1,65 +1,66 @@
 // Fields and sliders: from the state to what is shown, and from what is typed or dragged to the state.
 
-import { FIELDS, RING_FIELDS, objection, valueOf, windowOf } from "./state.mjs";
+import { escaped } from "./plot.mjs";
+import { FIELDS, UNTOUCHED, fromShown, objection, shownUnit, toShown, valueOf, windowOf } from "./state.mjs";
 import { $, page } from "./view.mjs";
-
-const UNTOUCHED = Object.fromEntries(RING_FIELDS.map((name) => [name, null]));
 
 /** Fill the selects and make the fields; names come as text, never as markup. */
 export function build() {
-  const options = (id, names) => {
-    for (const [value, name] of names.entries()) $(id).add(new Option(name, String(value)));
+  const { data } = page;
+  const select = (id, names, change) => {
+    names.forEach((name, value) => $(id).add(new Option(name, String(value))));
+    $(id).addEventListener("change", () => change(Number($(id).value)));
   };
-  options("ring", page.data.rings.map((ring) => ring.name));
-  options("model", page.data.models.map((model) => model.name));
-  options("preset", ["Choose a preset…", ...page.data.presets.map((preset) => preset.name)]);
   for (const name of Object.keys(FIELDS)) field(name);
-  $("ring").addEventListener("change", () => set({ ring: Number($("ring").value), ...UNTOUCHED }, { ring: true }));
-  $("model").addEventListener("change", () => set({ model: Number($("model").value) }, { ring: true }));
-  $("preset").addEventListener("change", () => {
-    const preset = page.data.presets[Number($("preset").value) - 1];
-    if (!preset) return;
-    set({ ...page.data.start, ...preset.state }, { ring: true });
-    $("about").textContent = preset.text || "";
+  select("ring", data.rings.map((ring) => ring.name), (ring) => set({ ring, ...UNTOUCHED }, { ring: true })); // prettier-ignore
+  select("model", data.models.map((model) => model.name), (model) => set({ model, resistance: null }, { ring: true })); // prettier-ignore
+  select("preset", ["Choose a preset…", ...data.presets.map((preset) => preset.name)], (k) => {
+    if (k === 0) return;
+    set({ ...data.start, ...data.presets[k - 1].state, units: page.state.units }, { ring: true });
+    $("about").textContent = data.presets[k - 1].text;
   });
+  $("units").addEventListener("change", () => set({ units: $("units").value }, {}));
   for (const input of document.querySelectorAll("input[name=view]")) input.addEventListener("change", () => set({ view: input.value }, {}));
   $("reset").addEventListener("click", () => set(UNTOUCHED, { ring: true }));
+  if (data.family) $("family-error").textContent = `Interpolated between members: steps within ${(100 * data.family.error).toPrecision(2)} % of the thermal resistance.`;
 }
 
 /** One field: number and slider, which move together; a value out of range is marked and not taken. */
 function field(name) {
-  const { log, step, unit } = FIELDS[name];
+  const { log, step, label, group } = FIELDS[name];
+  const html =
+    `<div class="field"><div class="row"><label for="${name}">${escaped(label)}</label><span class="value">` +
+    `<input type="number" id="${name}" step="any" aria-describedby="${name}-problem"><span class="unit"></span></span></div>` +
+    `<input type="range" id="${name}-slider" min="0" step="1"><p class="problem" id="${name}-problem" role="alert"></p></div>`;
+  $(`${group}-fields`).insertAdjacentHTML("beforeend", html);
   const [number, slider] = [$(name), $(`${name}-slider`)];
-  slider.min = 0;
-  slider.step = 1;
-  number.addEventListener("input", () => take(name, number.value.trim() === "" ? NaN : Number(number.value), false));
+  const typed = () => (number.value.trim() === "" ? NaN : fromShown(name, Number(number.value), page.state, page.data));
+  number.addEventListener("input", () => refused(name, typed()) || takeAll({ [name]: typed() }, name));
   number.addEventListener("change", () => number.getAttribute("aria-invalid") !== "true" && fill());
   slider.addEventListener("input", () => {
     const [low, high] = span(name);
-    const share = Number(slider.value) / ticksOf(name);
+    const share = Number(slider.value) / stepsOf(name);
     let value = log ? low * (high / low) ** share : low + share * (high - low);
     value = step ? Math.round(value / step) * step : value;
-    take(name, Number(value.toPrecision(log ? 4 : 6)), true);
+    takeAll({ [name]: Number(value.toPrecision(log ? 4 : 6)) });
   });
-  slider.setAttribute("aria-label", `${FIELDS[name].label}, slider${unit ? `, ${unit}` : ""}`);
 }
 
 /** What a slider spans: less than what its field takes. */
 function span(name) {
-  const window = windowOf(page.state, page.data, 2.5);
-  if (name === "power") return [window.power[0] - 7, window.power[1] + 5];
-  if (name === "detuning") return window.detuning;
+  const { low, high, group } = FIELDS[name];
+  const { power } = page.data.rings[page.state.ring].window;
+  if (name === "power") return [power[0] - 7, power[1] + 5];
+  if (name === "detuning") return windowOf(page.state, page.data, 2.5).detuning;
   if (name === "duration") return [1, 100];
-  if (/^p\d$/.test(name)) return [FIELDS[name].low, FIELDS[name].high];
-  if (/^h\d$/.test(name)) return [0, page.data.heaters[Number(name[1])].span];
+  if (name === "absorbed" || group === "geometry") return [low, high];
+  if (group === "heaters") return [0, page.data.heaters[Number(name[1])].span];
   const own = valueOf(name, { ...page.state, [name]: null }, page.data);
-  if (name === "lifetime") return [own / 30, own * 10];
-  return [own / 5, own * 5];
+  return name === "lifetime" ? [own / 30, own * 10] : [own / 5, own * 5];
 }
 
 /** Places of a slider: one for every step, so that an arrow key moves it by one. */
-function ticksOf(name) {
-  const [low, high] = span(name);
+function stepsOf(name, [low, high] = span(name)) {
   return FIELDS[name].step ? Math.round((high - low) / FIELDS[name].step) : 1000;
 }
 
@@ -71,47 +72,43 @@ function refused(name, value) {
   return problem !== "";
 }
 
-/** Take a value into the state, unless it is out of range. */
-function take(name, value, fromSlider) {
-  if (!refused(name, value)) takeAll({ [name]: value }, fromSlider ? null : name);
-}
-
-/** Take several values at once; one that is out of range is left out. */
+/** Take values; one that is out of range is left out. `typing` is the field that is being typed in. */
 export function takeAll(values, typing = null) {
   const taken = Object.entries(values).filter(([name, value]) => !refused(name, value));
-  page.state = { ...page.state, ...Object.fromEntries(taken) };
-  if (taken.some(([name]) => /^p\d$/.test(name))) page.state.model = page.data.models.findIndex((model) => model.family);
-  fill(typing);
-  page.changed({ ring: taken.some(([name]) => !["power", "detuning", "duration"].includes(name)) });
+  const groups = taken.map(([name]) => FIELDS[name].group);
+  const member = groups.includes("geometry") ? { model: page.data.models.findIndex((model) => model.family) } : {};
+  set({ ...Object.fromEntries(taken), ...member }, { ring: groups.some((group) => !["laser", "time"].includes(group)) }, typing);
 }
 
 /** Write the state into the fields, but not into the one that is being typed in. */
 export function fill(typing = null) {
+  const { state, data } = page;
   $("link-problem").textContent = "";
   for (const name of Object.keys(FIELDS)) {
-    const value = valueOf(name, page.state, page.data);
+    const [value, unit, slider] = [valueOf(name, state, data), shownUnit(name, state), $(`${name}-slider`)];
     const [low, high] = span(name);
     const share = FIELDS[name].log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
-    $(`${name}-slider`).max = ticksOf(name);
-    $(`${name}-slider`).value = String(Math.round(ticksOf(name) * Math.min(Math.max(share, 0), 1)));
-    $(`${name}-slider`).setAttribute("aria-valuetext", `${Number(value.toPrecision(5))} ${FIELDS[name].unit}`);
+    slider.max = stepsOf(name, [low, high]);
+    slider.value = String(Math.round(slider.max * Math.min(Math.max(share, 0), 1)));
+    slider.setAttribute("aria-valuetext", `${Number(toShown(name, value, state, data).toPrecision(5))} ${unit}`);
+    slider.setAttribute("aria-label", `${FIELDS[name].label}, slider${unit ? `, ${unit}` : ""}`);
+    $(name).nextElementSibling.textContent = unit;
     if (typing === name) continue;
-    $(name).value = String(Number(value.toPrecision(10)));
+    $(name).value = String(Number(toShown(name, value, state, data).toPrecision(state.units === "pm" ? 6 : 10)));
     $(name).setAttribute("aria-invalid", "false");
     $(`${name}-problem`).textContent = "";
   }
-  $("ring").value = String(page.state.ring);
-  $("model").value = String(page.state.model);
-  for (const [k, { name }] of page.data.heaters.entries()) {
-    const none = !(name in (page.data.models[page.state.model].heaters || {}));
+  for (const name of ["ring", "model", "units"]) $(name).value = String(state[name]);
+  for (const [k, { name }] of data.heaters.entries()) {
+    const none = !(name in (data.models[state.model].heaters || {}));
     $(`h${k}`).disabled = $(`h${k}-slider`).disabled = none;
     $(`h${k}-problem`).textContent ||= none ? "The chosen thermal model has no such heater." : "";
   }
-  for (const input of document.querySelectorAll("input[name=view]")) input.checked = input.value === page.state.view;
+  for (const input of document.querySelectorAll("input[name=view]")) input.checked = input.value === state.view;
 }
 
-function set(change, what) {
+function set(change, what, typing = null) {
   page.state = { ...page.state, ...change };
-  fill();
+  fill(typing);
   page.changed(what);
 }

@@ -1,5 +1,7 @@
 // Heat alone: step response, periodic state and period error of Foster networks, and the field of its modes.
 
+import { bisect } from "./eigen.mjs";
+
 /** Rise in K/W after a unit step, at times in s. */
 export function stepResponse(model, times) {
   return Float64Array.from(times, (t) => model.R.reduce((sum, R, i) => sum - R * Math.expm1(-t / model.tau[i]), 0));
@@ -16,30 +18,17 @@ export function swing(model, period, power, duty) {
   return power * sum;
 }
 
-/** The period at which the model has a swing; 0 or Infinity where none has. */
+/** The period at which the model has a swing; 0 or Infinity where none within a factor of 1e4 has. */
 export function periodOf(model, target, near, power, duty) {
-  const excess = (x) => swing(model, Math.exp(x), power, duty) - target;
-  let low = Math.log(near);
-  let high = low;
-  const farthest = Math.log(1e4);
-  let step = Math.log(1.5);
-  if (excess(low) > 0) {
-    while (excess(low) > 0) {
-      [low, high, step] = [low - step, low, 1.5 * step];
-      if (low < Math.log(near) - farthest) return 0;
-    }
-  } else {
-    while (excess(high) < 0) {
-      [low, high, step] = [high, high + step, 1.5 * step];
-      if (high > Math.log(near) + farthest) return Infinity;
-    }
+  const less = (x) => swing(model, Math.exp(x), power, duty) < target;
+  const first = Math.log(near);
+  const longer = less(first);
+  let [from, step] = [first, longer ? Math.log(1.5) : -Math.log(1.5)];
+  while (less(from + step) === longer) {
+    [from, step] = [from + step, 1.5 * step];
+    if (Math.abs(from - first) > Math.log(1e4)) return longer ? Infinity : 0;
   }
-  for (let k = 0; k < 60 && high > low; k++) {
-    const middle = (low + high) / 2;
-    if (excess(middle) > 0) high = middle;
-    else low = middle;
-  }
-  return Math.exp((low + high) / 2);
+  return Math.exp(bisect((x) => less(x) === longer, from, from + step));
 }
 
 /** (T - T_model)/T at periods T in s: T_model is where the model has the swing of the reference. */

@@ -2,23 +2,19 @@
 
 import { channel, serve } from "./channel.mjs";
 import { limitCycle } from "./cycle.mjs";
-import { foldCurves, hopfCurves, hopfPoints } from "./curves.mjs";
+import { foldCurves, hopfCurves, impedance, sheet } from "./curves.mjs";
 import { engineOf } from "./engine.mjs";
-import { balance, steadyStates, survey } from "./equilibria.mjs";
+import { balance, secular, steadyStates, survey } from "./equilibria.mjs";
 import { build, fill } from "./fields.mjs";
-import { heatedBy, setting } from "./heater.mjs";
-import { periodError, stepResponse } from "./heat.mjs";
 import { integrate, loadKernel } from "./kernel.mjs";
 import { columns } from "./measure.mjs";
-import { classify } from "./pulsing.mjs";
-import { watchPlane } from "./laser.mjs";
-import { draw, recolour } from "./paint.mjs";
+import { draw, recolour, say, summary } from "./paint.mjs";
 import { theme } from "./plot.mjs";
-import { cold, derivedRates, driveOf, systemOf, turnOf } from "./ring.mjs";
-import { commandOf, pythonOf } from "./script.mjs";
+import { watchFigures, watchPlane } from "./pointer.mjs";
+import { classify } from "./pulsing.mjs";
+import { cold, driveOf, heatedBy, setting, systemOf, turnOf } from "./ring.mjs";
 import { decoded, drawSection, play } from "./section.mjs";
-import { addFamilyFields, addHeaterFields, hashOf, modelOf, ringOf, stateOf, watts, windowOf } from "./state.mjs";
-import { say, summary } from "./summary.mjs";
+import { addFields, hashOf, modelOf, planeWindow, ringOf, stateOf, watts, windowOf } from "./state.mjs";
 import { watchButtons } from "./take.mjs";
 import { $, inSight, page, resized, shown, watchSight } from "./view.mjs";
 
@@ -31,8 +27,7 @@ function start() {
   if (!Array.prototype.at || !globalThis.structuredClone || !globalThis.ResizeObserver || !globalThis.WebAssembly) return; // older than 2023: the notice stays
   const data = JSON.parse($("data").textContent);
   data.section = data.section && decoded(data.section);
-  if (data.family) addFamilyFields(data.family);
-  addHeaterFields(data.heaters);
+  addFields(data);
   page.data = data;
   page.changed = changed;
   const code = $("code").textContent;
@@ -49,7 +44,9 @@ function start() {
   $("error-figure").hidden = data.judge === null || data.models.length < 2;
   build();
   watchPlane();
+  watchFigures();
   watchButtons();
+  greet();
   watchView();
   restore(location.hash);
   addEventListener("hashchange", (event) => restore(new URL(event.newURL).hash));
@@ -62,6 +59,24 @@ function restore(hash) {
   fill();
   $("link-problem").textContent = refused.length ? `Not taken from the link: ${refused.join(" ")}` : "";
   changed({ ring: true });
+}
+
+/** A hint, until it has been read once in this browser. */
+function greet() {
+  const name = "thermofem explore: hint read";
+  try {
+    $("hint").hidden = localStorage.getItem(name) !== null;
+  } catch {
+    $("hint").hidden = false; // a frame without storage
+  }
+  $("hint-read").addEventListener("click", () => {
+    $("hint").hidden = true;
+    try {
+      localStorage.setItem(name, "1");
+    } catch {
+      // it is shown again
+    }
+  });
 }
 
 /** What changes how the figures look, not what they show. */
@@ -90,10 +105,10 @@ function watchView() {
 function changed({ ring = false }) {
   const { data, state } = page;
   const light = { ring: ringOf(state, data), model: modelOf(state, data), power: watts(state.power), detuning: state.detuning * 1e9 };
-  const window = windowOf(state, data);
   const trace = { ...light, kind: "trace", duration: state.duration * 1e-6, settled: state.view === "cycle" };
   if (ring) {
-    if (shown.ring !== state.ring) Object.assign(shown, { ring: state.ring, map: null, curves: { folds: [], hopf: [] } });
+    if (shown.ring !== state.ring) Object.assign(shown, { ring: state.ring, map: null, curves: { folds: [], hopf: [] }, zoom: {} });
+    const window = planeWindow(state, data);
     const sizes = [[24, 24], [60, 60], [140, 140]]; // prettier-ignore
     ask.plane({ ...light, kind: "plane", window, powers: window.power.map(watts), detunings: window.detuning.map((x) => x * 1e9), sizes });
   }
@@ -142,7 +157,7 @@ function gotPlane(part, { window }) {
 }
 
 // for tests, and for whoever wants to compute in the console
-globalThis.ringPage = { classify, columns, derivedRates, engineOf, foldCurves, hopfCurves, hopfPoints, integrate, limitCycle, loadKernel, periodError, shiftAt: (U, system) => balance(U, system).shift, steadyStates, stepResponse, survey, systemOf, cold, setting, heatedBy, commandOf, driveOf, pythonOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
+globalThis.ringPage = { classify, columns, engineOf, foldCurves, hopfCurves, impedance, integrate, limitCycle, loadKernel, secular, sheet, shiftAt: (U, system) => balance(U, system).shift, steadyStates, survey, systemOf, cold, setting, heatedBy, driveOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
 
 if (typeof document === "undefined") serve(globalThis);
 else if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);

@@ -1,5 +1,7 @@
 // Numbers read off the samples of a trace: its columns, crossings of a level, extremes, duty cycle.
 
+import { bisect } from "./eigen.mjs";
+
 const DUTY_LEVEL = 0.45;
 
 /** Columns of rows (t, Re a, Im a, N, dT): { t, U, N, dT } from row `first` to `stop`. */
@@ -29,14 +31,8 @@ export function rises(t, x, level, sign = 1) {
     const c = (v3 - v2) / (s3 - s2);
     const ab = (b - a) / (s2 - s0);
     const abc = ((c - b) / (s3 - s1) - ab) / (s3 - s0);
-    let [left, right] = [t[at], t[at + 1]];
-    for (let k = 0; k < 48; k++) {
-      const middle = 0.5 * (left + right);
-      const value = v0 + (middle - s0) * (a + (middle - s1) * (ab + (middle - s2) * abc));
-      if (sign * value < 0) left = middle;
-      else right = middle;
-    }
-    out.push(0.5 * (left + right));
+    const below = (s) => sign * (v0 + (s - s0) * (a + (s - s1) * (ab + (s - s2) * abc))) < 0;
+    out.push(bisect(below, t[at], t[at + 1], 48));
   }
   return out;
 }

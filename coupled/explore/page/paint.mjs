@@ -1,12 +1,12 @@
-// From what is known to the figures, once a frame.
+// From what is known to the figures, once a frame, and to the sentence above them.
 
 import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
-import { columns } from "./measure.mjs";
+import { columns, firstAt } from "./measure.mjs";
 import { theme } from "./plot.mjs";
 import { NS, derivedRates, dropRate, toPicometres } from "./ring.mjs";
 import { drawSection } from "./section.mjs";
-import { bordersOf, modelOf, ringOf, windowOf } from "./state.mjs";
-import { errorFigure, spectrumFigure, stepFigure } from "./thermal.mjs";
+import { bordersOf, modelOf, planeWindow, ringOf, windowOf } from "./state.mjs";
+import { errorFigure, spectrumFigure, stepFigure, sumOf } from "./thermal.mjs";
 import { $, inSight, page, put, shown, widthOf } from "./view.mjs";
 
 const HEAT_EVERY = 150; // ms between two drawings of the figures of heat while a slider moves, so that traces keep 30 frames a second
@@ -18,25 +18,15 @@ let later = 0;
 export function stretch() {
   const { trace } = shown;
   if (!trace) return null;
-  const found = trace.pulsing;
   if (page.state.view === "cycle" && trace.cycle) {
     const one = columns(trace.cycle.rows, 0, trace.cycle.count);
-    const two = (x, shift) => {
-      const out = new Float64Array(2 * x.length);
-      out.set(x);
-      out.set(x.map((v) => v + shift), x.length);
-      return out;
-    };
+    const two = (x, shift) => Float64Array.from({ length: 2 * x.length }, (_, i) => (i < x.length ? x[i] : x[i - x.length] + shift));
     return { t: two(one.t, trace.cycle.period), U: two(one.U, 0), N: two(one.N, 0), dT: two(one.dT, 0) };
   }
   const count = trace.rows.length / 5;
-  const end = trace.rows[5 * (count - 1)];
-  let from = 0;
-  if (page.state.view !== "cold" && found.regime === "self-pulsing") {
-    const begin = end - 4 * found.period;
-    while (from < count - 8 && trace.rows[5 * from] < begin) from++;
-  }
-  return columns(trace.rows, from, count);
+  const all = columns(trace.rows, 0, count);
+  if (page.state.view === "cold" || trace.pulsing.regime !== "self-pulsing") return all;
+  return columns(trace.rows, Math.max(Math.min(firstAt(all.t, all.t[count - 1] - 4 * trace.pulsing.period), count - 8), 0), count);
 }
 
 export function draw() {
@@ -48,21 +38,28 @@ export function draw() {
   });
 }
 
-/** While a slider moves, figures out of sight wait until it rests. */
-const due = (id) => !shown.moving || inSight(id);
+/** Drop rate of the present ring, 1/ns. */
+export const dropNow = () => dropRate(ringOf(page.state, page.data)) * NS;
+
+/** Show a figure; while a slider moves, those out of sight wait until it rests. */
+function show(id, height, make, content, colours) {
+  if (shown.moving && !inSight(id)) return null;
+  const figure = make(widthOf(id), height, { ...content, kept: shown.kept, zoom: shown.zoom[id] }, colours);
+  put(id, figure);
+  return figure;
+}
 
 function paint() {
-  const colours = theme();
-  paintPlane(colours);
-  const now = stretch();
-  const drop = dropRate(ringOf(page.state, page.data)) * NS;
+  const [colours, { state, data, }, now, drop] = [theme(), page, stretch(), dropNow()]; // prettier-ignore
+  const ring = ringOf(state, data);
+  paintPlane(ring, colours);
   if (now && now.t.length > 3) {
-    if (due("traces")) put("traces", tracesFigure(widthOf("traces"), heightOfPlane(), { ...now, drop }, colours));
-    if (due("phase-portrait")) put("phase-portrait", phaseFigure(widthOf("phase-portrait"), 330, { ...now, states: shown.states }, colours));
+    show("traces", heightOfPlane(), tracesFigure, { now, drop }, colours);
+    show("phase-portrait", 330, phaseFigure, { now, states: shown.states }, colours);
   }
-  if (shown.points.length && due("transmission")) {
-    const range = [windowOf(page.state, page.data, 2.5).detuning[0], windowOf(page.state, page.data, 1.2).detuning[1]];
-    put("transmission", transmissionFigure(widthOf("transmission"), 330, { points: shown.points, states: shown.states, state: page.state, drop, window: range }, colours));
+  if (shown.points.length) {
+    const window = [windowOf(state, data, 2.5).detuning[0], windowOf(state, data, 1.2).detuning[1]];
+    show("transmission", 330, transmissionFigure, { points: shown.points, states: shown.states, state, drop, window, ring }, colours);
   }
   clearTimeout(later);
   if (shown.moving && performance.now() - heatDrawn < HEAT_EVERY) later = setTimeout(draw, HEAT_EVERY);
@@ -74,50 +71,98 @@ function paint() {
 
 const heightOfPlane = () => Math.round(Math.min(0.86 * widthOf("plane"), 470));
 
-function paintPlane(colours) {
-  if (!due("plane")) return;
+function paintPlane(ring, colours) {
+  const { state, data } = page;
   if (shown.map && !shown.map.image) shown.map.image = mapImage(shown.map, colours);
-  const window = shown.map ? shown.map.window : windowOf(page.state, page.data);
-  const cycles = bordersOf(page.state, page.data);
-  shown.plane = planeFigure(widthOf("plane"), heightOfPlane(), { window, map: shown.map, curves: shown.curves, cycles }, colours);
-  put("plane", shown.plane.svg);
-  const inside = shown.curves.hopf.flat().filter((p) => p.leading && p.detuning >= 1e9 * window.detuning[0] && p.detuning <= 1e9 * window.detuning[1]);
-  const lowest = inside.length ? inside.reduce((a, b) => (a.power < b.power ? a : b)) : null;
-  $("threshold").textContent = lowest ? `The lowest power of a full Hopf line is ${(1e3 * lowest.power).toPrecision(3)} mW, at ${(lowest.detuning / 1e9).toFixed(1)} GHz.` : "";
-  const { x, y } = shown.plane;
-  $("plane").querySelector(".laser").setAttribute("transform", `translate(${x(page.state.detuning)} ${y(page.state.power)})`);
+  const window = shown.map ? shown.map.window : planeWindow(state, data);
+  const content = { window, map: shown.map, curves: shown.curves, cycles: bordersOf(state, data), units: state.units, ring };
+  const plane = show("plane", heightOfPlane(), planeFigure, content, colours);
+  if (!plane) return;
+  shown.plane = plane;
+  $("plane").querySelector(".laser").setAttribute("transform", `translate(${plane.x(state.detuning)} ${plane.y(state.power)})`);
+  $("numbers").textContent = numbers(ring, window);
 }
 
-function present() {
-  const { trace } = shown;
-  if (!trace || trace.pulsing.regime !== "self-pulsing") return { period: 0, duty: 1 / 3 };
-  const now = trace.cycle || trace.pulsing;
-  return { period: now.period * NS, duty: now.duty };
+/** R_th, pm/K, and the lowest powers of self-pulsing and of bistability in a window of the plane. */
+function numbers(ring, { detuning }) {
+  const perKelvin = toPicometres(derivedRates(ring).thermal_shift / (2e9 * Math.PI), ring);
+  const lowest = (curves, what) => {
+    const inside = curves.flat().filter((p) => p.leading !== false && p.detuning >= 1e9 * detuning[0] && p.detuning <= 1e9 * detuning[1]);
+    if (!inside.length) return "";
+    const { power, detuning: at } = inside.reduce((a, b) => (a.power < b.power ? a : b));
+    return `; ${what} from ${(1e3 * power).toPrecision(3)} mW on, at ${(at / 1e9).toFixed(1)} GHz`.replace("-", "−");
+  };
+  // below a window of powers, too
+  const thresholds = lowest(shown.curves.hopf, "pulses") + lowest(shown.curves.folds, "bistable");
+  return `R_th = ${(1e-3 * sumOf(modelOf(page.state, page.data).R)).toPrecision(4)} K/mW; ${perKelvin.toPrecision(3)} pm/K${thresholds}.`;
 }
 
 function paintHeat(colours) {
   const { data, state } = page;
-  const ring = ringOf(state, data);
-  const resistance = modelOf(state, data).R.reduce((sum, R) => sum + R, 0) * 1e-3;
-  const perKelvin = toPicometres(derivedRates(ring).thermal_shift / (2e9 * Math.PI), ring);
-  $("resistance").textContent = `R_th = ${resistance.toPrecision(4)} K/mW; the resonance moves ${perKelvin.toPrecision(3)} pm/K.`;
-  const drawn = data.models.map((_, k) => k).filter((k) => k === state.model || k === data.judge || !(data.models[k].hidden || data.models[k].family));
-  const models = drawn.map((k) => (data.models[k].family || k === state.model ? modelOf(state, data, k) : data.models[k]));
-  const [chosen, judge] = [state.model, data.judge].map((k) => drawn.indexOf(k));
-  const { period, duty } = present();
-  if (due("step")) put("step", stepFigure(widthOf("step"), 380, { models, chosen, reference: page.data.reference }, colours));
-  if (due("spectrum")) put("spectrum", spectrumFigure(widthOf("spectrum"), 380, { models, chosen, period }, colours));
-  if (due("error") && !$("error-figure").hidden) {
-    const { svg, now } = errorFigure(widthOf("error"), 380, { models, judge, chosen, period, duty }, colours);
-    put("error", svg);
+  const { trace } = shown;
+  const pulses = trace && trace.pulsing.regime === "self-pulsing" && (trace.cycle || trace.pulsing);
+  const [period, duty] = pulses ? [pulses.period * NS, pulses.duty] : [0, 1 / 3];
+  const visible = (model, k) => k === state.model || k === data.judge || !(model.hidden || model.family);
+  const models = data.models.map((model, k) => ({ ...(model.family || k === state.model ? modelOf(state, data, k) : model), place: k })).filter(visible); // prettier-ignore
+  const content = { models, chosen: state.model, period, duty };
+  show("step", 380, stepFigure, { ...content, reference: data.reference }, colours);
+  show("spectrum", 380, spectrumFigure, content, colours);
+  const errors = !$("error-figure").hidden && show("error", 380, errorFigure, { ...content, judge: models.find((m) => m.place === data.judge) }, colours);
+  if (errors) {
     const percent = (x) => (Number.isFinite(x) ? `${x >= 0 ? "+" : "−"}${Math.abs(100 * x).toFixed(Math.abs(x) < 0.1 ? 1 : 0)} %` : "no such period");
-    $("error-now").textContent = now.length ? `At the present period, ${(period * 1e9).toFixed(0)} ns: ${now.map((m) => `${m.name} ${percent(m.error)}`).join("; ")}.` : "The ring does not pulse at this setting.";
+    const each = errors.now.map((m) => `${m.name} ${percent(m.error)}`).join("; ");
+    $("error-now").textContent = each ? `At the present period, ${(period * 1e9).toFixed(0)} ns: ${each}.` : "The ring does not pulse at this setting.";
   }
-  if (due("section")) drawSection();
+  if (!shown.moving || inSight("section")) drawSection();
 }
 
 /** Draw in the colours of another theme. */
 export function recolour() {
   if (shown.map) shown.map.image = null;
   draw();
+}
+
+let spoken = "";
+let speaking = 0;
+
+/** The sentence above the figures; read aloud when it has stood for half a second. */
+export function say(text) {
+  $("summary").textContent = text;
+  clearTimeout(speaking);
+  speaking = setTimeout(() => {
+    if (text === spoken) return;
+    spoken = text;
+    $("spoken").textContent = text;
+  }, 500);
+}
+
+/** What the ring does, in words. */
+export function summary() {
+  const { trace, states } = shown;
+  if (!trace) return "Computing…";
+  const stable = states.filter((p) => p.regime === "stable").length;
+  const found = trace.pulsing;
+  const cycle = trace.request.settled && trace.cycle;
+  const points = `${states.length} fixed point${states.length === 1 ? "" : "s"}, ${stable} stable`;
+  if (found.regime === "self-pulsing") {
+    const now = cycle || found;
+    const what = cycle ? "Self-pulsing, settled cycle" : `Self-pulsing, last cycle of ${page.state.duration} µs`;
+    const memory = cycle ? ` A deviation shrinks to ${(100 * cycle.slowest).toPrecision(3)} % in one cycle.` : "";
+    const none = trace.request.settled && !cycle ? " No stable cycle was found near it: the pulses may not repeat." : "";
+    return `${what}: period ${now.period.toPrecision(5)} ns, duty ${now.duty.toFixed(3)}, temperature swing ${now.swing.toPrecision(4)} K. ${points}.${memory}${none}`;
+  }
+  const rest = states.find((p) => p.regime === "stable");
+  const at = (rise) => ` at ΔT = ${rise.toPrecision(4)} K`;
+  if (found.regime === "stable") return `The ring comes to rest${at(found.rest)}. ${points}.`;
+  if (found.heat) return `${warmingUp(found)} ${points}.`;
+  if (found.leaves !== undefined) return `After ${page.state.duration} µs the nearest fixed point,${at(found.leaves)}, is not stable: run longer to see where the ring goes. ${points}.`;
+  const where = stable === 1 ? at(rest.delta_T) : "";
+  return `Still moving after ${page.state.duration} µs: run longer to see whether it ${rest ? "comes to rest" : "pulses"}. ${points}${where}.`;
+}
+
+/** How far slow heat still has to go, and how long that takes. */
+function warmingUp({ heat, wanted }) {
+  const [now, end, missing] = [heat.now, heat.end, Math.abs(heat.end - heat.now)].map((rise) => `${rise.toPrecision(3)} K`);
+  const microseconds = Number((wanted * 1e-3).toPrecision(2));
+  return `After ${page.state.duration} µs slow heat still moves the ring: ΔT = ${now}, ${missing} from the fixed point at ΔT = ${end}. It rests there after some ${microseconds} µs.`;
 }

@@ -12,15 +12,22 @@ export const EPSILON = 1e15 / DENSITY;
 const C = 299792458.0;
 const HBAR = 6.62607015e-34 / (2 * Math.PI);
 
+/** Minus the shift of the resonance for a unit change of refractive index, rad/s: w0/n0, or w0 G/n_g of the mode. */
+function indexRate(ring) {
+  const share = ring.index_confinement === null ? 1 / ring.refractive_index : ring.index_confinement / ring.group_index;
+  return 2 * Math.PI * ring.frequency * share;
+}
+
 /** Rates that follow from the fields of a RingResonator, SI; a rate that was set by hand comes first. */
 export function derivedRates(ring) {
   const omega = 2 * Math.PI * ring.frequency;
   const given = Object.fromEntries(ring.rates);
   const n2 = ring.refractive_index ** 2;
+  const share = ring.index_confinement ?? 1;
   const twoPhoton = (C ** 2 * ring.tpa_coefficient) / (2 * n2);
   const computed = {
-    thermal_shift: (omega / ring.refractive_index) * ring.thermo_optic,
-    eta_fca: (C * ring.fca_cross_section) / ring.group_index,
+    thermal_shift: indexRate(ring) * ring.thermo_optic,
+    eta_fca: (share * C * ring.fca_cross_section) / ring.group_index,
     eta_tpa: (ring.tpa_confinement * twoPhoton) / ring.tpa_volume,
     g_tpa: (ring.fca_confinement * twoPhoton) / (HBAR * omega * ring.fca_volume ** 2),
     kerr_shift: (ring.tpa_confinement * omega * C * ring.kerr_coefficient) / (n2 * ring.tpa_volume),
@@ -42,7 +49,7 @@ export function lifetimeTerms(carriers) {
 }
 
 export function dropRate(ring) {
-  return ring.drop_rate === null || ring.drop_rate === undefined ? ring.bus_rate : ring.drop_rate;
+  return ring.drop_rate ?? ring.bus_rate;
 }
 
 export function linearRate(ring) {
@@ -61,7 +68,7 @@ export function intrinsicQ(ring) {
 export function systemOf(ring, model) {
   const rates = derivedRates(ring);
   const { tau0, a, b } = lifetimeTerms(ring.carriers);
-  const index = (2 * Math.PI * ring.frequency) / ring.refractive_index;
+  const index = indexRate(ring);
   const fcd = new Float64Array(2 * ring.fcd.length);
   ring.fcd.forEach(([c, p], k) => {
     fcd[2 * k] = c * index * NS * DENSITY ** p;
@@ -138,4 +145,48 @@ export function floorOf(system, drive) {
 /** From nothing: no light, no carriers, no heat. */
 export function cold(system) {
   return new Float64Array(3 + system.gain.length);
+}
+
+// Heaters of constant power beside the ring: coupled/heaters.py.
+//
+// A linear model adds what heaters do to what the light does: dT = rise + sum_i x_i, rise = sum_h R_h P_h. The light
+// sees the same equations at detuning + thermal_shift rise/2 pi, from x_i(0) = -sum_h R_ih P_h where heaters and laser
+// are switched on together; x_i then holds what is still missing of the heaters' rise.
+
+/** Powers in W of those heaters that a model has, by name. */
+export function powersOf(model, powers) {
+  return Object.fromEntries(Object.entries(powers).filter(([name, power]) => power > 0 && model.heaters && name in model.heaters));
+}
+
+/** The model with the static rise of every pole under its heaters, K. */
+export function heatedBy(model, powers) {
+  const on = powersOf(model, powers);
+  const held = model.tau.map((_, i) => Object.entries(on).reduce((sum, [name, power]) => sum + model.heaters[name][i] * power, 0));
+  return Object.keys(on).length ? { ...model, on, held } : model;
+}
+
+/** What the heaters of a model add to the temperature in the end, K. */
+export function riseOf({ held = [] }) {
+  return held.reduce((sum, x) => sum + x, 0);
+}
+
+/** What a request needs of its setting: ring, model, power (W), detuning (Hz). `moved` is the shift by heaters, rad/ns. */
+export function setting({ ring, model, power, detuning }) {
+  const system = systemOf(ring, model);
+  const rise = riseOf(model);
+  const moved = system.shift * rise;
+  const start = cold(system);
+  (model.held || []).forEach((x, i) => (start[3 + i] = -x));
+  return { system, drive: driveOf(system, power), turn: turnOf(detuning) + moved, rise, moved, start };
+}
+
+/** Rows (t, Re a, Im a, N, dT) with the heaters' rise in dT; changes them. */
+export function lifted(rows, rise) {
+  for (let at = 4; rise !== 0 && at < rows.length; at += 5) rows[at] += rise;
+  return rows;
+}
+
+/** What heaters move the resonance by, Hz; added to a detuning it gives that of the ring without them. */
+export function turnedBy(ring, model) {
+  return (systemOf(ring, model).shift * riseOf(model)) / turnOf(1);
 }

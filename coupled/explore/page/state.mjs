@@ -1,55 +1,91 @@
-// The state of the page: what its fields hold, the link that restores it, and the ring that follows from it.
+// The state of the page: what its fields hold, the link that restores it, and the ring and the thermal model that follow from it.
 
-import { heatedBy, turnedBy } from "./heater.mjs";
-import { dropRate, intrinsicQ, lifetimeTerms, linearRate, loadedQ } from "./ring.mjs";
+import { dropRate, heatedBy, intrinsicQ, lifetimeTerms, linearRate, loadedQ, toPicometres, turnedBy } from "./ring.mjs";
+import { sumOf } from "./thermal.mjs";
+import { shown } from "./view.mjs";
 
-/** Fields with a slider: name, unit, range and step; values are in the unit. Those of the ring are null while untouched. */
+/**
+ * Fields with a slider, by group: unit, range and step; values are in the unit. Those of the ring, and the thermal
+ * resistance, are null while untouched. `other` is a second unit that the page may show.
+ */
 export const FIELDS = {
-  power: { label: "Power in the bus", unit: "dBm", low: -40, high: 27, step: 0.05 },
-  detuning: { label: "Detuning, laser minus cold resonance", unit: "GHz", low: -2000, high: 2000, step: 0.1 },
-  loadedQ: { label: "Loaded quality factor", unit: "", low: 500, high: 5e6, log: true },
-  intrinsicQ: { label: "Intrinsic quality factor", unit: "", low: 1000, high: 5e7, log: true },
-  lifetime: { label: "Carrier lifetime at low density", unit: "ns", low: 0.01, high: 1000, log: true },
-  duration: { label: "Run from cold", unit: "µs", low: 0.5, high: 200, log: true },
+  power: { group: "laser", label: "Power in the bus", unit: "dBm", low: -40, high: 27, step: 0.05, other: "mW" },
+  detuning: { group: "laser", label: "Detuning", unit: "GHz", low: -2000, high: 2000, step: 0.1, other: "pm" },
+  loadedQ: { group: "ring", label: "Loaded Q", unit: "", low: 500, high: 5e6, log: true },
+  intrinsicQ: { group: "ring", label: "Intrinsic Q", unit: "", low: 1000, high: 5e7, log: true },
+  absorbed: { group: "ring", label: "Absorbed share", unit: "", low: 0, high: 1 },
+  lifetime: { group: "ring", label: "Carrier lifetime", unit: "ns", low: 0.01, high: 1000, log: true },
+  volume: { group: "ring", label: "Mode volume", unit: "µm³", low: 0.01, high: 1e5, log: true },
+  thermoOptic: { group: "ring", label: "dn/dT", unit: "10⁻⁴/K", low: -100, high: 100 },
+  resistance: { group: "heat", label: "R_th", unit: "K/mW", low: 0.001, high: 1000, log: true },
+  duration: { group: "time", label: "Run from cold", unit: "µs", low: 0.5, high: 200, log: true },
 };
-export const RING_FIELDS = ["loadedQ", "intrinsicQ", "lifetime"];
-export const VIEWS = ["cycle", "last", "cold"];
+export const RING_FIELDS = Object.keys(FIELDS).filter((name) => FIELDS[name].group === "ring");
+export const UNTOUCHED = Object.fromEntries([...RING_FIELDS, "resistance"].map((name) => [name, null]));
+const CHOICES = { view: ["cycle", "last", "cold"], units: ["GHz", "pm"] };
 
-/** The value of a field of the ring as the ring itself has it, in the unit of the field. */
-export function ownValue(name, ring) {
+/** The value of a field as the ring or the model itself has it, in the unit of the field. */
+function ownValue(name, state, data) {
+  const ring = data.rings[state.ring];
   if (name === "loadedQ") return loadedQ(ring);
   if (name === "intrinsicQ") return intrinsicQ(ring);
-  return lifetimeTerms(ring.carriers).tau0 * 1e9;
+  if (name === "absorbed") return ring.loss_rate / (ring.loss_rate + ring.scattering_rate || 1);
+  if (name === "lifetime") return lifetimeTerms(ring.carriers).tau0 * 1e9;
+  if (name === "volume") return ring.tpa_volume * 1e18;
+  if (name === "thermoOptic") return ring.thermo_optic * 1e4;
+  return sumOf(bareModelOf(state, data, state.model).R) * 1e-3;
 }
 
 export function valueOf(name, state, data) {
-  const value = state[name];
-  return value === null ? ownValue(name, data.rings[state.ring]) : value;
+  return state[name] === null ? ownValue(name, state, data) : state[name];
 }
 
-/** The ring with the fields that were moved, every number in SI; one that was not moved keeps its own digits. */
+/** The unit that a field is shown in, and a value in it; and back. */
+export function shownUnit(name, state) {
+  return (state.units === "pm" && FIELDS[name].other) || FIELDS[name].unit;
+}
+
+export function toShown(name, value, state, data) {
+  const other = state.units === "pm" && FIELDS[name].other;
+  if (other === "mW") return 1e3 * watts(value);
+  return other === "pm" ? -toPicometres(value, data.rings[state.ring]) : value;
+}
+
+export function fromShown(name, value, state, data) {
+  const other = state.units === "pm" && FIELDS[name].other;
+  if (other === "mW") return value > 0 ? 10 * Math.log10(value) : NaN;
+  return other === "pm" ? -value / toPicometres(1, data.rings[state.ring]) : value;
+}
+
+/** What was moved of a ring, in SI: fields, numbers of the carriers' law, and derived rates that were set by hand. */
+export function changesOf(state, data) {
+  const base = data.rings[state.ring];
+  const [fields, carriers, rates] = [{}, {}, {}];
+  const ratio = (name) => valueOf(name, state, data) / ownValue(name, state, data);
+  if (["loadedQ", "intrinsicQ", "absorbed"].some((name) => state[name] !== null)) {
+    const [whole, own] = ["loadedQ", "intrinsicQ"].map((name) => (Math.PI * base.frequency) / valueOf(name, state, data));
+    const outside = base.bus_rate + dropRate(base);
+    const absorbed = base.loss_rate + base.scattering_rate > 0 || state.absorbed !== null ? valueOf("absorbed", state, data) : 1;
+    fields.bus_rate = ((whole - own) * base.bus_rate) / outside;
+    if (base.drop_rate !== null) fields.drop_rate = ((whole - own) * base.drop_rate) / outside;
+    Object.assign(fields, { loss_rate: own * absorbed, scattering_rate: own * (1 - absorbed) });
+  }
+  if (state.volume !== null) for (const name of ["tpa_volume", "fca_volume"]) fields[name] = base[name] * ratio("volume");
+  if (state.thermoOptic !== null) fields.thermo_optic = state.thermoOptic * 1e-4;
+  for (const [name, value] of base.rates) {
+    const power = { eta_tpa: 1, kerr_shift: 1, g_tpa: 2 }[name];
+    if (power && state.volume !== null) rates[name] = value / ratio("volume") ** power;
+    if (name === "thermal_shift" && base.thermo_optic && state.thermoOptic !== null) rates[name] = value * ratio("thermoOptic");
+  }
+  if (state.lifetime !== null) for (const name of ["tau", "tau_n", "tau_p"]) if (name in base.carriers) carriers[name] = base.carriers[name] * ratio("lifetime");
+  return { fields, carriers, rates };
+}
+
+/** The ring with what was moved. */
 export function ringOf(state, data) {
   const base = data.rings[state.ring];
-  let ring = { ...base };
-  if (state.loadedQ !== null || state.intrinsicQ !== null) {
-    const whole = (Math.PI * base.frequency) / valueOf("loadedQ", state, data);
-    const own = (Math.PI * base.frequency) / valueOf("intrinsicQ", state, data);
-    const outside = base.bus_rate + dropRate(base);
-    const inside = base.loss_rate + base.scattering_rate;
-    ring = {
-      ...ring,
-      bus_rate: ((whole - own) * base.bus_rate) / outside,
-      drop_rate: base.drop_rate === null ? null : ((whole - own) * base.drop_rate) / outside,
-      loss_rate: inside > 0 ? (own * base.loss_rate) / inside : own,
-      scattering_rate: inside > 0 ? (own * base.scattering_rate) / inside : 0,
-    };
-  }
-  if (state.lifetime !== null) {
-    const factor = (state.lifetime * 1e-9) / lifetimeTerms(base.carriers).tau0;
-    const c = base.carriers;
-    ring.carriers = c.tau !== undefined ? { tau: state.lifetime * 1e-9 } : { ...c, tau_n: c.tau_n * factor, tau_p: c.tau_p * factor };
-  }
-  return ring;
+  const { fields, carriers, rates } = changesOf(state, data);
+  return { ...base, ...fields, carriers: { ...base.carriers, ...carriers }, rates: base.rates.map(([name, value]) => [name, name in rates ? rates[name] : value]) };
 }
 
 /** The window of the plane in dBm and GHz, or `stretch` times as many detunings: in widths of the resonance, about where heaters move it. */
@@ -61,23 +97,25 @@ export function windowOf(state, data, stretch = 1) {
   return { power: base.window.power, detuning: base.window.detuning.map((x) => scale * x - turned) };
 }
 
-/** Fields for the parameters of a family that the page moves: p0, p1, p2. */
-export function addFamilyFields(family) {
-  family.parameters.forEach((p, k) => {
-    const scale = family.scale[k];
-    if (p.moved) FIELDS[`p${k}`] = { label: p.name, unit: family.units[k], low: p.low * scale, high: p.high * scale };
-  });
+/** The window of the plane: all of it, or what is zoomed in to. */
+export function planeWindow(state, data) {
+  return shown.zoom.plane || windowOf(state, data);
 }
 
-/** Fields for the powers of heaters, in mW: h0, h1, .. in the order of their names. */
-export function addHeaterFields(heaters) {
-  heaters.forEach(({ name }, k) => (FIELDS[`h${k}`] = { label: `Power in ${name}`, unit: "mW", low: 0, high: 10000 }));
+/** Fields for the parameters of a family that the page moves, p0, p1, p2, and for the powers of heaters, h0, h1, .. */
+export function addFields({ family, heaters }) {
+  const moved = family ? family.parameters.filter((p) => p.moved) : [];
+  moved.forEach((p, k) => (FIELDS[`p${k}`] = { group: "geometry", label: p.name, unit: family.units[k], low: p.low * family.scale[k], high: p.high * family.scale[k] }));
+  heaters.forEach(({ name }, k) => (FIELDS[`h${k}`] = { group: "heaters", label: `Power in ${name}`, unit: "mW", low: 0, high: 10000 }));
 }
 
-/** The thermal model of a state, or another one, under the state's heaters. */
+/** A thermal model of the page under the heaters of the state; the one of the family follows its parameters. */
 export function modelOf(state, data, index = state.model) {
-  const powers = Object.fromEntries(data.heaters.map(({ name }, k) => [name, (state[`h${k}`] || 0) * 1e-3]));
-  return heatedBy(bareModelOf(state, data, index), powers);
+  const powers = Object.fromEntries(data.heaters.map(({ name }, k) => [name, state[`h${k}`] * 1e-3]));
+  const own = bareModelOf(state, data, index);
+  if (index !== state.model || state.resistance === null) return heatedBy(own, powers);
+  const factor = (state.resistance * 1e3) / sumOf(own.R);
+  return heatedBy({ ...own, factor, R: own.R.map((R) => R * factor) }, powers);
 }
 
 /** The same without heaters: one that was given, or the member of the family at its parameters. */
@@ -103,9 +141,9 @@ function bareModelOf(state, data, index) {
   return { ...given, R: kept.map((i) => out[i]), tau: kept.map((i) => given.tau[i]) };
 }
 
-/** The curves of folds of cycles that Python computed for this ring and model; none once a field of the ring has moved. Heaters shift them. */
+/** The curves of folds of cycles that Python computed for this ring and model; none once a number of the ring or R_th has moved. Heaters shift them. */
 export function bordersOf(state, data) {
-  if (RING_FIELDS.some((name) => state[name] !== null)) return [];
+  if (Object.keys(UNTOUCHED).some((name) => state[name] !== null)) return [];
   const known = data.borders.find((entry) => entry.ring === state.ring && entry.model === state.model);
   const turned = turnedBy(ringOf(state, data), modelOf(state, data));
   return known ? known.curves.map((curve) => curve.map(([power, detuning]) => ({ power, detuning: detuning - turned }))) : [];
@@ -118,9 +156,10 @@ export function watts(dBm) {
 
 /** Why a value cannot be taken, in words, or "" where it can. */
 export function objection(name, value, state, data) {
-  const { unit, low, high } = FIELDS[name];
+  const { low, high } = FIELDS[name];
   if (!Number.isFinite(value)) return "This is not a number.";
-  if (value < low || value > high) return `Give a value from ${low} to ${high} ${unit}.`.replace(" .", ".");
+  const ends = [low, high].map((end) => Number(toShown(name, end, state, data).toPrecision(6))).sort((a, b) => a - b);
+  if (value < low || value > high) return `Give a value from ${ends[0]} to ${ends[1]} ${shownUnit(name, state)}.`.replace(" .", ".");
   const loaded = name === "loadedQ" ? value : valueOf("loadedQ", state, data);
   const own = name === "intrinsicQ" ? value : valueOf("intrinsicQ", state, data);
   if ((name === "loadedQ" || name === "intrinsicQ") && loaded >= 0.999 * own) return "The loaded quality factor must lie below the intrinsic one: coupling adds loss.";
@@ -142,7 +181,7 @@ export function stateOf(hash, fallback, data) {
   for (const [name, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
     const value = text.trim() === "" ? NaN : Number(text);
     if (FIELDS[name]) values[name] = value;
-    else if (name === "view" && VIEWS.includes(text)) state.view = text;
+    else if (name in CHOICES && CHOICES[name].includes(text)) state[name] = text;
     else if (name in lists && Number.isInteger(value) && value in lists[name]) state[name] = value;
     else refused.push(`${name} = ${text}: This page has no such setting.`);
     if (name === "ring") for (const field of RING_FIELDS) state[field] = null;

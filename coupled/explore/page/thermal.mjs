@@ -1,140 +1,80 @@
-// The figures of heat: step response, time constants, period error, cross-section with the field.
+// The figures of heat: step response, time constants, period error.
 
-import { legend, legendRows, panel, pathOf, svgOf } from "./plot.mjs";
-import { boxOf, linear, logarithmic } from "./figures.mjs";
+import { boxOf, curve, dot, figure, legendPlaces, stroke } from "./plot.mjs";
 import { periodError, stepResponse } from "./heat.mjs";
 
 function geometric(low, high, n) {
   return Float64Array.from({ length: n }, (_, k) => low * (high / low) ** (k / (n - 1)));
 }
 
-/** From a tenth of the fastest to ten times the slowest time constant that matters, s. */
-export function timeSpan(models) {
-  let low = Infinity;
-  let high = 0;
-  for (const { R, tau } of models) {
-    const total = R.reduce((a, b) => a + b, 0);
-    tau.forEach((t, i) => {
-      if (R[i] < 1e-3 * total) return;
-      low = Math.min(low, t);
-      high = Math.max(high, t);
-    });
-  }
-  return [low / 10, high * 8];
+export const sumOf = (values) => values.reduce((sum, x) => sum + x, 0);
+
+/** From a tenth of the fastest to eight times the slowest time constant that matters, s. */
+function timeSpan(models) {
+  const seen = models.flatMap(({ R, tau }) => tau.filter((_, i) => R[i] >= 1e-3 * sumOf(R)));
+  return [Math.min(...seen) / 10, Math.max(...seen) * 8];
 }
 
-/** The box of a figure with the names of all models below. */
-function below(width, height, models) {
-  const rows = legendRows(models.map((m) => m.name), boxOf(width, height).width);
-  return boxOf(width, height, { bottom: 40 + 17 * rows });
+const colourOf = (k, colours) => colours.series[k % colours.series.length];
+
+/** A figure with one panel, and the names of all models below it. */
+function withNames(width, height, { across, up, models, extra = [], zoom, label }, colours, draw) {
+  const entries = [...models.map(({ name, place }) => ({ name, colour: colourOf(place, colours) })), ...extra];
+  const box = boxOf(width, height, { bottom: 40 + 17 * legendPlaces(entries, boxOf(width, height).width).rows });
+  const fig = figure(width, height, colours, zoom);
+  fig.panel(box, { log: true, time: true, ...across }, up, (x, y) => draw(x, y, box));
+  fig.legend(entries, box);
+  return fig.done(label);
 }
 
-export function stepFigure(width, height, { models, chosen, reference }, colours) {
-  const box = below(width, height, [...models, ...(reference ? [reference] : [])]);
+/** models: { name, R, tau, place } with the place that gives the colour; chosen: the place of the present one. */
+export function stepFigure(width, height, { models, chosen, reference, kept, zoom }, colours) {
   const times = geometric(...timeSpan(models), 160);
-  const x = logarithmic([times[0], times[times.length - 1]], [box.left, box.left + box.width]);
-  const top = Math.max(...models.map((m) => m.R.reduce((a, b) => a + b, 0))) / 1e3;
-  const y = linear([0, 1.06 * top], [box.top + box.height, box.top]);
-  const entries = [];
-  let content = "";
-  models.forEach((model, k) => {
-    const colour = colours.series[k % colours.series.length];
-    const path = pathOf(times.map((t) => x(t)), stepResponse(model, times).map((v) => y(v / 1e3)), { sorted: false });
-    content += `<path d="${path}" fill="none" stroke="${colour}" stroke-width="${k === chosen ? 2.8 : 1.6}"/>`;
-    entries.push({ name: model.name, colour });
+  const extra = reference ? [{ name: reference.name, colour: colours.ink, mark: "dot" }] : [];
+  const across = { domain: [times[0], times.at(-1)], label: "Time after the step" };
+  const top = Math.max(...[...models, ...(kept ? [kept.model] : [])].map((m) => sumOf(m.R))) / 1e3;
+  const present = models.find((m) => m.place === chosen);
+  const up = { domain: [0, 1.06 * top], label: "Rise (K/mW)", read: (t) => stepResponse(present, [t])[0] / 1e3 };
+  const label = "Step response of every compact model";
+  return withNames(width, height, { across, up, models, extra, zoom, label }, colours, (x, y) => {
+    const line = (model, ...look) => stroke(curve(x, y, times, stepResponse(model, times).map((v) => v / 1e3)), ...look); // prettier-ignore
+    let content = kept ? line(kept.model, colours.soft, 1.4, "5 3") : "";
+    for (const model of models) content += line(model, colourOf(model.place, colours), model.place === chosen ? 2.8 : 1.6);
+    return content + (reference ? reference.times.map((t, k) => dot(x(t), y(reference.rise[k] / 1e3), 3, "none", colours.ink)).join("") : "");
   });
-  if (reference) {
-    reference.times.forEach((t, k) => {
-      content += `<circle cx="${x(t).toFixed(1)}" cy="${y(reference.rise[k] / 1e3).toFixed(1)}" r="3" fill="none" stroke="${colours.ink}" stroke-width="1.2"/>`;
+}
+
+const nowLine = (period, x, box, colours) => (period > 0 ? `<path d="M${x(period)} ${box.top}v${box.height}" stroke="${colours.ink}" stroke-dasharray="4 4" stroke-opacity=".6"/>` : "");
+
+export function spectrumFigure(width, height, { models, chosen, period, zoom }, colours) {
+  const across = { domain: timeSpan(models), label: "Time constant τᵢ" };
+  const up = { domain: [0, (1.08 * Math.max(...models.flatMap((m) => m.R))) / 1e3], label: "Rᵢ (K/mW)" };
+  const label = "Time constants and thermal resistances of every compact model";
+  return withNames(width, height, { across, up, models, zoom, label }, colours, (x, y, box) => {
+    const onTop = [...models].sort((a, b) => (a.place === chosen) - (b.place === chosen));
+    const poles = onTop.flatMap(({ R, tau, place }) => {
+      const [colour, heavy] = [colourOf(place, colours), place === chosen];
+      return tau.map((t, i) => stroke(`M${x(t)} ${y(0)}V${y(R[i] / 1e3)}`, colour, heavy ? 2.4 : 1.2) + dot(x(t), y(R[i] / 1e3), heavy ? 4 : 2.6, colour, "none"));
     });
-    entries.push({ name: reference.name, colour: colours.ink, mark: "dot" });
-  }
-  let text = panel(box, { scale: x, label: "Time after the step", log: true }, { scale: y, label: "Rise (K/mW)" }, content, colours);
-  text += legend(entries, box.left, box.top + box.height + 52, box.width, colours).text;
-  return svgOf(width, height, text, colours, "Step response of every compact model");
+    return poles.join("") + nowLine(period, x, box, colours);
+  });
 }
 
-export function spectrumFigure(width, height, { models, chosen, period }, colours) {
-  const box = below(width, height, models);
-  const [low, high] = timeSpan(models);
-  const x = logarithmic([low, high], [box.left, box.left + box.width]);
-  const y = linear([0, 1.08 * Math.max(...models.flatMap((m) => m.R)) / 1e3], [box.top + box.height, box.top]);
-  let content = "";
-  const order = models.map((_, k) => k).sort((a, b) => (a === chosen) - (b === chosen));
-  for (const k of order) {
-    const colour = colours.series[k % colours.series.length];
-    const heavy = k === chosen;
-    models[k].tau.forEach((tau, i) => {
-      const at = x(tau).toFixed(1);
-      const top = y(models[k].R[i] / 1e3).toFixed(1);
-      content += `<path d="M${at} ${y(0)}V${top}" stroke="${colour}" stroke-width="${heavy ? 2.4 : 1.2}"/><circle cx="${at}" cy="${top}" r="${heavy ? 4 : 2.6}" fill="${colour}"/>`;
+/** Period errors in percent of every model but the judge; the figure, and the errors at the present period. */
+export function errorFigure(width, height, { models, judge, chosen, period, duty, zoom }, colours) {
+  const others = models.filter((m) => m !== judge);
+  const errors = (model, periods) => periodError(model, judge, periods, 2e-3, duty);
+  const across = { domain: [1e-7, 1e-5], label: "Period" };
+  const periods = geometric(...across.domain, 41);
+  const up = { domain: [-60, 60], label: "Period error (%)" };
+  const label = `Error of the period that each model gives, against ${judge.name}`;
+  const made = withNames(width, height, { across, up, models: others, zoom, label }, colours, (x, y, box) => {
+    const band = `<rect x="${box.left}" y="${y(10)}" width="${box.width}" height="${y(-10) - y(10)}" fill="${colours.stable}"/><path d="M${box.left} ${y(0)}h${box.width}" stroke="${colours.soft}"/>`;
+    const lines = others.map((model) => {
+      const percent = errors(model, periods).map((e) => Math.max(-500, Math.min(500, 100 * e)));
+      return stroke(curve(x, y, periods, percent), colourOf(model.place, colours), model.place === chosen ? 2.8 : 1.6);
     });
-  }
-  if (period > 0) content += `<path d="M${x(period).toFixed(1)} ${box.top}V${box.top + box.height}" stroke="${colours.ink}" stroke-dasharray="4 4" stroke-opacity=".6"/>`;
-  let text = panel(box, { scale: x, label: "Time constant τᵢ", log: true }, { scale: y, label: "Rᵢ (K/mW)" }, content, colours);
-  text += legend(models.map((m, k) => ({ name: m.name, colour: colours.series[k % colours.series.length] })), box.left, box.top + box.height + 52, box.width, colours).text;
-  return svgOf(width, height, text, colours, "Time constants and thermal resistances of every compact model");
-}
-
-/** Period errors in percent of every model but the reference; returns the SVG, and the errors at the present period. */
-export function errorFigure(width, height, { models, judge, chosen, period, duty }, colours) {
-  const others = models.map((m, k) => ({ ...m, k })).filter((m) => m.k !== judge);
-  const box = below(width, height, others);
-  const periods = geometric(1e-7, 1e-5, 41);
-  const x = logarithmic([1e-7, 1e-5], [box.left, box.left + box.width]);
-  const y = linear([-60, 60], [box.top + box.height, box.top]);
-  let content = `<rect x="${box.left}" y="${y(10)}" width="${box.width}" height="${y(-10) - y(10)}" fill="${colours.stable}"/><path d="M${box.left} ${y(0)}h${box.width}" stroke="${colours.soft}"/>`;
-  for (const model of others) {
-    const errors = periodError(model, models[judge], periods, 2e-3, duty);
-    const path = pathOf(periods.map((t) => x(t)), errors.map((e) => y(Math.max(-500, Math.min(500, 100 * e)))), { sorted: false });
-    content += `<path d="${path}" fill="none" stroke="${colours.series[model.k % colours.series.length]}" stroke-width="${model.k === chosen ? 2.8 : 1.6}"/>`;
-  }
-  if (period > 0) content += `<path d="M${x(period).toFixed(1)} ${box.top}V${box.top + box.height}" stroke="${colours.ink}" stroke-dasharray="4 4" stroke-opacity=".6"/>`;
-  let text = panel(box, { scale: x, label: "Period", log: true }, { scale: y, label: "Period error (%)" }, content, colours);
-  text += legend(others.map((m) => ({ name: m.name, colour: colours.series[m.k % colours.series.length] })), box.left, box.top + box.height + 52, box.width, colours).text;
-  const now = period > 0 ? others.map((m) => ({ name: m.name, error: periodError(m, models[judge], [period], 2e-3, duty)[0] })) : [];
-  return { svg: svgOf(width, height, text, colours, `Error of the period that each model gives, against ${models[judge].name}`), now };
-}
-
-// from cool to hot: lightness falls (light theme) or rises (dark theme) throughout
-const RAMPS = { light: ["#ffffff", "#fee8c8", "#fdbb84", "#e34a33", "#7f0000"], dark: ["#171b20", "#4a1c1c", "#a33c1c", "#f08a3c", "#fff0c0"] };
-
-/** The image of a field on the grid of the section, as a data URL; `top` is the rise of the hottest colour. */
-export function fieldImage(section, field, top, colours) {
-  const canvas = document.createElement("canvas");
-  canvas.width = section.width;
-  canvas.height = section.height;
-  const context = canvas.getContext("2d");
-  const image = context.createImageData(section.width, section.height);
-  const ramp = d3.scaleLinear([0, 0.25, 0.5, 0.75, 1], RAMPS[colours.name]).clamp(true);
-  const table = Array.from({ length: 256 }, (_, k) => ramp(k / 255).match(/\d+/g).map(Number));
-  for (let i = 0; i < section.height; i++) {
-    for (let j = 0; j < section.width; j++) {
-      const value = field[(section.height - 1 - i) * section.width + j];
-      const [r, g, b] = table[Math.max(0, Math.min(255, Math.round((255 * value) / top)))];
-      image.data.set([r, g, b, 255], 4 * (i * section.width + j));
-    }
-  }
-  context.putImageData(image, 0, 0);
-  return canvas.toDataURL("image/png");
-}
-
-export function sectionFigure(width, { section, image, top }, colours) {
-  const { r, z } = section;
-  const inner = width - 72;
-  const high = (inner * (z[1] - z[0])) / (r[1] - r[0]);
-  const box = { left: 58, top: 10, width: inner, height: high };
-  const x = linear([r[0] * 1e6, r[1] * 1e6], [box.left, box.left + inner]);
-  const y = linear([z[0] * 1e6, z[1] * 1e6], [box.top + high, box.top]);
-  let content = image ? `<image href="${image}" x="${box.left}" y="${box.top}" width="${inner}" height="${high}" preserveAspectRatio="none"/>` : "";
-  for (const outline of section.outlines) {
-    const path = outline.map(([u, v], k) => `${k ? "L" : "M"}${x(u * 1e6).toFixed(1)} ${y(v * 1e6).toFixed(1)}`).join("");
-    content += `<path d="${path}Z" fill="none" stroke="${colours.ink}" stroke-opacity=".7"/>`;
-  }
-  let text = panel(box, { scale: x, label: "Radius (µm)" }, { scale: y, label: "Height (µm)" }, content, colours);
-  const bar = box.top + high + 46;
-  const ramp = RAMPS[colours.name].map((c, k) => `<stop offset="${25 * k}%" stop-color="${c}"/>`).join("");
-  text += `<defs><linearGradient id="heat">${ramp}</linearGradient></defs><rect x="${box.left + 40}" y="${bar}" width="${inner - 130}" height="9" fill="url(#heat)" stroke="${colours.line}"/>`;
-  text += `<text x="${box.left + 34}" y="${bar + 9}" text-anchor="end" font-size="11.5" fill="${colours.soft}">0 K</text><text x="${box.left + inner - 84}" y="${bar + 9}" font-size="11.5" fill="${colours.soft}">${top.toFixed(1)} K</text>`;
-  return svgOf(width, bar + 18, text, colours, "Cross-section of the ring, to scale, with the temperature rise");
+    return band + lines.join("") + nowLine(period, x, box, colours);
+  });
+  return { ...made, now: period > 0 ? others.map((m) => ({ name: m.name, error: errors(m, [period])[0] })) : [] };
 }

@@ -5,8 +5,11 @@ export const $ = (id) => document.getElementById(id);
 /** data: what the file holds; state: what the fields hold; changed: asks for the answers to a new state. */
 export const page = { data: null, state: null, changed: () => {} };
 
-/** Everything the figures show; answers fill it as they come. moving: whether the exact answer to the state is still to come. */
-export const shown = { moving: false, trace: null, states: [], ring: null, map: null, curves: { folds: [], hopf: [] }, points: [], plane: null, phase: 0, section: null };
+/**
+ * Everything the figures show; answers fill it as they come. moving: whether the exact answer to the state is still to come.
+ * kept: a setting to compare with. zoom: by figure, what is zoomed in to. panels: by figure, its axes.
+ */
+export const shown = { moving: false, trace: null, states: [], ring: null, map: null, curves: { folds: [], hopf: [] }, points: [], plane: null, phase: 0, section: null, kept: null, zoom: {}, panels: {} };
 
 const widths = new Map();
 
@@ -21,8 +24,9 @@ export const resized = () => widths.clear();
 
 const standing = new Map();
 
-/** Show a figure, unless it is there already. */
-export function put(id, svg) {
+/** Show a figure { svg, panels }, unless it is there already. */
+export function put(id, { svg, panels }) {
+  shown.panels[id] = panels;
   if (standing.get(id) === svg) return;
   standing.set(id, svg);
   $(id).innerHTML = svg;
