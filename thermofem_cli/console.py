@@ -172,3 +172,9 @@ def written(value: float, unit: str, error: float | None = None) -> str:
         if 4 <= places + math.floor(math.log10(abs(size))) + 1 <= 10:
             number, said = (f"{round(x, places):.{max(places, 0)}f}" for x in (size, off))
     return f"{number} ± {said} {prefixed}".rstrip()
+
+
+def parameter_unit(name: str) -> str:
+    """The SI unit of a fitted parameter; a ratio has none."""
+    units = {"kappa": "1/s", "heat_capacity": "J/K", "tau": "s", "tau0": "s", "R": "K/W"}
+    return units.get(name, "1/s" if name.endswith("_rate") else units.get(name.partition("_")[0], ""))

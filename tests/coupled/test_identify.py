@@ -398,6 +398,9 @@ def test_tables_are_identified_by_the_command(tmp_path):
     assert run.returncode == 0, run.stderr
     found = json.loads(run.stdout)
     assert not found["failed"]
+    assert found["misfit"] < 1.5
+    for words in ("kappa = 7", "1/s", "of the noise: noise", "period of trace 1 = ", "R_th = "):
+        assert words in run.stderr, words
     assert abs(found["parameters"]["kappa"] - TRUE["kappa"]) < 5 * found["standard_deviations"]["kappa"] < 0.05 * 7.45e5
     assert (tmp_path / "identified.toml").exists()
     assert surrogate.load_model(tmp_path / "identified.json").order == 2

@@ -169,6 +169,14 @@ def test_ends_of_a_finite_guide(guide, length):
     assert R / (1 + heat.domain_error()) < FINITE[length] < R
 
 
+def test_a_short_open_guide_is_told_of_its_ends(guide, caplog):
+    """It was told to move its open sides outwards, which changes nothing."""
+    short = guide.with_({"length": "30 um", "half_width": "60 um", "name": "short"}).opened()
+    th.solve(th.assemble(short), th.Constant(1.0), [1e-6])
+    assert "the ends of the guide" in caplog.text
+    assert "outwards" not in caplog.text
+
+
 # rises of core and heater in K/W at rest and after 1, 3 and 10 us by femwell 0.1.12 (`audit/femwell_guide.py`)
 FEMWELL = {
     "core": [330.624846, 20.33663, 123.58469, 277.47204],

@@ -165,6 +165,7 @@ log = logging.getLogger("thermofem")
 
 CLOSED = 'if the chip goes on there, say bottom = "open", outer = "open" in [boundary], or geometry.opened()'
 OPEN = "heat that runs along a layer or one axis of a material is still felt at its open sides: move them outwards"
+ENDS = "heat also leaves through the ends of the guide, which a section lacks: at most by this R_th is too large"
 NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by less a line of information
 AGAIN = 2.0  # times the largest error that was logged for a domain: one larger by this factor is logged again
 _reported: dict[tuple[str, str, float, float], float] = {}
@@ -209,5 +210,5 @@ def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what:
         what,
         domain,
         accuracy,
-        CLOSED if geometry.opened() != geometry else OPEN,
+        CLOSED if geometry.opened() != geometry else ENDS if geometry.length else OPEN,
     )

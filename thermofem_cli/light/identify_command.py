@@ -14,7 +14,7 @@ from thermofem.errors import InputError
 
 from .. import options
 from ..command_files import check_outputs, model_of, note_ring, ring_of
-from ..console import note, say, watched, wrote
+from ..console import note, parameter_unit, say, watched, written, wrote
 from ..drive_texts import detuning_of
 
 LONGEST = 1.0  # s: a column of times without a unit that spans more is not in s
@@ -75,13 +75,21 @@ def identify(
         save_figure(plot_identification(found)[0], figure)
     note_ring(resonator, ring)
     for name, value in found.parameters.items():
-        say(f"{name} = {value:.5g} ± {found.standard_deviations[name]:.2g}")
+        say(f"{name:>22} = {written(value, parameter_unit(name), found.standard_deviations[name])}")
+    say(f"{'R_th':>22} = {written(float(found.model.thermal_resistance), 'K/W')}")
+    misfit = float(found.samples["misfit"].min())
+    say(f"{'misfit':>22} = {misfit:.3g} of the noise: {'the fit failed' if found.failed else 'noise'}")
+    for k, (read, own) in enumerate(
+        zip(found.residuals.period.values, found.residuals.period_model.values, strict=True)
+    ):
+        say(f"{f'period of trace {k}':>22} = {written(float(read), 's')}, of the model {written(float(own), 's')}")
     for line in found.notes:
         note(line)
     wrote(output, heat, figure)
     return {
         "parameters": found.parameters,
         "standard_deviations": found.standard_deviations,
+        "misfit": misfit,
         "failed": found.failed,
         "notes": list(found.notes),
         "wrote": [path for path in (output, heat, figure) if path],

@@ -15,7 +15,7 @@ from thermofem.errors import InputError
 
 from .. import options
 from ..command_files import about, check_outputs, expect, in_volts, kind_of
-from ..console import note, say, working, written, wrote
+from ..console import note, parameter_unit, say, working, written, wrote
 from ..drive_texts import heating
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
@@ -214,7 +214,7 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
             rows.append(("R", f"{written(float(r), 'K/W')} at tau = {written(float(tau), 's')}"))
     elif kind != "sindy":
         errors = found.standard_errors
-        rows += [(name, written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
+        rows += [(name, written(value, parameter_unit(name), errors[name])) for name, value in found.parameters.items()]
     rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
     noise = {True: ", noise", False: ", more than noise", None: ""}[getattr(found, "misfit_is_noise", None)]
     rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing{noise}"))
@@ -224,9 +224,3 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
         say(f"{name:>22} = {re.sub(r'K(?![a-z])', kelvin, text)}")
     for line in getattr(found, "notes", ()):
         say(f"{'note':>22} : {line}")
-
-
-def _unit(parameter: str) -> str:
-    """The SI unit of a fitted parameter; a ratio has none."""
-    units = {"kappa": "1/s", "heat_capacity": "J/K", "tau": "s", "R": "K/W"}
-    return units.get(parameter, units.get(parameter.partition("_")[0], ""))
