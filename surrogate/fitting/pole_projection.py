@@ -30,6 +30,7 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import least_squares, nnls
 
 from thermofem import checks
@@ -81,10 +82,11 @@ def _lags(left: Array, part: Array) -> Array:
     rho = autocorrelation(left)
     if not rho.size:
         return np.zeros((part.shape[1], part.shape[1]))
-    circle = np.zeros((2 * left.size, 1))  # R - 1, a Toeplitz matrix, as a circulant one of twice the size
+    size = next_fast_len(2 * left.size, real=True)
+    circle = np.zeros((size, 1))  # R - 1, a Toeplitz matrix, as a circulant one of twice the size or a little more
     circle[1 : rho.size + 1, 0], circle[-rho.size :, 0] = rho, rho[::-1]
-    spectrum = np.fft.rfft(circle, axis=0) * np.fft.rfft(part, 2 * left.size, axis=0)
-    return np.asarray(part.T @ np.fft.irfft(spectrum, axis=0)[: left.size])
+    spectrum = rfft(circle, axis=0) * rfft(part, size, axis=0)
+    return np.asarray(part.T @ irfft(spectrum, size, axis=0)[: left.size])
 
 
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off

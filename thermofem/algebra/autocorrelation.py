@@ -4,6 +4,7 @@ Source: Geyer, Statist. Sci. 7, 473 (1992), Section 3.3 (initial positive sequen
 """
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from ..arrays import Array
 
@@ -21,8 +22,8 @@ def autocorrelation(left: Array) -> Array:
     square = float(left @ left)
     if n < FEWEST or not square > 0:
         return np.empty(0)
-    spectrum = np.fft.rfft(left, 2 * n)
-    rho = np.fft.irfft(np.abs(spectrum) ** 2)[: n // 2 * 2] / square
+    size = next_fast_len(2 * n, real=True)
+    rho = irfft(np.abs(rfft(left, size)) ** 2, size)[: n // 2 * 2] / square
     pairs = rho[0::2] + rho[1::2]
     last = np.flatnonzero(pairs <= 0)
     return np.asarray(rho[1 : 2 * (last[0] if last.size else pairs.size)])

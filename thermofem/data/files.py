@@ -60,14 +60,12 @@ def regular(path: str | Path, kind: str = "") -> Path:
 def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
     """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
     path = regular(path, kind)
+    if path.stat().st_size > most:
+        raise InputError(f"{kind} file {str(path)!r} has more than {most} bytes")
     try:
-        with path.open("rb") as file:
-            content = file.read(most + 1)
+        return path.read_bytes()
     except OSError as error:
         raise InputError(f"{kind} file {str(path)!r} cannot be read: {error.strerror}") from None
-    if len(content) > most:
-        raise InputError(f"{kind} file {str(path)!r} has more than {most} bytes")
-    return content
 
 
 def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:

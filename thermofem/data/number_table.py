@@ -11,14 +11,14 @@ import csv
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
 
 from ..arrays import Array
 from ..checks import InputError
-from .column_units import is_unit, unit_in
+from .column_units import is_unit, scale_of, unit_in
 
 DIVIDERS = ("\t", ";", ",", " ")
 FEWEST = 3  # consecutive lines of numbers that begin the block: settings seldom stand in three such lines
@@ -121,11 +121,11 @@ def is_number(cell: str, divider: str = " ") -> bool:
 
 def _block(text: str) -> tuple[list[str], int, str]:
     """Lines above the table, where it begins, and what divides its columns."""
-    last: dict[str, list[tuple[int, list[str], int]]] = {divider: [] for divider in DIVIDERS}
+    runs: dict[str, list[tuple[int, int, int, set[int]]]] = {divider: [] for divider in DIVIDERS}
     head: list[str] = []
     for at, line in _lines(text):
         head.append(line)
-        for divider, run in last.items():
+        for divider, run in runs.items():
             cells = cells_of(line, divider) if line.strip(MARKS) == line.strip("\"' ") else []
             here = {k for k, cell in enumerate(cells) if is_number(cell, divider)}
             if not cells and run and not line.strip(MARKS + ",;\t"):
@@ -133,17 +133,12 @@ def _block(text: str) -> tuple[list[str], int, str]:
             if len(here) < 2:
                 run.clear()
                 continue
-            while run and (len(run[-1][1]) != len(cells) or len(_common([*run, (at, cells, 0)], divider)) < 2):
+            while run and (run[-1][2] != len(cells) or len(here.intersection(*(row[3] for row in run))) < 2):
                 run.pop(0)
-            run.append((at, cells, len(head)))
+            run.append((at, len(head), len(cells), here))
             if len(run) == FEWEST:
-                return head[: run[0][2] - 1], run[0][0], divider
+                return head[: run[0][1] - 1], run[0][0], divider
     raise InputError(f"no {FEWEST} lines of at least two numbers; a table of time and temperature is needed")
-
-
-def _common(run: list[tuple[int, list[str], int]], divider: str) -> set[int]:
-    """Columns in which every line of a run holds a number."""
-    return set.intersection(*({k for k, c in enumerate(cells) if is_number(c, divider)} for _, cells, _ in run))
 
 
 def _end(text: str, divider: str, columns: list[int]) -> tuple[int, int]:
@@ -170,7 +165,10 @@ def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
     sample = text[:4000].lower()
     if re.search(r"\d[.]?d[+-]?\d", sample):  # exponents of Fortran
         text = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text)
-    options = {"sep": r"\s+" if divider == " " else divider, "decimal": "." if divider == "," else _mark(sample)}
+    options = {
+        "sep": r"\s+" if divider == " " else divider,
+        "decimal": "," if divider != "," and "," in sample else ".",
+    }
     if divider == " " or re.search(r"^\s*[%#]", sample, re.MULTILINE):
         options["comment"] = "%" if "%" in sample else "#"
     try:
@@ -195,10 +193,6 @@ def _looks_broken(line: str) -> bool:
     """Whether a line without numbers in all columns begins as a row: with a number,."""
     words = [word for word in re.split(r"[\s;,|\"]+", line) if word]
     return bool(words) and is_number(words[0])
-
-
-def _mark(sample: str) -> str:
-    return "," if "," in sample else "."
 
 
 def _check_commas(text: str, divider: str, columns: list[int], first: int) -> None:
@@ -243,16 +237,10 @@ def _header(
         break
     for k, (name, below) in enumerate(zip(names, units, strict=True)):
         stated = unit_in(name)
-        if stated and below and is_unit(stated) and stated.strip() != below and _differ(stated, below):
+        if stated and below and is_unit(stated) and scale_of(stated) != scale_of(below):
             raise InputError(f"{name!r} has the unit {below} in the row below", "take the wrong one out")
         units[k] = stated or below
     return tuple(names[k] for k in columns), tuple(units[k] for k in columns), head
-
-
-def _differ(a: str, b: str) -> bool:
-    from .column_units import scale_of
-
-    return scale_of(a) != scale_of(b)
 
 
 def _titles(line: str, divider: str, width: int, columns: list[int]) -> list[str]:
@@ -289,4 +277,4 @@ def _counted(table: NumberTable, head: list[str], divider: str) -> NumberTable:
     cells = [cells_of(line, divider) for line in head[:2]]
     names = tuple(cells[0][k - 1] for k in table.columns)
     units = ("s", *(cells[1][k - 1] for k in table.columns[1:]))
-    return NumberTable(table.columns, names, units, values, (), table.line, table.after)
+    return replace(table, names=names, units=units, values=values, above=())

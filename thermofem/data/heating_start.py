@@ -1,0 +1,323 @@
+"""When the heating of a measured trace begins, and from which temperature: found in its rows.
+
+For a start t_0 the rows are the best sum of poles with fixed time constants tau_i and gains that are not negative,
+
+    y(t) = y_0 + sum_i r_i h_i(t - t_0),        h_i = exp(-t/tau_i)/tau_i * P
+
+and the start is the one with the smallest sum of squares. Of a fall after a long heating the same holds for -y.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import nnls
+
+from .. import checks
+from ..algebra.autocorrelation import independent
+from ..algebra.pole_responses import pole_responses
+from ..arrays import Array
+from ..checks import InputError
+from ..waveforms import Constant, Pulse, Sampled, Waveform
+from . import dataset, quantity
+from .data_doubts import clipping
+
+log = logging.getLogger("thermofem")
+
+SCANNED = 1500  # rows that the search for the start uses
+STARTS, PASSES = 24, 5  # starts of each pass of the search, each pass as fine as two of the one before
+POLES = 30  # time constants of the grid: 12 put the start of two poles a third of a row late
+FAR = 25.0  # of the variance of a row, by which a start that is out of the question raises the sum of squares
+WIDEST = 64  # rows that a start may be off
+FEWEST = 3  # rows before the heating that make a baseline
+NOTHING = 0.005  # of the swing: an offset below it is none
+FOLLOWED = 1e-3  # of the swing: what the grid of time constants leaves of an exact sum of poles
+DRIFT = 0.05  # of the swing: more before the heating is no rest
+UNEVEN = 3.0  # longest step over the shortest from which rows are no even samples
+STEEP = 0.5  # of the range of the power: a change by more within `ROWS` intervals is an edge
+FLANK = 0.1  # of the range, in one interval: less is noise beside an edge
+ROWS = 3
+EDGES = ("row", "middle")
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of a table under a power: times t (s), temperatures y (K, or V as ``unit`` says), and what was assumed."""
+
+    t: Array
+    y: Array
+    wave: Waveform
+    unit: str
+    said: list[str]
+
+    @property
+    def step(self) -> float:
+        """Median step of the times, s."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def swing(self) -> float:
+        """Largest minus smallest temperature."""
+        return float(np.ptp(self.y))
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of one row, from second differences."""
+        return float(np.median(np.abs(np.diff(self.y, 2)))) / (0.6745 * np.sqrt(6))
+
+    @property
+    def even(self) -> bool:
+        """Whether the rows are even samples."""
+        steps = np.diff(self.t)
+        return bool(steps.max() < UNEVEN * steps.min())
+
+    def thin(self) -> Rows:
+        """At most twice `SCANNED` rows, evenly picked."""
+        every = max(1, self.t.size // SCANNED)
+        return replace(self, t=self.t[::every], y=self.y[::every])
+
+
+def rise_of(
+    rows: Rows, start: float | None, level: float | None, fall: bool | None, sampled: bool
+) -> tuple[Array, Array, dict[str, Any]]:
+    """Times from the start on, the rise, and attributes: start, baseline and how well both are known.
+
+    start [s], level [K]: of the heating and the baseline, None to find them; fall: None to find out; sampled: whether
+        the power is that of a column.
+    """
+    t, wave = rows.t, rows.wave
+    if t.size < dataset.FEWEST:
+        raise InputError(f"{t.size} rows; at least {dataset.FEWEST} are needed")
+    if fall is None:
+        fall = isinstance(wave, Constant) and start is None and level is None and _falls(rows)
+    sign, length, what = 1.0, 0.0, "heating"
+    if fall and isinstance(wave, Pulse):
+        length = wave.width
+        start = _start(replace(rows, y=-rows.y, wave=Constant(wave.power)), start, "fall")[0] - length
+    elif fall and not sampled:
+        if not isinstance(wave, Constant):
+            raise InputError("--fall goes with a constant --power, or with --pulse and the length of the heating")
+        sign, what = -1.0, "fall"
+        rows = replace(rows, y=-rows.y)
+    t0, rest = _start(rows, start, what)
+    if level is not None:
+        off, known = sign * level, np.inf
+    elif rest:
+        off, known = 0.0, np.inf
+    else:
+        off, known = _baseline(rows, t0, sampled, what)
+        _check_rest(rows, t0)
+    kept = t >= t0
+    if clipped := clipping(rows.y[~kept], rows.unit):  # what is kept is judged with its drive, by `response_of`
+        rows.said.append(f"warning: before the heating {clipped}")
+    if kept.sum() < dataset.FEWEST:
+        count = int(kept.sum())
+        raise InputError(f"{count} rows after the start at {t0:g} s; at least {dataset.FEWEST} are needed", "--start")
+    about: dict[str, Any] = {"start": t0 + length, "baseline": sign * off}
+    if start is None and not kept.all():
+        about[dataset.START] = _within(rows, t0)
+    if np.isfinite(known):
+        about[dataset.REST] = known
+    before = rows.y[t < t0 - rows.step]
+    if before.size >= dataset.FEWEST:
+        about[dataset.NOISE] = float(before.std(ddof=1))
+    return t[kept] - t0, rows.y[kept] - off, about
+
+
+def _falls(rows: Rows) -> bool:
+    """Whether the rows fall as after a heating; of a voltage, which may fall when heated, InputError."""
+    few = rows.thin()
+    part = max(1, few.t.size // 10)
+    if np.median(few.y[-part:]) >= np.median(few.y[:part]):
+        return False
+    rise, fall = (_best(replace(few, y=sign * few.y))[1] for sign in (1.0, -1.0))
+    if fall > 0.1 * rise or fall > 0.1 * np.sum((few.y - few.y.mean()) ** 2):
+        return False
+    if rows.unit == "V":
+        raise InputError("the voltage falls: a fall after heating (--fall), or a diode (a negative --sensitivity)?")
+    rows.said.append("the temperature falls: taken as the fall after a long heating, as with --fall")
+    return True
+
+
+def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
+    """When the power sets in, on the file's clock, and whether the record begins at rest without an offset."""
+    t, y, said = rows.t, rows.y, rows.said
+    if given is not None:
+        if given >= t[-1]:
+            raise InputError(f"--start: the {what} begins at {given:g} s, after the end of the table at {t[-1]:g} s")
+        if given < t[0]:
+            said.append(f"the {what} begins {quantity.rounded(t[0] - given, 's', 4)} before the first row")
+        return given, False
+    best, least = _best(rows)
+    few, swing = rows.thin(), rows.swing
+    unseen = few.t.size * (FOLLOWED * swing) ** 2
+    if t[0] >= 0 and what == "heating" and abs(y[0]) < swing:
+        quiet = t[0] > 0 or abs(y[0]) <= max(4 * rows.noise, NOTHING * swing)
+        if quiet and _misfit(few, 0.0, offset=False)[0] <= least * (1 + FAR / few.t.size) + unseen:
+            said.append(
+                "no rows before the heating: the power sets in at t = 0, where the rise is zero, and nothing is "
+                "subtracted (--start and --baseline say otherwise)"
+            )
+            return 0.0, True
+    if not rows.even and t[0] >= 0 and _misfit(few, 0.0)[0] <= least + unseen:
+        best = 0.0
+    elif t[0] <= 0 < t[-1] and abs(best) <= 1.5 * rows.step:
+        best = 0.0 if _misfit(few, 0.0)[0] <= 1.05 * max(_misfit(few, best)[0], 1e-9 * swing**2) else best
+    if 0 < best - t[0] < 0.5 * rows.step:
+        best = float(t[0])
+    said.append(f"the {what} begins at {quantity.rounded(best, 's', 4)} on the file's clock")
+    return best, False
+
+
+def _best(rows: Rows) -> tuple[float, float]:
+    """The start with the smallest misfit, and that misfit: a scan, made finer around its best point."""
+    first, last = float(rows.t[0]), float(rows.t[-dataset.FEWEST])
+    low, high, few, best = first, last, rows.thin(), (first, np.inf)
+    for _ in range(PASSES):
+        starts = np.linspace(low, high, STARTS)
+        misfits = [_misfit(few, float(s))[0] for s in starts]
+        k = int(np.argmin(misfits))
+        best = float(starts[k]), float(misfits[k])
+        width = (high - low) / (STARTS - 1)
+        low, high = max(best[0] - width, first), min(best[0] + width, last)
+        if width < 0.02 * rows.step:
+            break
+    return best
+
+
+def _misfit(rows: Rows, start: float, *, offset: bool = True) -> tuple[float, float]:
+    """Sum of squares and baseline of the best sum of heating poles that begins at ``start``."""
+    t, y = rows.t, rows.y
+    u = t - start
+    on = u >= 0
+    span = float(t[-1] - t[0])
+    if rows.even:
+        tau = np.geomspace(max(rows.step, span * 1e-5), 3 * span, POLES)
+    else:
+        first = float(u[u > 0].min(initial=span))  # the start may lie behind every row
+        tau = np.geomspace(max(first / 10, span * 1e-9), 3 * span, 2 * POLES)
+    columns = np.zeros((t.size, tau.size + 2))
+    if on.any():
+        answers = pole_responses(1 / tau, rows.wave, u[on]) / tau
+        scale = np.abs(answers).max(axis=0)
+        columns[on, : tau.size] = answers / np.where(scale > 0, scale, 1.0)
+    if offset:
+        columns[:, tau.size], columns[:, tau.size + 1] = 1.0, -1.0  # a baseline of either sign
+    level = float(y.mean()) if offset else 0.0
+    weights, norm = nnls(columns, y - level)
+    return float(norm) ** 2, level + float(weights[tau.size] - weights[tau.size + 1])
+
+
+def _within(rows: Rows, start: float) -> float:
+    """How far from the start that was found the heating may begin, in s: rows of noise around it do not tell."""
+    few = rows.thin()
+    at = int(np.searchsorted(few.t, start))
+    step = float(np.median(np.diff(few.t[max(at - FEWEST, 0) : at + FEWEST])))
+    highest = _misfit(few, start)[0] * (1 + FAR / few.t.size)
+    count = 1
+    while count < WIDEST and min(_misfit(few, start + side * count * step)[0] for side in (-1, 1)) < highest:
+        count *= 2
+    return count * step
+
+
+def _baseline(rows: Rows, start: float, sampled: bool, what: str) -> tuple[float, float]:
+    """The temperature at rest, and of how many rows it is the mean: infinite where it is known, 0 if fitted."""
+    t, y, wave, unit = rows.t, rows.y, rows.wave, rows.unit
+    before = y[t < start - rows.step] if rows.even else y[t < start]  # the row at the edge may be half-way up
+    if sampled and not before.size:
+        heated = np.flatnonzero(wave(t - start) > 0)
+        before = y[: heated[0]] if heated.size else before
+    sign = -1 if what == "fall" else 1
+    if before.size >= FEWEST:
+        level = float(before.mean())
+        mean = f"the mean of {before.size} rows before the {what}"
+        rows.said.append(f"baseline {sign * level:.4g} {unit}, {mean}, is subtracted")
+        return level, independent(before - level)
+    first = int(np.searchsorted(t, start))
+    quiet = rows.noise < NOTHING * rows.swing and 0 <= t[first] - start < 1e-6 * rows.step
+    level = float(y[first]) if quiet else _misfit(rows.thin(), start)[1]  # at its start a rise is zero
+    if start < t[0] and wave(float(t[0] - start)) > 0 and abs(level - y[first]) > rows.swing:
+        raise InputError(
+            f"the heating begins {quantity.rounded(t[0] - start, 's', 4)} before the first row, and the rise until "
+            f"then, some {abs(level - y[first]):.2g} {unit}, is larger than the rows show",
+            "give --baseline, or another --start",
+        )
+    if sign > 0 and abs(level) < max(NOTHING * rows.swing, 4 * rows.noise):
+        rows.said.append("no rows before the heating and no offset: nothing is subtracted")
+        return 0.0, np.inf
+    found = f"baseline {sign * level:.4g} {unit}, from the rows themselves, is subtracted"
+    rows.said.append(f"no rows before the start: {found}")
+    return level, float(quiet)
+
+
+def _check_rest(rows: Rows, start: float) -> None:
+    """Warn where the rows before the heating drift, as those of a settled square wave do, which is never at rest."""
+    before = rows.y[rows.t < start - rows.step]
+    quarter = before.size // 4
+    if quarter < FEWEST:
+        return
+    drift = float(before[-quarter:].mean() - before[:quarter].mean())
+    noise = float(np.abs(np.diff(before)).mean()) / np.sqrt(quarter)
+    if abs(drift) > DRIFT * rows.swing and abs(drift) > 4 * noise:
+        rows.said.append(
+            f"warning: the rows before the start drift by {drift:.3g} {rows.unit}: they are not at rest; for a settled "
+            "square wave give --baseline and a --start whole periods before the file, such as ten time constants"
+        )
+
+
+def sampled_power(times: Array, power: Array, edges: str | None = None) -> Waveform:
+    """The drive of a column of power (W): straight between its rows, from t = 0 on with its first value.
+
+    edges: None: a change between two rows is a ramp, and the log tells where that looks wrong; "row": an edge is a jump
+        at the first row with the new power, as in tables of a simulation; "middle": a jump where it keeps the energy,
+        as in traces of an oscilloscope.
+    """
+    steep = _edges(times, power)
+    if edges is not None:
+        times, power = _with_jumps(times, power, steep, checks.choice("edges", edges, EDGES))
+    elif steep:
+        log.warning(
+            "the power changes by more than half its range between rows, %d times, first at t = %g s; these are taken "
+            'as ramps; where they are edges, give edges="row" or "middle"',
+            len(steep),
+            times[steep[0][0]],
+        )
+    if times[0] > 0:
+        times, power = np.append(0.0, times), np.append(power[0], power)
+    return Sampled(times, power)
+
+
+def _edges(times: Array, power: Array) -> list[tuple[int, int]]:
+    """First and last row of every change by more than `STEEP` of the range within at most `ROWS` intervals."""
+    change, range_ = np.diff(power), float(np.ptp(power))
+    found: list[tuple[int, int]] = []
+    k = 0
+    while k < change.size:
+        stop = k + 1
+        if abs(change[k]) > FLANK * range_:
+            on = change * np.sign(change[k]) > FLANK * range_  # a product of powers may overflow
+            while stop < min(change.size, k + ROWS) and on[stop]:
+                stop += 1
+            if abs(power[stop] - power[k]) > STEEP * range_ and times[stop] > times[k]:
+                found.append((k, stop))
+        k = stop
+    return found
+
+
+def _with_jumps(times: Array, power: Array, steep: list[tuple[int, int]], edges: str) -> tuple[Array, Array]:
+    """Samples with every edge moved to one time: that of its last row, or the time that conserves the energy."""
+    keep = np.ones(times.size, dtype=bool)
+    jumps: list[tuple[float, float]] = []
+    for a, b in steep:
+        at = float(times[b])
+        if edges == "middle":
+            at -= float(np.trapezoid(power[a : b + 1] - power[a], times[a : b + 1]) / (power[b] - power[a]))
+        keep[a + 1 : b + (edges == "row")] = False
+        jumps += [(at, power[a]), (at, power[b])]
+    t = np.concatenate([times[keep], [time for time, _ in jumps]])
+    p = np.concatenate([power[keep], [watts for _, watts in jumps]])
+    order = np.argsort(t, kind="stable")  # both sides of a jump stay in their order
+    return t[order], p[order]
