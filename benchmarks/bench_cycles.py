@@ -65,6 +65,7 @@ def main(repeats: int) -> None:
         print(f"{words:36}{text} ms CPU")
     (curve,), one = folds(), branch()
     (fold,) = one["detuning"].values[one["special"].values == "fold"]
+    curve = curve.sortby("power")
     off = np.interp(5e-3, curve["power"].values, curve["detuning"].values) - fold
     print(f"fold at 5 mW {fold * 1e-9:.6f} GHz; the curve, interpolated, differs by {off * 1e-6:.3f} MHz")
 
