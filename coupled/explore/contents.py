@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
@@ -17,13 +18,17 @@ from ..parameters import borghi2021 as borghi
 from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
 from ..parameters.borghi2021 import NewtonParameters, SecondOrderParameters
 from ..resonator import RingResonator
-from .rings import place_of
+from .bundle import text_of
+from .rings import OF_MAPS, Window, place_of
 
 LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
 HEATERS = 3
 TRAINED_LAW = "second order, experiment (Borghi 2021)"
 NEWTON_LAW = "Newton's law, 275 ns (Borghi 2021)"
 SMALL_LAW = "Newton's law, 65 ns (Van Vaerenbergh 2012)"
+# folds of cycles of the preset (Newton's law of Borghi et al.); `stored` says how they were made, a test compares them
+STORED = "cycle_folds.json"
+POINTS = 80  # of a curve
 SERIES = 6  # models that a figure can tell apart by colour
 
 
@@ -163,3 +168,49 @@ def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: di
          "Critically coupled, Q = 62 000, lifetime 5.3 ns: pulses of 79 ns. The paper's Fig. 3 is at -7.7 GHz."),
     ]  # fmt: skip
     return [{"name": name, "state": start | state, "text": text} for name, state, text in rows]
+
+
+def borders(
+    rings: list[dict[str, Any]], models: list[dict[str, Any]], ring: RingResonator, model: ThermalModel | None
+) -> list[dict[str, Any]]:
+    """Return the folds of cycles of the first view and of a preset, which the page does not follow itself.
+
+    With the places of ring and model among those of the page; points (W, Hz).
+    """
+    place = {"ring": place_of(preset_ring(), rings), "model": place_of_law(NEWTON_LAW, models)}
+    out = [place | {"curves": json.loads(text_of(STORED))}]
+    if model is not None:
+        out.append({"ring": 0, "model": 0, "curves": curves_of(ring, model, rings[0]["window"])})
+    return [entry for entry in out if entry["curves"]]
+
+
+def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[list[list[float]]]:
+    """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
+    from ..equilibria.bifurcation_curves import subcritical
+
+    axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
+    try:
+        if not subcritical(ring, model, *axes):
+            return []
+        from ..cycles.cycle_folds import cycle_fold_curves  # half a second of imports
+
+        found = cycle_fold_curves(ring, model, *axes)
+    except checks.InputError:  # a window that the steady states of this ring do not reach
+        return []
+    return [_thinned(curve["power"].values, curve["detuning"].values) for curve in found]
+
+
+def _thinned(power: np.ndarray, detuning: np.ndarray) -> list[list[float]]:
+    """At most `POINTS` points of a curve, with the digits that a figure needs."""
+    k = np.unique(np.linspace(0, power.size - 1, POINTS).astype(int))
+    return [[float(f"{P:.7g}"), float(f"{nu:.7g}")] for P, nu in zip(power[k], detuning[k], strict=True)]
+
+
+def preset_ring() -> RingResonator:
+    """Return the ring of the stored curves."""
+    return borghi.borghi2021().with_lumped_fcd()
+
+
+def stored() -> str:
+    """Return the text of the file of the preset's curves, computed anew."""
+    return json.dumps(curves_of(preset_ring(), newton(borghi.NEWTON_MAPS), OF_MAPS)) + "\n"

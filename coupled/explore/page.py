@@ -24,7 +24,6 @@ from ..contradictions import check_geometry
 from ..heaters import heater_power
 from ..resonator import RingResonator
 from . import bundle, contents
-from .borders import borders
 from .geometries import family_of
 from .rings import RESISTANCE, rings_of
 from .section import section_of
@@ -173,7 +172,7 @@ def explore(
         "kernel": bundle.kernel(),
         "reference": _step(heat) if heat is not None else None,
         "section": section_of(heat, found, parts) if heat is not None and found is not None else None,
-        "borders": borders(rings, everything, ring, first),
+        "borders": contents.borders(rings, everything, ring, first),
         "family": grid
         and grid
         | {

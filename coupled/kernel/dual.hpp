@@ -47,6 +47,10 @@ inline double power(double x, double p) { return exp(p * log(x)); }
 DUAL power(const Dual<C, S>& x, double p) {
   Dual<C, S> r; r.v = power(x.v, p); S s = p * r.v / x.v; DERIVATIVES(s * x.d[i]);
 }
+// sum += a b of complex numbers.
+template <class T, class S> inline void add_product(T* sum, const double* a, const S* b) {
+  sum[0] += a[0] * b[0] - a[1] * b[1], sum[1] += a[0] * b[1] + a[1] * b[0];
+}
 // v as the variable number `at`.
 template <int C, class S> inline Dual<C, S> seeded(const S& v, int at) {
   Dual<C, S> r = zero<Dual<C, S>>();

@@ -124,6 +124,17 @@ struct Problem {
   double hair;                   // ns by which the times of fronts may be off
 };
 
+// dx_k/dt of quadratic heat.
+template <class T> inline T quadratic(const Problem& p, int k, const T* x, const T& P) {
+  const int n = p.order;
+  T sum = p.B[k] * P;
+  for (int j = 0; j < n; j++) {
+    T m = P * p.G[k * n + j] + p.A[k * n + j];
+    for (int l = 0; l < n; l++) m += p.H[(k * n + j) * n + l] * x[l];
+    sum += m * x[j];
+  }
+  return sum;
+}
 template <int F> inline Ring<F> ring_of(const Problem& p, int i) {
   Ring<F> r;
   for (int f = 0; f < F; f++) r.mode[f] = p.modes[i * F + f];
@@ -158,9 +169,6 @@ inline void laser_at(const Problem& p, const Places& at, int laser, double t, do
   const double co = phase == 0 ? 1 : cos(phase), si = phase == 0 ? 0 : sin(phase);
   wave[0] = size * co, wave[1] = size * si;
   rising[0] = growth * co - turn * wave[1], rising[1] = growth * si + turn * wave[0];
-}
-inline void add_product(double* sum, const double* a, const double* b) {  // complex
-  sum[0] += a[0] * b[0] - a[1] * b[1], sum[1] += a[0] * b[1] + a[1] * b[0];
 }
 inline void light_at(const Problem& p, const Places& at, double t, const Light& l) {
   const int n = p.rings * p.fields;

@@ -21,91 +21,65 @@ EXPORT int64_t ring_follow(const Problem* p, const double* y0, const double* ste
   return with(Dual<COLUMNS>(), Number<COLUMNS>());
 }
 
-// dy/dt and its derivative (size x size) in a piece of the drive at the time t.
-template <int F>
-static void slopes(const Problem& p, const double* y, int piece, double t, double* dy, double* J,
-                   Arena& arena) {
-  constexpr int B = 2 * F + 1, Z = B + 1;
-  const int R = p.rings, K = p.order, size = R * (B + K);
-  const Light light = {arena.take<double>(2 * R * F), arena.take<double>(R * F),
-                       arena.take<double>(2 * R * F), arena.take<double>(R * F)};
-  if (!arena.base) return;
-  light_at(p, places_of(p, piece), t, light);
-  memset(J, 0, size * size * sizeof(double));
-  auto weight = [&](int i, int j, int k) {  // of the state k of ring j in the temperature of i
-    if (i != j) return p.cross ? p.cross[(i * R + j) * K + k] : 0.0;
-    return p.heat == QUADRATIC ? p.C[k] : p.read ? p.read[i * K + k] : 1.0;
-  };
+// f = dy/dt under this light.
+template <int F, class T>
+static void rates(const Problem& p, const Light& light, const T* y, T* f) {
+  constexpr int B = 2 * F + 1;
+  const int R = p.rings, K = p.order;
   for (int i = 0; i < R; i++) {
     const Ring<F> ring = ring_of<F>(p, i);
-    const double *own = y + i * B, *x = y + R * B + i * K;
-    double z = 0;
-    Dual<Z> other = zero<Dual<Z>>();
-    for (int k = 0; k < K; k++) z += weight(i, i, k) * x[k];
-    for (int j = 0; j < R; j++)
-      for (int k = 0; k < K && j != i; k++) other.v += weight(i, j, k) * y[R * B + j * K + k];
-    Dual<Z> at[B], f[B];
-    for (int m = 0; m < B; m++) at[m] = seeded<Z, double>(own[m], m);
-    auto factor = [&](int k, const Dual<Z>& s) { return power(s, ring.e[k]); };
-    const Dual<Z> P = optics<F>(ring, at, seeded<Z, double>(z, B), other, light.detuning + i * F,
-                                f, factor);
-    for (int m = 0; m < B; m++) {
-      double* row = J + (i * B + m) * size;
-      dy[i * B + m] = f[m].v;
-      for (int l = 0; l < B; l++) row[i * B + l] += f[m].d[l];
-      for (int j = 0; j < R; j++)
-        for (int k = 0; k < K; k++)
-          row[R * B + j * K + k] += weight(i, j, k) * f[m].d[B] / (j == i ? 1 : 1 + 2 * ring.bend * z);
+    const T *x = y + R * B + i * K;
+    T *own = f + i * B, *heat = f + R * B + i * K, z = zero<T>(), rise = zero<T>();
+    for (int k = 0; k < K; k++)
+      z += x[k] * (p.heat == QUADRATIC ? p.C[k] : p.read ? p.read[i * K + k] : 1.0);
+    for (int k = 0; k < R * K && p.cross; k++) rise += p.cross[i * R * K + k] * y[R * B + k];
+    const T P = optics<F>(ring, y + i * B, z, rise, light.detuning + i * F, own,
+                          [&](int k, const T& s) { return power(s, ring.e[k]); });
+    for (int k = 0; k < F; k++) {  // light that comes in
+      const double* in = light.in + 2 * (i * F + k);
+      own[2 * k] = own[2 * k] - in[1], own[2 * k + 1] = own[2 * k + 1] + in[0];
     }
-    for (int f = 0; f < F; f++) {  // light that comes in
-      dy[i * B + 2 * f] -= light.in[2 * (i * F + f) + 1];
-      dy[i * B + 2 * f + 1] += light.in[2 * (i * F + f)];
-    }
-    for (int k = 0; k < K; k++) {
-      double *row = J + (R * B + i * K + k) * size, gain, sum;
-      if (p.heat == QUADRATIC) {
-        gain = p.B[k], sum = 0;
-        for (int l = 0; l < K; l++) {
-          const double *H = p.H + (k * K + l) * K, A = p.A[k * K + l] + p.G[k * K + l] * P.v;
-          double Hx = 0;
-          for (int m = 0; m < K; m++) Hx += H[m] * x[m];
-          gain += p.G[k * K + l] * x[l], sum += (A + Hx) * x[l];
-          row[R * B + i * K + l] += A + 2 * Hx;
-        }
-        sum += p.B[k] * P.v;
-      } else {
-        gain = p.gain[i * K + k], sum = gain * P.v - p.rate[i * K + k] * x[k];
-        row[R * B + i * K + k] -= p.rate[i * K + k];
-      }
-      dy[R * B + i * K + k] = sum;
-      for (int l = 0; l < B; l++) row[i * B + l] += gain * P.d[l];
-    }
+    for (int k = 0; k < K; k++)
+      heat[k] = p.heat == QUADRATIC ? quadratic(p, k, x, P)
+                                    : p.gain[i * K + k] * P - p.rate[i * K + k] * x[k];
   }
-  if (p.light == SINGLE) return;
-  auto couple = [&](int i, int j, double re, double im) {  // M_ij
-    double *a = J + i * B * size + j * B, *d = dy + i * B;
-    const double* e = y + j * B;
-    a[0] += re, a[1] -= im, a[size] += im, a[size + 1] += re;
-    d[0] += re * e[0] - im * e[1], d[1] += re * e[1] + im * e[0];
-  };
-  for (int m = 0; m < R; m++)
-    for (int l = 0; l < R; l++) {
+  for (int m = 0; m < R && p.light != SINGLE; m++)
+    for (int l = 0; l < R; l++) {  // light of other rings: M_ij a_j
       const int i = p.sequence[m], j = p.sequence[l];
       double M[2] = {0, 0};
       if (p.taken && l < m) add_product(M, p.taken + 2 * i, p.sent + 2 * j);
-      if (p.between && i != j) M[0] = p.between[2 * (i * R + j)], M[1] = p.between[2 * (i * R + j) + 1];
-      couple(i, j, M[0], M[1]);
+      add_product(f + i * B, p.between && i != j ? p.between + 2 * (i * R + j) : M, y + j * B);
     }
+}
+
+// dy/dt and its derivative J (size x size) in a piece of the drive at the time t.
+template <int F>
+static void slopes(const Problem& p, const double* y, int piece, double t, double* dy, double* J,
+                   Arena& arena) {
+  using T = Dual<COLUMNS>;
+  const int size = p.rings * (2 * F + 1 + p.order);
+  const Light light = light_of(arena, p.rings * F);
+  T *at = arena.take<T>(size), *f = arena.take<T>(size);
+  if (!arena.base) return;
+  light_at(p, places_of(p, piece), t, light);
+  for (int first = 0; first < size; first += COLUMNS) {
+    for (int i = 0; i < size; i++) {
+      at[i] = zero<T>() + y[i];
+      if (i >= first && i < first + COLUMNS) at[i].d[i - first] = 1;
+    }
+    rates<F>(p, light, at, f);
+    for (int i = 0; i < size; i++) {
+      dy[i] = f[i].v;
+      for (int c = 0; c < COLUMNS && first + c < size; c++) J[i * size + first + c] = f[i].d[c];
+    }
+  }
 }
 
 EXPORT int64_t ring_slopes(const Problem* p, const double* y, int piece, double t, double* dy,
                            double* J, char* memory) {
   Arena arena = {memory};
-  switch (p->fields) {
-    case 1: slopes<1>(*p, y, piece, t, dy, J, arena); break;
-    case 2: slopes<2>(*p, y, piece, t, dy, J, arena); break;
-    case 3: slopes<3>(*p, y, piece, t, dy, J, arena); break;
-    default: slopes<4>(*p, y, piece, t, dy, J, arena);
-  }
+  const int F = p->fields;
+  auto call = F == 1 ? slopes<1> : F == 2 ? slopes<2> : F == 3 ? slopes<3> : slopes<4>;
+  call(*p, y, piece, t, dy, J, arena);
   return (int64_t)arena.used;
 }

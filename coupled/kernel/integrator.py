@@ -325,15 +325,13 @@ class Problem:
                 if self._c.delays and loop.past_filled == loop.past_room:
                     past = np.concatenate([past, np.empty_like(past)])
                     loop.past, loop.past_room = past.ctypes.data, len(past)
-            elif status == EVENT:
-                crossings.append(loop.crossing)
-                if loop.stop:
-                    break
             elif status == RESTING:
                 looks = self._look(y, loop, looks)
             elif status == TOO_SMALL:
                 raise no_step(loop.t)
-            else:
+            elif status == EVENT:
+                crossings.append(loop.crossing)
+            if status == DONE or (status == EVENT and loop.stop):
                 break
         if progress:
             progress(loop.t)
@@ -355,12 +353,11 @@ class Problem:
                 return left
             looks = left - 1
         _, J = self.slopes(y, loop.piece, loop.t)
-        blocks = [J]
+        parts = [np.arange(self.size)]
         if self.size > LARGEST_SPECTRUM and self.rings > 1:
             B, K, R = self.block, self.order, self.rings
-            own = [np.r_[i * B : (i + 1) * B, R * B + i * K : R * B + (i + 1) * K] for i in range(R)]
-            blocks = [J[np.ix_(part, part)] for part in own]
-        found = np.concatenate([np.linalg.eigvals(block) for block in blocks])
+            parts = [np.r_[i * B : (i + 1) * B, R * B + i * K : R * B + (i + 1) * K] for i in range(R)]
+        found = np.concatenate([np.linalg.eigvals(J[np.ix_(part, part)]) for part in parts])
         growing = np.abs(found[found.real > 0])
         loop.cap = CAP / growing.max() if growing.size else np.inf
         loop.looked, loop.look_again, loop.h = loop.h, loop.accepted + 20, min(loop.h, loop.cap)
@@ -384,8 +381,8 @@ class Problem:
     def slopes(self, y: Array, piece: int = 0, t: float | None = None) -> tuple[Array, Array]:
         """dy/dt and its derivative by y, shape (n, n), in a piece of the drive at a time in ns."""
         y, rate, J = np.ascontiguousarray(y, dtype=float), np.empty(self.size), np.empty((self.size, self.size))
-        at = self.edges[piece] if t is None else t
-        self._call("ring_slopes", _pointer(y), _I(piece), _D(at), _pointer(rate), _pointer(J))
+        at = _D(self.edges[piece] if t is None else t)
+        self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J))
         return rate, J
 
 

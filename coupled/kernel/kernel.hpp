@@ -1,4 +1,4 @@
-// How the parts of the library are called: one type for each kind of system, all memory the caller's.
+// How the parts of the library are called: a type for each kind of system, all memory the caller's.
 #pragma once
 #include "network.hpp"
 
@@ -8,8 +8,8 @@ EXPORT int64_t ring_integrate(const Problem*, Loop*, double* y, double* rows, in
                               const double* times, int64_t wanted, double* steps, char* memory);
 EXPORT int64_t ring_follow(const Problem*, const double* y0, const double* steps, int64_t count,
                            double* y_end, double* V, int columns, char* memory);
-EXPORT int64_t ring_slopes(const Problem*, const double* y, int piece, double t, double* dy, double* J,
-                           char* memory);
+EXPORT int64_t ring_slopes(const Problem*, const double* y, int piece, double t, double* dy,
+                           double* J, char* memory);
 
 template <int N> struct Number { static constexpr int value = N; };
 template <class S> struct Type { using System = S; };

@@ -1,4 +1,4 @@
-// The loop over the steps: error control, breakpoints, dense output, events, where to stop and look.
+// The loop over the steps: error control, breakpoints, dense output, events, when to come back.
 //
 // It can be left and entered again: all it needs stands in `Loop`, y and the caller's arrays. It
 // returns when it is done, after a number of steps (for progress and Ctrl-C), when rows are full,
@@ -11,7 +11,7 @@ struct Loop {
   double t, h, h_before, size_before, growth;  // the step to try; the last one and its size
   double rtol, longest, restart;               // bound of every step; the step to try after a jump
   double cap, looked;                          // bound where the state rests; step at the last look
-  double level, seen, crossing;                // of an event: level, distance from it, last crossing
+  double level, seen, crossing;                // of an event: distance from the level, last time
   int64_t accepted, rejected, look_again, filled, room, budget;  // room: of `steps`
   int begun, piece, entered, fresh, per_step;
   int quantity, ring, stop;  // event: 0 none, 1 U, 2 N, 3 dT, of which ring; whether it ends there
@@ -45,11 +45,8 @@ template <int F, class System> struct Integration {
       : p(problem), L(loop), y(state), rows(kept), system(p, L.past, arena), R(p.rings), K(p.order),
         size(R * (B + K)), width(1 + R * Z + system.width()) {
     out = arena.take<double>(size);
-    for (Light* l = light; l <= light + 8; l++) {
-      Light& one = l < light + 8 ? *l : before;
-      one.in = arena.take<double>(2 * R * F), one.in_slope = arena.take<double>(2 * R * F);
-      one.detuning = arena.take<double>(R * F), one.detuning_slope = arena.take<double>(R * F);
-    }
+    for (Light& one : light) one = light_of(arena, R * F);
+    before = light_of(arena, R * F);
   }
 
   double rise(int ring, double z) const { return z + p.bend[ring] * z * z; }
@@ -257,9 +254,9 @@ template <int F, class System> struct Integration {
   }
 };
 
-// The same steps again, under constant light, on numbers T with C derivatives (double, C = 0: the end
-// alone): the derivative of the flow. Columns of V, size x columns, are directions at the start and
-// what the flow makes of them at the end.
+// The same steps again, under constant light, on numbers T with C derivatives (double, C = 0: the
+// end alone): the derivative of the flow. Columns of V, size x columns, are directions at the
+// start and what the flow makes of them at the end.
 template <int F, int C, class T, class System>
 void follow(const Problem& p, const double* y0, const double* steps, int64_t count, double* y_end,
             double* V, int columns, Arena& arena) {
@@ -268,8 +265,7 @@ void follow(const Problem& p, const double* y0, const double* steps, int64_t cou
   System system(p, past, arena);
   T *y = arena.take<T>(size), *out = arena.take<T>(size);
   Light light[8];
-  light[0] = {arena.take<double>(2 * n), arena.take<double>(n), arena.take<double>(2 * n),
-              arena.take<double>(n)};
+  light[0] = light_of(arena, n);
   if (!arena.base) return;
   light_at(p, places_of(p, 0), p.edges[0], light[0]);
   for (int q = 1; q < p.method.stages; q++) light[q] = light[0];

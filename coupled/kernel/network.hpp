@@ -16,7 +16,8 @@ inline Cubic cubic_through(double p0, double p1, double p2, double p3) {  // at 
            -4.5 * p0 + 13.5 * p1 - 13.5 * p2 + 4.5 * p3}};
 }
 // Signal at the fraction f of a step of a detector, dz/dt = corner (|s|^2 - z), that begins with
-// `before`; x = corner h:  z(f) = exp(-x f) z(0) + sum_m c_m I_m,  I_m = x int_0^f e^(-x (f-u)) u^m.
+// `before`; x = corner h:
+//   z(f) = exp(-x f) z(0) + sum_m c_m I_m,    I_m = x int_0^f e^(-x (f-u)) u^m.
 // I_m = f^m - (m/x) I_(m-1) loses digits where x f is small; there it is a series.
 inline double detected(const Cubic& power, double f, double before, double x) {
   const double passed = x * f;
@@ -42,11 +43,12 @@ template <class T> struct Network {
   using Heat = Poles<0, T, true>;
   const Problem& p;
   Past& past;
-  const int R, K, D, Q, S, entry;  // rings, states of heat, delays, waves, stages; length of a past step
+  const int R, K, D, Q, S;  // rings, states of heat, delays, waves, stages
+  const int entry;          // numbers that a past step takes
   Ring<1>* ring;
   Block<1, T>* block;
   Heat* heat;
-  T *k, *kx, *z_start, *z_end, *now, *right, *dense;
+  T *k, *kx, *z_start, *z_end, *now, *right, *dense, (*passed)[B + 2][2];
   int* pivot;
   Light lit[STAGES];
   double *nodes, *gathered;
@@ -61,16 +63,14 @@ template <class T> struct Network {
     ring = arena.take<Ring<1>>(R), block = arena.take<Block<1, T>>(R), heat = arena.take<Heat>(R);
     k = arena.take<T>(STAGES * R * Z), kx = arena.take<T>(STAGES * R * K);
     z_start = arena.take<T>(R), z_end = arena.take<T>(R);
-    now = arena.take<T>(R * Z), right = arena.take<T>(R * Z);
+    now = arena.take<T>(R * Z), right = arena.take<T>(R * Z), passed = arena.take<T[B + 2][2]>(R);
     const size_t n = p.light == LOOPS ? R * B : 0;
     dense = arena.take<T>(n * n), pivot = arena.take<int>(n);
     for (int i = 0; i < R; i++) {
       const Heat own(p, i, kx, arena);
       if (arena.base) heat[i] = own, ring[i] = ring_of<1>(p, i);
     }
-    for (Light& l : lit)
-      l = {arena.take<double>(2 * R), arena.take<double>(R), arena.take<double>(2 * R),
-           arena.take<double>(R)};
+    for (Light& one : lit) one = light_of(arena, R);
     nodes = arena.take<double>(8 * Q), gathered = arena.take<double>(2 * Q);
     before = arena.take<T>(R), after = arena.take<T>(R), error = arena.take<T>(R);
     values = arena.take<T>(3 * R), first = arena.take<T>(R), second = arena.take<T>(R);
@@ -78,7 +78,6 @@ template <class T> struct Network {
   }
   int gathers() const { return (p.energies ? Q : 0) + (p.corner ? Q : 0); }
   int width() const { return 2 * Q + gathers(); }
-  bool steady() const { return true; }  // what is not so is added in `shine`
 
   void begin(const T* y, bool fresh, double t) {
     for (int i = 0; i < R; i++)
@@ -121,10 +120,12 @@ template <class T> struct Network {
   }
   double missed(int i) const { return value(error[i]); }
   double other(int i) const { return value(before[i]); }
-  double other_at(double x, int i) const { return (1 - x) * value(before[i]) + x * value(after[i]); }
+  double other_at(double x, int i) const {
+    return (1 - x) * value(before[i]) + x * value(after[i]);
+  }
   double heat_error(int i) const { return heat[i].error(); }
 
-  // ---- waves -------------------------------------------------------------------------------------
+  // ---- waves -----------------------------------------------------------------------------------
 
   int past_step(double t) const {  // the one that holds t; the first where t lies before all
     int low = 0, high = past.filled - 1;
@@ -160,14 +161,20 @@ template <class T> struct Network {
     return h;
   }
   // The observed waves at t; `states`, R x Z, begin with the field of each ring.
-  void waves(const Places& places, double t, double aside, const double* states, double* out) const {
+  void waves(const Places& places, double t, double aside, const double* states,
+             double* out) const {
     memset(out, 0, 2 * Q * sizeof(double));
     double wave[2], rising[2];
     for (int q = 0; q < Q; q++)
-      for (int i = 0; i < R; i++) add_product(out + 2 * q, p.seen_ring + 2 * (q * R + i), states + Z * i);
+      for (int i = 0; i < R; i++) {
+        const double* e = p.seen_ring + 2 * (q * R + i);
+        if (e[0] != 0 || e[1] != 0)  // most see one ring
+          add_product(out + 2 * q, e, states + Z * i);
+      }
     for (int l = 0; l < p.lasers; l++) {
       laser_at(p, places, l, t, wave, rising);
-      for (int q = 0; q < Q; q++) add_product(out + 2 * q, p.seen_laser + 2 * (q * p.lasers + l), wave);
+      for (int q = 0; q < Q; q++)
+        add_product(out + 2 * q, p.seen_laser + 2 * (q * p.lasers + l), wave);
     }
     for (int d = 0; d < D; d++) {
       delayed(d, t, aside, wave, rising);
@@ -187,11 +194,12 @@ template <class T> struct Network {
     const int energies = p.energies ? Q : 0;
     for (int q = 0; q < energies; q++) out[q] = gathered[q] + h * energy(power(q), f);
     for (int q = 0; q < Q && p.corner; q++) {
-      const double corner = p.corner[q];
-      out[energies + q] = corner > 0 ? detected(power(q), f, gathered[energies + q], corner * h) : 0;
+      const double x = p.corner[q] * h;
+      out[energies + q] = x > 0 ? detected(power(q), f, gathered[energies + q], x) : 0;
     }
   }
-  void observe(const Places& places, double x, double t, double h, const double* states, double* out) const {
+  void observe(const Places& places, double x, double t, double h, const double* states,
+               double* out) const {
     waves(places, t, (1 - 2 * x) * p.hair, states, out);
     if (gathers()) gather(x, h, out + 2 * Q);
   }
@@ -229,16 +237,14 @@ template <class T> struct Network {
     return false;
   }
 
-  // ---- the step ----------------------------------------------------------------------------------
+  // ---- the step --------------------------------------------------------------------------------
 
   // The light of the stages with what delays bring.
   const Light* shine(double t, double h, const Light* light) {
     for (int q = 0; q < S && D; q++) {
       const double at = t + p.method.at[q] * h, aside = (1 - 2 * p.method.at[q]) * p.hair;
-      memcpy(lit[q].in, light[q].in, 2 * R * sizeof(double));
-      memcpy(lit[q].in_slope, light[q].in_slope, 2 * R * sizeof(double));
-      memcpy(lit[q].detuning, light[q].detuning, R * sizeof(double));
-      memcpy(lit[q].detuning_slope, light[q].detuning_slope, R * sizeof(double));
+      memcpy(lit[q].in, light[q].in, 4 * R * sizeof(double));  // and their slopes, which follow
+      memcpy(lit[q].detuning, light[q].detuning, 2 * R * sizeof(double));
       for (int d = 0; d < D; d++) {
         double wave[2], rising[2];
         delayed(d, at, aside, wave, rising);
@@ -260,6 +266,17 @@ template <class T> struct Network {
       heat[i].start(x, s, block[i].P);
       block[i].eliminate_heat(s, heat[i].G);
       if (p.light != LOOPS) invert(block[i].matrix);
+      for (int m = 0; m < B && p.taken; m++) {
+        const T* row = block[i].matrix[m];
+        const double* taken = p.taken + 2 * i;
+        passed[i][m][0] = taken[0] * row[0] + taken[1] * row[1];
+        passed[i][m][1] = taken[0] * row[1] - taken[1] * row[0];
+      }
+      for (int m = 0; m < 2 && p.taken; m++) {
+        const double* sent = p.sent + 2 * i;
+        passed[i][B][m] = sent[0] * passed[i][0][m] - sent[1] * passed[i][1][m];
+        passed[i][B + 1][m] = sent[0] * passed[i][1][m] + sent[1] * passed[i][0][m];
+      }
     }
     if (p.light == LOOPS) fill();
     for (int q = 0; q < S; q++) {
@@ -299,27 +316,33 @@ template <class T> struct Network {
     for (int i = 0; i < R && p.cross; i++) error[i] = after[i] - extrapolated(i, t + h);
     return true;
   }
-  // Along the light: a ring gets the fields of those before it, and their changes.
+  // Along the light: a ring gets the fields of those before it, and their changes. On a bus, where
+  // M_ij = taken_i sent_j, these are one wave, of which a ring and what it sends are linear
+  // functions (`passed`): all but that product is done before the wave arrives.
   void solve_in_order() {
-    T wave[2] = {zero<T>(), zero<T>()};  // on a bus, where M_ij = taken_i sent_j
-    auto add = [](T* sum, const double* m, const T& re, const T& im) {
-      sum[0] += m[0] * re - m[1] * im, sum[1] += m[0] * im + m[1] * re;
-    };
+    T wave[2] = {zero<T>(), zero<T>()};
     for (int at = 0; at < R; at++) {
       const int i = p.sequence[at];
-      T *r = right + i * Z, x[B];
-      if (p.taken) add(r, p.taken + 2 * i, wave[0], wave[1]);
+      T *r = right + i * Z, x[B + 2];  // the last two: what it sends
       for (int m = 0; m < at && !p.taken; m++) {
         const int j = p.sequence[m];
         const T *o = now + j * Z, *change = right + j * Z;
-        add(r, p.between + 2 * (i * R + j), o[0] + change[0], o[1] + change[1]);
+        const T field[2] = {o[0] + change[0], o[1] + change[1]};
+        add_product(r, p.between + 2 * (i * R + j), field);
       }
       for (int m = 0; m < B; m++) {
         x[m] = zero<T>();
         for (int l = 0; l < B; l++) x[m] += block[i].matrix[m][l] * r[l];
       }
-      for (int m = 0; m < B; m++) r[m] = x[m];
-      if (p.taken) add(wave, p.sent + 2 * i, now[i * Z] + r[0], now[i * Z + 1] + r[1]);
+      if (p.taken) {
+        const T field[2] = {now[i * Z] + x[0], now[i * Z + 1] + x[1]};
+        x[B] = x[B + 1] = zero<T>();
+        add_product(x + B, p.sent + 2 * i, field);
+        for (int m = 0; m < B + 2; m++)
+          x[m] += passed[i][m][0] * wave[0] + passed[i][m][1] * wave[1];
+        wave[0] += x[B], wave[1] += x[B + 1];
+      }
+      memcpy(r, x, B * sizeof(T));
     }
   }
   void fill() {  // the matrix of all rings
@@ -341,12 +364,8 @@ template <class T> struct Network {
     T* x = k + (S - 1) * R * Z;  // free until the last stage is written
     for (int i = 0; i < R; i++) {
       T* r = right + i * Z;
-      for (int j = 0; j < R; j++) {
-        if (j == i) continue;
-        const double* M = p.between + 2 * (i * R + j);
-        const T* o = now + j * Z;
-        r[0] += M[0] * o[0] - M[1] * o[1], r[1] += M[0] * o[1] + M[1] * o[0];
-      }
+      for (int j = 0; j < R; j++)
+        if (j != i) add_product(r, p.between + 2 * (i * R + j), now + j * Z);
       for (int m = 0; m < B; m++) x[i * B + m] = r[m];
     }
     substitute(dense, pivot, R * B, x);

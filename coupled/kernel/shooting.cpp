@@ -2,7 +2,7 @@
 // of the carriers, y_0 -> y(T), where N rises again through its value in y_0.
 //
 // Light, carriers and fast heat forget in a turn where they began. So Newton's method is for the
-// slow heat, n states, alone, and all others are what the last turn has returned. With the n columns
+// slow heat, n states, alone, and all others are what the last turn returned. With the n columns
 // of M, the derivative of the return map by the slow heat, and dT, that of its duration,
 //
 //   (1 - M_slow) b = y_slow(T) - y_slow(0),      y_0 <- y(T) + M b,      T <- T + dT b.
@@ -35,14 +35,15 @@ static double longest_step(const Turns& c, const double* row) {
   double nearest = INFINITY, longest = INFINITY;
   for (int64_t k = 0; k < c.fixed_count; k++) {
     const double* f = c.fixed + 4 * k;
-    const double off = fmax(fabs(U / f[0] - 1), fmax(fabs(row[3] / f[1] - 1), fabs(row[4] / f[2] - 1)));
+    const double by_carriers = fabs(row[3] / f[1] - 1), by_heat = fabs(row[4] / f[2] - 1);
+    const double off = fmax(fabs(U / f[0] - 1), fmax(by_carriers, by_heat));
     if (off < nearest) nearest = off, longest = f[3];
   }
   return longest;
 }
 
 // On from y for `duration`, or until N rises through `level`, at which y may begin; rows and steps
-// are added to those there are. `h`: the first step, then the next one. T: to which the time is added.
+// are added to those there are. h: the first step, then the next one; T: the time is added to it.
 // Returns as the loop does; FULL: again with more room.
 EXPORT int ring_turn(Turns* c, double* y, double duration, double level, int above, double rtol,
                      int per_step, double* h, double* T) {
@@ -73,8 +74,9 @@ struct Newton {
 
   Newton(Turns& turns, Arena& arena) : c(turns), m(3 + turns.p->order), n((int)turns.n) {
     begin = arena.take<double>(m), end = arena.take<double>(m), expected = arena.take<double>(m);
-    kept = arena.take<double>(m * n), kept_dT = arena.take<double>(n), A = arena.take<double>(n * n);
-    b = arena.take<double>(n), rate = arena.take<double>(m), J = arena.take<double>(m * m);
+    kept = arena.take<double>(m * n), kept_dT = arena.take<double>(n);
+    A = arena.take<double>(n * n), b = arena.take<double>(n);
+    rate = arena.take<double>(m), J = arena.take<double>(m * m);
     V = arena.take<double>(m * n), pivots = arena.take<int>(n);
   }
   // M and dT from the steps of the last trace, from `begin` to `end`, which stays in the section.
@@ -112,11 +114,12 @@ struct Newton {
 };
 }  // namespace
 
-// The orbit of `pulses` rises near y, of about the period T: y, T, M (size x n) and dT are replaced.
-// known: M and dT are a neighbour's; rough, fine: tolerances of traces far from the orbit and near it.
+// The orbit of `pulses` rises near y, of about the period T: y, T, M (size x n) and dT are
+// replaced. known: M and dT are a neighbour's; rough, fine: tolerances of traces far from the
+// orbit and near it.
 // Returns DONE, FULL, or another number where there is none.
-EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, double* dT, int pulses,
-                          int known, double rough, double fine) {
+EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, double* dT,
+                          int pulses, int known, double rough, double fine) {
   Turns& c = *turns;
   Loop none = {};
   const int64_t step = ring_integrate(c.p, &none, 0, 0, 0, 0, 0, 0, 0);
@@ -167,7 +170,8 @@ EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, do
     y[2] = level, *period = fmax(expected_T, 0.2 * T), moved += size, mends = true;
     if (last) {
       if (moved > MOVED || pulses > 1) newton.differentiate(M, dT);
-      memcpy(M, newton.kept, m * n * sizeof(double)), memcpy(dT, newton.kept_dT, n * sizeof(double));
+      memcpy(M, newton.kept, m * n * sizeof(double));
+      memcpy(dT, newton.kept_dT, n * sizeof(double));
       return DONE;
     }
     if (fresh && size < NEAR) mends = near, near = true;

@@ -28,6 +28,11 @@ struct Arena {  // hands out the caller's memory; without any it counts what is 
   }
 };
 
+inline Light light_of(Arena& arena, int n) {  // of n fields
+  double *in = arena.take<double>(4 * n), *detuning = arena.take<double>(2 * n);
+  return {in, detuning, in + 2 * n, detuning + n};
+}
+
 // x^p near x0, where y0 = x0^p: series of log and exp in short chains (Estrin).
 template <class T> inline T near_power(const T& x, double p, const T& x0, const T& y0) {
   const T s = (x - x0) / (x + x0), b = s * s;
@@ -41,29 +46,6 @@ template <class T> inline T near_power(const T& x, double p, const T& x0, const 
 
 // ---- small linear algebra ---------------------------------------------------------------------
 
-template <int B, class T> inline void invert(T (&m)[B][B]) {  // Gauss-Jordan with row exchanges
-  int order[B];
-  for (int j = 0; j < B; j++) {
-    int pivot = j;
-    for (int i = j + 1; i < B; i++) if (magnitude(m[i][j]) > magnitude(m[pivot][j])) pivot = i;
-    order[j] = pivot;
-    if (pivot != j)
-      for (int k = 0; k < B; k++) { T x = m[j][k]; m[j][k] = m[pivot][k]; m[pivot][k] = x; }
-    const T d = 1.0 / m[j][j];
-    m[j][j] = zero<T>() + 1.0;
-    for (int k = 0; k < B; k++) m[j][k] = m[j][k] * d;
-    for (int i = 0; i < B; i++) {
-      if (i == j) continue;
-      const T f = m[i][j];
-      m[i][j] = zero<T>();
-      for (int k = 0; k < B; k++) m[i][k] -= f * m[j][k];
-    }
-  }
-  for (int j = B - 1; j >= 0; j--) {
-    if (order[j] == j) continue;
-    for (int i = 0; i < B; i++) { T x = m[i][j]; m[i][j] = m[i][order[j]]; m[i][order[j]] = x; }
-  }
-}
 template <class T> inline void invert(T (&m)[3][3]) {  // by cofactors; s keeps it well conditioned
   const T c0 = m[1][1] * m[2][2] - m[1][2] * m[2][1], c1 = m[1][2] * m[2][0] - m[1][0] * m[2][2];
   const T c2 = m[1][0] * m[2][1] - m[1][1] * m[2][0];
@@ -105,6 +87,16 @@ template <class T> inline void substitute(const T* A, const int* order, int n, T
   for (int i = n; i-- > 0;) {
     for (int j = i + 1; j < n; j++) x[i] -= A[i * n + j] * x[j];
     x[i] = x[i] / A[i * n + i];
+  }
+}
+template <int B, class T> inline void invert(T (&m)[B][B]) {
+  T factors[B * B], column[B];
+  int order[B];
+  memcpy(factors, m, sizeof m), factorize(factors, order, B);
+  for (int j = 0; j < B; j++) {
+    for (int i = 0; i < B; i++) column[i] = zero<T>() + (i == j);
+    substitute(factors, order, B, column);
+    for (int i = 0; i < B; i++) m[i][j] = column[i];
   }
 }
 
@@ -216,16 +208,7 @@ template <class T> struct Quadratic {
       x[i] = x0[i], now[i] = zero<T>();
       for (int j = 0; j < q; j++) x[i] += a[j] * k[j * n + i], now[i] += c[j] * k[j * n + i];
     }
-    for (int i = 0; i < n; i++) {
-      T sum = p.B[i] * P;
-      for (int j = 0; j < n; j++) {
-        T m = P * p.G[i * n + j] + p.A[i * n + j];
-        const double* H = p.H + (i * n + j) * n;
-        for (int l = 0; l < n; l++) m += H[l] * x[l];
-        sum += m * x[j];
-      }
-      now[i] += sum;
-    }
+    for (int i = 0; i < n; i++) now[i] += quadratic(p, i, x, P);
     substitute(M, order, n, now);
     return temperature(now);
   }

@@ -18,8 +18,7 @@ from ..contradictions import check_geometry
 from ..heaters import heater_powers, power_of
 from ..inputs import attribute, spans
 from ..resonator import RingResonator
-from ..runs.record import provenance, traces
-from ..runs.window import Window
+from ..runs.window import Window, provenance, traces
 from ..states import State
 from ..thermal import Compact, compact
 from .corrector import FEM, Corrector, beginning

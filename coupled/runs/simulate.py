@@ -25,9 +25,8 @@ from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import Compact, attributes, dense_times, trusted
 from .lasers import Laser, check_lasers, further_fields, run_several, variables_of, varying
-from .record import provenance, traces
 from .resting import rest_near
-from .window import NO_TIMES, Event, Window, advance
+from .window import NO_TIMES, Event, Window, advance, provenance, traces
 
 ROWS = ("time", "field", "fields", "carriers", "delta_T", "absorbed", "incoming")  # over time
 

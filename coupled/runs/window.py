@@ -1,4 +1,4 @@
-"""Integration of a ring over one time window from a given state; `simulate` and the co-simulation use it."""
+"""Integration of a ring over one time window from a given state, and its traces; `simulate` and `cosimulate` use it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
 from ..kernel.tableaus import Method
 from ..kernel.units import floor_of as floor_of
 from ..kernel.units import units as units
-from ..resonator import RingResonator
+from ..resonator import RingResonator, origin
 from ..states import State
 from ..thermal import Compact
 
@@ -176,3 +176,34 @@ def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     N_slope = rates.g * U**2 - recombination
     slope = 2 * (rates.absorbed + rates.fca * N + 2 * rates.tpa * U) * U_slope + 2 * rates.fca * U * N_slope
     return slope * eq.UW / eq.NS
+
+
+def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> dict[str, Any]:
+    """Attributes of every run: ring and laser."""
+    return {
+        **origin("coupled", ring),
+        **{name: value for name, value in light.items() if isinstance(value, float)},
+        "duration": float(duration),
+    }
+
+
+def traces(ring: RingResonator, run: Window, light: dict[str, Any]) -> dict[str, Array]:
+    """All time traces of a run, in SI."""
+    U = np.abs(run.field) ** 2
+    stop = max(float(run.reached), float(run.time.max(initial=0.0)))
+    at = {
+        name: np.full(run.time.size, value) if isinstance(value, float) else pieces(name, value, 0.0, stop)(run.time)
+        for name, value in light.items()
+    }
+    traces = {
+        "energy": U,
+        "carriers": run.carriers,
+        "delta_T": run.delta_T,
+        "drop": 2 * ring.drop_bus_rate * U,
+        "through": np.abs(np.sqrt(np.maximum(at["input_power"], 0)) + 1j * math.sqrt(2 * ring.bus_rate) * run.field)
+        ** 2,
+        "absorbed": run.absorbed,
+    }
+    if ring.scattering_rate > 0:
+        traces["scattered"] = 2 * ring.scattering_rate * U
+    return traces | {name: at[name] for name, value in light.items() if not isinstance(value, float)}

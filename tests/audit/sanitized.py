@@ -18,8 +18,10 @@ import numpy as np
 
 import coupled
 import thermofem as th
-from coupled.kernel import integrator, units
+from coupled.circuit.system import system_of
+from coupled.kernel import integrator, shooting, units
 from coupled.kernel.library import build
+from coupled.kernel.tableaus import Method
 
 RING, HEAT = coupled.borghi2021(), th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 
@@ -39,16 +41,34 @@ def runs() -> None:
     for circuit in (coupled.bus(three), coupled.scissor(three, phase=1.0), coupled.bus(three, delay=0.1e-9)):
         coupled.simulate(circuit, HEAT, power={"in": wave}, **short)
         coupled.simulate(circuit, HEAT, power={"in": wave}, average=True, times=np.linspace(0, 20e-9, 5), **short)
-    problem = units.single_ring(RING, HEAT, 6e-3, 0.0, 20e-9, coupled.kernel.tableaus.Method.RODAS4)
-    run = problem.integrate(problem.zero(), rtol=1e-5, keep_steps=True)
-    problem.follow(problem.zero(), run.steps, np.eye(problem.size))
-    problem.slopes(run.y)
+    bent = th.Quadratic(
+        A=-np.diag(1 / HEAT.tau), H=np.full((2, 2, 2), -1e3), G=np.zeros((2, 2)), B=HEAT.R / HEAT.tau, C=np.ones(2)
+    )
+    coupled.simulate(RING, bent, **one)
+    gain = np.kron(np.eye(2), (HEAT.R / HEAT.tau)[:, None])
+    beside = th.StateSpace(
+        np.eye(4), -np.kron(np.eye(2), np.diag(1 / HEAT.tau)), gain, np.kron([[1, 0.1], [0.1, 1]], np.ones((1, 2))),
+        inputs=("ring 1", "ring 2"), outputs=("ring 1", "ring 2"),
+    )  # fmt: skip
+    coupled.simulate(coupled.bus(three[:2]), beside, power={"in": wave}, **short)
+    circuit = system_of(coupled.bus(three), HEAT, power={"in": 6e-3}, duration=20e-9).problem(Method.RODAS5P)
+    for problem in (
+        units.single_ring(RING, HEAT, 6e-3, 0.0, 20e-9, Method.RODAS4),
+        units.single_ring(RING, bent, 6e-3, 0.0, 20e-9, Method.RODAS5P),
+        circuit,
+    ):
+        run = problem.integrate(problem.zero(), rtol=1e-5, keep_steps=True)
+        for columns in (0, 2, problem.size):
+            problem.follow(problem.zero(), run.steps, np.eye(problem.size)[:, :columns])
+        problem.slopes(run.y)
+    coupled.limit_cycle(RING, HEAT, power=6.31e-3)
+    coupled.pulsing_map(RING, HEAT, [5e-3, 6.31e-3], [-5e9, 0.0])
 
 
 if __name__ == "__main__":
     if len(sys.argv) > 1:
         loaded = ctypes.CDLL(sys.argv[1])
-        integrator.library = lambda: loaded
+        integrator.library = shooting.library = lambda: loaded
         runs()
         sys.exit()
     with tempfile.TemporaryDirectory() as folder:

@@ -12,7 +12,7 @@ from browser import opened, run_in_a_shell, settled
 import coupled
 import thermofem as th
 from coupled.explore import bundle, contents
-from coupled.explore.borders import STORED
+from coupled.explore.contents import STORED
 from coupled.parameters.borghi2021 import NEWTON_MAPS
 
 pytestmark = pytest.mark.slow

@@ -9,8 +9,8 @@ import pytest
 
 import coupled
 import thermofem as th
-from coupled.explore.borders import STORED
 from coupled.explore.bundle import text_of
+from coupled.explore.contents import STORED
 from coupled.explore.rings import published, same_numbers, window_of
 
 MODEL = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])

@@ -130,9 +130,7 @@ _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", ""
 
 def fields(text: str, folder: Path) -> dict[str, Any]:
     """The fields of the `Campaign` that the text of a campaign file describes; geometry files lie in ``folder``."""
-    top = read_table(files.from_toml(text), _TOP, "the file")
-    if "geometry" not in top:
-        raise InputError('geometry is missing; name a file, geometry = "strip.toml"')
+    top = read_table(files.from_toml(text), _TOP, "the file", required=("geometry",))
     probes = read_table(top.get("probes", {}), _PROBES, "[probes]")
     read = probes.get("read", [])
     read = check_names("[probes]: read", [read] if isinstance(read, str) else read) if read != [] else ()
@@ -159,10 +157,9 @@ def _geometry(given: Any, folder: Path) -> str:
         text = to_toml(given)
         CrossSection.from_toml_text(text)
         return text
-    if not isinstance(given, str):
-        raise InputError(f"geometry = {given!r} is neither a file nor a table")
-    CrossSection.from_toml(folder / given)
-    return files.read_text(folder / given, "geometry")
+    path = folder / checks.text("geometry, the name of a file or a table", given)
+    CrossSection.from_toml(path)
+    return files.read_text(path, "geometry")
 
 
 def _variation(table: dict[str, Any], k: int) -> Variation:
@@ -174,13 +171,13 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
         raise InputError(f'{where}: path = {shown(given)} is missing or no text; e.g. path = "part.core.width"')
     name = table.get("name", paths[0])
     logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
-    if "values" in table:
-        if {"from", "to", "count"} & set(table) or not isinstance(table["values"], list) or not table["values"]:
-            raise InputError(f"{where}: give values = [...], or from and to, not both")
-        unit, values = _listed(table["values"], where)
+    listed, keys = table.get("values"), {"values", "from", "to", "count"} & set(table)
+    empty = listed is not None and not (isinstance(listed, list) and listed)
+    if empty or keys not in ({"values"}, {"from", "to"}, {"from", "to", "count"}):
+        raise InputError(f"{where}: give values = [...], or from and to, not both")
+    if listed is not None:
+        unit, values = _listed(listed, where)
         return Variation(name, paths, unit, values)
-    if not {"from", "to"} <= set(table):
-        raise InputError(f"{where}: give values = [...], or from and to")
     unit, ends = _listed([table["from"], table["to"]], where)
     low, high = (checks.finite(f"{where}: {key}", end) for key, end in zip(("from", "to"), ends, strict=True))
     free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
@@ -239,7 +236,5 @@ def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[flo
         if "first" in table:
             raise InputError(f'{where}: first goes with spacing = "log"; even times begin at 0')
         return tuple(map(float, np.linspace(0, duration, samples)))
-    first = table.get("first", 1e-9)
-    if not 0 < first < duration:
-        raise InputError(f"{where}: first = {first:g} s must lie between 0 and duration = {duration:g} s")
+    first = checks.positive(f"{where}: first", table.get("first", 1e-9), unit="s", at_most=duration)
     return (0.0, *map(float, np.geomspace(first, duration, max(samples - 1, 2))))

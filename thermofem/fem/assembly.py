@@ -155,7 +155,7 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     Raises
     ------
     InputError
-        accuracy out of range, or a probe around a part of which nothing is left.
+        accuracy out of range.
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """

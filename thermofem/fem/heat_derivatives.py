@@ -28,17 +28,17 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
+from ..algebra.krylov import Rounds, rates
+from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.dataset import describe
 from ..geometry.parameter_paths import Change, change
 from ..mesh.mesh_motion import vertex_velocities
+from ..waveforms import Waveform
 from .shape_derivatives import Tangent, tangent
 
 if TYPE_CHECKING:
-    from ..algebra.krylov import Rounds
     from .heat_problem import HeatProblem
-from ..algebra.pole_responses import pole_responses
-from ..waveforms import Waveform
 
 STEP = 1e-4  # of a rate: half the width of the difference that gives the answer of a double pole to 1e-8
 
@@ -233,77 +233,64 @@ def project(
     return of_K, of_M, of_b, of_c
 
 
+Answers = tuple[Array, Array | None, NDArray[np.complex128] | None]  # of R_th, the step response and the impedance
+
+
 def _responses(
     heat: HeatProblem, tangents: Sequence[Tangent], channel: tuple[str, str], t: Array | None, f: Array | None
-) -> tuple[Array, Array | None, NDArray[np.complex128] | None]:
-    """Derivatives of R_th, of the step response and of the impedance."""
-    free, means = heat.discretization.free, heat.discretization.means
-    b, c = (means[name][free] for name in channel)
+) -> Answers:
+    """Derivatives of R_th, of the step response and of the impedance, on a space grown until they settle."""
     space = _space(heat, *channel, t, f)
     static = t is None and f is None
     for _ in range(1 if static else FEWEST):
         space.grow()
-    found = _Answer.of(space, space.order, project(tangents, channel, free, space.V), b, c, t, f)
+    found = _answers(heat, space, tangents, channel, t, f)
     while not static and len(space.sizes) <= ROUNDS:
         size = space.order
         space.grow()
         space.grow()
-        projected = project(tangents, channel, free, space.V)
-        before, found = found, _Answer.of(space, space.order, projected, b, c, t, f)
-        if space.order == size or found.settled(before):
+        before, found = found, _answers(heat, space, tangents, channel, t, f)
+        if space.order == size or _settled(found, before):
             break
-    return found.resistance, found.step, found.impedance
+    return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    """Derivatives as one size of the space gives them."""
+def _answers(
+    heat: HeatProblem,
+    space: Rounds,
+    tangents: Sequence[Tangent],
+    channel: tuple[str, str],
+    t: Array | None,
+    f: Array | None,
+) -> Answers:
+    """Derivatives as the present space gives them."""
+    free, means = heat.discretization.free, heat.discretization.means
+    rate, Z = np.linalg.eigh(space.stiffness)
+    b, c = (Z.T @ (space.V.T @ means[name][free]) for name in channel)
+    of_K, of_M, of_b, of_c = project(tangents, channel, free, space.V)
+    modal = ModalDerivative(rate, b, c, Z.T @ of_K @ Z, Z.T @ of_M @ Z, of_b @ Z, of_c @ Z)
+    step = None if t is None else modal.step_response(t)
+    return modal.resistance(), step, None if f is None else modal.impedance(f)
 
-    resistance: Array
-    step: Array | None
-    impedance: NDArray[np.complex128] | None
 
-    @classmethod
-    def of(
-        cls,
-        space: Rounds,
-        size: int,
-        projected: tuple[Array, Array, Array, Array],
-        b: Array,
-        c: Array,
-        t: Array | None,
-        f: Array | None,
-    ) -> _Answer:
-        rate, Z = np.linalg.eigh(space.stiffness[:size, :size])
-        of_K, of_M, of_b, of_c = projected
-        V = space.V[:, :size]
-        b, c = Z.T @ (V.T @ b), Z.T @ (V.T @ c)
-        modal = ModalDerivative(rate, b, c, Z.T @ of_K @ Z, Z.T @ of_M @ Z, of_b @ Z, of_c @ Z)
-        step = None if t is None else modal.step_response(t)
-        return cls(modal.resistance(), step, None if f is None else modal.impedance(f))
-
-    def settled(self, other: _Answer) -> bool:
-        """Whether every derivative differs from the other's by less than `SETTLED` of its largest."""
-        for now, before in ((self.step, other.step), (self.impedance, other.impedance)):
-            if now is not None and before is not None:
-                size = np.abs(now).max(axis=1, keepdims=True)
-                if np.any(np.abs(now - before) > SETTLED * size):
-                    return False
-        return True
+def _settled(found: Answers, before: Answers) -> bool:
+    """Whether every derivative differs from the one before by less than `SETTLED` of its largest."""
+    return all(
+        now is None
+        or last is None
+        or bool(np.all(np.abs(now - last) <= SETTLED * np.abs(now).max(axis=1, keepdims=True)))
+        for now, last in zip(found[1:], before[1:], strict=True)
+    )
 
 
 def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array | None) -> Rounds:
     """A Krylov space with shifts over all that is asked for."""
-    from ..algebra.krylov import Rounds, rates
-
-    names = (heated,) if heated == read else (heated, read)
+    names = tuple(dict.fromkeys((heated, read)))
     factors = heat.discretization.factors
     free, means = heat.discretization.free, heat.discretization.means
     system = heat.discretization.state_space((heated,), (heated,))
-    B = np.column_stack([means[name][free] for name in names])
-    if len(names) > 1:
-        system = replace(system, B=B, inputs=names)
-    slow, _ = rates(heat.discretization.state_space((heated,), (heated,)), lambda rhs: factors.solve(0.0, 1.0, rhs))
+    slow, _ = rates(system, lambda rhs: factors.solve(0.0, 1.0, rhs))
+    system = replace(system, B=np.column_stack([means[name][free] for name in names]), inputs=names)
     shifts = np.zeros(1)
     if t is not None or f is not None:
         fast = [10 * slow]

@@ -54,11 +54,8 @@ def shell_integral(
 
     points [shape (2, vertices), m]: as of `weak_forms.maps`; the part's outline moves along.
     thicker [m]: added to the thickness of the probe.
-    Raises InputError: the part is not meshed: nothing of it is left.
     """
     edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
-    if not edges:
-        raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to lie around")
     outline, grid, thickness = np.concatenate(edges), basis.mesh, float(probe.shell or 0)
     corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))  # in the order of the basis, which may not be ours
     far = distance(corners, outline)
@@ -102,10 +99,7 @@ FEWEST, MOST = 64, 2000  # steps of the angle
 
 
 def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array:
-    """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3.
-
-    Raises InputError: the part is not meshed: nothing of it is left.
-    """
+    """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3."""
     points, weights = off_axis_points(geometry, probe)
     cells, local = Triangles.of(basis.mesh).locate(points)
     shapes = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
@@ -143,8 +137,6 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
         for face in geometry.subdivision.faces
         if face.owner == probe.part
     ]
-    if not polygons:
-        raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to be copied")
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons)).tolist()
     pieces = [piece for shape in triangles for piece in getattr(shape, "geoms", [shape])]
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]) * 1e-6
@@ -192,9 +184,6 @@ def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe)
 
 
 def probe_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Functional of the volume mean over what a probe reads; its entries sum to one.
-
-    Raises InputError: the probe's part is not meshed: nothing of it is left.
-    """
+    """Functional of the volume mean over what a probe reads; its entries sum to one."""
     integral = probe_integral(geometry, mesh, basis, probe)
     return integral / integral.sum()

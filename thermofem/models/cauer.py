@@ -23,8 +23,7 @@ import xarray as xr
 
 from .. import checks
 from ..arrays import ArrayLike
-from ..checks import check_one
-from .contract import Delegates, ThermalModel, columns, names, parts, reader, rows
+from .contract import Delegates, ThermalModel, columns, keep_names, names, parts, reader, rows
 from .foster import Foster, linear_poles
 
 FEWER = "merge neighbouring poles, or fit or reduce to fewer"
@@ -59,8 +58,7 @@ class Cauer(Delegates):
         checks.same_size(R=R, C=C)
         checks.positive("R of the ladder", R.min(), unit="K/W")
         checks.positive("C of the ladder", C.min(), unit="J/K")
-        for name in ("inputs", "outputs"):
-            object.__setattr__(self, name, check_one(name, getattr(self, name)))
+        keep_names(self, checks.check_one)
         checks.keep(self, R=R, C=C)
 
     @property

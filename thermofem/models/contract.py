@@ -203,6 +203,12 @@ def reader(read: Callable[[type[Kind], Mapping[str, Any]], Kind]) -> Callable[[t
     return checked
 
 
+def keep_names(model: Any, check: Callable[[str, Any], tuple[str, ...]]) -> None:
+    """Set ``inputs`` and ``outputs`` of a frozen model as tuples of checked names."""
+    for which in ("inputs", "outputs"):
+        object.__setattr__(model, which, check(which, getattr(model, which)))
+
+
 def names(model: Any) -> dict[str, list[str]]:
     """The fields ``inputs`` and ``outputs`` of a model file."""
     return {"inputs": list(model.inputs), "outputs": list(model.outputs)}

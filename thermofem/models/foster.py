@@ -16,9 +16,8 @@ from .. import checks, waveforms
 from ..algebra.krylov import LONGEST, SHORTEST
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
-from ..checks import check_one
 from ..data.display import model_html
-from .contract import AtSmallPower, at_times, check_rise, columns, names, parts, reader, rows, warn_beyond
+from .contract import AtSmallPower, at_times, check_rise, columns, keep_names, names, parts, reader, rows, warn_beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +57,7 @@ class Foster:
         checks.same_size(R=R, tau=tau)
         for end in (tau.min(), tau.max()):
             checks.between("tau", end, SHORTEST, LONGEST, unit="s", hint="a negative time constant grows without bound")
-        for name in ("inputs", "outputs"):
-            object.__setattr__(self, name, check_one(name, getattr(self, name)))
+        keep_names(self, checks.check_one)
         order = np.argsort(tau)
         checks.keep(self, R=R[order], tau=tau[order])
 

@@ -20,11 +20,10 @@ from scipy.linalg import expm
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
-from ..checks import check_one
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.nonlinear import NonlinearEquations, factorize_general
-from .contract import AtSmallPower, at_times, check_rise, check_single, names, parts, reader, warn_beyond
+from .contract import AtSmallPower, at_times, check_rise, check_single, keep_names, names, parts, reader, warn_beyond
 from .state_space import StateSpace
 
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
@@ -82,8 +81,7 @@ class Quadratic:
         fastest = float(np.linalg.eigvals(self.A).real.max())
         if fastest >= 0:
             raise checks.InputError(f"A is not stable: a pole grows at {fastest:.3g} 1/s")
-        for name in ("inputs", "outputs"):
-            object.__setattr__(self, name, check_one(name, getattr(self, name)))
+        keep_names(self, checks.check_one)
         check_rise(self.largest_rise)
 
     _repr_html_ = model_html

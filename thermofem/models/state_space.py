@@ -16,11 +16,10 @@ from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL, check_pair
 from ..arrays import Array, ArrayLike, NDArray
-from ..checks import check_names
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
-from .contract import at_times, check_single, names, parts, reader, table
+from .contract import at_times, check_single, keep_names, names, parts, reader, table
 from .foster import Foster, check_residues
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
@@ -56,8 +55,7 @@ class StateSpace:
     def __post_init__(self) -> None:
         for name in ("E", "A", "B", "C"):
             checks.keep(self, **{name: _matrix(name, getattr(self, name), sparse=name in ("E", "A"))})
-        for name in ("inputs", "outputs"):
-            object.__setattr__(self, name, check_names(name, getattr(self, name)))
+        keep_names(self, checks.check_names)
         n = self.A.shape[0]
         shapes = {"E": (n, n), "A": (n, n), "B": (n, len(self.inputs)), "C": (len(self.outputs), n)}
         for name, shape in shapes.items():

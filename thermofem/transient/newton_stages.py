@@ -113,7 +113,7 @@ class NewtonStepper(Stepper):
         shift = GAMMA * h
         for i in range(1, 6):
             known = x + h * (STAGES[i, :i] @ slopes[:i])
-            found = self._newton(_predicted(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
+            found = self.stage(_predicted(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
             if found is None:
                 return None
             states[i] = found
@@ -134,7 +134,7 @@ class NewtonStepper(Stepper):
         for i in range(1, 6):
             known = start + h * (STAGES[i, :i] @ flows[:i])
             target = known + shift * (self.B @ powers[i])
-            found = self._newton(_predicted(i, states, slopes, per_slope), target, shift)
+            found = self.stage(_predicted(i, states, slopes, per_slope), target, shift)
             if found is None:
                 return None
             states[i], extended = found, self.system.content.extended(found)
@@ -149,23 +149,16 @@ class NewtonStepper(Stepper):
         if max(one.drift(x) for one in self._neighbours) > allowed:
             self._near.replace(*(one.at(x) for one in self._neighbours))
 
-    def stage(self, x: Array, target: Array, shift: float) -> Array | None:
-        """Solve H(x) + shift F(x) = target from the guess ``x``."""
-        return self._newton(x, target, shift)
-
     def nodal(self, x: Array) -> Array:
         """The slope of H at each node over that of E, where neighbours have the same."""
         return self._stored.slope(x)
 
-    def _newton(self, x: Array, target: Array, shift: float, known: Array | float = 0.0) -> Array | None:
+    @np.errstate(over="ignore", invalid="ignore")  # a size that is not finite ends the iteration
+    def stage(self, x: Array, target: Array, shift: float, known: Array | float = 0.0) -> Array | None:
         """Solve H(x) + shift F(x) = target from the guess ``x``; renew the factors once where they stall.
 
-        ``known`` is taken from x in H, where that is linear.
+        ``known`` is taken from x in H, where that is linear. None where even renewed factors do not converge.
         """
-        with np.errstate(over="ignore", invalid="ignore"):  # a size that is not finite ends the iteration
-            return self._iterated(x, target, shift, known)
-
-    def _iterated(self, x: Array, target: Array, shift: float, known: Array | float) -> Array | None:
         start, flow, content = x, self.system.flow, self.system.content
         for renewed in (False, True):
             if renewed:

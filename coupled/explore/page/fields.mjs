@@ -94,7 +94,7 @@ export function fill(typing = null) {
     slider.setAttribute("aria-label", `${FIELDS[name].label}, slider${unit ? `, ${unit}` : ""}`);
     $(name).nextElementSibling.textContent = unit;
     if (typing === name) continue;
-    $(name).value = String(Number(toShown(name, value, state, data).toPrecision(state.units === "pm" ? 6 : 10)));
+    $(name).value = String(Number(toShown(name, value, state, data).toPrecision(state.units === "pm" || state[name] === null ? 6 : 10)));
     $(name).setAttribute("aria-invalid", "false");
     $(`${name}-problem`).textContent = "";
   }
