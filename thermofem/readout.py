@@ -6,8 +6,6 @@
 Papers state times and bandwidths of this power, not of heat (Coenen et al., Photonics 11, 603 (2024)).
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Units in the headers of tables, as people and instruments write them: "(us)", "_mK", "deg C", "microseconds"."""
 
-from __future__ import annotations
-
 import re
 from functools import lru_cache
 from typing import NamedTuple

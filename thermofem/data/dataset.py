@@ -11,8 +11,6 @@ Attributes
 Data measured or simulated elsewhere trains like our own once it has time, power and delta_T.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ whole process is touched: no umask, no signal handler. A killed run leaves its t
 those of the folder that it locks.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -5,8 +5,6 @@
 What the table does not say is found from the rows and listed in ``attrs["assumed"]``, or asked for in one line.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Mapping, Sequence

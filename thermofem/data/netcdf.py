@@ -4,8 +4,6 @@ A file may declare more values than it holds, or bytes that lie in other files; 
 is loaded.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

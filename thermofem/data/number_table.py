@@ -5,8 +5,6 @@ by tabs, semicolons, commas or spaces, and stand beside columns of text; setting
 it and remarks after the last row are passed by. A comma is a decimal mark where tabs, semicolons or spaces divide.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -4,8 +4,6 @@ Inside the package every number is SI; text with units exists only where a perso
 plots). pint knows the units. Decibels are handled here: dBm is a power, dB per length an attenuation of power.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import re
