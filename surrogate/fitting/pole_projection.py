@@ -107,6 +107,7 @@ class Optimum:
     shift, shift_error [shape (responses,), s]: of the start of the heating, 0 where it is known; its error is inf at
         an end of its range.
     offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
+    swarm_residual [K]: rms of the swarm's best particle that the search began with, if one did.
     noise: whether the misfit is noise, see `is_noise`.
     independent: number of samples, less where their misfits follow each other.
     """
@@ -122,6 +123,7 @@ class Optimum:
     offset_error: Array
     noise: bool
     independent: float
+    swarm_residual: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +158,8 @@ class FitProblem:
         for response in self.responses:
             if not np.any(pole_responses(np.exp(slowest), response.wave, response.times, periodic=response.periodic)):
                 raise checks.InputError(
-                    f"the power of the {response.name} heats nothing that the samples can show; "
-                    "is a time in another unit?"
+                    f"the power of the {response.name} is zero throughout, or heats nothing that the samples can show; "
+                    "what heated it, and is a time in another unit?"
                 )
 
     @property
