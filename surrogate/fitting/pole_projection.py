@@ -158,8 +158,8 @@ class FitProblem:
         for response in self.responses:
             if not np.any(pole_responses(np.exp(slowest), response.wave, response.times, periodic=response.periodic)):
                 raise checks.InputError(
-                    f"the power of the {response.name} is zero throughout, or heats nothing that the samples can show; "
-                    "what heated it, and is a time in another unit?"
+                    f"the power of the {response.name} heats nothing that the samples can show; "
+                    "is a time in another unit?"
                 )
 
     @property
