@@ -4,7 +4,6 @@ from thermofem.models import load_model, save_model
 from thermofem.models.cauer import cauer
 from thermofem.models.foster import newton, second_order
 
-from .arrays.array_reduction import reduce_array
 from .export import export_model
 from .family import load_family, train_family
 from .fitting.exponential_sums import fit_decay, fit_spectrum
@@ -12,6 +11,7 @@ from .fitting.fit import fit_foster, fit_newton, fit_second_order
 from .fitting.sindy import fit_sindy
 from .judging.ladder import judge, train_all
 from .judging.validate import compare, period_error, square_waves
+from .reduction.array_reduction import reduce_array
 from .reduction.balanced import balanced_truncation
 from .reduction.nonlinear_reduction import output_map, reduce_quadratic
 from .reduction.reduce import reduce

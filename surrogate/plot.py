@@ -20,8 +20,8 @@ from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, time_unit
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
 
-from .arrays.array_reduction import ArrayReduction
 from .judging.validate import widest_range
+from .reduction.array_reduction import ArrayReduction
 
 CURVE = "Datasets of surrogate.period_error"
 

@@ -11,7 +11,7 @@ from thermofem import checks
 from thermofem.data.files import check_target
 from thermofem.models import HasModel, ThermalModel, bare
 
-from . import fmu, matrices_and_poles, spice, verilog_a
+from . import fmu, poles, spice, verilog_a
 from .export_header import header
 from .ring_rates import demonstration
 
@@ -85,6 +85,8 @@ def export_model(
         raise checks.InputError(f'fmi = {fmi!r} goes with to = "fmu"; {to!r} has no such versions')
     if ring is not None and to not in DEMONSTRATIONS:
         raise checks.InputError(f"ring goes with to = {', '.join(DEMONSTRATIONS)}; {to!r} holds the heat only")
+    if hasattr(ring, "rings") and to != "spice":
+        raise checks.InputError("ring is a Circuit; circuits are written as SPICE only")
     if ring is None and power is not None:
         raise checks.InputError("power is that of a ring's laser; give ring, too")
     run = None if power is None else demonstration(power, detuning, period)
@@ -100,6 +102,6 @@ def export_model(
         case "fmu":
             return fmu.write(model, path, lines, ring, run, fmi=fmi, platforms=platforms)
         case "mat":
-            return matrices_and_poles.write_mat(model, path, lines)
+            return poles.write_mat(model, path, lines)
         case _:
-            return matrices_and_poles.write_csv(model, path, lines)
+            return poles.write_csv(model, path, lines)

@@ -90,8 +90,6 @@ def write(
     platforms: Sequence[str] = (),
 ) -> Path:
     """Write the unit, and a script that runs it in FMPy beside it; see `surrogate.export_model`."""
-    if hasattr(ring, "rings"):
-        raise checks.InputError("ring is a Circuit; circuits are written as SPICE only")
     for name in platforms:
         checks.choice("platforms", name, PLATFORMS)
     rates, poles, name = None if ring is None else ring_rates(ring), poles_of(model), identifiers([path.stem])[0]

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from thermofem.checks import InputError
 from thermofem.data.files import write_whole
 
 from .export_header import comment, identifiers, plain_name
@@ -81,8 +80,6 @@ enddiscipline
 def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demonstration | None = None) -> Path:
     """Write the module named after the file, and a netlist of VACASK beside it; see `surrogate.export_model`."""
     name = identifiers([path.stem], taken=KEYWORDS)[0]
-    if hasattr(ring, "rings"):
-        raise InputError("ring is a Circuit; circuits are written as SPICE only")
     if ring is None:
         net, light = rc_network(model, taken=(*KEYWORDS, name)), []
         thermal, signals, disciplines, lines = net.pins, [], [], header

@@ -8,7 +8,7 @@ There is nothing to search: the problem is convex and its optimum has few nonzer
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -183,7 +183,7 @@ def fit_spectrum(
     training.check_explained(float(np.sqrt(np.mean(misfit**2))))
     count = R.size
     names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
-    fit = Fit(
+    return Fit(
         model=Foster(R=R, tau=tau[kept], **training.parts),
         parameters=dict(zip(names, [*R.tolist(), *tau[kept].tolist()], strict=True)),
         standard_errors=dict.fromkeys(names, float("nan")),
@@ -193,8 +193,7 @@ def fit_spectrum(
         training=training.names,
         notes=(*training.doubts, *_beyond(R, tau[kept], longest)),
         geometry=training.geometry,
-    )
-    return replace(fit, model=replace(fit.model, origin=fit.provenance))
+    ).recorded()
 
 
 def _beyond(R: Array, tau: Array, longest: float) -> list[str]:

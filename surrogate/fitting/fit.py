@@ -19,28 +19,10 @@ import xarray as xr
 from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array
 from thermofem.data.dataset import at_probe, responses_of
-from thermofem.models.foster import (
-    BORGHI2021_HEAT_CAPACITY,
-    check_heat_capacity,
-    newton,
-    second_order,
-    second_order_parameters,
-)
+from thermofem.models.foster import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
+from thermofem.models.foster import second_order_parameters as parameters_of
 
-from .fit_result import (
-    EXPLAINED,
-    OUTSIDE,
-    UNSEEN,
-    Fit,
-    below_last,
-    cancelling,
-    mismatch,
-    offsets,
-    other_gain,
-    starts,
-    undetermined,
-    unseen,
-)
+from .fit_result import EXPLAINED, OUTSIDE, UNSEEN, Fit, common, mismatch, model_notes, undetermined
 from .optical_fit import fit_optical
 from .pole_projection import FitProblem, Optimum, optimum, polish
 
@@ -79,14 +61,14 @@ def fit_newton(
     """
     heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data)
-    found, swarm = training.search(1, method)
+    found = training.search(1, method)
     rate, gain = np.exp(found.log_rate[0]), found.gain[0]
     if gain <= 0:
         raise checks.InputError("the best single pole cools when heated; do power and delta_T belong together?")
     parameters = {"tau_th": 1 / rate, "heat_capacity": 1 / gain, "heat_capacity_ratio": 1 / (gain * heat_capacity)}
     jacobian = np.array([[-1 / rate, 0], [0, -1 / gain**2], [0, -1 / (gain**2 * heat_capacity)]])
     model = replace(newton(tau_th=1 / rate, heat_capacity=1 / gain), **training.parts)
-    return training.fit(model, parameters, jacobian, found, swarm)
+    return training.fit(model, parameters, jacobian, found)
 
 
 def fit_second_order(
@@ -121,11 +103,11 @@ def fit_second_order(
     """
     heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data, transfer=transfer)
-    found, swarm = training.search(2, method)
+    found = training.search(2, method)
     (slow, fast), (g_s, g_f) = np.exp(found.log_rate), found.gain
     c_f, c_s = g_f * heat_capacity, g_s * heat_capacity
     poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow], **training.parts)
-    parameters = second_order_parameters(poles, heat_capacity)
+    parameters = parameters_of(poles, heat_capacity)
     if min(c_f, c_s) < 0 and not training.transfer:
         one = optimum(training.problem, 1)
         # 1.02: ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
@@ -145,7 +127,7 @@ def fit_second_order(
     )
     equation = second_order(**parameters, heat_capacity=heat_capacity) if not training.transfer else poles
     model = replace(equation, **training.parts)
-    return training.fit(model, parameters, jacobian, found, swarm)
+    return training.fit(model, parameters, jacobian, found)
 
 
 def fit_foster(
@@ -197,7 +179,7 @@ def fit_foster(
         return fit_optical(data, 5 if order == "auto" else checks.integer("order", order, 1, 12), readout)
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
     order = _smallest_order(training) if order == "auto" else checks.integer("order", order, 1, 12)
-    found, swarm = training.search(order, method)
+    found = training.search(order, method)
     kept = found.gain != 0 if training.transfer else found.gain > 0
     if not np.any(found.gain > 0):
         raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
@@ -212,7 +194,7 @@ def fit_foster(
         parameters[f"tau_{position}"] = tau[i]
         rows.append(np.concatenate([-tau[i] * np.eye(n)[i], np.zeros(n)]))
     model = Foster(R=R[fastest_first], tau=tau[fastest_first], **training.parts)
-    return training.fit(model, parameters, np.array(rows), found, swarm)
+    return training.fit(model, parameters, np.array(rows), found)
 
 
 def _smallest_order(training: Training) -> int:
@@ -264,14 +246,14 @@ class Training:
             hint = "it is in K/W (7.87 K/mW is 7870)"
             thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)
         elif impose:
-            thermal_resistance = _common([d.thermal_resistance for d in responses])
+            thermal_resistance = common([d.thermal_resistance for d in responses])
         for response in responses:
             first, last = float(response.times.min()), float(response.times.max())
             seen = np.any(response.wave(response.times)) or np.any(response.wave.before(response.times))
             if not seen and (first == last or response.wave.mean(first, last) == 0):
                 raise checks.InputError(f"the power of the {response.name} is zero throughout; what heated it?")
-        geometry = _common([d.attrs.get("geometry") for d in datasets])
-        heated, read = (_common([d.attrs.get(name) for d in datasets]) for name in ("heated", "read"))
+        geometry = common([d.attrs.get("geometry") for d in datasets])
+        heated, read = (common([d.attrs.get(name) for d in datasets]) for name in ("heated", "read"))
         known = bool(heated and read)
         apart = known and heated != read
         transfer = apart if transfer is None else checks.flag("transfer", transfer)
@@ -286,32 +268,16 @@ class Training:
         found = [doubt for r in responses for doubt in (*r.doubts, *mismatch(r))]
         return tuple(dict.fromkeys(found))
 
-    def told(self, model: Foster, found: Optimum) -> tuple[str, ...]:
-        """Sentences on the model that was found."""
-        stated = _common([r.thermal_resistance for r in self.problem.responses])
-        other = other_gain(model, stated)
-        low = () if self.transfer else below_last(model, self.problem.responses, found.offset)
-        return (
-            *starts(found),
-            *offsets(found, self.problem.responses),
-            *low,
-            *unseen(found, self.problem.span),
-            *cancelling(model.R),
-            *other,
-        )
-
-    def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
-        """The optimum, and the residual of the swarm before it was polished."""
-        checks.choice("method", method, METHODS)
-        residual = None
-        if method == "variable projection":
-            found = optimum(self.problem, order)
-        else:
+    def search(self, order: int, method: str) -> Optimum:
+        """The best poles, from starts on a grid or from the swarm's best particle."""
+        if checks.choice("method", method, METHODS) == "pso":
             start, residual = swarm(self.problem, order)
-            found = polish(self.problem, start)
+            found = replace(polish(self.problem, start), swarm_residual=residual)
+        else:
+            found = optimum(self.problem, order)
         if np.any(found.gain > 0):
             self.check_explained(found.relative_residual)
-        return found, residual
+        return found
 
     def check_explained(self, relative_residual: float) -> None:
         """Refuse data that even the best poles do not explain."""
@@ -323,20 +289,13 @@ class Training:
                 "belong together"
             )
 
-    def fit(
-        self,
-        model: Foster,
-        parameters: Mapping[str, float],
-        jacobian: Array,
-        found: Optimum,
-        swarm_residual: float | None,
-    ) -> Fit:
+    def fit(self, model: Foster, parameters: Mapping[str, float], jacobian: Array, found: Optimum) -> Fit:
         """Named parameters with standard errors and correlations by first-order propagation."""
         covariance = jacobian @ found.covariance @ jacobian.T
         deviation = np.sqrt(np.maximum(covariance.diagonal(), 0))
         safe = np.maximum(deviation, np.finfo(float).tiny)
         deviation = np.where(undetermined(found, self.problem.span, jacobian), np.inf, deviation)
-        fit = Fit(
+        return Fit(
             model=model,
             parameters={name: float(value) for name, value in parameters.items()},
             standard_errors=dict(zip(parameters, deviation.tolist(), strict=True)),
@@ -344,18 +303,12 @@ class Training:
             residual=found.residual,
             relative_residual=found.relative_residual,
             training=self.names,
-            notes=(*self.doubts, *self.told(model, found)),
+            notes=(*self.doubts, *model_notes(model, found, self.problem, self.transfer)),
             geometry=self.geometry,
-            swarm_residual=swarm_residual,
+            swarm_residual=found.swarm_residual,
             misfit_is_noise=found.noise,
-            training_period=_common([r.wave.period for r in self.problem.responses]),
-        )
-        return replace(fit, model=replace(model, origin=fit.provenance))
-
-
-def _common(values: Sequence[Any]) -> Any:
-    """The one value that all Datasets share, or None."""
-    return values[0] if all(v == values[0] for v in values) else None
+            training_period=common([r.wave.period for r in self.problem.responses]),
+        ).recorded()
 
 
 def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:

@@ -101,6 +101,24 @@ OUTSIDE = 3.0  # time constant over the longest time shown, or the shortest over
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
+def common(values: Sequence[Any]) -> Any:
+    """The one value that all Datasets share, or None."""
+    return values[0] if all(v == values[0] for v in values) else None
+
+
+def model_notes(model: Foster, found: Optimum, problem: FitProblem, transfer: bool) -> tuple[str, ...]:
+    """Sentences on what is doubtful in the model that was found."""
+    low = [] if transfer else below_last(model, problem.responses, found.offset)
+    return (
+        *starts(found),
+        *offsets(found, problem.responses),
+        *low,
+        *unseen(found, problem.span),
+        *cancelling(model.R),
+        *other_gain(model, common([r.thermal_resistance for r in problem.responses])),
+    )
+
+
 def starts(found: Optimum) -> list[str]:
     """Sentences on the starts of measured traces, which were fitted with the poles."""
     notes = []

@@ -8,7 +8,7 @@ ln R_i and ln tau_i are searched for, from several starts, as the trace is perio
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -79,7 +79,7 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int, readout: MZ
     each: Any = data if isinstance(data, list | tuple) else [data]
     responses = responses_of([_light(one) for one in each])
     problem = Optical(responses, [np.asarray(one.rise, dtype=float) for one in responses], readout.shift)
-    logs, _ = _search(problem, order)
+    logs = _search(problem, order)
     order_by_tau = np.argsort(logs[order:])
     logs = np.concatenate([logs[:order][order_by_tau], logs[order:][order_by_tau]])
     (a, b, c), left = problem.linear(logs)
@@ -105,29 +105,19 @@ def _rise(model: Foster, one: Response) -> Array:
     return np.interp(one.times, period_times(one.wave, 2001), whole, period=period)
 
 
-def _search(problem: Optical, order: int) -> tuple[Array, float]:
-    """ln R and ln tau of the least misfit from all starts, and the sum of squares."""
+def _search(problem: Optical, order: int) -> Array:
+    """ln R and ln tau of the least misfit from all starts."""
     first = np.concatenate([one.times[one.times > 0][:1] for one in problem.responses]).min()
     last = max(float(one.times.max()) for one in problem.responses)
-    best: tuple[Array, float] | None = None
+    ends = []
     for phase in PHASES:
         for low, high in ((0.02, 0.3), (0.002, 0.1)):
             tau = np.geomspace(max(low * last, first), high * last, order) if order > 1 else np.array([high * last])
             logs = np.log(np.concatenate([np.full(order, 1.0), tau]))
             largest = float(np.abs(problem.phases(logs)).max())
             logs[:order] += np.log(phase / largest)
-            found = least_squares(
-                problem.misfit,
-                logs,
-                bounds=(logs - BOUND, logs + BOUND),
-                x_scale=1.0,
-                max_nfev=60 * order,
-            )
-            if best is None or found.cost < best[1]:
-                best = found.x, float(found.cost)
-    if best is None:
-        raise checks.InputError("data has no samples after the power began")
-    return best
+            ends.append(least_squares(problem.misfit, logs, bounds=(logs - BOUND, logs + BOUND), max_nfev=60 * order))
+    return np.asarray(min(ends, key=lambda end: float(end.cost)).x)
 
 
 def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
@@ -148,10 +138,9 @@ def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
     safe = np.maximum(deviation / scale, np.finfo(float).tiny)
     correlations = covariance / np.outer(safe, safe)
     values[-2] = float(np.mod(values[-2] + np.pi, 2 * np.pi) - np.pi)
-    model = Foster(R=values[:order], tau=values[order : 2 * order])
     rms = float(np.sqrt(np.mean(left**2)))
-    fit = Fit(
-        model=model,
+    return Fit(
+        model=Foster(R=values[:order], tau=values[order : 2 * order]),
         parameters=dict(zip(names, map(float, values), strict=True)),
         standard_errors=dict(zip(names, map(float, deviation), strict=True)),
         correlations=correlations,
@@ -159,8 +148,7 @@ def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
         relative_residual=rms / float(np.ptp(problem.target)),
         training=tuple(one.name for one in problem.responses),
         notes=tuple(_apart(names, covariance, np.append(np.ones(end.size - 1), abs(end[-1])))),
-    )
-    return replace(fit, model=replace(model, origin=fit.provenance))
+    ).recorded()
 
 
 def _slope(problem: Optical, end: Array, k: int, step: float) -> Array:

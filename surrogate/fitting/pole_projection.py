@@ -109,6 +109,7 @@ class Optimum:
     shift, shift_error [shape (responses,), s]: of the start of the heating, 0 where it is known; its error is inf at
         an end of its range.
     offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
+    swarm_residual [K]: rms of the swarm's best particle that the search began with, if one did.
     noise: whether the misfit is noise, see `is_noise`.
     independent: number of samples, less where their misfits follow each other.
     """
@@ -124,6 +125,7 @@ class Optimum:
     offset_error: Array
     noise: bool
     independent: float
+    swarm_residual: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

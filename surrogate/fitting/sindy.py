@@ -31,7 +31,7 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 from typing import Any, Generic, TypeVar
 
@@ -194,7 +194,7 @@ def fitted(
 ) -> SindyFit[Any]:  # fmt: skip
     """Make the result of an identification; ``misfit`` is the network's error in K at the core."""
     rms = float(np.sqrt(np.mean(misfit**2)))
-    fit = SindyFit(
+    return SindyFit(
         model=model,
         equations=equations,
         parameters=parameters,
@@ -203,8 +203,7 @@ def fitted(
         relative_residual=rms / float(np.ptp(np.concatenate([one.rise[:, 0] for one in data]))),
         training=tuple(f"{type(one.wave).__name__.lower()}, from rest" for one in data),
         geometry=geometry,
-    )
-    return replace(fit, model=replace(model, origin=fit.provenance))
+    ).recorded()
 
 
 def regress(data: Sequence[Probed], units: Units, window: float | None, rows: Sequence[Array], *, degree: int) -> Array:

@@ -18,7 +18,7 @@ Sources: B. C. Moore, IEEE Trans. Autom. Control 26, 17 (1981); K. Glover, Int. 
 W. Q. Liu, V. Sreeram, K. L. Teo, Syst. Control Lett. 33, 219 (1998) (symmetric systems).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -114,12 +114,11 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
         R=alpha * R[::-1], tau=1 / kept[::-1], inputs=system.inputs, outputs=system.outputs, origin=system.origin
     )
     basis = fine.basis @ modes[:, ::-1] / (F[:, read] @ modes)[::-1]
-    found = Truncation(
-        model=replace(model, origin=system.origin),
+    return Truncation(
+        model=model,
         error_bound=(certificate + tail + restoring) / abs(static),
         truncation_bound=tail / abs(static),
         singular_values=sigma,
         certificate=certificate / abs(static),
         basis=basis,
-    )
-    return replace(found, model=replace(model, origin=found.provenance))
+    ).recorded()

@@ -200,8 +200,7 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
     model = _quadratic_form(system, rate, V, [(full, power), (half, power / 2)])
     between = 0.75 * power
     error = abs(float(model.steady_rise(between)) / float(system.steady_rise(between)[0]) - 1)
-    found = QuadraticReduction(replace(model, origin=system.linear.origin), rom, power, error, V)
-    return replace(found, model=replace(model, origin=found.provenance))
+    return QuadraticReduction(replace(model, origin=system.linear.origin), rom, power, error, V).recorded()
 
 
 def _hot_basis(system: NonlinearSystem, steady: Array) -> Array:

@@ -136,7 +136,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     scale = _scale(projection, found.pairs)
     model, basis = _model(system, projection, found.basis, found.heated, found.read)
     bound = (certificate.samples / scale).reshape(-1, *shape)
-    reduction = Reduction(
+    return Reduction(
         model=replace(model, origin=system.origin),
         error_bound=float(np.max(certificate.top / scale)),
         channel_bounds=(certificate.top / scale).reshape(shape),
@@ -146,8 +146,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
         shifts=found.shifts,
         tolerance=float(tolerance),
         solves=found.solves,
-    )
-    return replace(reduction, model=replace(model, origin=reduction.provenance))
+    ).recorded()
 
 
 @dataclass(frozen=True, eq=False)

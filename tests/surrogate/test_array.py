@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 import surrogate
 import thermofem as th
-from surrogate.arrays.ring_pairs import FLOOR
+from surrogate.reduction.ring_pairs import FLOOR
 from thermofem.fem import domain_truncation
 
 PITCH = 20e-6

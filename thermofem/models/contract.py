@@ -22,8 +22,9 @@ is a class that satisfies the contract, one file in this folder with one line of
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import wraps
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -146,6 +147,10 @@ class HasModel(Delegates):
     def provenance(self) -> Mapping[str, Any]:
         """Origin of the model; a model file keeps it."""
         return getattr(self, "origin", None) or {}
+
+    def recorded(self) -> Self:
+        """The same result, whose model has the provenance as its origin."""
+        return replace(self, model=replace(self.model, origin=self.provenance))  # type: ignore[type-var]
 
     @property
     def dynamics(self) -> Any:

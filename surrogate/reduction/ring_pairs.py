@@ -34,7 +34,7 @@ from thermofem.fem import HeatProblem
 from thermofem.fem.probe_means import off_axis_integral
 from thermofem.geometry.cross_section import check_distance, check_uniform, footprint, reach
 
-from ..reduction.reduce import project
+from .reduce import project
 
 MOST = 1000  # rings
 SAME = 1e-12  # m, distances that differ by less are one

@@ -7,7 +7,7 @@ distance d_ij from ring j, reads that field off the axis. With one reduced field
     H_ij     = sum_k b_k c_k(d_ij)/(s + lambda_k) = H_ji
 
 The static field of the heated ring is in the basis: the static gain of every pair is that of the FEM. How the error of
-a pair is bounded stands in `surrogate.arrays.ring_pairs`.
+a pair is bounded stands in `surrogate.reduction.ring_pairs`.
 
 Rings of different geometry: ring i has its own cross-section, over which it reads the field of ring j. What ring j
 reads of ring i is the same but for the silicon of the reading ring and the two meshes; the model has the mean of both.
@@ -171,7 +171,7 @@ def reduce_array(
         _sources(rings, g, apart, (part, *names), tolerance) for g, part in enumerate(ring.part for ring in rings.kinds)
     ]
     model, bounds, poles = _assembled(sources, rings, names)
-    array = ArrayReduction(
+    return ArrayReduction(
         model=replace(model, origin=_origin(rings)),
         positions=centres,
         error_bound=float(bounds.max()),
@@ -181,8 +181,7 @@ def reduce_array(
         poles=poles,
         asymmetry=_asymmetry(sources, rings),
         domain_error=max(source.domain for source in sources),
-    )
-    return replace(array, model=replace(model, origin=array.provenance))
+    ).recorded()
 
 
 def _origin(rings: RingKinds) -> dict[str, Any]:

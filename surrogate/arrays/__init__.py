@@ -1,1 +1,0 @@
-"""Several rings on one chip as one certified model."""
