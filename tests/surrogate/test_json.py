@@ -107,8 +107,8 @@ def test_provenance_that_is_no_object_is_refused(saved):
 @pytest.mark.parametrize(
     ("matrices", "reason"),
     [
-        ({"A": [[1.0]]}, "would not decay"),
-        ({"E": [[0.0]]}, "would not decay"),
+        ({"A": [[1.0]]}, "must decay"),
+        ({"E": [[0.0]]}, "E is not positive definite"),
         ({"A": [[-1.0, 0.0]]}, "shape"),
         ({"A": "abc"}, "A is not an array"),
         ({"B": [1.0]}, "B has 1 dimensions"),
