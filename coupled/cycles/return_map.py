@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from thermofem.arrays import Array, NDArray
 
@@ -238,7 +238,7 @@ def measure(orbit: Orbit) -> Measures:
     U, heat = CubicSpline(t, energy), CubicSpline(t, dT)
     low_at, low, high_at, high = _extremes(U, t)
     cold_at, cold, hot_at, hot = _extremes(heat, t)
-    crossings = np.asarray(U.solve(low + DUTY_LEVEL * (high - low), extrapolate=False)) if high > low else np.empty(0)
+    crossings = _crossings(U, t, energy, low + DUTY_LEVEL * (high - low))
     rising = U(crossings, 1) > 0
     above = float(energy[0] > low + DUTY_LEVEL * (high - low))
     duty = float(np.where(rising, -crossings, crossings).sum()) / orbit.T + above
@@ -249,12 +249,22 @@ def measure(orbit: Orbit) -> Measures:
 
 
 def _extremes(curve: CubicSpline, t: Array) -> tuple[float, float, float, float]:
-    """Place and value of the minimum of a spline, then of its maximum."""
-    at = np.concatenate([t[[0, -1]], curve.derivative().roots(extrapolate=False)])
-    at = at[np.isfinite(at)]  # a constant has roots nan
-    values = curve(at)
-    low, high = int(values.argmin()), int(values.argmax())
-    return float(at[low]), float(values[low]), float(at[high]), float(values[high])
+    """Place and value of the minimum of a spline, then of its maximum: beside its smallest and largest node."""
+    values, slope, found = curve(t), curve.derivative(), []
+    for k in (int(values.argmin()), int(values.argmax())):
+        first, last = max(k - 2, 0), min(k + 2, t.size - 1)
+        near = PPoly(slope.c[:, first:last], t[first : last + 1]).roots(extrapolate=False)
+        at = np.append(near[np.isfinite(near)], t[k])  # a constant has roots nan
+        found.append((at, curve(at)))
+    (cold_at, cold), (hot_at, hot) = found
+    return float(cold_at[cold.argmin()]), float(cold.min()), float(hot_at[hot.argmax()]), float(hot.max())
+
+
+def _crossings(curve: CubicSpline, t: Array, values: Array, level: float) -> Array:
+    """Times at which a spline goes through a level, in pieces whose ends lie on either side of it."""
+    pieces = np.flatnonzero(np.diff(values > level))
+    found = [PPoly(curve.c[:, k : k + 1], t[k : k + 2]).solve(level, extrapolate=False)[:1] for k in pieces]
+    return np.concatenate([*found, np.empty(0)])
 
 
 def time_weights(orbit: Orbit) -> Array:

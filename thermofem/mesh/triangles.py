@@ -99,11 +99,7 @@ def check_triangles(
 
     InputError unless every triangle has three finite points, r >= 0, an area and a named region.
     """
-    points, triangles, region = (
-        checks.numbers("points", points, most=np.inf),
-        np.asarray(triangles),
-        np.asarray(region),
-    )
+    points, triangles, region = checks.numbers("points", points), np.asarray(triangles), np.asarray(region)
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
     if depth is None and points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
