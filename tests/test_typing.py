@@ -12,14 +12,16 @@ SCRIPT = """
 import coupled
 import surrogate
 import thermofem as th
+from surrogate.fitting.fit_result import Fit
+from surrogate.reduction.reduce import Reduction
 
 heat: th.fem.HeatProblem = th.assemble(th.strip_ring(radius=5e-6), accuracy=1e-3)
 resistance: float = heat.thermal_resistance("core")
 data = th.solve(heat, th.Pulse(power=2e-3, width=1e-6), [0.0, 1e-6])
-fit: surrogate.fitting.fit.Fit = surrogate.fit_second_order(data)
+fit: Fit = surrogate.fit_second_order(data)
 model: th.models.ThermalModel = fit.model
 kappa: float = fit.parameters["kappa"]
-rom: surrogate.reduction.reduce.Reduction = surrogate.reduce(heat.system, tolerance=1e-4)
+rom: Reduction = surrogate.reduce(heat.system, tolerance=1e-4)
 found = coupled.pulsing(coupled.simulate(coupled.borghi2021(), model, power=6e-3, duration=1e-6))
 surrogate.export_model(model, "ring.cir", to="spice")
 """

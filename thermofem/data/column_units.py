@@ -1,5 +1,6 @@
 """Units in the headers of tables, as people and instruments write them: "(us)", "_mK", "deg C", "microseconds"."""
 
+import math
 import re
 from functools import lru_cache
 from typing import NamedTuple
@@ -60,7 +61,8 @@ def scale_of(text: str) -> Scale | None:
     size, unit = float(match[1] or 1), SPELLED.get(match[2].lower(), match[2])
     zero, one = (registry().Quantity(k, registry().parse_units(unit)).to_base_units() for k in (0.0, 1.0))
     low, high = float(zero.magnitude), float(one.magnitude)
-    return Scale(str(zero.units), low, float(f"{size * (high - low):.15g}"))
+    factor = float(f"{size * (high - low):.15g}")
+    return Scale(str(zero.units), low, factor) if math.isfinite(factor) else None
 
 
 def is_unit(cell: str) -> bool:
