@@ -94,7 +94,7 @@ def rows(repeats: int) -> list[dict[str, object]]:
     for name, ms in cost.items():
         who, _, how = name.partition(", ")
         row = {"who": who, "how": how, "error": errors[name], "seconds": ms * scale, "ratio": ms / first}
-        found.append(row if who.startswith(("solve", "numba")) else row | {"who": f"thermofem {who}"})
+        found.append(row if who.startswith("solve") else row | {"who": f"thermofem {who}"})
     return found
 
 

@@ -13,6 +13,8 @@ from thermofem import checks
 from thermofem.models import Foster, OutputMap, Quadratic, StateSpace, ThermalModel
 from thermofem.models.contract import bare
 
+from ..cycles.cycle_folds import cycle_fold_curves
+from ..equilibria.bifurcation_curves import subcritical
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..parameters import borghi2021 as borghi
 from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
@@ -186,14 +188,10 @@ def borders(
 
 def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[list[list[float]]]:
     """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
-    from ..equilibria.bifurcation_curves import subcritical
-
     axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
     try:
         if not subcritical(ring, model, *axes):
             return []
-        from ..cycles.cycle_folds import cycle_fold_curves  # half a second of imports
-
         found = cycle_fold_curves(ring, model, *axes)
     except checks.InputError:  # a window that the steady states of this ring do not reach
         return []

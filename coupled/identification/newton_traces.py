@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from thermofem import checks
 from thermofem.arrays import Array
@@ -68,7 +69,7 @@ def coarse(found: Array, harmonics: int) -> Array:
 
 def polished(
     what: Unknowns, target: Target, wanted: Cycle, start: Array, stages: tuple[int, ...]
-) -> tuple[Array, float]:  # fmt: skip
+) -> tuple[Array, float]:
     """Least squares from ``start`` with more harmonics in each stage; the logarithms and the sum of squares.
 
     A steep edge of a cycle that is out of place by more than its own length gives no direction, and with all harmonics
@@ -76,7 +77,6 @@ def polished(
     Newton's law). Few harmonics may leave a direction open, along which a good start is lost: where the end is worse
     than the start, the last stage begins there again.
     """
-    from scipy.optimize import least_squares
 
     def stage(x: Array, harmonics: int) -> tuple[Array, float]:
         best = least_squares(

@@ -108,9 +108,6 @@ def grid_of(
     return Grid((first, second), (one, other), rows, fixed)
 
 
-NO_SWINGS = np.empty(0)
-
-
 class Fixed(NamedTuple):
     """The fixed points of a point of a map, in internal units."""
 

@@ -181,7 +181,7 @@ def interpolate_output_maps(
     # 256: corners of the box, among which the hottest member is looked for
     every = np.vstack([rows, box.corners(256)])
     hottest = max(every, key=lambda row: member(row).thermal_resistance)  # where a map of one coefficient errs most
-    tests = np.vstack([box.draw(4, seed + 7919), hottest])  # 4 members, and the hottest one
+    tests = np.vstack([box.draw(4, seed, unseen=True), hottest])  # 4 members, and the hottest one
     found = solver(coefficient_of, [(engine, row, channel, power) for row in rows], rows)
     there = [k for k, one in enumerate(found) if one is not None]
     made = OutputMaps(power, box.share(rows[there]), np.array([found[k] for k in there]), 0.0)

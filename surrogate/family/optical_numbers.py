@@ -108,7 +108,7 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
     """
     powers = total_degree(box.size)
     rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
-    test = box.draw(LEFT_OUT, seed + 7919)
+    test = box.draw(LEFT_OUT, seed, unseen=True)
     every, base = np.vstack([rows, test]), box.base.to_toml()
     tasks = [(base, box.geometry(row).to_toml()) for row in every]
     found = replace(solver, store=None)(numbers_of, tasks, every)

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from thermofem import Boundary, Campaign, CrossSection, checks
+from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem.mesh_division import PERFECT
 from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_library import Material
 from thermofem.materials.property_laws import PowerLaw
+
+APART = 7919  # added to a seed, so that two draws have no point in common
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +115,9 @@ class Box:
         high = np.where(self.logarithmic, self.high, 2.0)
         return np.asarray(np.where(self.logarithmic, np.log(at / low) / np.log(high / low), linear))
 
-    def draw(self, count: int, seed: int) -> Array:
-        """Points of a scrambled Sobol sequence, shape (count, p)."""
+    def draw(self, count: int, seed: int, *, unseen: bool = False) -> Array:
+        """Points of a scrambled Sobol sequence, shape (count, p); ``unseen``: others than those of the same seed."""
+        seed += APART * unseen
         shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))
         return self.at(shares[:count])
 
@@ -178,9 +181,7 @@ class Box:
         for interface in base.interfaces:
             contact[interface.part] = contact.get(interface.part, 0.0) + np.full(len(rows), interface.resistance)
         convection = {
-            side: np.full(len(rows), h)
-            for side in ("bottom", "top", "outer")
-            if (h := getattr(base, side).exchange(base.ambient))
+            side: np.full(len(rows), h) for side in ("bottom", "top", "outer") if (h := getattr(base, side).exchange)
         }
         ambient = np.full(len(rows), base.ambient)
         for column, each in zip(rows.T, paths, strict=True):
@@ -198,8 +199,7 @@ class Box:
                     first = next(interface for interface in reversed(base.interfaces) if interface.part == name)
                     contact[name] = contact[name] - first.resistance + column
                 elif kind == "boundary":
-                    given_side: Boundary = getattr(base, middle[0])
-                    convection[middle[0]] = column * (given_side.exchange(base.ambient) / given_side.coefficient)
+                    convection[middle[0]] = column
         contact = {name: np.maximum(value, PERFECT) for name, value in contact.items()}
         k_r, k_z, capacity = {}, {}, {}
         for name, material in used.items():

@@ -35,7 +35,7 @@ from thermofem.models.state_space import LARGEST
 
 from .ring_pairs import SAME, Pairs, RingKinds, check_positions, reduce_pairs, ring_positions, rings_of, with_copies
 
-_SHARES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
+_TIMES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,8 +292,8 @@ def _is_passive(model: StateSpace) -> bool:
 
 def _half_time(channel: Foster) -> float:
     """Time in s after which a step response has half of its final value; nan where that takes more than 10 s."""
-    rise = channel.step_response(_SHARES) / channel.thermal_resistance
+    rise = channel.step_response(_TIMES) / channel.thermal_resistance
     if not rise[-1] >= 0.5:
         return float("nan")
     k = max(int(np.argmax(rise >= 0.5)), 1)
-    return float(np.exp(np.interp(0.5, rise[k - 1 : k + 1], np.log(_SHARES[k - 1 : k + 1]))))
+    return float(np.exp(np.interp(0.5, rise[k - 1 : k + 1], np.log(_TIMES[k - 1 : k + 1]))))

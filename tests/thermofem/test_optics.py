@@ -263,8 +263,11 @@ def test_a_wide_bend_loses_nothing_that_can_be_told():
 
 # Xiao et al. 2012, as quoted in femwell's documentation: silicon 3.48, 500 x 220 nm on oxide of 1.46 in air, 1.55 um;
 # Re n_eff and log10 Im n_eff by film-mode matching at R = 1 and 2 um; the methods there differ by 3e-4 and 5e-2
-@pytest.mark.parametrize(("radius", "n_eff", "imaginary"), [(1, 2.40791, -3.63721), (2, 2.39433, -6.48982)])
-def test_published_bends_in_air(radius, n_eff, imaginary):
+# at R = 1 um, Q = 9e3, the mode without matched layers is 5e-4 below that with them, which is within 2e-4
+@pytest.mark.parametrize(
+    ("radius", "n_eff", "within", "imaginary"), [(1, 2.40791, 8e-4, -3.63721), (2, 2.39433, 3e-4, -6.48982)]
+)
+def test_published_bends_in_air(radius, n_eff, within, imaginary):
     text = f"""outer_radius = "20 um"
     layer = [{{name = "substrate", material = "glass", thickness = "5 um"}},
              {{name = "box", material = "glass", thickness = "3 um", datum = true}}]
@@ -288,8 +291,7 @@ def test_published_bends_in_air(radius, n_eff, imaginary):
     specific_heat = "700 J/kg/K"
     """
     mode = th.light(th.CrossSection.from_toml_text(text), wavelength=1.55e-6, order=3).mode("TE0")
-    # the methods differ by 3e-4 and a window without layers, at a quality factor of 9e3, by 4e-4 from one with
-    assert mode.n_eff == pytest.approx(n_eff, abs=8e-4)
+    assert mode.n_eff == pytest.approx(n_eff, abs=within)
     assert math.log10(mode.n_g / (2 * mode.q_radiation)) == pytest.approx(imaginary, abs=0.02)
 
 

@@ -84,7 +84,7 @@ def _resistance(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> 
     found = of_part[heat.mesh.region[grid.f2t[0, facets]]]
     r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
     for side, of_h in change.convection.items():
-        h = getattr(geometry, side).exchange(geometry.ambient)
+        h = getattr(geometry, side).exchange
         found[geometry.on_boundary(side, r, z)] -= of_h / h**2
     return found
 

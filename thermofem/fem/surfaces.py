@@ -163,7 +163,7 @@ def surfaces_of(
     convection: dict[float, Facets] = {}
     for side, on in sides.items():
         boundary, there = getattr(geometry, side), facets[on]
-        h = boundary.exchange(geometry.ambient)
+        h = boundary.exchange
         series = beside(mesh, resistance, there) * (h > 0 or boundary.kind == "isothermal")
         if not h:
             where[boundary.kind] = np.append(where[boundary.kind], there[series == 0])

@@ -301,8 +301,7 @@ def _boundary(geometry: CrossSection, path: str, side: str, key: str) -> Change:
     boundary: Boundary = getattr(geometry, side)
     if boundary.kind != key:
         raise InputError(f"path {path!r}: {side} is {boundary.kind}; give it a {key} first")
-    slope = boundary.exchange(geometry.ambient) / boundary.coefficient
-    return Change(path, boundary.coefficient, unit, convection={side: slope})
+    return Change(path, boundary.coefficient, unit, convection={side: 1.0})
 
 
 def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Change:

@@ -176,7 +176,8 @@ class Boundary:
         elif self.coefficient:
             raise checks.InputError(f"boundary {self.kind!r} takes no coefficient; only convection does")
 
-    def exchange(self, ambient: float) -> float:
+    @property
+    def exchange(self) -> float:
         """h in W/(m^2 K) of the heat h (T - ambient) per area that leaves; 0 where the side has another weak form."""
         return self.coefficient if self.kind == "convection" else 0.0
 

@@ -73,7 +73,6 @@ def optics_of(family: Family, given: Sequence[str] | None, ring: RingResonator) 
 
     Slopes are d(optical number)/d(parameter) in SI; 'detuning' is a number, too.
     """
-
     if not given and family.optics is not None:
         moving = MovingRing(family, ring)
         at = ", ".join(f"{name} = {written(value, units_of(family)[name])}" for name, value in moving.at.items())
