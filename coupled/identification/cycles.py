@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from thermofem import checks
 from thermofem.arrays import Array, Complex
 from thermofem.data.variables import in_si
 
-from ..arguments import check_detuning, check_power
+from ..arguments import check_detuning, check_power, datasets
 from ..kernel.units import slowest_rate
 from ..runs.pulsing import Regime, crossings, pulsing
 from ..runs.repetition import LONGEST_PATTERN
@@ -345,15 +345,12 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
 
     traces: each with drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
     """
-    several: list[Any] = list(traces) if isinstance(traces, list | tuple) else [traces]
-    if not several:
-        raise checks.InputError("traces is empty; give Datasets from coupled.simulate or measured ones")
-    return [_target(f"traces[{k}]", trace) for k, trace in enumerate(several)]
+    return [_target(f"traces[{k}]", trace) for k, trace in enumerate(datasets("traces", traces))]
 
 
 def _target(name: str, trace: xr.Dataset) -> Target:
     for variable in ("time", "drop"):
-        if variable not in getattr(trace, "variables", {}):
+        if variable not in trace.variables:
             raise checks.InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
     others = "a second laser" if trace.attrs.get("lasers", 1) != 1 else "heaters" if "heater_power" in trace else ""
     if others:

@@ -209,7 +209,7 @@ def test_laws_are_the_same_as_elsewhere():
     [
         ({"free": ["kapa"]}, "did you mean 'kappa'"),
         ({"free": "kappa"}, "list of names"),
-        ({"free": ["kappa", "tau_th"]}, "mixes"),
+        ({"free": ["kappa", "tau_th"]}, "another thermal law"),
         ({"free": ["kappa", "kappa"]}, "twice"),
         ({"free": ["bus_rate"]}, "model="),
         ({"bounds": {"kappa": (2.0, 1.0)}}, "0 < low < high"),
@@ -256,7 +256,7 @@ def test_a_family_is_a_thermal_model_with_parameters_of_its_own():
         unknowns(ring, ["loss_rate"], Rings())
     with pytest.raises(th.InputError, match="unknown"):
         unknowns(ring, ["box", "kappa"], Rings())
-    with pytest.raises(th.InputError, match="must lie inside the family's"):
+    with pytest.raises(th.InputError, match="inside the family's 1e-06 to 4e-06"):
         unknowns(ring, ["box"], Rings(), {"box": (1e-6, 5e-6)})
 
 
