@@ -304,7 +304,7 @@ def _check_dispersion(terms: Any) -> None:
 
 
 PUBLISHED: dict[str, Callable[[], RingResonator]] = {}
-"""Published rings by the name of their function; every file of `coupled.parameters` adds its own with `published`."""
+"""Published rings by the name of their function; `coupled.parameters` adds them with `published`."""
 
 
 def published(ring: Callable[[], RingResonator]) -> Callable[[], RingResonator]:
