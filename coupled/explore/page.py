@@ -19,9 +19,9 @@ from thermofem.data.files import check_target, write_whole
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power
-from ..contradictions import check_geometry
 from ..heaters import heater_power
 from ..resonator import RingResonator
+from ..thermal import check_geometry
 from . import bundle, contents
 from .geometries import family_of
 from .rings import RESISTANCE, rings_of

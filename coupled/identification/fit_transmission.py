@@ -28,10 +28,10 @@ from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
 from ..arguments import check_power, check_ring, datasets
-from ..contradictions import check_geometry
 from ..equilibria.transmission import transmission
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
+from ..thermal import check_geometry
 from ..unknowns import SPAN, check_counts, number_of, optical_names, span_of, varied
 from .forced_filters import noise_of
 

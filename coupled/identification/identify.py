@@ -14,9 +14,8 @@ from thermofem.arrays import Array
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import bar, check_ring
-from ..contradictions import check_geometry
 from ..resonator import RingResonator
-from ..thermal import Compact
+from ..thermal import Compact, check_geometry
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .cycles import Target, targets_of
 from .forced_filters import Start, forced_starts

@@ -14,10 +14,9 @@ from thermofem import checks
 from thermofem.arrays import Array
 
 from ..arguments import bar, check_ring
-from ..contradictions import without_origin
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
-from ..thermal import Compact
+from ..thermal import Compact, without_origin
 from ..unknowns import Unknowns, unknowns
 from .cycles import HARMONICS, MOST, Cycle, Seen, Target, cycle_of, targets_of
 from .levenberg import at_bound

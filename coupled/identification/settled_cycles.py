@@ -12,12 +12,11 @@ from thermofem.arrays import Array
 from thermofem.data import dataset, quantity
 from thermofem.errors import InputError
 
-from ..contradictions import without_origin
 from ..resonator import RingResonator
 from ..runs.pulsing import Regime, crossings, pulsing
 from ..runs.repetition import LONGEST_PATTERN, miss
 from ..runs.simulate import simulate
-from ..thermal import Compact
+from ..thermal import Compact, without_origin
 from ..unknowns import Unknowns
 from .cycles import HARMONICS, NEAR, Cycle, Seen, Target, cycle_of, lag
 from .levenberg import Residuals, at_bound

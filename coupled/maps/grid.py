@@ -16,7 +16,6 @@ from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 
 from ..arguments import MOST_POINTS, check_axis, check_ring
-from ..contradictions import without_origin
 from ..cycles.limit_cycle import limit_cycle
 from ..equilibria.balance import absorbable, balance, internal_ring
 from ..equilibria.steady_states import Survey, survey
@@ -25,7 +24,7 @@ from ..kernel.integrator import CAP
 from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
-from ..thermal import Compact, trusted
+from ..thermal import Compact, trusted, without_origin
 from ..unknowns import check_counts, optical_names, varied
 
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz

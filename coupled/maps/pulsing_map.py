@@ -19,7 +19,6 @@ from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
 from ..arguments import bar, check_duration
-from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.tableaus import Method
 from ..kernel.units import DENSITY, FJ, NS, single_ring, units
@@ -27,7 +26,7 @@ from ..resonator import RingResonator
 from ..runs.pulsing import Pulsing, Regime, classify, lasting
 from ..runs.resting import Rest
 from ..states import State
-from ..thermal import Compact, long_enough, provenance
+from ..thermal import Compact, check_geometry, long_enough, provenance
 from .grid import Fixed, Grid, Point, fixed_of, grid_of, trusted_map
 from .journal import Journal
 from .settled import Cell, settled_row

@@ -13,8 +13,8 @@ from scipy import stats
 import coupled
 import surrogate
 from coupled import RingResonator
-from coupled.contradictions import check_geometry
 from coupled.ring_family import MovingRing, ring_at
+from coupled.thermal import check_geometry
 from coupled.unknowns import number_of, optical_names, varied
 from surrogate import Optics
 from surrogate.family import Family
