@@ -1,9 +1,7 @@
 """Errors that a caller reads: what is wrong, with what value, and what to do; and values as their text shows them."""
 
-from __future__ import annotations
-
 import re
-from typing import Any
+from typing import Any, Self
 
 MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
@@ -47,7 +45,7 @@ class Hint(str):
 
     text: str
 
-    def __new__(cls, si: str, *, text: str = "") -> Hint:
+    def __new__(cls, si: str, *, text: str = "") -> Self:
         """The hint in SI, with the other one beside it."""
         hint = super().__new__(cls, si)
         hint.text = text
@@ -61,13 +59,14 @@ class InputError(ValueError):
     """
 
     def __init__(self, rule: str, hint: str = "") -> None:
-        self.rule, self.hint = _LONG.sub(_shortened, one_line(str(rule))), one_line(str(hint))
-        self._text = hint.text if isinstance(hint, Hint) else self.hint
+        self.rule = _LONG.sub(_shortened, one_line(str(rule)))
+        self.hint = hint if isinstance(hint, Hint) else one_line(str(hint))
         super().__init__(f"{self.rule}; {self.hint}" if hint else self.rule)
 
     def for_text(self) -> str:
         """The message for someone who wrote quantities with units: a file of TOML, an option of the command line."""
-        return f"{self.rule}; {self._text}" if self._text else self.rule
+        hint = self.hint.text if isinstance(self.hint, Hint) else self.hint
+        return f"{self.rule}; {hint}" if hint else self.rule
 
     def __reduce__(self) -> tuple[type, tuple[str, str]]:
         """Made again in another process from both halves."""
