@@ -6,7 +6,7 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self
@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import Hint, InputError, MissingLibraryError, one_line, shown  # noqa: F401 - as checks.InputError
+from .errors import Hint, InputError, MissingLibraryError, one_line, prefixed, shown  # noqa: F401 - as checks.InputError
 
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
 LARGEST = 1e100  # of any number: products of three are floats
@@ -143,6 +143,18 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
 
 
+def ordered(first: str, low: float, second: str, high: float, *, unit: str = "", hint: str = "") -> None:
+    """Raise InputError unless ``low``, the value of ``first``, is below ``high``, that of ``second``."""
+    if not low < high:
+        raise InputError(_rule(f"{first} = {low:g} must be below {second} = {high:g}", unit), hint)
+
+
+def enough(name: str, count: int, least: int, what: str = "samples", *, hint: str = "") -> None:
+    """Raise InputError unless there are at least so many of something."""
+    if count < least:
+        raise InputError(f"{name} has {count} {what}; at least {least} are needed", hint)
+
+
 def instance(name: str, value: Any, *kinds: type, hint: str) -> None:
     """Raise InputError unless ``value`` is of one of the kinds."""
     if not isinstance(value, kinds):
@@ -235,25 +247,6 @@ def check_names(what: str, names: Any, *, single: bool = False) -> tuple[str, ..
         raise InputError(f"{what} = {shown(names)} must be a list of {'one name' if single else 'names'}", rule)
     unique(what, names, hint="a name tells one from the other")
     return tuple(check_name(what, name) for name in names)
-
-
-@contextlib.contextmanager
-def prefixed(prefix: str, *others: type[Exception], hint: str = "") -> Iterator[None]:
-    """Begin the message of an InputError raised inside with ``prefix``; ``others`` become an InputError with it.
-
-    >>> with prefixed("ring.toml: "):
-    ...     positive("width", -1.0, unit="m")
-    Traceback (most recent call last):
-    thermofem.errors.InputError: ring.toml: width = -1 must be positive (in m)
-    """
-    try:
-        yield
-    except (InputError, *others) as error:
-        if isinstance(error, InputError):
-            rule, hint = error.rule, error.hint or hint
-        else:
-            rule = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise InputError(prefix + rule, hint) from None
 
 
 def _rule(rule: str, unit: str) -> str:

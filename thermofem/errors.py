@@ -1,6 +1,8 @@
 """Errors that a caller reads: what is wrong, with what value, and what to do; and values as their text shows them."""
 
+import contextlib
 import re
+from collections.abc import Iterator
 from typing import Any, Self
 
 MESSAGE = 1200  # characters of an error message
@@ -71,6 +73,30 @@ class InputError(ValueError):
     def __reduce__(self) -> tuple[type, tuple[str, str]]:
         """Made again in another process from both halves."""
         return type(self), (self.rule, self.hint)
+
+
+@contextlib.contextmanager
+def prefixed(prefix: str, *others: type[Exception], text: bool = False, hint: str = "") -> Iterator[None]:
+    """Begin the InputErrors of a block with ``prefix``, such as a file's name, unless they begin so already.
+
+    others: exceptions of other libraries that become InputErrors, too.
+    text: take the hint for someone who wrote quantities with units.
+    hint: of errors without one.
+
+    >>> with prefixed("ring.toml", ValueError):
+    ...     float("wide")
+    Traceback (most recent call last):
+    thermofem.errors.InputError: ring.toml: could not convert string to float: 'wide'
+    """
+    caught: tuple[type[Exception], ...] = (InputError, *others)
+    try:
+        yield
+    except caught as error:
+        rule = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        if isinstance(error, InputError):
+            rule, hint = (error.for_text(), "") if text else (error.rule, error.hint or hint)
+        begun = rule.startswith(prefix.split(" = ")[0])
+        raise InputError(rule if begun else f"{prefix}: {rule}", hint) from None
 
 
 class MissingLibraryError(ImportError):

@@ -12,7 +12,7 @@ import typer
 import surrogate
 import thermofem
 from thermofem.data import files
-from thermofem.errors import InputError, one_line
+from thermofem.errors import InputError, one_line, prefixed
 from thermofem.version import __version__
 
 from . import options
@@ -73,11 +73,8 @@ def cite(
     bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
 ) -> dict[str, Any]:
     """Print what to cite for a result: the software, the paper, and the sources of its materials."""
-    try:
+    with prefixed(str(file)):
         works = references(_provenance(file) if file else {})
-    except InputError as error:
-        named = str(error).startswith(str(file))
-        raise (error if named else InputError(f"{file}: {error}")) from None
     for work in works:
         for line in (work.bibtex() if bibtex else work.text()).splitlines():
             say(line)

@@ -9,7 +9,7 @@ AMOUNT sine FREQUENCY               AMOUNT sin(2 pi FREQUENCY t)
 import contextlib
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +21,7 @@ import thermofem as th
 from coupled import Laser, RingResonator
 from thermofem import checks
 from thermofem.data import quantity
-from thermofem.errors import InputError
+from thermofem.errors import InputError, prefixed
 
 PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
 FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START] or AMOUNT sine FREQUENCY"
@@ -41,17 +41,6 @@ def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
     return found
 
 
-@contextlib.contextmanager
-def naming(options: str) -> Iterator[None]:
-    """Begin an InputError about numbers with the options that gave them."""
-    try:
-        yield
-    except InputError as error:
-        if error.rule.startswith(options.split(" = ")[0]):
-            raise
-        raise InputError(f"{options}: {error.for_text()}") from None
-
-
 def heating(power: str, pulse: str | None, square: str | None, duty: float | None) -> th.waveforms.Waveform:
     """Waveform of --power, --pulse, --square and --duty: a step, unless one of the others is given."""
     watts = quantity.not_negative(power, "W", name="--power")
@@ -63,13 +52,13 @@ def heating(power: str, pulse: str | None, square: str | None, duty: float | Non
         checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
     if pulse is not None:
         width = quantity.positive(pulse, "s", name="--pulse")
-        with naming(f"--power {power} with --pulse {pulse}"):
+        with prefixed(f"--power {power} with --pulse {pulse}", text=True):
             return th.Pulse(watts, width)
     if square is not None:
         period, share = quantity.positive(square, "s", name="--square"), 1 / 3 if duty is None else duty
-        with naming(f"--power {power} with --square {square}"):
+        with prefixed(f"--power {power} with --square {square}", text=True):
             return th.SquareWave(watts, period, share)
-    with naming(f"--power {power}"):
+    with prefixed(f"--power {power}", text=True):
         return th.Constant(watts)
 
 
@@ -209,7 +198,7 @@ def varying(option: str, text: str, unit: str, duration: float = math.inf) -> An
     Raises InputError: a text of another form, a quantity with another unit or out of range, or a pulse that begins when
         the run of ``duration`` in s is over.
     """
-    with naming(f"{option} = {text!r}"):
+    with prefixed(f"{option} = {text!r}", text=True):
         return _varying(option, text, unit, duration)
 
 

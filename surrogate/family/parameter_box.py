@@ -57,11 +57,8 @@ class Box:
         names = tuple(v.name for v in campaign.variations)
         box = cls(campaign, names, low, high, tuple(v.logarithmic for v in campaign.variations))
         for corner in box.corners():
-            try:
+            with checks.prefixed(f"the ranges contradict each other: at {box.words(corner)}"):
                 box.geometry(corner)
-            except checks.InputError as error:
-                where = box.words(corner)
-                raise checks.InputError(f"the ranges contradict each other: at {where}: {error}") from None
         return box
 
     def words(self, row: Array) -> str:

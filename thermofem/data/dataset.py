@@ -162,7 +162,7 @@ def response_of(data: xr.Dataset) -> Response:
         pick = "data.sel(probe='core'), or --read core" if more == ["probe"] else f"data.isel({more[0]}=0)"
         raise checks.InputError(f"data.delta_T has a dimension {more[0]!r} beside time", f"pick one with {pick}")
     rise = checks.array("data.delta_T", data["delta_T"].values)
-    checks.integer("samples of data", times.size, FEWEST, np.inf)
+    checks.enough("data", times.size, FEWEST)
     checks.between("the span of data.time", np.ptp(times), *POSSIBLE, unit="s", hint="is time in another unit?")
     checks.between("the largest of data.delta_T", np.max(np.abs(rise)), *POSSIBLE, unit="K")
     checks.between("the swing of data.delta_T", np.ptp(rise), *POSSIBLE, unit="K")
@@ -216,9 +216,9 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
     datasets: Any = data if isinstance(data, list | tuple) else [data]
     responses: list[Response] = []
     for k, one in enumerate(datasets):
-        with checks.prefixed(f"data[{k}]: " if len(datasets) > 1 else ""):
+        with checks.prefixed(f"data[{k}]" if len(datasets) > 1 else ""):
             responses.append(response_of(one))
-    checks.integer("number of Datasets", len(responses), 1, np.inf)
+    checks.enough("data", len(responses), 1, "Datasets")
     seen: dict[bytes, int] = {}
     for k, response in enumerate(responses):
         first = seen.setdefault(response.times.tobytes() + response.rise.tobytes(), k)

@@ -24,7 +24,7 @@ import filelock
 import tomli_w
 
 from .. import checks
-from ..checks import InputError, shown
+from ..checks import InputError, prefixed, shown
 from . import quantity
 
 T = TypeVar("T")
@@ -40,22 +40,24 @@ _DOTTED = re.compile(rf"(?<![\w\\-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{DEPTH}}
 # kinds of the values of a table beside SI units, see `read_table`
 TEXT, FLAG, NUMBER, TABLE, ANY = "text", "true or false", "a number", "a table", "anything"
 TABLES = "tables, each opened by its name in double brackets, [[name]]"
-_KINDS: dict[str, type] = {TEXT: str, FLAG: bool, NUMBER: float, TABLE: dict, TABLES: list, ANY: object}
+_KINDS: dict[str, Any] = {TEXT: str, FLAG: bool, NUMBER: float, TABLE: dict, TABLES: list, ANY: object}
 
 
 def regular(path: str | Path, kind: str = "") -> Path:
     """The path of a regular file; InputError for what does not exist, a folder, a pipe or a device."""
     path = checks.path("path", path)
-    with checks.prefixed(f"{kind} file {str(path)!r} " if kind else f"{path} ", OSError):
-        if not path.is_file():
-            raise InputError("cannot be read: it is a folder or a device" if path.exists() else "does not exist")
-    return path
+    what = f"{kind} file {str(path)!r}" if kind else str(path)
+    with prefixed(f"{what} cannot be read", OSError):
+        there = path.exists()
+        if path.is_file():
+            return path
+    raise InputError(f"{what} {'cannot be read: it is a folder or a device' if there else 'does not exist'}")
 
 
 def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
     """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
     path = regular(path, kind)
-    with checks.prefixed(f"{kind} file {str(path)!r} cannot be read: ", OSError):
+    with prefixed(f"{kind} file {str(path)!r} cannot be read", OSError):
         checks.integer("its number of bytes", path.stat().st_size, 0, most)
         return path.read_bytes()
 
@@ -63,24 +65,22 @@ def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
 def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
     """Text of a UTF-8 file, with or without a byte order mark; raises as `read_bytes`."""
     content = read_bytes(path, kind, most=most)
-    with checks.prefixed(f"{kind} file {str(path)!r} cannot be read: ", UnicodeDecodeError, hint="it must be UTF-8"):
+    with prefixed(f"{kind} file {str(path)!r} cannot be read", UnicodeDecodeError, hint="it must be UTF-8"):
         return content.decode("utf-8-sig")
 
 
 def read_json(path: str | Path, kind: str) -> Any:
     """Tree of a JSON file, see `from_json`; the error begins with the file."""
     text = read_text(path, kind)
-    with checks.prefixed(f"{path} cannot be read: "):
+    with prefixed(f"{path} cannot be read"):
         return from_json(text)
 
 
 def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
     """``read`` of the text of a TOML file; an InputError of it begins with the file."""
     text = read_text(path, kind)
-    try:
+    with prefixed(str(path), text=True):
         return read(text)
-    except InputError as error:
-        raise InputError(f"{path}: {error.for_text()}") from None
 
 
 def from_json(text: str) -> Any:
@@ -91,7 +91,7 @@ def from_json(text: str) -> Any:
     >>> from_json('{"R": [1e3, 2]}')
     {'R': [1000.0, 2]}
     """
-    with checks.prefixed("it is not JSON: ", ValueError, RecursionError, hint="is it complete?"):
+    with prefixed("it is not JSON", ValueError, RecursionError, hint="is it complete?"):
         tree = json.loads(text)
     _check_tree(tree)
     return tree
@@ -99,7 +99,7 @@ def from_json(text: str) -> Any:
 
 def from_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text; raises as `from_json`, with line and column where it is no TOML."""
-    with checks.prefixed("not valid TOML: ", ValueError, RecursionError):
+    with prefixed("not valid TOML", ValueError, RecursionError):
         if len(text) > LARGEST_TOML or _DOTTED.search(text):
             raise InputError(f"more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
         tables = tomllib.loads(text)
@@ -204,7 +204,7 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     path = check_target(path)
     temporary = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(8)}{path.suffix}")
     try:
-        with checks.prefixed(f"{path} cannot be written: ", OSError):
+        with prefixed(f"{path} cannot be written", OSError):
             temporary.touch(exist_ok=False)
             write(temporary)
             if path.exists():
@@ -219,7 +219,7 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
 def make_folder(path: str | Path) -> Path:
     """Make a folder to write into where it does not exist; InputError when that is not possible."""
     path = checks.path("path", path)
-    with checks.prefixed(f"folder {path} cannot be made: ", OSError):
+    with prefixed(f"folder {path} cannot be made", OSError):
         path.mkdir(parents=True, exist_ok=True)
     return path
 
@@ -231,7 +231,7 @@ def locked(path: Path, what: str) -> Iterator[None]:
     A killed process gives its lock back.
     """
     lock = filelock.FileLock(path, timeout=0)
-    with checks.prefixed(f"{what} cannot be written: ", OSError):
+    with prefixed(f"{what} cannot be written", OSError):
         try:
             lock.acquire()
         except filelock.Timeout:

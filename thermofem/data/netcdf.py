@@ -39,7 +39,7 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
         data = data.assign_attrs(signed(data.variables, data.attrs))
     # 1000: values above which a variable is written deflated
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
-    with prefixed("data cannot be written as netCDF: ", TypeError, ValueError, OverflowError):
+    with prefixed("data cannot be written as netCDF", TypeError, ValueError, OverflowError):
         content = data.to_netcdf(engine="h5netcdf", encoding=encoding)
     return write_whole(path, lambda p: p.write_bytes(content))
 
@@ -62,7 +62,7 @@ def load(path: str | Path) -> xr.Dataset:
     the file cannot hold; a unit of a known variable that is unknown or of another dimension.
     """
     path = regular(path)
-    with prefixed(f"{path} cannot be read as netCDF: ", *DAMAGE, hint="is it complete?"):
+    with prefixed(f"{path} cannot be read as netCDF", *DAMAGE, hint="is it complete?"):
         check(path)
         with xr.open_dataset(path, engine="h5netcdf", **OPEN) as opened:
             data = opened.load()

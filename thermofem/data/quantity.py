@@ -10,7 +10,7 @@ import re
 from functools import cache, lru_cache
 from typing import Any
 
-from ..checks import SMALLEST, InputError, prefixed, shown
+from ..checks import SMALLEST, InputError, shown
 
 # digits of ASCII only, none grouped by "_": Python's float() takes more
 _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -74,13 +74,10 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
     (4.5e-07, 0.0063096, -10000000000.0)
     """
-    with prefixed(f"{name} = {shown(text)}", hint=_wanted(unit)):
-        match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:LONGEST])
-        number, given = match.groups() if match else ("inf", "")
-        value = _convert(number, given, unit) if math.isfinite(float(number)) and (given or not unit) else math.inf
-        if not math.isfinite(value):
-            rule = "is not finite" if given or not unit else "has no unit"
-            raise InputError(f" {rule if match else 'does not begin with a number'}")
+    match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:LONGEST])
+    value, fault = _convert(match[1], match[2], unit) if match else (math.nan, "does not begin with a number")
+    if not math.isfinite(value):
+        raise InputError(f"{name} = {shown(text)} {fault or 'is not finite'}", _wanted(unit))
     return value
 
 
@@ -132,29 +129,35 @@ def rounded(value: float, unit: str, digits: int = 3) -> str:
     return write(number, unit) if math.isfinite(number) else f"{number} {unit}"
 
 
-def _convert(digits: str, given: str, unit: str) -> float:
-    """The number ``digits`` of unit ``given`` in ``unit``; the digits are kept where the unit is a power of ten."""
+def _convert(digits: str, given: str, unit: str) -> tuple[float, str]:
+    """The number ``digits`` of unit ``given`` in ``unit``, and what is wrong with it where it is not finite.
+
+    The digits are kept where the unit is a power of ten.
+    """
     if given == "dBm" and unit == "W":
-        return 1e-3 * 10 ** (float(digits) / 10) if float(digits) < 3000 else math.inf
+        return 1e-3 * 10 ** (float(digits) / 10) if float(digits) < 3000 else math.inf, ""
     if given in ("degC", "°C") and unit == "K":
-        return float(digits) + 273.15
-    factor = _factor(given, unit)
+        return float(digits) + 273.15, ""
+    factor, fault = _factor(given, unit)
     decades = round(math.log10(factor)) if factor > 0 else 0
-    if abs(factor / 10.0**decades - 1) > 1e-12:
-        return float(digits) * factor
+    if fault or abs(factor / 10.0**decades - 1) > 1e-12:
+        return float(digits) * factor, fault
     mantissa, _, exponent = digits.lower().partition("e")
-    return float(f"{mantissa}e{int(exponent or 0) + decades}")
+    return float(f"{mantissa}e{int(exponent or 0) + decades}"), ""
 
 
 @lru_cache(maxsize=1024)
-def _factor(given: str, unit: str) -> float:
-    """One ``given`` in ``unit``; InputError for no unit, an unknown one, or another dimension."""
+def _factor(given: str, unit: str) -> tuple[float, str]:
+    """One ``given`` in ``unit``, or nan and why: no unit, an unknown one, or another dimension."""
     text = given.translate(_SUPERSCRIPTS).replace("**", "^")
     if unit == "1/m" and text.startswith("dB/"):
         # math.log(10) / 10: natural attenuation of power for 1 dB
-        return (math.log(10) / 10) * _factor(f"1{text[2:]}", unit)
-    comma = " has a comma in its number; decimals follow a point"
-    rule = comma if given.startswith(",") else f": {shown(given)} is not a unit"
+        factor, fault = _factor(f"1{text[2:]}", unit)
+        return (math.log(10) / 10) * factor, fault
+    if unit and not given:
+        return math.nan, "has no unit"
+    comma = "has a comma in its number; decimals follow a point"
+    fault = comma if given.startswith(",") else f"has no known unit: {shown(given)} is not a unit"
     if len(text) <= 80 and _UNIT.fullmatch(text):  # 80: characters
         import pint
 
@@ -162,15 +165,15 @@ def _factor(given: str, unit: str) -> float:
             found, wanted = (registry().Quantity(1.0, registry().parse_units(one)) for one in (text, unit))
             # in root units angles are kept: rad/s is not Hz
             if found.to_root_units().units == wanted.to_root_units().units:
-                return float((found / wanted).to_base_units().magnitude)
-            rule = " has the wrong dimension"
+                return float((found / wanted).to_base_units().magnitude), ""
+            fault = "has the wrong dimension"
         except pint.errors.UndefinedUnitError as error:
             unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
             near = _nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
-            rule = f": the unit {unknown!r} is unknown" + (f", did you mean {near!r}?" if near else "")
-        except Exception:  # noqa: S110  pint's parser raises whatever its tokeniser meets, AssertionError included
+            fault = f"has no known unit: {unknown!r} is unknown" + (f", did you mean {near!r}?" if near else "")
+        except Exception:
             pass
-    raise InputError(rule)
+    return math.nan, fault
 
 
 _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"), "rad": ("mrad",), "J": ("nJ",)}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array, NDArray
-from ..checks import InputError
+from ..checks import InputError, prefixed
 from ..geometry.regions import Face, outlines
 from ..materials.material_library import VOID, Material, find
 from ..mesh.element_sizes import size_function, sizes
@@ -223,10 +223,8 @@ def index_of(material: Material, wavelength: float, region: str) -> float:
             f"{region!r}: material {material.name!r} has no refractive index and lies within the mode's reach",
             f'give it in [material.{material.name}] index = 1.444, or "Si, Salzberg 1957", or move it away',
         )
-    try:
+    with prefixed(f"index of {material.name!r}, the material of {region!r}"):
         return material.index.index(wavelength)
-    except InputError as error:
-        raise InputError(f"index of {material.name!r}, the material of {region!r}: {error}") from None
 
 
 def energy_index(materials: tuple[Material, ...], names: tuple[str, ...], wavelength: float) -> tuple[Array, Array]:
