@@ -26,7 +26,7 @@ from thermofem.optics.coupler import MOST, TRUSTED, of_buses
 
 from . import ring_toml
 from .carriers import ConstantLifetime
-from .parameters.borghi2021 import borghi2021
+from .parameters import borghi2021
 from .resonator import PUBLISHED, RingResonator
 
 if TYPE_CHECKING:
