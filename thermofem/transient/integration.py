@@ -213,7 +213,7 @@ def _cross(
             done, level = 4 * done, level + 1
         h = length / 4**level
         t = start + done * h
-        tried = stepper.step(x, slope, h, stepper.powers(t, h, stop))
+        tried = stepper.step(x, slope, h, stepper.sources(t, h, stop))
         error = np.inf
         if tried is not None:
             slopes, states = tried
@@ -259,7 +259,7 @@ def _march(stepper: Stepper, plan: Sequence[_Plan], x: Array, record: _Record) -
         slope = stepper.start_slope(x, t, length, piece.stop)
         for level in piece.levels:
             h = length / 4**level
-            done = stepper.step(x, slope, h, stepper.powers(t, h, piece.stop))
+            done = stepper.step(x, slope, h, stepper.sources(t, h, piece.stop))
             if done is None:
                 raise checks.InputError(
                     f"the step at t = {t:g} s does not converge; take a smaller rtol", stepper.doubt(x)
