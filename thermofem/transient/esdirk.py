@@ -107,7 +107,7 @@ class Stepper:
 
     def edges(self, stop: float, rtol: float) -> Array:
         """0, every breakpoint of every waveform, ``stop``; finds the time scales of smooth powers (`resolves`)."""
-        smooth = [wave for wave in self.waves if not getattr(wave, "piecewise_linear", False)]
+        smooth = [wave for wave in self.waves if not wave.piecewise_linear]
         # 1e-8 of a smooth power by a cubic, relative to its peak
         fits = [wave.pieces(0.0, stop, tolerance=max(rtol, 1e-8)).edges for wave in smooth] if stop else []
         self._knots = np.unique(np.concatenate(fits)) if fits else np.empty(0)
