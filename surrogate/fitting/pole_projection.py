@@ -34,9 +34,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import least_squares, nnls
 
 from thermofem import checks
-from thermofem.algebra.autocorrelation import FEWEST, autocorrelation, independent
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import FEWEST, Array, ArrayLike, autocorrelation, independent
 from thermofem.data.dataset import Response
 
 
@@ -157,7 +156,8 @@ class FitProblem:
     def __post_init__(self) -> None:
         slowest = np.array([1 / self.span[1]])
         for d in self.responses:
-            if not np.ptp(pole_responses(slowest, d.wave, d.times, periodic=d.periodic)):
+            off = d.wave.mean(*d.times[[0, -1]]) == d.wave.before(d.times[0]) == 0
+            if off or not np.ptp(pole_responses(slowest, d.wave, d.times, periodic=d.periodic)):
                 raise checks.InputError(
                     f"the power of the {d.name} moves nothing that the samples show: is it zero throughout, or is a "
                     "time shifted or in another unit?"
