@@ -39,18 +39,16 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
 
     Without the factor 2 pi; the weight is 1 or the radius.
     """
-    J, r = maps(basis.mesh)
-    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
-    inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    inverse, det, r = maps(basis.mesh)
     integrals, t, n = reference(basis), basis.nelems, basis.Nbfun
     stiffness, capacity, load = [], [], []
     for along in (0, 1):
-        metric = np.abs(det) * inverse[:, None, along] * inverse[None, :, along]
+        metric = det * inverse[:, None, along] * inverse[None, :, along]
         for weight in (np.ones_like(r), r):
             share = (metric[:, :, None] * weight).reshape(-1, t)
             stiffness.append((share.T @ integrals.stiffness).reshape(t, n, n))
     for weight in (np.ones_like(r), r):
-        share = np.abs(det) * weight
+        share = det * weight
         capacity.append((share.T @ integrals.mass).reshape(t, n, n))
         load.append(share.T @ integrals.load)
     return np.array(stiffness), np.array(capacity), np.array(load)

@@ -20,7 +20,6 @@ L/2. With a step of L/40 that is 1.3e-5 of T for one kink; measured for their su
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,9 +29,10 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from .. import checks
-from ..arrays import Array, NDArray
+from ..arrays import Array
 from ..geometry.regions import distance, nearest
 from ..mesh.triangles import radii
+from ..optics.reading import containing, point_sum
 from .weak_forms import magnitude, summed, volume
 
 if TYPE_CHECKING:
@@ -98,28 +98,33 @@ PER_GAP = 40  # steps of the angle for each gap between the heated part and the 
 FEWEST, MOST = 64, 2000  # steps of the angle
 
 
-def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array:
-    """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3."""
-    points, weights = off_axis_points(geometry, probe)
-    cells, local = Triangles.of(basis.mesh).locate(points)
-    shapes = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
-    return np.asarray(summed(basis.element_dofs[:, cells], weights * shapes, basis.N))
+def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe, steps: int | None = None) -> Array:
+    """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3.
+
+    steps: of the angle; default as many as needed.
+    Raises InputError: a point of the copy lies in no triangle.
+    """
+    points, weights = off_axis_points(geometry, probe, steps)
+    cells, inside = containing(basis.mesh, points)
+    if not inside.all():
+        r, z = points[:, ~inside][:, 0]
+        raise checks.InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
+    return point_sum(basis, basis.mesh, points, cells, weights)
 
 
-def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
-    """Points (rho, z) in m, shape (n, 2), and their weights in m^3; ``steps`` of the angle by default as needed."""
+def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None) -> tuple[Array, Array]:
+    """Points (rho, z) of a copy in m, shape (2, n), and their weights in m^3."""
     r, z, area = _cross_section(geometry, probe)
     if geometry.length is not None:
         if geometry.mirrored:
             r, z, area = np.append(r, -r), np.append(z, z), np.append(area, area)
-        return np.stack([r + float(probe.distance or 0), z], axis=-1), geometry.length * area
+        return np.stack([r + float(probe.distance or 0), z]), geometry.length * area
     if steps is None:
         steps = int(np.clip(np.ceil(PER_GAP * np.pi * r.max() / _gap(geometry, probe)), FEWEST, MOST))
     angle = np.pi * (np.arange(steps) + 0.5) / steps
     d = float(probe.distance or 0)
     rho = np.sqrt(d**2 + r[:, None] ** 2 + 2 * d * r[:, None] * np.cos(angle))
-    points = np.stack([rho, np.broadcast_to(z[:, None], rho.shape)], axis=-1).reshape(-1, 2)
-    return points, np.repeat(2 * np.pi * r * area / steps, steps)
+    return np.stack([rho.ravel(), np.repeat(z, steps)]), np.repeat(2 * np.pi * r * area / steps, steps)
 
 
 def _gap(geometry: CrossSection, probe: Probe) -> float:
@@ -147,43 +152,8 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
     return points[..., 0].ravel(), points[..., 1].ravel(), area.ravel()
 
 
-@dataclass(frozen=True, eq=False)
-class Triangles:
-    """The triangles of a scikit-fem mesh, to be searched for points."""
-
-    tree: Any
-    corners: Array
-
-    @classmethod
-    def of(cls, grid: Any) -> Triangles:
-        """Build the search tree; ``corners`` has shape (triangles, 3, 2), in m."""
-        corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
-        return cls(shapely.STRtree(shapely.polygons(corners)), corners)
-
-    def locate(self, points: Array) -> tuple[NDArray[np.intp], Array]:
-        """Triangle that holds each point (r, z), and the point's place in it, shape (2, n).
-
-        Raises InputError: a point that lies in no triangle.
-        """
-        found, cell = self.tree.query(shapely.points(points), predicate="intersects")
-        inside, first = np.unique(found, return_index=True)  # a point on an edge lies in two triangles
-        if inside.size < len(points):
-            r, z = points[np.setdiff1d(np.arange(len(points)), inside)[0]]
-            raise checks.InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
-        cells = cell[first]
-        origin, one, two = (self.corners[cells, k] for k in range(3))
-        (a, c), (b, d), (x, y) = (one - origin).T, (two - origin).T, (points - origin).T
-        return cells, np.array([d * x - b * y, a * y - c * x]) / (a * d - b * c)
-
-
 def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Volume integral of each basis function over what a probe reads, in m^3."""
+    """Integral of 2 pi r times each basis function over what a probe reads, in m^3."""
     if probe.shell is None:
         return off_axis_integral(geometry, basis, probe)
     return shell_integral(geometry, mesh, basis, probe)
-
-
-def probe_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Functional of the volume mean over what a probe reads; its entries sum to one."""
-    integral = probe_integral(geometry, mesh, basis, probe)
-    return integral / integral.sum()

@@ -32,11 +32,15 @@ def light_integral(mode: Mode, basis: Any, mesh: Any = None, shift: float = 0.0)
     if light.geometry.mirrored:
         places[0] = np.abs(places[0])
     cells, _ = containing(mesh, places)
+    return point_sum(basis, mesh, places, cells, weight[hot].ravel())
+
+
+def point_sum(basis: Any, mesh: Any, places: Array, cells: NDArray[np.intp], weights: Array) -> Array:
+    """Sum over points (2, n), which lie in these triangles of a mesh, of weight times each function of a basis."""
     local = mesh.mapping().invF(places[:, :, None], tind=cells)[:, :, 0]
     values = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
-    shares = values * weight[hot].ravel()
-    found = np.bincount(basis.element_dofs[:, cells].ravel(), shares.ravel(), minlength=basis.N)
-    return found.astype(float)
+    numbers = basis.element_dofs[:, cells].ravel()
+    return np.bincount(numbers, (values * weights).ravel(), minlength=basis.N).astype(float)
 
 
 def containing(mesh: Any, places: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
