@@ -22,7 +22,6 @@ from ..geometry.section_parts import LIGHT
 from ..materials.property_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
-from ..optics.reading import light_integral
 from ..transient.integration import Ledger
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
@@ -90,7 +89,7 @@ class HeatProblem:
         return (*self.regions, *(probe.name for probe in self.geometry.probes), *light)
 
     def with_light(self, mode: Mode) -> HeatProblem:
-        """The same problem with "light" as one more output: the temperature as a mode sees it, see `optics.reading`.
+        """The same problem with "light" as one more output: the temperature as a mode sees it, `Mode.light_integral`.
 
         A resonance moves by dw/w = -mode.thermo_optic times it. The mean over the core is within 0.3 % of it for a
         silicon strip; 10 ns after a step it errs by -4 % for a rib, +5 % for a disc, -9 % for a nitride strip.
@@ -116,7 +115,7 @@ class HeatProblem:
     def integral(self, name: str, basis: Any) -> Array:
         """Integral of 2 pi r times each function of a basis over a region or probe, or as the light sees it."""
         if name == LIGHT and self.light is not None:
-            return light_integral(self.light, basis)
+            return self.light.light_integral(basis)
         if name in self.regions:
             return np.asarray(volume(basis, self.mesh.region == self.regions.index(name)))
         probe = next(probe for probe in self.geometry.probes if probe.name == name)

@@ -28,11 +28,9 @@ from scipy.spatial import cKDTree
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
-from .. import checks
 from ..arrays import Array
 from ..geometry.regions import distance, nearest
-from ..mesh.triangles import radii
-from ..optics.reading import containing, point_sum
+from ..mesh.triangles import radii, sampled
 from .weak_forms import magnitude, summed, volume
 
 if TYPE_CHECKING:
@@ -98,33 +96,26 @@ PER_GAP = 40  # steps of the angle for each gap between the heated part and the 
 FEWEST, MOST = 64, 2000  # steps of the angle
 
 
-def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe, steps: int | None = None) -> Array:
-    """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3.
-
-    steps: of the angle; default as many as needed.
-    Raises InputError: a point of the copy lies in no triangle.
-    """
-    points, weights = off_axis_points(geometry, probe, steps)
-    cells, inside = containing(basis.mesh, points)
-    if not inside.all():
-        r, z = points[:, ~inside][:, 0]
-        raise checks.InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
-    return point_sum(basis, basis.mesh, points, cells, weights)
+def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array:
+    """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3."""
+    points, weights = off_axis_points(geometry, probe)
+    return sampled(basis, points, weights)
 
 
-def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None) -> tuple[Array, Array]:
-    """Points (rho, z) of a copy in m, shape (2, n), and their weights in m^3."""
+def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
+    """Points (rho, z) in m, shape (n, 2), and their weights in m^3; ``steps`` of the angle by default as needed."""
     r, z, area = _cross_section(geometry, probe)
     if geometry.length is not None:
         if geometry.mirrored:
             r, z, area = np.append(r, -r), np.append(z, z), np.append(area, area)
-        return np.stack([r + float(probe.distance or 0), z]), geometry.length * area
+        return np.stack([r + float(probe.distance or 0), z], axis=-1), geometry.length * area
     if steps is None:
         steps = int(np.clip(np.ceil(PER_GAP * np.pi * r.max() / _gap(geometry, probe)), FEWEST, MOST))
     angle = np.pi * (np.arange(steps) + 0.5) / steps
     d = float(probe.distance or 0)
     rho = np.sqrt(d**2 + r[:, None] ** 2 + 2 * d * r[:, None] * np.cos(angle))
-    return np.stack([rho.ravel(), np.repeat(z, steps)]), np.repeat(2 * np.pi * r * area / steps, steps)
+    points = np.stack([rho, np.broadcast_to(z[:, None], rho.shape)], axis=-1).reshape(-1, 2)
+    return points, np.repeat(2 * np.pi * r * area / steps, steps)
 
 
 def _gap(geometry: CrossSection, probe: Probe) -> float:
