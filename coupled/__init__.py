@@ -28,14 +28,12 @@ from .loop.corrector import FEM
 from .loop.cosimulate import cosimulate
 from .maps.pulsing_map import pulsing_map
 from .maps.stability_map import stability_map
-from .parameters.borghi2021 import borghi2021
-from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
+from .parameters import borghi2021, vanvaerenbergh2012
 from .resonator import RingResonator
 from .ring_from import ring_from
-from .runs.lasers import Laser
 from .runs.pulsing import pulsing
 from .runs.simulate import simulate
-from .runs.window import Event
+from .runs.window import Event, Laser
 from .states import State
 
 __all__ = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -304,7 +304,7 @@ def _check_dispersion(terms: Any) -> None:
 
 
 PUBLISHED: dict[str, Callable[[], RingResonator]] = {}
-"""Published rings by the name of their function; every file of `coupled.parameters` adds its own with `published`."""
+"""Published rings by the name of their function; `coupled.parameters` adds them with `published`."""
 
 
 def published(ring: Callable[[], RingResonator]) -> Callable[[], RingResonator]:
@@ -315,4 +315,9 @@ def published(ring: Callable[[], RingResonator]) -> Callable[[], RingResonator]:
 
 def origin(kind: str, ring: RingResonator) -> dict[str, Any]:
     """Attributes of every Dataset of the package: its kind and its ring."""
-    return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": json.dumps(asdict(ring))}
+    return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": parameters(ring)}
+
+
+def parameters(made: Any) -> str:
+    """The fields of a ring or circuit, and of the dataclasses in it, as JSON."""
+    return json.dumps(made, default=lambda one: {field.name: getattr(one, field.name) for field in fields(one)})

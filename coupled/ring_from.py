@@ -27,7 +27,7 @@ from thermofem.optics.shape import ABOUT, Variation, variations
 
 from . import ring_toml
 from .carriers import ConstantLifetime
-from .parameters.borghi2021 import borghi2021
+from .parameters import borghi2021
 from .resonator import PUBLISHED, RingResonator
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from thermofem.arrays import Array
 from thermofem.models import Foster, ThermalModel
 from thermofem.models.foster import second_order_parameters, second_order_poles
 
+from . import parameters
 from .carriers import ShockleyReadHall
 from .kernel.units import internal_rates
-from .parameters import borghi2021 as published
 from .resonator import RingResonator
 from .thermal import Compact, compact, linear
 
@@ -150,11 +150,11 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
         return {}, compact(model)
     poles = linear(model, f"free {list(free)}") if model is not None else None
     if laws == ["the second-order equation"]:
-        start = asdict(published.SECOND_ORDER_FEM)
+        start = asdict(parameters.SECOND_ORDER_FEM)
         return (start if poles is None else start | second_order_parameters(poles, start[HEAT_CAPACITY])), None
     if laws == ["Newton's law"] or (not laws and HEAT_CAPACITY in free):
         if poles is None:
-            return asdict(published.NEWTON_FIT), None
+            return asdict(parameters.NEWTON_FIT), None
         if poles.order != 1:
             raise checks.InputError(f"Newton's law has one pole, the model {poles.order}; free 'R' and 'tau' instead")
         tau, R = float(np.ravel(poles.tau)[0]), float(np.ravel(poles.R)[0])

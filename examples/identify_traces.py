@@ -14,7 +14,7 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
-from coupled.parameters.borghi2021 import HEAT_CAPACITY
+from coupled.parameters import HEAT_CAPACITY
 from coupled.plot import plot_identification, plot_newton_traces
 
 ring = coupled.borghi2021()

@@ -20,7 +20,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from coupled.parameters import borghi2021 as printed
+from coupled import parameters as printed
 from thermofem.campaign import Variation
 from thermofem.plot import BLUE, GREEN, INK, ORANGE, VERMILION
 

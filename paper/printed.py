@@ -10,7 +10,7 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
-from coupled.parameters import borghi2021 as printed
+from coupled import parameters as printed
 from thermofem.plot import BLUE, GREEN, INK, PURPLE, SKY, VERMILION
 
 HEATING = 2e-3  # W, in Figs. 5 and 7

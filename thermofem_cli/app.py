@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from thermofem import __version__
 from thermofem.errors import InputError, MissingLibraryError, one_line
 from thermofem.models import OutsideTrainingWarning
-from thermofem.version import __version__
 
 from .cite_command import cite, reproduce
 from .console import note, print_numbers, settings

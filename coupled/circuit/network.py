@@ -14,15 +14,15 @@ rings heat becomes one state for each of them; as the model is linear their sum 
 Source: W. Suh, Z. Wang and S. Fan, IEEE J. Quantum Electron. 40, 1511 (2004).
 """
 
-import cmath
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
 
-from thermofem import OutputMap, Quadratic, StateSpace, checks
+from thermofem import OutputMap, StateSpace, checks
 from thermofem.arrays import Array, Complex, NDArray
 from thermofem.models.contract import bare
 from thermofem.models.state_space import eigenmodes
@@ -31,10 +31,15 @@ from ..heaters import power_of, rises, states_of
 from ..inputs import Pieces, add
 from ..kernel import units as eq
 from ..kernel.integrator import LOOPS, ORDERED, Network
-from ..thermal import check_resistance, compact
-from .circuit import Circuit, Waveguide
+from ..thermal import check_resistance, compact, linear
+from .circuit import Circuit
 
-NOTHING = 1e-14  # of the largest entry of M: round-off
+log = logging.getLogger("thermofem")
+
+ROUND_OFF = 1e-14  # of the largest entry of M
+PILED = 1e-8  # smallest singular value of 1 - C S: light in a loop is 1e8 times that which enters it
+MOST = 20_000  # states: their matrices are dense
+NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,51 +64,43 @@ class Light:
     delay: Array
     lost: Array
 
+    def at(self, offset: float) -> "Light":
+        """The same in a frame that turns faster by ``offset`` in Hz: the phases of the delays are others."""
+        turn = np.exp(-2j * np.pi * offset * self.delay)
+        return replace(self, from_delay=self.from_delay * turn, seen_delay=self.seen_delay * turn)
 
-def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
-    """Eliminate the waveguides of a circuit whose frame turns at its reference frequency plus ``offset`` in Hz.
+
+def light_of(circuit: Circuit) -> Light:
+    """Eliminate the waveguides of a circuit, in the frame of its reference frequency.
 
     Raises InputError: a loop of waveguides without delay and without loss, in which light would pile up.
     """
-    from scipy.sparse import csc_array, eye_array, lil_array
-    from scipy.sparse.linalg import splu
-
     entry = {name: k for k, name in enumerate(circuit.entries)}
     exit = {name: k for k, name in enumerate(circuit.exits)}
     n, size = len(circuit.names), len(entry)
-    K = np.zeros((size, n), dtype=complex)
+    late = [w for w in circuit.waveguides if w.delay > 0]
+    K, C, D, E = (np.zeros((size, m), dtype=complex) for m in (n, size, len(late), len(circuit.lasers)))
+    S = np.eye(size, dtype=complex)
     for i, ring in enumerate(circuit.resonators):
         K[2 * i, i], K[2 * i + 1, i] = np.sqrt(2 * ring.bus_rate), np.sqrt(2 * ring.drop_bus_rate)
-    S = lil_array(eye_array(size, dtype=complex))
-    for k, splitter in enumerate(circuit.splitters):
+    for k, splitter in enumerate(circuit.splitters, n):
         straight, cross = np.sqrt(1 - splitter.cross), 1j * np.sqrt(splitter.cross)
-        at = 2 * (n + k)
-        S[at : at + 2, at : at + 2] = [[straight, cross], [cross, straight]]
-    late = [w for w in circuit.waveguides if w.delay > 0]
-    C, D = lil_array((size, size), dtype=complex), np.zeros((size, len(late)), dtype=complex)
+        S[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[straight, cross], [cross, straight]]
     for w in circuit.waveguides:
         if w.delay == 0:
             C[entry[w.stop], exit[w.start]] = w.transmission
     for d, w in enumerate(late):
-        D[entry[w.stop], d] = w.transmission * cmath.exp(-2j * np.pi * offset * w.delay)
-    E = np.zeros((size, len(circuit.lasers)), dtype=complex)
+        D[entry[w.stop], d] = w.transmission
     for k, laser in enumerate(circuit.lasers):
         E[entry[laser.stop], k] = laser.transmission
-    S, C = S.tocsr(), C.tocsr()
-    try:
-        factors = splu(csc_array(eye_array(size) - C @ S))  # nearly every entry is zero
-        pivots = np.abs(factors.U.diagonal())
-    except RuntimeError:  # exactly singular
-        pivots = np.zeros(1)
-    # pivots of 1 - C S below 1e-8 of the largest: a loop without delay and without loss
-    if pivots.min() < 1e-8 * pivots.max() or not pivots.max():
+    around = np.eye(size) - C @ S
+    if np.linalg.norm(around, -2) < PILED:
         raise checks.InputError(
             "the waveguides form a loop without delay and without loss in which light piles up; "
             "give one of them a delay, a loss or another phase"
         )
-    from_ring, from_laser, from_delay = (
-        factors.solve(waves) if waves.size else waves for waves in (C @ (1j * K), E, D)
-    )
+    inside = np.linalg.solve(around, np.hstack([C @ (1j * K), E, D]))
+    from_ring, from_laser, from_delay = np.split(inside, [n, n + len(circuit.lasers)], axis=1)
     lossy = [w for w in circuit.waveguides if w.loss > 0]
     terminals = (*(w.start for w in late), *circuit.outputs.values(), *(w.start for w in lossy))
     rows = [exit[name] for name in terminals]
@@ -122,38 +119,13 @@ def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
     )
 
 
-def order_of_rings(between: Complex) -> NDArray[np.int64]:
-    """Topological order of the rings along the light between them; empty where that runs in loops."""
-    n = len(between)
-    size = np.abs(between).max(initial=0.0)
-    feeds = (np.abs(between) > NOTHING * size) & ~np.eye(n, dtype=bool)
-    order: list[int] = []
-    left = set(range(n))
-    while left:
-        ready = sorted(i for i in left if not any(feeds[i, j] for j in left))
-        if not ready:
-            return np.empty(0, dtype=np.int64)
-        order += ready
-        left -= set(ready)
-    return np.array(order, dtype=np.int64)
-
-
-def check_delays(circuit: Circuit) -> None:
-    """Raise InputError for a delay far below the photon lifetime, which would limit the step size."""
-    fastest = max(ring.linear_rate for ring in circuit.resonators)
-    for w in circuit.waveguides:
-        if 0 < w.delay < SHORTEST / fastest:
-            raise checks.InputError(
-                f"{_way(w)}: delay = {w.delay:g} s is shorter than {SHORTEST:g} of the rings' photon lifetime "
-                f"({1 / fastest:.2g} s), and no step may be longer; set it to 0 and keep the phase"
-            )
-
-
-SHORTEST = 1e-2
-
-
-def _way(w: Waveguide) -> str:
-    return f"waveguide from {w.start!r} to {w.stop!r}"
+def order_of_rings(feeds: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Topological order of rings of which ``feeds[i, j]`` says whether j lights i; empty where light runs in loops."""
+    sorter = TopologicalSorter({i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)})
+    try:
+        return np.fromiter(sorter.static_order(), np.int32)
+    except CycleError:
+        return np.empty(0, np.int32)
 
 
 def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
@@ -162,15 +134,15 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
     corner [shape (Q,) or empty, 1/ns]: 2 pi times the bandwidths of the detectors; hair [ns].
     """
     M, root = light.between * eq.NS, np.sqrt(eq.NS)
-    feeds = (np.abs(M) > NOTHING * np.abs(M).max(initial=0.0)) & ~np.eye(len(M), dtype=bool)
-    order, between = order_of_rings(M), np.where(feeds, M, 0)
+    feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
+    order, between = order_of_rings(feeds), np.where(feeds, M, 0)
     taken, sent = _one_waveguide(between, order)
     needed = bool(light.delay.size) or bool(corner.size) or energies
     waves = slice(None) if needed else slice(0)  # others follow from the rows
     return Network(
         light=ORDERED if order.size else LOOPS,
         own=np.diag(M),
-        sequence=(order if order.size else np.arange(len(M))).astype(np.int32),
+        sequence=order if order.size else np.arange(len(M), dtype=np.int32),
         between=None if taken is not None else between,
         taken=taken,
         sent=sent,
@@ -185,7 +157,7 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
     )
 
 
-def _one_waveguide(M: Complex, order: NDArray[np.int64]) -> tuple[Complex | None, Complex | None]:
+def _one_waveguide(M: Complex, order: NDArray[np.int32]) -> tuple[Complex | None, Complex | None]:
     """The vectors of M_ij = taken_i sent_j below its diagonal, as along one bus, or None where M has no such form."""
     if len(M) < 2 or order.size == 0 or not M[order[-1], order[0]]:
         return None, None
@@ -193,16 +165,10 @@ def _one_waveguide(M: Complex, order: NDArray[np.int64]) -> tuple[Complex | None
     taken, sent = np.zeros(len(M), dtype=complex), np.zeros(len(M), dtype=complex)
     taken[1:] = ordered[1:, 0]
     sent[:-1] = ordered[-1, :-1] / taken[-1]
-    if np.abs(np.tril(np.outer(taken, sent), -1) - ordered).max() > NOTHING * np.abs(ordered).max():
+    if np.abs(np.tril(np.outer(taken, sent), -1) - ordered).max() > ROUND_OFF * np.abs(ordered).max():
         return None, None
     back = np.argsort(order)
     return taken[back], sent[back]
-
-
-log = logging.getLogger("thermofem")
-
-MOST = 20_000  # states: their matrices are dense
-NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,9 +210,7 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
     if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):
         return _of_array(model, names)
     small = compact(model)
-    if isinstance(small, Quadratic):
-        raise checks.InputError("thermal is quadratic; a circuit takes linear models, and an OutputMap over one")
-    network = small.linear if isinstance(small, OutputMap) else small
+    network = small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit")
     read = np.zeros((rings, rings, network.order))
     read[np.arange(rings), np.arange(rings)] = 1.0
     gain, rate = (np.tile(values, (rings, 1)) for values in (network.gain, 1 / np.asarray(network.tau)))
@@ -300,10 +264,7 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
 
 def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
     """Rates, and B and C in the modes of a small symmetric system."""
-    if model.order > MOST:
-        raise checks.InputError(
-            f"thermal is a system of {model.order} states; reduce it first (surrogate.reduce_array)"
-        )
+    checks.integer("states of thermal", model.order, 1, MOST, hint="reduce it first (surrogate.reduce_array)")
     E, A = (m.toarray() if hasattr(m, "toarray") else np.asarray(m, dtype=float) for m in (model.E, model.A))
     if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))) and np.diag(A).max() < 0:
         return -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)  # its own modes
@@ -326,23 +287,19 @@ def heater_offsets(
         hint = "" if heat.heaters else "the thermal model has no heaters among its inputs"
         checks.choice("a name in heaters", name, heat.heaters, hint=hint)
     powers = {name: power_of(name, value, duration) for name, value in given.items()}
-    sizes = [rate.size for rate, *_ in heat.heaters.values()]
-    if before is not None and before.size != sum(sizes):
-        raise checks.InputError(
-            f"initial has {before.size} states of heaters and the thermal model {sum(sizes)}; go on with the same model"
-        )
-    started = np.split(np.zeros(sum(sizes)) if before is None else before, np.cumsum(sizes)[:-1])
     whole, dark = np.array([0.0, duration]), Pieces.constant(0.0, duration, 0.0)
-    offsets, ends = [[dark] for _ in heat.gain], [np.empty(0)]
-    for (name, (rate, gain, read)), begin in zip(heat.heaters.items(), started, strict=False):
+    stops = np.cumsum([rate.size for rate, *_ in heat.heaters.values()], dtype=int)
+    started = np.zeros(stops[-1] if stops.size else 0) if before is None else before
+    checks.shape("initial.attrs['heater_states'] for the heaters of this model", started, (stops.max(initial=0),))
+    each, ends = [[dark] * len(heat.gain)], [np.empty(0)]
+    for (name, (rate, gain, read)), begin in zip(heat.heaters.items(), np.split(started, stops), strict=False):
         value, power = given.get(name, 0.0), powers.get(name, dark)
         settled = gain / rate * float(value) if hasattr(value, "__float__") else None
         if settled is not None and (before is None or np.array_equal(begin, settled)):
-            parts = [Pieces.constant(0.0, duration, rise) for rise in read @ settled]
+            each.append([Pieces.constant(0.0, duration, rise) for rise in read @ settled])
             ends.append(settled)
         else:
-            parts = rises(rate, read * gain, power, rtol, begin / gain)
+            each.append(rises(rate, read * gain, power, rtol, begin / gain))
             ends.append(gain * states_of(rate, power, whole, begin / gain)[-1])
-        for every, part in zip(offsets, parts, strict=True):
-            every.append(part)
-    return powers, [add(every) for every in offsets], np.concatenate(ends)
+    offsets = [add(list(parts)) for parts in zip(*each, strict=True)] if heat.heaters else each[0]
+    return powers, offsets, np.concatenate(ends)

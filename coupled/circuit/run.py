@@ -1,8 +1,6 @@
 """Light, carriers and heat of all rings of a circuit in time: what `simulate` does for a circuit."""
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -17,11 +15,14 @@ from ..heaters import heater_powers
 from ..inputs import Spans, attribute, beats, changes, pieces, spans
 from ..kernel import units as eq
 from ..kernel.tableaus import Method
+from ..resonator import parameters
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .network import NOTHING, Light, RingHeat, check_delays
-from .system import System, beat_of, system_of, warn_of_fast_streams
+from .network import ROUND_OFF, Light, RingHeat
+from .system import System, beat_of, system_of
+
+SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
 
 NAMES = {
     "output": ("W", "power at the ports"),
@@ -52,7 +53,10 @@ def run_circuit(
     """Simulate a circuit; arguments and result are those of `simulate`."""
     duration = check_duration(duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
-    check_delays(circuit)
+    shortest = SHORTEST / max(ring.linear_rate for ring in circuit.resonators)
+    for w in circuit.waveguides:
+        hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"
+        checks.between(f"delay of the waveguide from {w.start!r}", w.delay or 1.0, shortest, 1.0, unit="s", hint=hint)
     before = None
     if initial is not None:
         kept = np.ravel(getattr(initial, "attrs", {}).get("heater_states", ()))
@@ -60,7 +64,6 @@ def run_circuit(
     system = system_of(
         circuit, thermal, power=power, heaters=heaters, detuning=detuning, duration=duration, rtol=rtol, before=before
     )
-    warn_of_fast_streams(circuit, power)
     light, corner = system.light, system.corner
     wanted = np.empty(0) if times is None else check_times(times, duration)
     asked, kept = dense_times(thermal, wanted, duration)
@@ -68,8 +71,8 @@ def run_circuit(
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 and alone else Method.RODAS5P)
     problem = system.problem(chosen, corner=corner, energies=average)
     longest = min([np.inf, *(light.delay / eq.NS)])
-    beat = beat_of(light, circuit, system.powers, system.detunings)
-    if problem.waves and beat:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
+    beat = beat_of(light, circuit, system.powers, system.detunings) if problem.waves else 0.0
+    if beat:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
         longest = min(longest, (1944.0 * rtol) ** 0.25 / beat)
     run = problem.integrate(
         _start(circuit, system.heat, initial), rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
@@ -145,7 +148,7 @@ def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner:
         "port": list(circuit.ports),
         "laser": [laser.name for laser in circuit.lasers],
     }
-    origin = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": json.dumps(asdict(circuit))}
+    origin = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": parameters(circuit)}
     return xr.Dataset(variables | heater_powers(system.heaters, time), coords=coordinates, attrs=origin | attributes)
 
 
@@ -181,15 +184,12 @@ def varies(system: System, duration: float) -> dict[str, str]:
 def reached(light: Light) -> Any:
     """Whether light of each laser reaches each ring, directly or through others, shape (N, L)."""
 
-    def some(matrix: Any) -> Any:  # more than round-off
-        return np.abs(matrix) > NOTHING * np.abs(matrix).max(initial=0.0)
+    def some(matrix: Any) -> Any:
+        return np.abs(matrix) > ROUND_OFF * np.abs(matrix).max(initial=0.0)
 
     n, delayed = len(light.between), slice(0, light.delay.size)
-    step = np.block([[light.between, light.from_delay], [light.seen_ring[delayed], light.seen_delay[delayed]]])
-    found, way = some(np.vstack([light.from_laser, light.seen_laser[delayed]])), some(step).astype(float)
-    for _ in range(len(way)):
-        further = found | (way @ found.astype(float) > 0)
-        if np.array_equal(further, found):
-            break
-        found = further
+    step = some(np.block([[light.between, light.from_delay], [light.seen_ring[delayed], light.seen_delay[delayed]]]))
+    found = some(np.vstack([light.from_laser, light.seen_laser[delayed]]))
+    for _ in step:
+        found = found | (step @ found)
     return found[:n]

@@ -18,7 +18,7 @@ from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
 from ..thermal import trusted
 from .circuit import Circuit
-from .network import light_of
+from .network import Light, light_of
 from .run import described
 from .system import System, system_of
 
@@ -64,23 +64,21 @@ def autonomous(
     circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
     """The system of a circuit under constant light of one frequency; InputError for any other."""
-    heaters = checks.mapping("heaters", heaters)
     given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
     numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
     for name, value in numbers.items():
-        if not isinstance(value, int | float | np.number):
-            kind = type(value).__name__
-            raise checks.InputError(f"{name} is a {kind}; fixed points and limit cycles belong to a number")
-    for heater, watts in heaters.items():
+        checks.finite(name, value, hint="fixed points and limit cycles belong to a number")
+    for heater, watts in checks.mapping("heaters", heaters).items():
         heater_power(heater, watts)
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
-    lit = [laser for laser in circuit.lasers if power.get(laser.name, 0.0) > 0] or list(circuit.lasers)
+    names = [laser.name for laser in circuit.lasers]
+    for name in given:
+        checks.choice("a name in power", name, names)
+    lit = [laser for laser in circuit.lasers if given.get(laser.name, 0.0) > 0] or list(circuit.lasers)
     if len({laser.offset for laser in lit}) > 1:
         raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
-    for name in power:
-        checks.choice("a name in power", name, [laser.name for laser in circuit.lasers])
-    own = {laser.name: power.get(laser.name, 0.0) for laser in lit}
+    own = {laser.name: given.get(laser.name, 0.0) for laser in lit}
     alone = replace(circuit, lasers=lit)
     return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6)
 
@@ -195,7 +193,8 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
             "low power; steady_states finds fixed points at more"
         )
     k = names.index(lit[0]) if lit else 0
-    responses = [_response(circuit, float(one), k) for one in nu + circuit.lasers[k].offset]
+    light = light_of(circuit)
+    responses = [_response(circuit, light.at(float(one)), float(one), k) for one in nu + circuit.lasers[k].offset]
     seen, fields = (np.array(columns).T for columns in zip(*responses, strict=True))
     return xr.Dataset(
         {
@@ -211,12 +210,12 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
     )
 
 
-def _response(circuit: Circuit, detuning: float, k: int) -> tuple[Complex, Complex]:
+def _response(circuit: Circuit, light: Light, detuning: float, k: int) -> tuple[Complex, Complex]:
     """Waves at the ports and fields of the rings for a unit wave of laser ``k``, at low power.
 
     Waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u.
     """
-    light, late = light_of(circuit, detuning), slice(0, sum(w.delay > 0 for w in circuit.waveguides))
+    late = slice(0, light.delay.size)
     A, B, around = light.seen_ring[late], light.seen_laser[late, k], np.eye(late.stop) - light.seen_delay[late]
     if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
         what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from thermofem import Symbols, checks
+from thermofem import checks
 from thermofem.arrays import Array
 
 from ..arguments import detuning_in_time, power_in_time
@@ -19,8 +18,6 @@ from ..kernel.integrator import Drive, PoleHeat, Polynomials, Problem, Rings
 from ..kernel.tableaus import Method
 from .circuit import Circuit
 from .network import Light, RingHeat, heater_offsets, light_of, network_of, ring_heat
-
-log = logging.getLogger("thermofem")
 
 SAME_TIME = 1e-13  # of a run: nearer breakpoints are one; sums of hundreds of delays differ by less
 MOST_EDGES = 5_000_000  # 40 MB
@@ -119,7 +116,7 @@ def system_of(
     heat = ring_heat(thermal, circuit.names)
     powers, detunings = powers_of(circuit, power, duration), detunings_of(circuit, detuning, duration)
     constant = float(detunings[0].coefficients[0, 0]) if len(detunings[0].coefficients) == 1 else 0.0
-    light = light_of(circuit, constant + circuit.lasers[0].offset)
+    light = light_of(circuit).at(constant + circuit.lasers[0].offset)
     watts, offsets, ends = heater_offsets(heat, heaters, duration, rtol, before)
     drive = drive_of(circuit, light, powers, detunings, offsets)
     rings = _rings(circuit, light, heat, drive.brightest)
@@ -138,11 +135,11 @@ def _rings(circuit: Circuit, light: Light, heat: RingHeat, largest: Array) -> Ri
         eq.internal_rings([ring], float(pump), float(R) * eq.UW)
         for ring, pump, R in zip(circuit.resonators, pumps, heat.thermal_resistance, strict=True)
     ]
-    terms = max(one.dispersion.shape[1] for one in each)
-    lacking = [np.tile([0.0, 1.0], (1, terms - one.dispersion.shape[1], 1)) for one in each]
-    dispersion = [np.hstack([one.dispersion, more]) for one, more in zip(each, lacking, strict=True)]
+    dispersion = np.tile([0.0, 1.0], (len(each), max(one.dispersion.shape[1] for one in each), 1))
+    for row, one in zip(dispersion, each, strict=True):
+        row[: one.dispersion.shape[1]] = one.dispersion[0]
     modes, carriers, floor = (np.concatenate([getattr(one, k) for one in each]) for k in ("modes", "carriers", "floor"))
-    return Rings(modes, carriers, np.concatenate(dispersion), floor, heat.curvature)
+    return Rings(modes, carriers, dispersion, floor, heat.curvature)
 
 
 def powers_of(circuit: Circuit, power: Mapping[str, Any], duration: float) -> list[Pieces]:
@@ -154,21 +151,8 @@ def powers_of(circuit: Circuit, power: Mapping[str, Any], duration: float) -> li
     names = [laser.name for laser in circuit.lasers]
     for name in power:
         checks.choice("a name in power", name, names)
-    values = [power_in_time(power.get(name, 0.0), duration) for name in names]
-    return [pieces(f"power[{name!r}]", value, 0.0, duration) for name, value in zip(names, values, strict=True)]
-
-
-def warn_of_fast_streams(circuit: Circuit, power: Mapping[str, Any]) -> None:
-    """Log a warning where a node of a stream is shorter than the photon lifetime 1/(2 gamma) of a ring."""
-    lifetime, name = max((1 / (2 * ring.linear_rate), name) for name, ring in circuit.rings.items())
-    for laser, own in power.items():
-        for wave in own if isinstance(own, list | tuple) else [own]:
-            if isinstance(wave, Symbols) and wave.rate * np.size(wave.mask) * lifetime > 1:
-                node = 1 / (wave.rate * np.size(wave.mask))
-                log.warning(
-                    f"power[{laser!r}]: a node of the stream lasts {node:.2g} s, less than the photon lifetime of "
-                    f"{name!r} ({lifetime:.2g} s), which averages over nodes; take a lower rate or a shorter mask"
-                )
+    values = {name: power_in_time(power.get(name, 0.0), duration) for name in names}
+    return [pieces(f"power[{name!r}]", value, 0.0, duration) for name, value in values.items()]
 
 
 def detunings_of(circuit: Circuit, detuning: Any, duration: float) -> list[Pieces]:
@@ -193,8 +177,7 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
     rings. A ring makes a kink of a jump: one passage through a ring is counted as a gain of 1, more are left out.
     """
     delays = np.unique(light.delay)
-    passing = light.seen_delay[: light.delay.size]
-    gain = float(np.abs(passing).sum(axis=1).max(initial=0.0))
+    gain = float(np.abs(light.seen_delay[: light.delay.size]).sum(axis=1).max(initial=0.0))
     found = newest = edges
     generation = 0
     # breakpoints that come back with less than 1e-7 of the light are left to the error control
@@ -203,10 +186,8 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
         together = _apart(np.concatenate([found, later[later < duration]]), duration)
         found, newest = together, np.setdiff1d(together, found)
         generation += 1
-        if found.size > MOST_EDGES:
-            raise checks.InputError(
-                f"power: its edges and echoes are more than {MOST_EDGES:g}; shorten the run or lengthen the delays"
-            )
+        hint = "shorten the run or lengthen the delays"
+        checks.between("power: number of its edges and echoes", found.size, 0, MOST_EDGES, hint=hint)
     return found
 
 
@@ -226,10 +207,9 @@ def drive_of(
     first, duration = detunings[0], powers[0].edges[-1]
     edges, scale = joint(first, *offsets), eq.NS ** np.arange(4)
     turning = np.repeat(first.on(edges).coefficients[:, None] * (2 * np.pi * eq.NS), len(offsets), axis=1)
+    cold = np.array([ring.frequency for ring in circuit.resonators])
+    turning[:, :, 0] += 2 * np.pi * (float(circuit.frequency or 0.0) - cold + circuit.lasers[0].offset) * eq.NS
     for i, (ring, offset) in enumerate(zip(circuit.resonators, offsets, strict=True)):
-        turning[:, i, 0] += eq.internal_detuning(
-            float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset
-        )
         if np.any(offset.coefficients):
             turning[:, i] += offset.on(edges).coefficients * (ring.thermal_shift * eq.NS)
     power, detuning = table([one.times(1 / eq.UW) for one in powers]), Polynomials(edges / eq.NS, turning * scale)
@@ -245,12 +225,9 @@ def drive_of(
 
 def turns(circuit: Circuit, detunings: list[Pieces]) -> list[Pieces]:
     """Frequency of every laser minus that of the first in Hz."""
-    duration = detunings[0].edges[-1]
-    apart = [laser.offset - circuit.lasers[0].offset for laser in circuit.lasers]
-    return [
-        add([own, detunings[0].times(-1.0), pieces("offset", float(away), 0.0, duration)])
-        for own, away in zip(detunings, apart, strict=True)
-    ]
+    back, duration = detunings[0].times(-1.0), detunings[0].edges[-1]
+    apart = [Pieces.constant(0.0, duration, float(laser.offset - circuit.lasers[0].offset)) for laser in circuit.lasers]
+    return [add([own, back, away]) for own, away in zip(detunings, apart, strict=True)]
 
 
 def beat_of(light: Light, circuit: Circuit, powers: list[Pieces], detunings: list[Pieces]) -> float:
@@ -260,12 +237,8 @@ def beat_of(light: Light, circuit: Circuit, powers: list[Pieces], detunings: lis
     """
     lit = np.array([bool(np.any(power.coefficients)) for power in powers])
     turn = 2 * np.pi * eq.NS * np.array([max(bounds(one), key=abs) for one in turns(circuit, detunings)])
-    fastest = 0.0
-    for q in range(len(light.terminals)):
-        late, ringed = bool(light.seen_delay[q].any()), bool(light.seen_ring[q].any())
-        seen = turn[lit & ((light.seen_laser[q] != 0) | late)]
-        if seen.size:
-            fastest = max(
-                fastest, float(np.ptp(np.append(seen, 0.0) if late or ringed or q < light.delay.size else seen))
-            )
-    return fastest
+    late = np.asarray(light.seen_delay.any(axis=1))
+    common = late | np.asarray(light.seen_ring.any(axis=1)) | (np.arange(late.size) < light.delay.size)
+    seen = [turn[lit & here] for here in (light.seen_laser != 0) | late[:, None]]
+    beats = [np.ptp(np.append(own, 0.0) if held else own) for own, held in zip(seen, common, strict=True) if own.size]
+    return float(max(beats, default=0.0))

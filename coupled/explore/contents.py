@@ -13,12 +13,10 @@ from thermofem import checks
 from thermofem.models import Foster, OutputMap, Quadratic, StateSpace, ThermalModel
 from thermofem.models.contract import bare
 
+from .. import parameters
 from ..cycles.cycle_folds import cycle_fold_curves
 from ..equilibria.bifurcation_curves import subcritical
 from ..heaters import LARGEST_POWER, Channels, channels
-from ..parameters import borghi2021 as borghi
-from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
-from ..parameters.borghi2021 import NewtonParameters, SecondOrderParameters
 from ..resonator import RingResonator
 from .bundle import text_of
 from .rings import OF_MAPS, Window, place_of
@@ -119,10 +117,10 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
 def paper_models() -> list[dict[str, Any]]:
     """Return the thermal laws of the papers, which belong to the presets."""
     laws = {
-        "second order, FEM-trained (Borghi 2021)": _second_order(borghi.SECOND_ORDER_FEM),
-        TRAINED_LAW: _second_order(borghi.SECOND_ORDER_EXPERIMENT),
-        NEWTON_LAW: newton(borghi.NEWTON_MAPS),
-        SMALL_LAW: newton(vanvaerenbergh.NEWTON),
+        "second order, FEM-trained (Borghi 2021)": _second_order(parameters.SECOND_ORDER_FEM),
+        TRAINED_LAW: _second_order(parameters.SECOND_ORDER_EXPERIMENT),
+        NEWTON_LAW: newton(parameters.NEWTON_MAPS),
+        SMALL_LAW: newton(parameters.VAN_VAERENBERGH),
     }
     return [model_of(name, law) | {"hidden": True} for name, law in laws.items()]
 
@@ -132,12 +130,12 @@ def place_of_law(name: str, models: list[dict[str, Any]]) -> int:
     return next(k for k, model in enumerate(models) if model.get("hidden") and model["name"] == name)
 
 
-def newton(law: NewtonParameters) -> Foster:
+def newton(law: parameters.NewtonParameters) -> Foster:
     """Return the pole of Newton's law."""
     return Foster(R=[law.tau_th / law.heat_capacity], tau=[law.tau_th])
 
 
-def _second_order(law: SecondOrderParameters) -> Foster:
+def _second_order(law: parameters.SecondOrderParameters) -> Foster:
     """Two poles of Eq. 3: c_f = (eta/tau_f - kappa)/(1/tau_f - 1/tau_s), c_s = (kappa - eta/tau_s)/(same)."""
     fast, slow = 1 / law.tau_f, 1 / law.tau_s
     c_f = (law.eta * fast - law.kappa) / (fast - slow)
@@ -152,9 +150,9 @@ def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: di
         return {"ring": place_of(ring, rings), "model": place_of_law(law, models)}
 
     own = {"ring": 0, "model": start["model"]}
-    paper = at(borghi.borghi2021(), TRAINED_LAW)
-    lumped = at(borghi.borghi2021().with_lumped_fcd(), NEWTON_LAW)
-    small = at(vanvaerenbergh.vanvaerenbergh2012(), SMALL_LAW)
+    paper = at(parameters.borghi2021(), TRAINED_LAW)
+    lumped = at(parameters.borghi2021().with_lumped_fcd(), NEWTON_LAW)
+    small = at(parameters.vanvaerenbergh2012(), SMALL_LAW)
     cold = {"view": "cold"}
     rows: Iterable[tuple[str, dict[str, Any], str]] = [
         ("This ring, as the file was written", own | start, ""),
@@ -206,9 +204,9 @@ def _thinned(power: np.ndarray, detuning: np.ndarray) -> list[list[float]]:
 
 def preset_ring() -> RingResonator:
     """Return the ring of the stored curves."""
-    return borghi.borghi2021().with_lumped_fcd()
+    return parameters.borghi2021().with_lumped_fcd()
 
 
 def stored() -> str:
     """Return the text of the file of the preset's curves, computed anew."""
-    return json.dumps(curves_of(preset_ring(), newton(borghi.NEWTON_MAPS), OF_MAPS)) + "\n"
+    return json.dumps(curves_of(preset_ring(), newton(parameters.NEWTON_MAPS), OF_MAPS)) + "\n"

@@ -7,8 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ..arguments import check_ring
-from ..parameters.borghi2021 import borghi2021
-from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
+from ..parameters import borghi2021, vanvaerenbergh2012
 from ..resonator import RingResonator
 from ..ring_toml import write_text
 

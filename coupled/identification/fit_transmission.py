@@ -30,7 +30,7 @@ from thermofem.models.foster import second_order_poles
 from ..arguments import check_power, check_ring
 from ..contradictions import check_geometry
 from ..equilibria.transmission import transmission
-from ..parameters.borghi2021 import SECOND_ORDER_FEM
+from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
 from ..unknowns import SPAN, check_counts, number_of, optical_names, varied
 from .forced_filters import noise_of

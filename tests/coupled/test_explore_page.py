@@ -13,7 +13,7 @@ import coupled
 import thermofem as th
 from coupled.explore import bundle, contents
 from coupled.explore.contents import STORED
-from coupled.parameters.borghi2021 import NEWTON_MAPS
+from coupled.parameters import NEWTON_MAPS
 
 pytestmark = pytest.mark.slow
 

@@ -10,10 +10,9 @@ import coupled
 import thermofem as th
 from coupled.explore import contents
 from coupled.explore.rings import rings_of
-from coupled.parameters import vanvaerenbergh2012 as van_vaerenbergh
+from coupled.parameters import VAN_VAERENBERGH as LAW
 
 RING = coupled.vanvaerenbergh2012()
-LAW = van_vaerenbergh.NEWTON
 MODEL = th.Foster(R=[LAW.tau_th / LAW.heat_capacity], tau=[LAW.tau_th])
 # Fig. 3 of the paper: 0.6 mW, 62 pm above the resonance. The points are J. Lamo's reading of the curves of the full
 # model (T_4D.csv, N_4D.csv): five periods, whose tops and bottoms scatter by 1 %.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import coupled
-from coupled.parameters import borghi2021 as paper
+from coupled import parameters as paper
 from thermofem import InputError
 
 RING = coupled.borghi2021()
@@ -112,9 +112,7 @@ def test_slips_in_the_recombination_are_named(change, message):
         replace(RING.carriers, **change)
 
 
-@pytest.mark.parametrize(
-    "module", ["coupled.parameters.borghi2021", "coupled.parameters.vanvaerenbergh2012", "coupled.runs.simulate"]
-)
+@pytest.mark.parametrize("module", ["coupled.parameters", "coupled.runs.simulate"])
 def test_examples_in_docstrings(module):
     found = doctest.testmod(importlib.import_module(module))
     assert found.attempted > 0

@@ -11,8 +11,8 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
+from coupled import parameters as paper
 from coupled.maps.pulsing_map import pulse
-from coupled.parameters import borghi2021 as paper
 from coupled.plot import plot_traces
 
 

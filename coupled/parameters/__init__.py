@@ -1,1 +1,0 @@
-"""Published parameter sets, one file a paper, every number with its unit and source."""
