@@ -31,10 +31,9 @@ from .maps.stability_map import stability_map
 from .parameters import borghi2021, vanvaerenbergh2012
 from .resonator import RingResonator
 from .ring_from import ring_from
-from .runs.lasers import Laser
 from .runs.pulsing import pulsing
 from .runs.simulate import simulate
-from .runs.window import Event
+from .runs.window import Event, Laser
 from .states import State
 
 __all__ = [

@@ -95,6 +95,8 @@ def add(parts: list[Pieces]) -> Pieces:
 
 def joint(*parts: Pieces) -> Array:
     """The union of all edges; edges closer than round-off of the window are merged."""
+    if all(np.array_equal(part.edges, parts[0].edges) for part in parts[1:]):
+        return parts[0].edges
     edges = np.unique(np.concatenate([part.edges for part in parts]))
     tolerance = 4e-16 * np.abs(edges[[0, -1]]).max()
     keep = np.concatenate([[True], np.diff(edges) > tolerance])
@@ -144,6 +146,8 @@ def table(functions: Sequence[Pieces]) -> Polynomials:
 def changes(function: Pieces) -> Spans:
     """From when to when a piecewise cubic changes; a jump begins and ends at once."""
     a, edges = function.coefficients, function.edges
+    if len(a) == 1 and not a[0, 1:].any():
+        return []
     tolerance = FIT_TOLERANCE * np.abs(a[:, 0]).max()
     moves = np.any(np.abs(a[:, 1:]) * np.diff(edges)[:, None] ** np.arange(1, 4) > tolerance, axis=1)
     jumps = edges[1:-1][np.abs(a[1:, 0] - function.ends[:-1]) > tolerance]

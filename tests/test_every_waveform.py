@@ -156,8 +156,9 @@ def scaled(wave: th.waveforms.Waveform) -> th.waveforms.Waveform:
     edges = wave.breakpoints(0.0, float(TIMES[-1]))
     if not wave.piecewise_linear:
         return th.Function(lambda t: 1e-4 * wave(t), breakpoints=edges)
-    edges, after, before = th.waveforms.linear_pieces(wave, 0.0, float(TIMES[-1]))
-    return th.Sampled(np.repeat(edges, 2)[1:-1], 1e-4 * np.stack([after, before], axis=1).ravel())
+    lines = wave.pieces(0.0, float(TIMES[-1]))
+    values = np.stack([lines.coefficients[:, 0], lines.ends], axis=1).ravel()
+    return th.Sampled(np.repeat(lines.edges, 2)[1:-1], 1e-4 * values)
 
 
 @pytest.mark.parametrize("name", [name for name, wave in WAVES.items() if wave.period])

@@ -1,5 +1,7 @@
 """Heat and light on the cross-section of a silicon microring resonator."""
 
+__version__ = "0.3.0"  # stored in every file, and part of the hash of every campaign result
+
 from . import checks as checks
 from . import materials
 from . import waveforms as waveforms
@@ -33,7 +35,6 @@ from .models import OutputMap as OutputMap
 from .models import Quadratic as Quadratic
 from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
-from .version import __version__ as __version__
 from .waveforms import (
     Chirp,
     Constant,

@@ -6,11 +6,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike as ArrayLike
 from numpy.typing import NDArray as NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 Array: TypeAlias = NDArray[np.float64]
 Complex: TypeAlias = NDArray[np.complex128]
 
 PIECE = 10_000_000  # numbers of an intermediate array
+FEWEST = 50  # samples from which an autocorrelation is estimated; fewer count as white noise
 
 
 def in_pieces(function: Callable[[Any], Any], x: NDArray[Any], width: int) -> NDArray[Any]:
@@ -30,3 +32,24 @@ def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
     change = np.diff(np.concatenate([[0], holds.astype(int), [0]]))
     starts, stops = (np.flatnonzero(change == step).tolist() for step in (1, -1))
     return list(zip(starts, stops, strict=True))
+
+
+def independent(left: Array) -> float:
+    """Number of independent samples whose mean is as noisy as that of correlated residuals, n/(1 + 2 sum rho)."""
+    return float(left.size / max(1 + 2 * autocorrelation(left).sum(), 1.0))
+
+
+def autocorrelation(left: Array) -> Array:
+    """rho_1, rho_2, .. of the residuals of one trace, as far as they differ from noise (initial positive sequence).
+
+    Source: C. J. Geyer, Statist. Sci. 7, 473 (1992), Section 3.3.
+    """
+    n = left.size
+    square = float(left @ left)
+    if n < FEWEST or not square > 0:
+        return np.empty(0)
+    size = next_fast_len(2 * n, real=True)
+    rho = irfft(np.abs(rfft(left, size)) ** 2, size)[: n // 2 * 2] / square
+    pairs = rho[0::2] + rho[1::2]
+    last = np.flatnonzero(pairs <= 0)
+    return np.asarray(rho[1 : 2 * (last[0] if last.size else pairs.size)])

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,6 +47,8 @@ class Pieces(NamedTuple):
 
     def on(self, edges: Array) -> Pieces:
         """The function on finer edges; edges of this one within their range must be among them."""
+        if np.array_equal(edges, self.edges):
+            return self
         k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
         u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
         moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]
@@ -106,17 +107,8 @@ def bounds(function: Pieces) -> tuple[float, float]:
     return float(np.min(values)), float(np.max(values))
 
 
-class Sides(NamedTuple):
-    """A function of time: its value (continuous from the right), its limit from the left, its shortest time in s."""
-
-    value: Callable[[Array], Array]
-    before: Callable[[Array], Array]
-    time_scale: float | None
-    name: str
-
-
-def fitted(function: Sides, marks: Array, tolerance: float) -> Pieces:
-    """Piecewise cubic within ``tolerance`` of the largest value at all checked times.
+def fitted(function: Any, marks: Array, tolerance: float) -> Pieces:
+    """Piecewise cubic within ``tolerance`` of the largest value of a `waveforms.Function` at all checked times.
 
     Each stretch between two marks is halved until the cubic through four points of a cell agrees with the function at
     every checked time in it. The checked times lie in 2^13 cells a stretch (or as many as ``time_scale`` needs), so a
@@ -134,7 +126,7 @@ def fitted(function: Sides, marks: Array, tolerance: float) -> Pieces:
     return Pieces(np.append(np.concatenate([c[0] for c in cells]), marks[-1]), np.concatenate([c[1] for c in cells]))
 
 
-def _levels(function: Sides, marks: Array) -> list[int]:
+def _levels(function: Any, marks: Array) -> list[int]:
     """Halvings of every stretch down to the cells that are checked."""
     lengths = np.diff(marks)
     # 13: a stretch without breakpoints is sampled in 2^13 cells: a pulse of 1e-4 of it is seen
@@ -150,14 +142,14 @@ def _levels(function: Sides, marks: Array) -> list[int]:
     return np.maximum(asked, shared).astype(int).tolist()
 
 
-def _samples(function: Sides, a: float, b: float, cells: int) -> tuple[Array, Array]:
+def _samples(function: Any, a: float, b: float, cells: int) -> tuple[Array, Array]:
     """Times inside every cell, sorted, and the values there."""
     times = a + (b - a) * ((np.arange(cells)[:, None] + CHECKED) / cells).ravel()
-    return times, function.value(times)
+    return times, function(times)
 
 
 def _stretch(
-    function: Sides, a: float, b: float, level: int, seen: tuple[Array, Array], allowed: float
+    function: Any, a: float, b: float, level: int, seen: tuple[Array, Array], allowed: float
 ) -> tuple[Array, Array]:
     """Left edges and coefficients over one stretch without breakpoints."""
     left, length, depth = np.array([a]), b - a, 0
@@ -165,7 +157,7 @@ def _stretch(
     while left.size:
         size = length / 2**depth
         last = np.minimum(left + size, b)
-        values = function.value(left[:, None] + (last - left)[:, None] * NODES)
+        values = function(left[:, None] + (last - left)[:, None] * NODES)
         values[:, -1] = function.before(last)
         scaled = values @ TO_COEFFICIENTS
         bad = _misfits(function, left, last, scaled, seen if depth < level else None, allowed)
@@ -176,7 +168,7 @@ def _stretch(
         done.append((left[~bad], scaled[~bad] / h ** np.arange(4)))
         if sum(d[0].size for d in done) + 2 * bad.sum() > MOST_PIECES:
             raise InputError(
-                f"the {function.name} needs more than {MOST_PIECES} cubics between {a:g} and {b:g} s",
+                f"the Function needs more than {MOST_PIECES} cubics between {a:g} and {b:g} s",
                 "is it noise? give samples of it (th.Sampled), or breakpoints where it jumps",
             )
         left = np.sort(np.concatenate([left[bad], left[bad] + size / 2]))
@@ -187,17 +179,17 @@ def _stretch(
 
 
 def _misfits(
-    function: Sides, left: Array, last: Array, scaled: Array, seen: tuple[Array, Array] | None, allowed: float
+    function: Any, left: Array, last: Array, scaled: Array, seen: tuple[Array, Array] | None, allowed: float
 ) -> NDArray[np.bool_]:
     """Which cells differ from the function by more than ``allowed`` at a checked time."""
     if seen is None:
-        u = np.broadcast_to(CHECKED, (left.size, CHECKED.size))
-        values = function.value(left[:, None] + (last - left)[:, None] * u)
-        return np.any(np.abs(cubic(scaled[:, None], u) - values) > allowed, axis=1)
-    times, values = seen
-    first, end = np.searchsorted(times, left), np.searchsorted(times, last)
-    cell = np.repeat(np.arange(left.size), end - first)
-    index = np.arange(cell.size) + np.repeat(first - np.append(0, np.cumsum(end - first)[:-1]), end - first)
-    u = (times[index] - left[cell]) / (last - left)[cell]
-    off = np.abs(cubic(scaled[cell], u) - values[index]) > allowed
+        times, cell = left[:, None] + (last - left)[:, None] * CHECKED, np.repeat(np.arange(left.size), CHECKED.size)
+        times, values = times.ravel(), function(times).ravel()
+    else:
+        first, end = np.searchsorted(seen[0], left), np.searchsorted(seen[0], last)
+        cell = np.repeat(np.arange(left.size), end - first)
+        index = np.arange(cell.size) + np.repeat(first - np.append(0, np.cumsum(end - first)[:-1]), end - first)
+        times, values = seen[0][index], seen[1][index]
+    u = (times - left[cell]) / (last - left)[cell]
+    off = np.abs(cubic(scaled[cell], u) - values) > allowed
     return np.bincount(cell[off], minlength=left.size) > 0

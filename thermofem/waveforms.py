@@ -29,7 +29,7 @@ import numpy as np
 from . import checks
 from .arrays import Array, ArrayLike
 from .errors import Hint, InputError
-from .piecewise import Pieces, Sides, bounds, fitted, hermite, inside
+from .piecewise import Pieces, bounds, fitted, hermite, inside
 
 TIME_HINT = Hint("times are in s (did you mean 1e-6 for 1 us?)")
 ENDLESS = 1e12  # s: where a power that is held before its first and after its last change ends
@@ -55,22 +55,15 @@ class Waveform:
     @property
     def words(self) -> str:
         """A short description for labels and tables."""
-        return self._words()
-
-    def _words(self) -> str:
         return type(self).__name__.lower()
 
     def _unrolled(self, start: float, stop: float) -> Pieces:
-        """All pieces, or those of every period that touches [start, stop]; InputError for too many periods."""
-        whole = self.whole
-        if self.period is not None:
-            if (stop - start) / self.period > MOST_CYCLES:
-                raise InputError(
-                    f"{(stop - start) / self.period:.2g} periods of {self.period:g} s are more than {MOST_CYCLES:g}",
-                    "take a shorter run, or solve_periodic for settled heat",
-                )
-            return whole.repeated(start, stop)
-        return whole
+        """All pieces, or those of every period that touches [start, stop]."""
+        if self.period is None:
+            return self.whole
+        hint = "take a shorter run, or solve_periodic for settled heat"
+        checks.between(f"periods of {self.period:g} s", (stop - start) / self.period, 0, MOST_CYCLES, hint=hint)
+        return self.whole.repeated(start, stop)
 
     def _covering(self, start: float, stop: float) -> Pieces:
         """Pieces that hold [start, stop]; InputError where they do not reach that far."""
@@ -115,27 +108,18 @@ def _time(name: str, value: float, most: float = 10.0) -> None:
 
 
 class Steps(Waveform, ABC, stored=False):
-    """A power ``levels[k]`` in W, shape (n + 1,), between ``edges[k - 1]`` and ``edges[k]`` in s, shape (n,)."""
+    """A power that is constant between times of change."""
 
+    @property
     @abstractmethod
-    def _steps(self) -> tuple[Array, Array]:
-        """``edges`` and ``levels``."""
-
-    @cached_property
-    def edges(self) -> Array:
-        """Times of change in s."""
-        return self._steps()[0]
-
-    @cached_property
-    def levels(self) -> Array:
-        """Power between them in W."""
-        return self._steps()[1]
+    def steps(self) -> tuple[Array, Array]:
+        """Times of change in s, shape (n,), and the power in W before, between and after them, shape (n + 1,)."""
 
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
         """Constant pieces; the first and the last reach to `ENDLESS`."""
-        edges = np.concatenate([[-ENDLESS], self.edges, [ENDLESS]])
-        return Pieces(edges, np.asarray(self.levels, dtype=float)[:, None] * [1.0, 0.0, 0.0, 0.0])
+        edges, levels = self.steps
+        return Pieces(np.concatenate([[-ENDLESS], edges, [ENDLESS]]), np.multiply.outer(levels, [1.0, 0.0, 0.0, 0.0]))
 
 
 def _on_off(power: float, times: Array, duration: float) -> tuple[Array, Array]:
@@ -158,10 +142,14 @@ class Constant(Steps):
     def __post_init__(self) -> None:
         checks.power("power", self.power, zero=True)
 
-    def _words(self) -> str:
+    @property
+    def words(self) -> str:
+        """Kind, power and times."""
         return f"step {self.power * 1e3:g} mW"
 
-    def _steps(self) -> tuple[Array, Array]:
+    @property
+    def steps(self) -> tuple[Array, Array]:
+        """Times of change and levels."""
         return np.empty(0), np.array([self.power])
 
 
@@ -192,10 +180,14 @@ class Pulse(Steps):
         """End of the pulse in s."""
         return self.start + self.width
 
-    def _words(self) -> str:
+    @property
+    def words(self) -> str:
+        """Kind, power and times."""
         return f"pulse {self.power * 1e3:g} mW, {self.width * 1e6:g} us"
 
-    def _steps(self) -> tuple[Array, Array]:
+    @property
+    def steps(self) -> tuple[Array, Array]:
+        """Times of change and levels."""
         return np.array([self.start, self.stop]), np.array([0.0, self.power, 0.0])
 
 
@@ -219,18 +211,16 @@ class SquareWave(Waveform):
         _time("period", self.period)
         checks.between("duty", self.duty, 1e-6, 1 - 1e-6, hint="it is the fraction of the period that is on")
 
-    def _words(self) -> str:
-        return f"square wave {self.power * 1e3:g} mW, {self.period * 1e6:g} us, duty {self.duty:.3g}"
-
     @property
-    def on_time(self) -> float:
-        """Time on in each period, s."""
-        return self.duty * self.period
+    def words(self) -> str:
+        """Kind, power and times."""
+        return f"square wave {self.power * 1e3:g} mW, {self.period * 1e6:g} us, duty {self.duty:.3g}"
 
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
         """On, then off."""
-        return Pieces(np.array([0.0, self.on_time, self.period]), np.array([[self.power, 0, 0, 0], [0.0, 0, 0, 0]]))
+        edges = np.array([0.0, self.duty * self.period, self.period])
+        return Pieces(edges, np.array([[self.power, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]]))
 
 
 @dataclass(frozen=True)
@@ -258,10 +248,14 @@ class Telegraph(Steps):
         _time("dwell", self.dwell)
         _time("duration", self.duration, 1e6 * self.dwell)
 
-    def _words(self) -> str:
+    @property
+    def words(self) -> str:
+        """Kind, power and times."""
         return f"telegraph {self.power * 1e3:g} mW, {self.dwell * 1e6:.3g} us"
 
-    def _steps(self) -> tuple[Array, Array]:
+    @property
+    def steps(self) -> tuple[Array, Array]:
+        """Times of change and levels."""
         draw = np.random.default_rng(self.seed)
         times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
         return _on_off(self.power, times[times < self.duration], self.duration)
@@ -299,10 +293,14 @@ class Chirp(Steps):
         if self.first == self.last:
             raise InputError(f"first = last = {self.first:g} s do not differ", "take a SquareWave")
 
-    def _words(self) -> str:
+    @property
+    def words(self) -> str:
+        """Kind, power and times."""
         return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"
 
-    def _steps(self) -> tuple[Array, Array]:
+    @property
+    def steps(self) -> tuple[Array, Array]:
+        """Times of change and levels."""
         rate = np.log(self.first / self.last) / self.duration
         cycles = np.expm1(rate * self.duration) / (rate * self.first)
         phase = (np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]).ravel()[1:]
@@ -364,7 +362,8 @@ class Symbols(Steps):
         """End of the last symbol in s."""
         return self.start + np.size(self.values) / self.rate
 
-    def _steps(self) -> tuple[Array, Array]:
+    @cached_property
+    def steps(self) -> tuple[Array, Array]:
         """Ends of all nodes in s, and the power of every node in W, the bias before and after them."""
         count = np.size(self.mask)
         edges = self.start + np.arange(np.size(self.values) * count + 1) / (self.rate * count)
@@ -380,7 +379,8 @@ class Symbols(Steps):
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Ends of nodes inside, where the power changes."""
-        return inside(self.edges[self.levels[1:] != self.levels[:-1]], start, stop)
+        edges, levels = self.steps
+        return inside(edges[levels[1:] != levels[:-1]], start, stop)
 
 
 class Samples(Waveform, stored=False):
@@ -393,12 +393,9 @@ class Samples(Waveform, stored=False):
     def _check(self, values: Array) -> None:
         """Keep ``times`` as an array; InputError where it does not increase or does not belong to ``values``."""
         times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
-        if times.size != values.size or times.size < 2:
-            raise InputError(
-                f"times has {times.size} samples, {values.size} values belong to them", "give the same, at least 2"
-            )
-        if np.any(times[2:] == times[:-2]) or times[0] == times[1] or times[-1] == times[-2]:
-            raise InputError("times holds one time more than twice, or begins or ends with a jump")
+        checks.same_size(times=times, values=values)
+        if times.size < 2 or np.any(times[2:] == times[:-2]) or times[0] == times[1] or times[-1] == times[-2]:
+            raise InputError("times holds less than two, or one more than twice, or begins or ends with a jump")
         object.__setattr__(self, "times", times)
 
     @property
@@ -471,13 +468,9 @@ class PiecewiseCubic(Waveform):
     piecewise_linear: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        edges = checks.array("edges", self.edges, hint=TIME_HINT)
+        edges = checks.array("edges", self.edges, increasing=True, hint=TIME_HINT)
         coefficients = checks.numbers("coefficients", self.coefficients)
-        if coefficients.shape != (edges.size - 1, 4) or np.any(np.diff(edges) <= 0):
-            raise InputError(
-                f"edges has {edges.size} times and coefficients the shape {coefficients.shape}",
-                "n + 1 increasing times and a shape of (n, 4) are needed",
-            )
+        checks.shape("coefficients", coefficients, (edges.size - 1, 4))
         object.__setattr__(self, "edges", edges)
         object.__setattr__(self, "coefficients", coefficients)
 
@@ -587,10 +580,9 @@ class Function(Waveform, stored=False):
         for name, value in (("period", period), ("time_scale", time_scale)):
             if value is not None:
                 _time(name, value)
-        if period is not None and edges.size and (edges[0] < 0 or edges[-1] > period):
-            raise InputError(
-                f"breakpoints from {edges[0]:g} to {edges[-1]:g} s must lie within one period, 0 to {period:g} s"
-            )
+        if period is not None:
+            for edge in edges:
+                checks.between("breakpoints", edge, 0, period, unit="s", hint="they lie within one period")
         for name, given in {"f": f, "edges": edges, "period": period, "time_scale": time_scale}.items():
             object.__setattr__(self, name, given)
 
@@ -636,24 +628,13 @@ class Function(Waveform, stored=False):
         if repeat := self.period is not None and stop - start > MANY * self.period:
             first, last = 0.0, self.period
         marks = np.concatenate([[first], self.breakpoints(first, last), [last]])
-        sides = Sides(self, self.before, self.time_scale, "Function")
-        whole = fitted(sides, marks, tolerance)
+        whole = fitted(self, marks, tolerance)
         return whole.repeated(start, stop).window(start, stop) if repeat else whole
 
 
 def check_wave(name: str, value: Any) -> None:
     """Raise InputError for what is no waveform."""
     checks.instance(name, value, Waveform, hint="a waveform is needed, such as th.SquareWave(1e-3, 1e-6, 0.3)")
-
-
-def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Array, Array]:
-    """Straight pieces of a piecewise-linear waveform.
-
-    Returns edges, after, before [shapes (n + 1,), (n,), (n,)]: piece k runs from ``edges[k]`` at power ``after[k]`` to
-        ``edges[k + 1]`` at power ``before[k]``.
-    """
-    found = wave.pieces(start, stop)
-    return found.edges, found.coefficients[:, 0], found.ends
 
 
 def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
@@ -665,11 +646,9 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
     found = wave.pieces(start, stop, tolerance=tolerance)
     if not wave.piecewise_linear:
         low, high = bounds(found)
-        # 1e-6 of the largest power: what a cubic fit may fall below zero where the power is zero
-        if low < -1e-6 * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
-            if tolerance <= TOLERANCE:
-                raise InputError(f"the power of the {type(wave).__name__} falls to {low:g} W", "absorbed power heats")
-            heating_pieces(wave, start, stop)  # a finer fit tells a negative power from the error of a coarse one
+        # what a cubic fit may fall below zero where the power is zero; 1e-6 of the largest power is no cooling
+        if low < -max(1e-6, 2 * tolerance) * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
+            raise InputError(f"the power of the {type(wave).__name__} falls to {low:g} W", "absorbed power heats")
         checks.power("power", max(high, 0.0), zero=True)
     return found
 
@@ -712,11 +691,8 @@ def to_json(wave: Waveform) -> str:
 
     Raises InputError: a `Function` or another kind that no file can describe.
     """
-    if type(wave).__name__ not in KINDS:
-        raise InputError(
-            f"a {type(wave).__name__} cannot be written to a file",
-            "write its piecewise cubic over the run instead, th.waveforms.PiecewiseCubic.of(wave, 0, duration)",
-        )
+    hint = "of another kind, write the cubics over the run, th.waveforms.PiecewiseCubic.of(wave, 0, duration)"
+    checks.choice("kind of a waveform in a file", type(wave).__name__, KINDS, hint=hint)
     fields = {k: np.asarray(v).tolist() for k, v in asdict(wave).items()}  # type: ignore[call-overload]
     return json.dumps({"kind": type(wave).__name__, **fields})
 

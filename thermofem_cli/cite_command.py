@@ -11,9 +11,9 @@ import typer
 
 import surrogate
 import thermofem
+from thermofem import __version__
 from thermofem.data import files
 from thermofem.errors import InputError, one_line
-from thermofem.version import __version__
 
 from . import options
 from .command_files import expect

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import __version__, checks
 from thermofem.data.dataset import other_geometry
 from thermofem.data.files import check_target, write_whole
 from thermofem.models import ThermalModel
-from thermofem.version import __version__
 
 from ..arguments import check_detuning, check_power
 from ..contradictions import check_geometry

@@ -18,7 +18,7 @@ from ..contradictions import check_geometry
 from ..heaters import heater_powers, power_of
 from ..inputs import attribute, spans
 from ..resonator import RingResonator
-from ..runs.window import Window, provenance, traces
+from ..runs.window import Laser, Lights, Window, lights_of, provenance, traces
 from ..states import State
 from ..thermal import Compact, compact
 from .corrector import FEM, Corrector, beginning
@@ -179,12 +179,12 @@ def _dataset(
     from thermofem.data import dataset
     from thermofem.solving import fields
 
-    run = _joined(parts)
+    run = _joined(parts, lights_of(ring, [Laser(light["input_power"], light["detuning"])], 0.0, float(duration)))
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
     starts = np.array([part.run.time[0] for part in parts])
     data = xr.Dataset(
         {
-            **{name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
+            **traces(run, light),
             "passes": ("window", [part.passes for part in parts], {"units": "1", "long_name": "passes of the window"}),
             "discrepancy": ("window", [part.discrepancy for part in parts], kelvin),
             **heater_powers(getattr(loop.corrector, "heaters", {}), run.time),
@@ -228,16 +228,18 @@ def _dataset(
     return data
 
 
-def _joined(parts: list[Passed]) -> Window:
+def _joined(parts: list[Passed], lights: Lights) -> Window:
     """All windows as one, with the corrector's temperature; shared end points appear once."""
 
     def together(name: str) -> Any:
-        return np.concatenate([getattr(part.run, name)[(k > 0) :] for k, part in enumerate(parts)])
+        return np.concatenate([getattr(part.run, name)[..., (k > 0) :] for k, part in enumerate(parts)], axis=-1)
 
     rise = np.concatenate([part.delta_T[(k > 0) :] for k, part in enumerate(parts)])
-    joined = {name: together(name) for name in ("time", "field", "carriers", "absorbed", "absorbed_slope")}
+    joined = {name: together(name) for name in ("time", "fields", "carriers", "absorbed", "absorbed_slope")}
+    incoming, power = lights.incoming(joined["time"])
     counts = np.sum([part.run.counts for part in parts], axis=0)
-    return parts[-1].run._replace(**joined, delta_T=rise, counts=counts)
+    last = parts[-1].run
+    return last._replace(**joined, incoming=incoming, input_power=power, delta_T=rise, counts=counts, lights=lights)
 
 
 def _named(model: Compact) -> str:

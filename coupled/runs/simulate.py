@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from thermofem import Quadratic, checks
-from thermofem.arrays import ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
@@ -24,11 +24,8 @@ from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import Compact, attributes, dense_times, trusted
-from .lasers import Laser, check_lasers, further_fields, run_several, variables_of, varying
 from .resting import rest_near
-from .window import NO_TIMES, Event, Window, advance, provenance, traces
-
-ROWS = ("time", "field", "fields", "carriers", "delta_T", "absorbed", "incoming")  # over time
+from .window import NO_TIMES, Event, Laser, Window, advance, provenance, traces
 
 
 def simulate(
@@ -100,8 +97,8 @@ def simulate(
         the input of such a model that the light heats and the output that detunes it; with ``heaters`` by default the
         first input that is no heater, and the output of the same name.
     lasers : Laser or sequence of them, optional
-        further lasers: a probe or a second channel on another resonance, or light that beats on the same one
-        (`coupled.runs.lasers`). Not with ``event``. The lasers of a circuit are its own.
+        further lasers: a probe or a second channel on another resonance, or light that beats on the same one. The
+        lasers of a circuit are its own.
     average : bool
         of a circuit: whether ``mean_output``, what every detector shows, averaged from one time to the next, is kept.
     progress : callable, optional
@@ -156,6 +153,10 @@ def simulate(
     duration, rtol = check_run(ring, duration, rtol)
     doubts = check_geometry(ring, model)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
+    others = [
+        replace(one, power=power_in_time(one.power, duration), detuning=detuning_in_time(one.detuning, duration))
+        for one in checks.instances("lasers", lasers, Laser)
+    ]
     wanted = NO_TIMES if times is None else check_times(times, duration)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     picked = channels(model, heaters, heated, read)
@@ -164,61 +165,50 @@ def simulate(
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     known = attributes(small)
     begin = starting_point(initial, small.order, known.get("model_tau"), known.get("model_coefficient", 0.0))
-    others = check_lasers(lasers)
-    given = {"the power": light["input_power"], "the detuning": light["detuning"]}
-    given |= {f"the power of {name}": wave for name, wave in heat.powers.items()}
-    further: dict[str, Any] = {}
-    light_left: dict[str, Any] = {}
-    asked, kept = dense_times(model, wanted, float(duration))
-    run: Any
-    if others:
-        if event is not None:
-            raise checks.InputError("lasers goes without event; take a run of the first laser alone")
-        first = Laser(power, detuning)
-        further = varying(ring, [first, *others], float(duration))
-        run, resonances = run_several(
-            ring, small, begin, further_fields(initial), [first, *others], float(duration), offset=heat.rise, rtol=rtol,
-            method=chosen, times=asked, progress=progress,
-        )  # fmt: skip
-        run = _trusted(model, run, kept)
-        places = np.array([one.frequency for one in resonances[1:]])
-        light_left = {"final_fields": run.final_fields, "final_resonances": places, "lasers": 1 + len(others)}
-        seen = variables_of(run, resonances, light)
-    else:
-        run = advance(
-            ring, small, begin, 0.0, float(duration), power=light["input_power"], detuning=light["detuning"],
-            offset=heat.rise, rtol=rtol, method=chosen, times=asked, event=event, progress=progress,
-        )  # fmt: skip
-        run = _trusted(model, run, kept)
-        seen = {name: ("time", v, dataset.describe(name)) for name, v in traces(ring, run, light).items()}
+    asked, kept = dense_times(model, wanted, duration)
+    run = advance(
+        ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"], offset=heat.rise,
+        lasers=others, fields=_further_fields(initial), rtol=rtol, method=chosen, times=asked, event=event,
+        progress=progress,
+    )  # fmt: skip
+    trusted(model, run.delta_T)
     end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
-    return xr.Dataset(
-        {**seen, **heater_powers(heat.powers, run.time)},
+    heated_by = spans({f"the power of {name}": wave for name, wave in heat.powers.items()}, duration)
+    places = np.array([one.frequency for one in run.lights.resonances[1:]])
+    several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
+    found = xr.Dataset(
+        {**traces(run, light), **heater_powers(heat.powers, run.time)},
         {"time": ("time", run.time, dataset.describe("time"))},
         {
             **provenance(ring, light, duration),
             **doubts,
-            **attribute(spans(given, float(duration)) | further),
+            **attribute(run.lights.varying() | heated_by),
             **attributes(small),
             **({} if initial is None else {"initial": "given"}),
-            **({} if others else _resting(ring, small, light, heat.static(run.reached), run)),
-            "rtol": float(rtol),
+            **(several if others else _resting(ring, small, light, heat.static(run.reached), run)),
+            "rtol": rtol,
             "method": chosen.value,
             "steps": int(run.counts[0]),
             "rejected_steps": int(run.counts[1]),
             "final_state": end.as_array(),
             **({"crossings": run.crossings} if event else {}),
-            **light_left,
         },
     )
+    return found if kept.all() else found.isel(time=kept[: run.time.size])
 
 
-def _trusted(model: ThermalModel, run: Any, kept: NDArray[np.bool_]) -> Any:
-    """The wanted rows of a run, whose rise was compared at all of them with what the model describes."""
-    trusted(model, run.delta_T)
-    kept = kept[: run.time.size]
-    rows = [name for name in ROWS if name in run._fields]
-    return run if kept.all() else run._replace(**{name: getattr(run, name)[..., kept] for name in rows})
+def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
+    """Re and Im in sqrt(J) of the light where a run ended, by the frequency of each other resonance in Hz.
+
+    A resonance that no laser is on any more loses it within some lifetimes of its light, and is left out.
+    """
+    attrs = getattr(initial, "attrs", {})
+    fields, places = (
+        checks.array(f"initial.attrs[{name!r}]", np.ravel(attrs.get(name, ())), empty=True)
+        for name in ("final_fields", "final_resonances")
+    )
+    checks.shape("initial.attrs['final_fields']", fields, (2 * places.size,))
+    return dict(zip(places.tolist(), fields.reshape(-1, 2), strict=True))
 
 
 def _resting(ring: RingResonator, model: Compact, light: dict[str, Any], rise: float, run: Window) -> dict[str, Any]:

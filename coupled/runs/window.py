@@ -1,29 +1,32 @@
-"""Integration of a ring over one time window from a given state, and its traces; `simulate` and `cosimulate` use it."""
+"""Integration of a ring under its lasers over one time window from a given state; `simulate` and `cosimulate` use it.
+
+Every resonance that a laser is on has a field of its own. All share carriers and heat, and two-photon absorption and
+the Kerr effect of another resonance count twice. Lasers on one resonance beat.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, NDArray
-from thermofem.piecewise import Pieces, bounds
+from thermofem.arrays import Array, Complex, NDArray
+from thermofem.data import dataset
+from thermofem.piecewise import Pieces
 
-from ..arguments import ROUND_OFF
-from ..inputs import add, joint, largest, pieces, table
+from ..inputs import Input, Spans, add, beats, changes, integral, joint, largest, pieces, table, values
 from ..kernel import units as eq
-from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
+from ..kernel.integrator import Crossing, Drive, Problem
 from ..kernel.tableaus import Method
-from ..kernel.units import floor_of as floor_of
-from ..kernel.units import units as units
 from ..resonator import RingResonator, origin
 from ..states import State
 from ..thermal import Compact
 
-MAX_STEPS = 20_000_000  # ten seconds of work and 800 MB of accepted steps
+BEAT = 0.1  # of a beat, that a step may last
 QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
@@ -39,23 +42,95 @@ class Event(NamedTuple):
     stop: bool = True
 
 
+@dataclass(frozen=True)
+class Laser:
+    """A further laser on a ring.
+
+    Parameters
+    ----------
+    power : float, Waveform, or a list of both; W
+        in the bus waveguide.
+    detuning : float, Waveform, or a list of both; Hz
+        laser minus the cold resonance that it is near.
+    resonance : RingResonator, optional
+        the ring as light at that resonance sees it, such as ``replace(ring, frequency=194.4e12)``. By default the
+        resonance of the first laser, with whose field this one beats.
+    phase : float, rad
+        at t = 0, relative to the first laser of its resonance.
+
+    >>> Laser(power=1e-6, detuning=-2e9).phase
+    0.0
+    """
+
+    power: Input
+    detuning: Input = 0.0
+    resonance: RingResonator | None = None
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.plain(self)
+        checks.finite("phase", self.phase, unit="rad")
+        if self.resonance is not None:
+            hint = "give a ring, such as replace(ring, frequency=194e12)"
+            checks.instance("resonance", self.resonance, RingResonator, hint=hint)
+
+
+class Lights(NamedTuple):
+    """L lasers on F resonances of a ring over one window."""
+
+    resonances: list[RingResonator]
+    at: list[int]
+    """Resonance of every laser."""
+    powers: list[Pieces]
+    detunings: list[Pieces]
+    drive: Drive
+    beat: float
+    """The fastest on one resonance, rad/ns."""
+
+    def incoming(self, times: Array) -> tuple[Complex, Array]:
+        """Amplitudes in sqrt(W) and powers in W on every resonance at times in s, shape (F, n)."""
+        power = np.array([np.maximum(one(times), 0) for one in self.powers])
+        if len(power) == len(self.resonances):  # none shares its resonance
+            return np.sqrt(power) + 0j, power
+        amplitude = self.drive.entry @ (np.sqrt(power) * np.exp(1j * values(self.drive.phase, times)))
+        return amplitude, np.abs(amplitude) ** 2
+
+    def varying(self) -> dict[str, Spans]:
+        """When the lasers vary, and when several of different frequencies are on at one resonance."""
+        found: dict[str, Spans] = {}
+        for k, (power, detuning) in enumerate(zip(self.powers, self.detunings, strict=True), 1):
+            of = f" of laser {k}" if k > 1 else ""
+            found |= {f"the power{of}": changes(power), f"the detuning{of}": changes(detuning)}
+        for f in range(len(self.resonances)):
+            here = [k for k, own in enumerate(self.at) if own == f]
+            beating = beats([self.powers[k] for k in here], [self.detunings[k] for k in here])
+            found["the light" if f == 0 else f"the light of resonance {f + 1}"] = beating
+        return {name: when for name, when in found.items() if when}
+
+
 class Window(NamedTuple):
     """Result of `advance` in SI; rows are the accepted steps or the wanted times."""
 
     time: Array
-    field: NDArray[np.complex128]
+    fields: Complex
+    """sqrt(J), shape (resonances, times), as ``incoming`` in sqrt(W) and ``input_power`` in W."""
+    incoming: Complex
+    input_power: Array
     carriers: Array
     delta_T: Array
     absorbed: Array
     absorbed_slope: Array
     """dP_abs/dt in W/s: with ``absorbed`` a cubic Hermite spline as good as the steps."""
     final: State
+    further: Array
+    """Re and Im of the final fields of all resonances but the first, sqrt(J)."""
     reached: float
     step: float
     """The step that the integration would take next, s; give it as ``first_step`` of the window that follows."""
     crossings: Array
     counts: NDArray[np.int64]
     """Accepted and rejected steps."""
+    lights: Lights
 
 
 def advance(
@@ -68,10 +143,11 @@ def advance(
     power: Any,
     detuning: Any = 0.0,
     offset: Any = 0.0,
+    lasers: Sequence[Laser] = (),
+    fields: Mapping[float, Array] | None = None,
     rtol: float = 1e-6,
     method: Method | None = None,
     times: Array = NO_TIMES,
-    per_step: int = 1,
     first_step: float = 0.0,
     event: Event | None = None,
     slopes: bool = False,
@@ -85,39 +161,52 @@ def advance(
     start, stop [s]
     power, detuning, offset [W, Hz, K]: a number, a Waveform, `Pieces`, a SciPy PPoly of degree 3 or less, or a list of
         them, which add. The integration lands on every edge. The returned delta_T contains the offset.
+    lasers: further ones.
+    fields: Re and Im in sqrt(J) of the light on other resonances at ``start``, by their frequency in Hz.
     rtol, method: as in `simulate`.
     times [s]: wanted times; empty for the accepted steps.
-    per_step: rows for every accepted step.
-    slopes: whether absorbed_slope is computed; it is empty otherwise.
+    slopes: whether absorbed_slope is computed, of a ring with one laser; it is empty otherwise.
     first_step [s]: 0 for a cautious one.
     progress: as in `simulate`.
-    Raises InputError: a power below 0, inputs that do not cover the window, or too many steps.
+    Raises InputError: inputs that do not cover the window, or too many steps.
 
     Measured on the self-pulsing ring at (8 dBm, 0 GHz) with Rodas4 at rtol 1e-6 against 1e-11: the spline through
     (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.
     """
-    drive, (heat, bend) = drive_of(ring, start, stop, power, detuning, offset), eq.internal_heat(model)
-    rings = eq.internal_rings([ring], math.sqrt(drive.brightest[0]), model.thermal_resistance * eq.UW)
-    unit, (rates, _) = eq.units(np.size(state.thermal)), eq.internal_rates(ring)
+    lights = lights_of(ring, [Laser(power, detuning), *lasers], start, stop, offset)
+    resonances, drive, (heat, bend) = lights.resonances, lights.drive, eq.internal_heat(model)
+    rings = eq.internal_rings(resonances, math.sqrt(drive.brightest.max()), model.thermal_resistance * eq.UW)
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
-    run = Problem(rings._replace(bend=bend), heat, drive, chosen).integrate(
-        state.as_array() / unit, rtol=rtol, times=np.asarray(times) / eq.NS if np.size(times) else None,
-        per_step=per_step, first_step=first_step / eq.NS, event=_event(event),
-        progress=(lambda t: progress(t * eq.NS)) if progress else None,
+    problem, F = Problem(rings._replace(bend=bend), heat, drive, chosen), len(resonances)
+    unit = eq.units(problem.order)
+    own = state.as_array() / unit
+    others = np.ravel([(fields or {}).get(one.frequency, (0.0, 0.0)) for one in resonances[1:]]) / eq.FJ**0.5
+    run = problem.integrate(
+        np.concatenate([own[:2], others, own[2:]]), rtol=rtol, times=times / eq.NS if times.size else None,
+        longest=BEAT * 2 * math.pi / lights.beat if lights.beat else math.inf, first_step=first_step / eq.NS,
+        event=_event(event), progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
-    t, ar, ai, N, dT = run.rows.T
+    time, parts, (N, dT) = run.rows[:, 0] * eq.NS, run.rows[:, 1:-2].reshape(-1, F, 2).T, run.rows[:, -2:].T
+    U = parts[0] ** 2 + parts[1] ** 2
+    absorbed, fca, tpa = rings.modes[0, :, 1:4].T[:, :, None]
+    lost = absorbed + fca * N + tpa * (2 * U.sum(axis=0) - U)
+    incoming, input_power = lights.incoming(time)
     return Window(
-        time=t * eq.NS,
-        field=(ar + 1j * ai) * np.sqrt(eq.FJ),
+        time=time,
+        fields=(parts[0] + 1j * parts[1]) * eq.FJ**0.5,
+        incoming=incoming,
+        input_power=input_power,
         carriers=N * eq.DENSITY,
-        delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(t * eq.NS)),
-        absorbed=eq.absorbed_power(ar**2 + ai**2, N, rates) * eq.UW,
-        absorbed_slope=_absorbed_slope(run.rows, drive, rates) if slopes else NO_TIMES,
-        final=State.from_array(run.y * unit),
+        delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(time)),
+        absorbed=2 * (lost * U).sum(axis=0) * eq.UW,
+        absorbed_slope=_absorbed_slope(run.rows, drive, eq.internal_rates(ring)[0]) if slopes else NO_TIMES,
+        final=State.from_array(np.concatenate([run.y[:2], run.y[2 * F :]]) * unit),
+        further=run.y[2 : 2 * F] * eq.FJ**0.5,
         reached=run.t * eq.NS,
         step=run.step * eq.NS,
         crossings=run.crossings * eq.NS,
         counts=np.array([run.accepted, run.rejected]),
+        lights=lights,
     )
 
 
@@ -125,44 +214,41 @@ def _event(event: Event | None) -> Crossing | None:
     """The event in internal units."""
     if event is None:
         return None
-    if not isinstance(event, Event):
-        raise checks.InputError(f"event = {event!r} is no coupled.Event, such as coupled.Event('delta_T', 5.0)")
-    level = checks.finite("event.level", event.level)
+    checks.instance("event", event, Event, hint="give coupled.Event('delta_T', 5.0) or another")
+    level, stop = checks.finite("event.level", event.level), checks.flag("event.stop", event.stop)
     kind = QUANTITIES.index(checks.choice("event", event.quantity, QUANTITIES))
-    stop = checks.flag("event.stop", event.stop)
     return Crossing(1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], stop)
 
 
-def drive_of(ring: RingResonator, start: float, stop: float, power: Any, detuning: Any, offset: Any = 0.0) -> Drive:
-    """Power, detuning and temperature offset as the kernel takes them.
+def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: float, offset: Any = 0.0) -> Lights:
+    """The lasers as the kernel takes them, under a temperature offset in K; the first is on the ring's own resonance.
 
-    An offset shifts the resonance as a detuning of thermal_shift x offset does, so it becomes one.
+    An offset shifts a resonance as a detuning of thermal_shift x offset does, so it becomes one.
     """
-    if isinstance(power, float) and isinstance(detuning, float) and isinstance(offset, float) and power >= 0:
-        turned = eq.internal_detuning(detuning) + ring.thermal_shift * eq.NS * offset
-        constant = Drive.constant(eq.internal_pump(ring, power) ** 2, turned, 0.0)
-        edges = np.array([start / eq.NS, stop / eq.NS])
-        tables = {name: getattr(constant, name)._replace(edges=edges) for name in ("power", "phase", "detuning")}
-        return constant._replace(edges=edges, **tables)
-    P, nu, dT = (
-        pieces(name, value, start, stop)
-        for name, value in (("power", power), ("detuning", detuning), ("offset", offset))
+    resonances = list(dict.fromkeys([ring, *(one.resonance or ring for one in lasers)]))
+    at = [resonances.index(one.resonance or ring) for one in lasers]
+    first = [at.index(f) for f in range(len(resonances))]
+    powers = [pieces("power", one.power, start, stop) for one in lasers]
+    detunings = [pieces("detuning", one.detuning, start, stop) for one in lasers]
+    heat = pieces("offset", offset, start, stop)
+    inside, turns = [], []
+    for f, power, detuning in zip(at, powers, detunings, strict=True):
+        inside.append(power.times(2 * resonances[f].bus_rate * eq.NS / eq.UW))
+        turns.append(add([detuning.times(2 * np.pi * eq.NS), heat.times(resonances[f].thermal_shift * eq.NS)]))
+    none = Pieces.constant(start, stop, 0.0)
+    pairs = [(turn, turns[first[f]]) for f, turn in zip(at, turns, strict=True)]
+    apart = table([none if turn is own else add([turn, own.times(-1.0)]) for turn, own in pairs])
+    phase = integral(apart)
+    phase.coefficients[:, :, 0] += [one.phase - lasers[first[f]].phase for f, one in zip(at, lasers, strict=True)]
+    drive = Drive(
+        edges=joint(*inside, *turns) / eq.NS,
+        power=table(inside),
+        phase=phase,
+        detuning=table([turns[k] for k in first]),
+        entry=(np.array(at) == np.arange(len(resonances))[:, None]).astype(complex),
+        brightest=np.array([largest(power) for power in inside]),
     )
-    low, high = bounds(P)
-    if low < -ROUND_OFF * max(high, 1e-30):
-        raise checks.InputError(f"power falls to {low:g} W; it must not be negative (powers are in W)")
-    edges = joint(P, nu, dT)
-    turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)])
-    squared = P.times(2 * ring.bus_rate * eq.NS / eq.UW)
-    none = Polynomials(np.array([start, stop]) / eq.NS, np.zeros((1, 1, 1)))
-    return Drive(
-        edges / eq.NS,
-        table([squared]),
-        none,
-        table([turning]),
-        np.ones((1, 1), dtype=complex),
-        np.array([largest(squared)]),
-    )
+    return Lights(resonances, at, powers, detunings, drive, float(np.abs(apart.coefficients[:, :, 0]).max()))
 
 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
@@ -187,23 +273,38 @@ def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> d
     }
 
 
-def traces(ring: RingResonator, run: Window, light: dict[str, Any]) -> dict[str, Array]:
-    """All time traces of a run, in SI."""
-    U = np.abs(run.field) ** 2
-    stop = max(float(run.reached), float(run.time.max(initial=0.0)))
-    at = {
-        name: np.full(run.time.size, value) if isinstance(value, float) else pieces(name, value, 0.0, stop)(run.time)
-        for name, value in light.items()
-    }
-    traces = {
+def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
+    """Variables of a Dataset, in SI: those of the first resonance, and as probe_* those of all others.
+
+    light: power and detuning of the first laser, floats or functions of time.
+    """
+    U, resonances = np.abs(run.fields) ** 2, run.lights.resonances
+    bus, drop, scattering = (
+        np.array([[2 * getattr(one, name)] for one in resonances])
+        for name in ("bus_rate", "drop_bus_rate", "scattering_rate")
+    )
+    found: dict[str, Array] = {
         "energy": U,
         "carriers": run.carriers,
         "delta_T": run.delta_T,
-        "drop": 2 * ring.drop_bus_rate * U,
-        "through": np.abs(np.sqrt(np.maximum(at["input_power"], 0)) + 1j * math.sqrt(2 * ring.bus_rate) * run.field)
-        ** 2,
+        "drop": drop * U,
+        "through": np.abs(run.incoming + 1j * np.sqrt(bus) * run.fields) ** 2,
         "absorbed": run.absorbed,
     }
-    if ring.scattering_rate > 0:
-        traces["scattered"] = 2 * ring.scattering_rate * U
-    return traces | {name: at[name] for name, value in light.items() if not isinstance(value, float)}
+    if scattering.any():
+        found["scattered"] = scattering * U
+    found["input_power"] = run.input_power
+    if not isinstance(light["detuning"], float):
+        found["detuning"] = light["detuning"](run.time)
+    variables: dict[str, Any] = {}
+    for name, rows in found.items():
+        about, own = dataset.describe(name), rows if rows.ndim == 1 else rows[0]
+        if name != "input_power" or not isinstance(light[name], float) or np.any(own != own[:1]):
+            variables[name] = ("time", own, about)
+        if rows.ndim == 2 and len(resonances) > 1:
+            more = {"long_name": f"{about['long_name']}, other resonances"}
+            variables[f"probe_{name}"] = (("probe", "time"), rows[1:], about | more)
+    if len(resonances) > 1:
+        where = {"units": "Hz", "long_name": "cold resonance"}
+        variables["resonance"] = ("probe", np.array([one.frequency for one in resonances[1:]]), where)
+    return variables

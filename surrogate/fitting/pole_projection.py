@@ -34,9 +34,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import least_squares, nnls
 
 from thermofem import checks
-from thermofem.algebra.autocorrelation import FEWEST, autocorrelation, independent
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import Array
+from thermofem.arrays import FEWEST, Array, autocorrelation, independent
 from thermofem.data import quantity
 from thermofem.data.dataset import Response
 

@@ -17,7 +17,7 @@ import xarray as xr
 from scipy.sparse import csr_matrix
 
 from thermofem import Foster, StateSpace, checks
-from thermofem.algebra.krylov import check_pair
+from thermofem.algebra.factor import check_symmetric
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
 from thermofem.fem.heat_derivatives import ModalDerivative, tangents_of
@@ -253,7 +253,7 @@ def _model(
 def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     """K, M, the distinct columns of [B, C^T], and the index of the column of each input and each output."""
     K, M = -csr_matrix(system.A), csr_matrix(system.E)
-    check_pair(M, K, "this reduction and its bound need the matrices of heat flow")
+    check_symmetric(E=M, A=K, hint="this reduction and its bound need the matrices of heat flow")
     ports: list[Array] = []
     where: list[int] = []
     for column in (*np.asarray(system.B, dtype=float).T, *np.asarray(system.C, dtype=float)):

@@ -160,7 +160,7 @@ def test_simulate_reads_a_ring_file(folder):
         (["fit", "missing.nc"], "missing.nc does not exist"),
         (["fit", "square.nc", "--kind", "secondorder"], "did you mean 'second-order'"),
         (["fit", "square.nc", "--kind", "sindy"], "[[probe]] in the geometry and solve"),
-        (["fit", "square.nc", "square.nc", "--kind", "sindy"], "2 files: a SINDy network is identified from one"),
+        (["fit", "square.nc", "square.nc", "--kind", "sindy"], "takes one transient from rest, not 2 files"),
         (["reduce", "--tolerance", "-1"], "tolerance"),
         (["validate", "second.json", "--reference", "square.nc"], "square.nc"),
         (["validate", "second.json"], "judged by a --reference"),

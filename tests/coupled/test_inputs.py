@@ -18,7 +18,7 @@ from coupled.inputs import Pieces, bounds, pieces
 from coupled.kernel import units as eq
 from coupled.kernel.integrator import Problem
 from coupled.kernel.tableaus import Method, tableau
-from coupled.runs.window import advance, drive_of
+from coupled.runs.window import Laser, advance, lights_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9
 UNIT = np.array([np.sqrt(eq.FJ), np.sqrt(eq.FJ), eq.DENSITY, 1, 1])
@@ -46,7 +46,10 @@ def test_observed_order_under_moving_light(method):
     detuning = Pieces(np.array([0, 1.0]) * NS, np.array([[-3e9, 400e9 / NS, 2e12 / NS**2, -5e12 / NS**3]]))
     want = exact(start, [0, duration], power, detuning)[-1]
     heat, _ = eq.internal_heat(SECOND_ORDER)
-    rings, drive = eq.internal_rings([RING], 1.0, 1.0), drive_of(RING, 0.0, duration * NS, power, detuning)
+    rings, drive = (
+        eq.internal_rings([RING], 1.0, 1.0),
+        lights_of(RING, [Laser(power, detuning)], 0.0, duration * NS).drive,
+    )
     for n in (64, 128):
         h = duration / n  # of every step: any error is allowed
         run = Problem(rings, heat, drive, method).integrate(start, rtol=1e6, first_step=h, longest=h)

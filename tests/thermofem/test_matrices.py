@@ -43,11 +43,11 @@ def test_matrices_are_those_of_the_weak_form(strip, element):
     assert abs(capacity(basis, c) - M).max() < ROUND_OFF * abs(M).max()
 
 
-@pytest.mark.parametrize("installed", [True, False])
-def test_a_pencil_solves_every_combination_however_often_it_comes_back(strip, installed, monkeypatch):
+@pytest.mark.parametrize("small", [True, False])
+def test_a_pencil_solves_every_combination_however_often_it_comes_back(strip, small, monkeypatch):
     E, K = strip.discretization.E, strip.discretization.K
-    if not installed:
-        monkeypatch.setattr(factor, "_qdldl", lambda unknowns: None)
+    if not small:
+        monkeypatch.setattr(factor, "QDLDL_LIMIT", 0)
     pencil, rhs = Pencil(E, K), np.random.default_rng(1).normal(size=E.shape[0])
     for _ in range(factor.PATIENCE + 2):  # the shared place, and places of their own
         for a, b in ((1.0, 1e-9), (1.0, 0.0), (0.0, 1.0), (1.0, 1e-6)):
@@ -83,10 +83,10 @@ def test_a_matrix_is_symmetric_in_every_format_or_refused(form):
     other = B.copy()
     other.data[3] += 1e-3  # in the same places
     for symmetric in (B, 0 * B, csr_array((30, 30))):
-        factor.check_symmetric("A", stored(symmetric))
+        factor.check_symmetric(A=stored(symmetric), hint="")
     for wrong in (A, other, triu(B), B + np.nan * eye_array(30)):
         with pytest.raises(th.InputError, match="not symmetric"):
-            factor.check_symmetric("A", stored(wrong))
+            factor.check_symmetric(A=stored(wrong), hint="")
 
 
 @pytest.mark.parametrize("s", [0.0, 1e7])

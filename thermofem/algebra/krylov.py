@@ -8,55 +8,25 @@ the present space. A rotation then gives V^T M V = 1 and V^T K V = diag(rate). T
 Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..arrays import Array
 from .factor import Solve, check_symmetric, factorize
 
+if TYPE_CHECKING:
+    from ..models import StateSpace
+
 SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
 
-
-class LinearSystem(Protocol):
-    """E dx/dt = A x + B P, y = C x, with E and -A symmetric positive definite, sparse or dense."""
-
-    @property
-    def E(self) -> Any:
-        """Heat capacity, shape (n, n), J/K."""
-
-    @property
-    def A(self) -> Any:
-        """Minus the heat conduction, shape (n, n), W/K."""
-
-    @property
-    def B(self) -> NDArray[np.float64]:
-        """Heat that enters each state per watt, shape (n, inputs)."""
-
-    @property
-    def C(self) -> NDArray[np.float64]:
-        """Weight of each state in each output, shape (outputs, n)."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the heated parts."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the read parts."""
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-
-
-System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
 MUCH = 1e-6  # squared length of what a column of unit length adds, above which one more projection is enough
@@ -87,7 +57,7 @@ class Basis:
         """C V of functionals C (outputs, n), without the fields V."""
         return np.asarray((C @ self.fields) @ self.rotation)
 
-    def reduced(self, system: System) -> System:
+    def reduced(self, system: StateSpace) -> StateSpace:
         """The reduced model with the inputs and outputs of ``system``."""
         E, A = np.eye(self.rate.size), -np.diag(self.rate)
         return replace(system, E=E, A=A, B=self.heating, C=self.read(system.C))
@@ -99,7 +69,7 @@ class KrylovSpace:
     K, M [sparse matrix, shape (n, n)]: symmetric positive definite.
     B [shape (n, p)]
     smallest: a column of unit length is dropped when its squared remainder is below this value (round-off).
-    order: number of fields.
+    V, MV [shape (n, order)]: the fields as columns, and M times them.
     stiffness [shape (order, order)]: V^T K V.
     inside [shape (order, p)]: V^T B.
     remainder [shape (n, p)]: B - M V V^T B.
@@ -107,20 +77,13 @@ class KrylovSpace:
 
     def __init__(self, K: Any, M: Any, B: Array, smallest: float = 1e-16) -> None:
         self.K, self.M, self.B, self.smallest = K, M, B, smallest
-        self.order, self.stiffness = 0, np.empty((0, 0))
-        self.inside, self.remainder = np.empty((0, B.shape[1])), B
-        # 32: columns that a space has room for at first
-        self._V, self._MV = (np.empty((B.shape[0], 32), order="F") for _ in range(2))
+        self.V = self.MV = np.empty((B.shape[0], 0), order="F")
+        self.stiffness, self.inside, self.remainder = np.empty((0, 0)), np.empty((0, B.shape[1])), B
 
     @property
-    def V(self) -> Array:
-        """Basis fields as columns, shape (unknowns, order)."""
-        return self._V[:, : self.order]
-
-    @property
-    def MV(self) -> Array:
-        """M times the fields."""
-        return self._MV[:, : self.order]
+    def order(self) -> int:
+        """Number of fields."""
+        return self.V.shape[1]
 
     def extend(self, W: Array) -> bool:
         """Extend the space by the columns of W; False if they lie in it already."""
@@ -133,24 +96,12 @@ class KrylovSpace:
             return False
         KW = self.K @ W
         across, corner = self.V.T @ KW, W.T @ KW
-        self._append(W, MW)
+        self.V, self.MV = np.hstack([self.V, W]), np.hstack([self.MV, MW])
         self.stiffness = np.block([[self.stiffness, across], [across.T, symmetric_part(corner)]])
         inside = W.T @ self.remainder
         self.inside = np.vstack([self.inside, inside])
         self.remainder = self.remainder - MW @ inside
         return True
-
-    def _append(self, W: Array, MW: Array) -> None:
-        """New columns, in room made before."""
-        wanted = self.order + W.shape[1]
-        if wanted > self._V.shape[1]:
-            more = np.empty_like(self._V)
-            self._V, self._MV = (
-                np.asfortranarray(np.hstack([self._V, more])),
-                np.asfortranarray(np.hstack([self._MV, more])),
-            )
-        self._V[:, self.order : wanted], self._MV[:, self.order : wanted] = W, MW
-        self.order = wanted
 
 
 class Rounds(KrylovSpace):
@@ -164,7 +115,7 @@ class Rounds(KrylovSpace):
 
     def __init__(
         self,
-        system: LinearSystem,
+        system: StateSpace,
         shifts: Array,
         solvers: Sequence[Solve],
         start: Array | None = None,
@@ -215,12 +166,12 @@ class Rounds(KrylovSpace):
         return np.asarray((W - V @ inside) @ (turn / np.sqrt(left)))
 
 
-def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
+def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     """Return the basis of ``cycles`` rounds through four shifts, for all inputs at once; empty for 0 rounds.
 
     Raises InputError: a system that is not one of heat flow: E and -A symmetric positive definite.
     """
-    check_pair(system.E, system.A)
+    check_symmetric(E=system.E, A=system.A, hint=REFUSAL)
     if cycles == 0:
         none = np.empty((system.order, 0))
         return Basis(np.empty(0), none.T @ np.asarray(system.B, dtype=float), none, np.empty((0, 0)))
@@ -235,7 +186,7 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
     return space.basis()
 
 
-def rates(system: LinearSystem, static: Solve) -> tuple[float, float]:
+def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
     """Slowest and fastest rate in 1/s of the response of the heated parts: gain/content and initial slope/gain.
 
     Raises InputError: a static gain, a heat content or a heat capacity that is not positive.
@@ -258,12 +209,6 @@ def slopes(M: Any, B: Array) -> Array:
     lumped = B / M.diagonal()[:, None]
     inertia = np.einsum("ij,ij->j", lumped, M @ lumped)
     return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / inertia)
-
-
-def check_pair(E: Any, A: Any, hint: str = REFUSAL) -> None:
-    """Raise InputError unless E and A are symmetric: the factorization reads one triangle only."""
-    for name, matrix in (("E", E), ("A", A)):
-        check_symmetric(name, matrix, hint=hint)
 
 
 def orthonormal(

@@ -7,9 +7,8 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
-from ..waveforms import heating_pieces
 
-BLOCK = 2_000_000  # numbers of one evaluation, so that many times and poles need no more than 100 MB
+BLOCK = 100_000  # numbers of one evaluation, so that many times and poles need no more than 100 MB
 
 
 def phi(y: Array) -> Array:
@@ -36,29 +35,44 @@ def cubic_pole_responses(
     rate: Array, edges: Array, coefficients: Array, times: Array, *, periodic: bool = False
 ) -> Array:
     """Responses to a power given as cubics, rows of coefficients of (t - edges[k])^j; from rest at edges[0]."""
-    h = np.diff(edges)
-    decay = np.exp(np.multiply.outer(h, -rate))
     at_edges = np.zeros((edges.size, rate.size))
-    for first in range(0, h.size, BLOCK // rate.size + 1):
-        block = slice(first, first + BLOCK // rate.size + 1)
-        gained = _gained(rate, coefficients[block], h[block])
-        for k, step in enumerate(gained, start=first):
-            at_edges[k + 1] = at_edges[k] * decay[k] + step
+    for block in _blocks(edges.size - 1, rate.size):
+        decays, gained = _piece(rate, coefficients[block], np.diff(edges)[block])
+        for k, (decay, step) in enumerate(zip(decays.T, gained.T, strict=True), start=block.start):
+            at_edges[k + 1] = at_edges[k] * decay + step
     if periodic:
         at_edges += np.exp(np.multiply.outer(edges, -rate)) * (at_edges[-1] / -np.expm1(-rate * edges[-1]))
-    result = np.empty((times.size, rate.size))
-    for first in range(0, times.size, BLOCK // rate.size + 1):
-        block = slice(first, first + BLOCK // rate.size + 1)
+    result = np.empty((rate.size, times.size))
+    for block in _blocks(times.size, rate.size):
         piece = edges[1:-1].searchsorted(times[block], side="right")
-        u = times[block] - edges[piece]
-        result[block] = at_edges[piece] * np.exp(np.multiply.outer(u, -rate)) + _gained(rate, coefficients[piece], u)
-    return result
+        decay, gained = _piece(rate, coefficients[piece], times[block] - edges[piece])
+        decay *= at_edges.T.take(piece, axis=1)
+        result[:, block] = np.add(decay, gained, out=gained)
+    return result.T
 
 
-def _gained(rate: Array, coefficients: Array, u: Array) -> Array:
-    """sum_m c_m u^(m + 1) phi_m(rate u): response to the power since the start of each piece, shape (pieces, poles)."""
-    weights = coefficients * u[:, None] ** np.arange(1, 5)
-    return np.asarray(np.einsum("km,mkn->kn", weights, phi(np.multiply.outer(u, rate))))
+def _blocks(count: int, poles: int) -> list[slice]:
+    """Parts of ``count`` pieces or times that need no more than `BLOCK` numbers each."""
+    step = BLOCK // poles + 1
+    return [slice(first, min(first + step, count)) for first in range(0, count, step)]
+
+
+def _piece(rate: Array, coefficients: Array, u: Array) -> tuple[Array, Array]:
+    """exp(-rate u), and the response from rest to the power since the start of each piece, shape (poles, pieces).
+
+    Cubics take `phi`; straight lines need exp(-rate u) - 1 alone, or a series where rate u is small.
+    """
+    y = np.multiply.outer(rate, u)
+    if coefficients[:, 2:].any():
+        return np.exp(-y), np.einsum("mk,mnk->nk", coefficients.T * u ** np.arange(1, 5)[:, None], phi(y))
+    decay = np.expm1(-y)
+    gained = np.multiply.outer(-1 / rate, coefficients[:, 0])
+    gained *= decay
+    if coefficients[:, 1].any():
+        series = u * u * (0.5 - y / 6 + y * y / 24 - y**3 / 120)
+        gained += coefficients[:, 1] * np.where(y < 1e-3, series, (u + decay / rate[:, None]) / rate[:, None])
+    decay += 1
+    return decay, gained
 
 
 def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, periodic: bool = False) -> Array:
@@ -75,38 +89,4 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
     if t.min() < 0:
         raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
     stop = wave.period if periodic and wave.period else max(float(t.max()), np.finfo(float).tiny)
-    if not getattr(wave, "piecewise_linear", False):
-        return cubic_pole_responses(rate, *heating_pieces(wave, 0.0, stop), t, periodic=periodic)
-    edges, after, before = waveforms.linear_pieces(wave, 0.0, stop)
-    length = edges[1:] - edges[:-1]
-    slope, settled = (before - after) / length, np.divide.outer(after, rate)
-    ramps = slope.any()
-    # from an edge on x(u) = x(0) + (x(0) - P/rate) (exp(-rate u) - 1), and a ramp's share
-    fall = np.expm1(np.multiply.outer(length, -rate))
-    gained = -settled * fall
-    if ramps:
-        gained += slope[:, None] * _phi2(rate, length[:, None])
-    at_edges = np.zeros((edges.size, rate.size))
-    for k in range(after.size):
-        at_edges[k + 1] = at_edges[k] * (1 + fall[k]) + gained[k]
-    if periodic:
-        at_edges += np.exp(np.multiply.outer(edges, -rate)) * (at_edges[-1] / -np.expm1(-rate * edges[-1]))
-    start = at_edges[:-1]
-    piece = edges[1:-1].searchsorted(t, side="right")
-    u = t - edges.take(piece)
-    result = np.expm1(np.multiply.outer(-rate, u))  # poles first: long inner loops
-    result *= (start - settled).T.take(piece, axis=1)
-    result += start.T.take(piece, axis=1)
-    if ramps:
-        result += slope.take(piece) * _phi2(rate[:, None], u)
-    return result.T
-
-
-def _phi2(rate: Array, u: Array) -> Array:
-    """Response of one pole to a unit ramp, the integral of v exp(-rate (u - v)) for v from 0 to u.
-
-    A series is used for small ``rate`` ``u``, where the closed form loses digits.
-    """
-    z = rate * u
-    series = u * u * (0.5 - z / 6 + z * z / 24 - z**3 / 120)
-    return np.where(z < 1e-3, series, (u + np.expm1(-z) / rate) / rate)
+    return cubic_pole_responses(rate, *waveforms.heating_pieces(wave, 0.0, stop), t, periodic=periodic)

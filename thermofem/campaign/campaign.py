@@ -21,7 +21,7 @@ import numpy as np
 import xarray as xr
 from scipy.stats import qmc
 
-from .. import checks, waveforms
+from .. import __version__, checks, waveforms
 from ..data import files, netcdf
 from ..data.variables import known
 from ..errors import InputError, MissingLibraryError
@@ -32,7 +32,6 @@ from ..geometry.parameter_paths import check_once, place
 from ..geometry.section_parts import LIGHT
 from ..mesh.element_sizes import sizes
 from ..solving import solve, solve_periodic
-from ..version import __version__
 from . import campaign_file
 from .campaign_file import Drive, Value, Variation
 from .collection import NUMBERS, Folder, Row, write_collections

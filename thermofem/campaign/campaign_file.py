@@ -125,7 +125,7 @@ _DRIVE = {
 }  # fmt: skip
 _TRANSIENT = ("duration", "first", "spacing")
 MOST = 1_000_000  # points of a hypercube, values of a quantity, samples of a drive
-_UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
+_UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "1/m", "1/K", "")
 
 
 def fields(text: str, folder: Path) -> dict[str, Any]:

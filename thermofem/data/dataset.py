@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import checks, waveforms
+from .. import __version__, checks, waveforms
 from ..arrays import Array, ArrayLike
-from ..version import __version__
 from .column_units import unit_of
 from .data_doubts import clipping, contradictions, static_gain
 from .netcdf import SCHEMA, load, save

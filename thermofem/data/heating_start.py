@@ -17,9 +17,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from .. import checks
-from ..algebra.autocorrelation import independent
 from ..algebra.pole_responses import pole_responses
-from ..arrays import Array
+from ..arrays import Array, independent
 from ..checks import InputError
 from ..waveforms import Constant, Pulse, Sampled, Waveform
 from . import dataset, quantity

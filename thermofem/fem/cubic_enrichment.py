@@ -20,7 +20,6 @@ from skfem.refdom import RefTri
 
 from ..arrays import Array, NDArray
 from ..geometry.section_parts import LIGHT
-from ..optics.reading import light_integral
 from .probe_means import probe_integral
 from .surfaces import surface_terms
 from .weak_forms import element_capacity, element_conduction, volume
@@ -132,7 +131,7 @@ class Enrichment:
         """Functional of the mean over a region, a probe or the light, for the cubic functions."""
         functions, geometry, mesh = self.functions, heat.geometry, heat.mesh
         if name == LIGHT and heat.light is not None:
-            integral = light_integral(heat.light, functions)
+            integral = heat.light.light_integral(functions)
         elif name in mesh.region_names:
             integral = volume(functions, mesh.region == mesh.region_names.index(name))
         else:

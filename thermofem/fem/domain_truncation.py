@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import skfem
 
-from ..algebra.factor import solve_once
+from ..algebra.factor import factorize
 from ..arrays import Array, NDArray
 from ..mesh import Mesh
 from .mesh_division import resistances
@@ -60,9 +60,10 @@ class Wider:
         d = self.discretization
         loads = np.zeros((2, d.basis.N))
         loads[:, self.place] = [heat.discretization.means[name] for name in (heated, read)]
-        loads = loads[:, d.free]
-        fields = [solve_once(d.K, load) for load in loads[: 1 if heated == read else 2]]
-        return float(loads[1] @ fields[0]), float(fields[0] @ (self.beyond @ fields[-1]))
+        loads, solve = loads[:, d.free], factorize(d.K)
+        first = solve(loads[0])
+        second = first if heated == read else solve(loads[1])
+        return float(loads[1] @ first), float(first @ (self.beyond @ second))
 
 
 def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:

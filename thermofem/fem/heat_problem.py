@@ -22,7 +22,6 @@ from ..geometry.section_parts import LIGHT
 from ..materials.property_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
-from ..optics.reading import light_integral
 from ..transient.integration import Ledger
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
@@ -89,7 +88,7 @@ class HeatProblem:
         return (*self.regions, *(probe.name for probe in self.geometry.probes), *light)
 
     def with_light(self, mode: Mode) -> HeatProblem:
-        """The same problem with "light" as one more output: the temperature as a mode sees it, see `optics.reading`.
+        """The same problem with "light" as one more output: the temperature as a mode sees it, `Mode.light_integral`.
 
         A resonance moves by dw/w = -mode.thermo_optic times it. The mean over the core is within 0.3 % of it for a
         silicon strip; 10 ns after a step it errs by -4 % for a rib, +5 % for a disc, -9 % for a nitride strip.
@@ -104,7 +103,7 @@ class HeatProblem:
         """
         if LIGHT in self.regions or any(probe.name == LIGHT for probe in self.geometry.probes):
             raise checks.InputError(f"{self.geometry.name!r} has a region or probe called 'light'; rename it")
-        integral = light_integral(mode, self.discretization.basis)
+        integral = mode.light_integral(self.discretization.basis)
         means = {**self.discretization.means, LIGHT: integral / integral.sum()}
         return replace(self, light=mode, discretization=replace(self.discretization, means=means))
 

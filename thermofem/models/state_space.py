@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
-from ..algebra.krylov import REFUSAL, check_pair
+from ..algebra.krylov import REFUSAL
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
@@ -108,7 +108,7 @@ class StateSpace:
     @cached_property
     def _modal(self) -> Modal:
         """Transients in closed form; InputError where E or A is not symmetric."""
-        check_pair(self.E, self.A)
+        check_symmetric(E=self.E, A=self.A, hint=REFUSAL)
         return Modal(self)
 
     def _check_settles(self) -> None:
@@ -116,7 +116,7 @@ class StateSpace:
 
         A system that grows has a transient, but no static gain and no periodic state.
         """
-        check_pair(self.E, self.A)
+        check_symmetric(E=self.E, A=self.A, hint=REFUSAL)
         if self.order <= LARGEST:
             for name, matrix in (("E", self._sparse("E").toarray()), ("-A", -self._sparse("A").toarray())):
                 if not _definite(matrix):
@@ -258,8 +258,7 @@ def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
     Raises InputError: matrices that are not symmetric, E not positive definite, or a mode that does not decay.
     """
     E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (system.E, system.A))
-    for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
-        check_symmetric(name, matrix, hint="only a symmetric system is a Foster network")
+    check_symmetric(E=E, A=A, hint="only a symmetric system is a Foster network")
     try:
         rate, modes = eigh(-A, E)
     except LinAlgError:

@@ -20,14 +20,17 @@ part of the impedance that V does not contain, at the time scales of the step an
 estimate and the distance of the interpolation from two further stages are each kept below a share of the tolerance.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import Basis, LinearSystem
+from ..algebra.krylov import Basis
 from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
@@ -35,6 +38,9 @@ from .fast_part import Advanced, FastPart, FieldState, Inside, Piece
 from .integration import Ledger, between
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import Curvature, NonlinearEquations, NonlinearLedger, curvature, flow_of
+
+if TYPE_CHECKING:
+    from ..models import StateSpace
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
@@ -55,7 +61,7 @@ class FieldIntegrator:
 
     def __init__(
         self,
-        system: LinearSystem | NonlinearEquations,
+        system: StateSpace | NonlinearEquations,
         basis: Basis,
         *,
         tolerance: float,

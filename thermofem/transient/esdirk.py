@@ -5,18 +5,23 @@ Stage i solves (E - gamma h A) k_i = A (x + h sum_{j<i} a_ij k_j) + B P(t + c_i 
 Source: C. A. Kennedy, M. H. Carpenter, NASA/TM-2016-219173, ESDIRK4(3)6L[2]SA.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import LinearSystem
 from ..arrays import Array
 from ..waveforms import Waveform
+
+if TYPE_CHECKING:
+    from ..models import StateSpace
 
 _R2 = np.sqrt(2.0)
 GAMMA = 0.25
@@ -66,9 +71,7 @@ class Stepper:
     ``factors``: those of E and -A where the caller keeps them.
     """
 
-    def __init__(
-        self, system: LinearSystem, waves: Waveform | Sequence[Waveform], factors: Pencil | None = None
-    ) -> None:
+    def __init__(self, system: StateSpace, waves: Waveform | Sequence[Waveform], factors: Pencil | None = None) -> None:
         self.waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         if len(self.waves) != len(system.inputs):
             raise checks.InputError(f"{len(self.waves)} waveforms for the inputs {system.inputs}; one each is needed")

@@ -13,17 +13,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import LinearSystem
 from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
+
+if TYPE_CHECKING:
+    from ..models import StateSpace
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +90,7 @@ FINEST = 40  # step levels below the length of a piece before a run is given up
 
 
 def integrate(
-    system: LinearSystem | NonlinearEquations,
+    system: StateSpace | NonlinearEquations,
     waves: Waveform | Sequence[Waveform],
     times: ArrayLike,
     *,
@@ -134,7 +137,7 @@ def check_run(times: ArrayLike, snapshots: ArrayLike, rtol: float) -> tuple[Arra
 
 
 def integrate_periodic(
-    system: LinearSystem | NonlinearEquations,
+    system: StateSpace | NonlinearEquations,
     wave: Waveform,
     samples: int,
     *,
@@ -183,7 +186,7 @@ def integrate_periodic(
 
 
 def _stepper(
-    system: LinearSystem | NonlinearEquations, waves: Waveform | Sequence[Waveform], rtol: float, factors: Pencil | None
+    system: StateSpace | NonlinearEquations, waves: Waveform | Sequence[Waveform], rtol: float, factors: Pencil | None
 ) -> Stepper:
     if isinstance(system, NonlinearEquations):
         return NewtonStepper(system, waves, SAFETY * rtol, factors)

@@ -13,23 +13,28 @@ Sources: V. Druskin, L. Knizhnerman, M. Zaslavsky, SIAM J. Sci. Comput. 31, 3760
 parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..algebra.krylov import Basis, LinearSystem, Rounds, rates
+from ..algebra.krylov import Basis, Rounds, rates
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray
-from ..waveforms import Waveform, check_wave, linear_pieces
+from ..waveforms import Waveform, check_wave
 from .esdirk import FAR
 from .integration import Ledger, Trajectory, check_run
 from .nonlinear import NonlinearLedger
+
+if TYPE_CHECKING:
+    from ..models import StateSpace
 
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
@@ -66,7 +71,7 @@ class Modal:
 
     def __init__(
         self,
-        system: LinearSystem,
+        system: StateSpace,
         factors: Pencil | None = None,
         known: Array | None = None,
         contents: Array | None = None,
@@ -266,10 +271,10 @@ def _first(waves: Sequence[Waveform], wanted: Array) -> float:
     """Shortest time in s from a power `LOUDER` than all before it to the next wanted time."""
     shortest = np.inf
     for wave in waves if wanted[-1] else ():
-        edges, after, before = linear_pieces(wave, 0.0, float(wanted[-1]))
-        power = np.maximum(np.abs(after), np.abs(before))
+        lines = wave.pieces(0.0, float(wanted[-1]))
+        power = np.abs([lines.coefficients[:, 0], lines.ends]).max(axis=0)
         so_far = np.append(0.0, np.maximum.accumulate(power)[:-1])
-        starts = edges[:-1][power > LOUDER * so_far]
+        starts = lines.edges[:-1][power > LOUDER * so_far]
         at = wanted.searchsorted(starts * (1 + 5e-13), side="right")  # round-off behind an edge is on it
         following = np.append(wanted, np.inf)[at]
         shortest = min(shortest, float((following - starts).min(initial=np.inf)))

@@ -11,9 +11,9 @@ from thermofem import checks
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
-from .. import options
-from ..command_files import check_outputs, section_of
-from ..console import say, working, written, wrote
+from . import options
+from .command_files import check_outputs, section_of
+from .console import say, working, written, wrote
 
 
 def reduce(
