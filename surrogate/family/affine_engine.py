@@ -164,9 +164,9 @@ class AffineEngine:
         M_terms = _summed(M.reshape(-1, n, n), coefficients.capacity)
         inside = np.array([[owner == name for owner in self.grid.owner] for name in ports])[:, None]
         P, volumes = inside[..., None] * L, inside * volume
-        symmetric = ((x + x.transpose(0, 2, 1)) / 2 for x in (K_terms, M_terms))
+        K, M = ((x + x.transpose(0, 2, 1)) / 2 for x in (K_terms, M_terms))
         size = len(ports), -1
-        return AffineMembers(coefficients, *symmetric, P.reshape(*size, n), volumes.reshape(size), statics)
+        return AffineMembers(coefficients, K, M, P.reshape(*size, n), volumes.reshape(size), statics)
 
 
 def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:

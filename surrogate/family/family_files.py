@@ -101,7 +101,7 @@ def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
         raise checks.InputError(f"{path} is not a complete family: {error}") from None
 
 
-def _fields(content: dict[str, Any], a: dict[str, Array]) -> dict[str, Any]:
+def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:
     box, error, maps = _box(content["campaign"], a), content["error"], content.get("output_maps")
     inputs, outputs = (check_names(kind, content[kind]) for kind in ("inputs", "outputs"))
     if content["engine"].startswith("affine"):
@@ -143,8 +143,8 @@ def _box(stored: dict[str, Any], a: dict[str, Array]) -> Box:
 
 
 def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
-    axes = (Axis(a[f"{name}_base"], a[f"{name}_slope"]) for name in "rz")
-    grid = CellGrid(box, *axes, a["left"], a["lower"], content["owner"])
+    r, z = (Axis(a[f"{name}_base"], a[f"{name}_slope"]) for name in "rz")
+    grid = CellGrid(box, r, z, a["left"], a["lower"], content["owner"])
     surface = None
     if "surface" in content:
         series = [tuple(one) for one in content["surface"]["series"]]

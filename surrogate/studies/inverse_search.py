@@ -97,14 +97,12 @@ def _change(number: str, slope: Slope, start: float, end: float) -> float:
 
 def rise_time(model: Model) -> float:
     """Time from 10 to 90 % of the static rise after a step, in s; of an output map at small power."""
-    linear = getattr(model, "linear", model)
-    return _rise_time(np.asarray(linear.R), np.asarray(linear.tau))
+    return _rise_time(*_poles(model))
 
 
 def time_constant(model: Model) -> float:
     """Time in s after which a step has reached 1 - 1/e of its static rise; of an output map at small power."""
-    linear = getattr(model, "linear", model)
-    return _after(-np.expm1(-1.0), np.asarray(linear.R), np.asarray(linear.tau))
+    return _after(-np.expm1(-1.0), *_poles(model))
 
 
 def channel_steps(model: Any) -> list[dict[str, Any]] | None:
@@ -123,6 +121,11 @@ def channel_steps(model: Any) -> list[dict[str, Any]] | None:
             step = {"thermal_resistance": float(R.sum()), "rise_time": _rise_time(R, 1 / found.rate)}
             rows.append({"heated": heated, "read": read, **step})
     return rows
+
+
+def _poles(model: Model) -> tuple[Array, Array]:
+    linear = model.linear if isinstance(model, OutputMap) else model
+    return np.asarray(linear.R), np.asarray(linear.tau)
 
 
 def _rise_time(R: Array, tau: Array) -> float:
