@@ -338,7 +338,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
             lowest = 0.5 * self.flow.ambient  # a step that would cool far below ambient is cut short
             x = x + change * min(1.0, lowest / max(size, lowest) if change.min() < -lowest else 1.0)
             if size <= 1e-12 * np.abs(x).max() or (size <= 1e-9 * np.abs(x).max() and size >= last / 2):
-                self.flow.positive_slopes(x)
+                self.flow.slopes(x, positive=True)
                 return x
             last = size
         raise checks.InputError(
