@@ -183,10 +183,5 @@ def index_of(material: Material, wavelength: float, region: str) -> float:
             f"{region!r}: material {material.name!r} has no refractive index and lies within the mode's reach",
             f'give it in [material.{material.name}] index = 1.444, or "Si, Salzberg 1957", or move it away',
         )
-    try:
+    with prefixed(f"index of {material.name!r}, the material of {region!r}"):
         return material.index.index(wavelength)
-<<<<<<< HEAD
-=======
-    except InputError as error:
-        raise InputError(f"index of {material.name!r}, the material of {region!r}: {error}") from None
->>>>>>> main
