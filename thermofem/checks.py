@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import Hint, InputError, MissingLibraryError, one_line, shown  # noqa: F401 - as checks.InputError
+from .errors import Hint, InputError, MissingLibraryError, one_line, prefixed, shown  # noqa: F401 - as checks.InputError
 
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
 LARGEST = 1e100  # of any number: products of three are floats
@@ -150,6 +150,18 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
     """Raise InputError unless ``value`` has the attributes and is no class."""
     if isinstance(value, type) or not all(hasattr(value, attribute) for attribute in attributes):
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
+
+
+def ordered(first: str, low: float, second: str, high: float, *, unit: str = "", hint: str = "") -> None:
+    """Raise InputError unless ``low``, the value of ``first``, is below ``high``, that of ``second``."""
+    if not low < high:
+        raise InputError(_rule(f"{first} = {low:g} must be below {second} = {high:g}", unit), hint)
+
+
+def enough(name: str, count: int, least: int, what: str = "samples", *, hint: str = "") -> None:
+    """Raise InputError unless there are at least so many of something."""
+    if count < least:
+        raise InputError(f"{name} has {count} {what}; at least {least} are needed", hint)
 
 
 def instance(name: str, value: Any, *kinds: type, hint: str) -> None:

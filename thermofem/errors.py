@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+from collections.abc import Iterator
 from typing import Any
 
 MESSAGE = 1200  # characters of an error message
@@ -72,6 +74,22 @@ class InputError(ValueError):
     def __reduce__(self) -> tuple[type, tuple[str, str]]:
         """Made again in another process from both halves."""
         return type(self), (self.rule, self.hint)
+
+
+@contextlib.contextmanager
+def prefixed(prefix: str, *, text: bool = False) -> Iterator[None]:
+    """Begin the InputErrors of a block with ``prefix``, such as a file's name, unless they begin so already.
+
+    ``text`` takes the hint for someone who wrote quantities with units.
+    """
+    try:
+        yield
+    except InputError as error:
+        if error.rule.startswith(prefix.split(" = ")[0]):
+            raise
+        if text:
+            raise InputError(f"{prefix}: {error.for_text()}") from None
+        raise InputError(f"{prefix}: {error.rule}", error.hint) from None
 
 
 class MissingLibraryError(ImportError):

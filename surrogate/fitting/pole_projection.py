@@ -224,8 +224,7 @@ def optimum(problem: FitProblem, order: int) -> Optimum:
     Raises InputError: fewer samples than unknowns.
     """
     samples = problem.weight.size
-    if samples < 2 * order:
-        raise checks.InputError(f"data has {samples} samples; {order} poles need at least {2 * order}")
+    checks.enough("data", samples, 2 * order, hint=f"or take fewer than {order} poles")
     ends = [_descend(problem, start) for start in _starts(problem, order)]
     return _conclude(problem, min(ends, key=lambda end: end[1])[0])
 

@@ -30,7 +30,7 @@ def around_the_core(*distances):
     mesh = th.mesh.Mesh(grid.p.T.copy(), grid.t.T.copy(), region, names)
     k, rho_c = np.where(silicon, 130.0, 1.38), np.where(silicon, 2330 * 700.0, 2203 * 703.0)
     held = grid.facets_satisfying(lambda p: np.isclose(p[1], -32 * UM))
-    system = th.fem.discretize(mesh, k, rho_c, held=held).state_space(("core",), names[:-1])
+    system = th.fem.discretize(mesh, k, rho_c, th.fem.Surfaces(held=held)).state_space(("core",), names[:-1])
     rom = surrogate.reduce(system, 1e-3)
     return [foster(rom.model.channel("core", name)) for name in names[:-1]], names[:-1]
 

@@ -33,7 +33,7 @@ def nonlinear(d, k, c, k_law, c_law, *, heated="body"):
 def rod(n, k=2.0, c=3.0):
     """A column 0 < z < 1 held at both ends, nothing varies along r."""
     mesh = tensor_mesh(np.linspace(0, 1, max(n // 2, 1) + 1), np.linspace(0, 1, n + 1))
-    return th.fem.discretize(mesh, k, c, held=facets_where(mesh, lambda r, z: np.isclose(z % 1, 0)))
+    return th.fem.discretize(mesh, k, c, th.fem.Surfaces(held=facets_where(mesh, lambda r, z: np.isclose(z % 1, 0))))
 
 
 @pytest.mark.parametrize("law", [PowerLaw(-1.3), PowerLaw(0.8), th.materials.Polynomial((2e-3, 1e-5))], ids=str)

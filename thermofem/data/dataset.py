@@ -11,6 +11,7 @@ Attributes
 Data measured or simulated elsewhere trains like our own once it has time, power and delta_T.
 """
 
+import contextlib
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -165,8 +166,7 @@ def response_of(data: xr.Dataset) -> Response:
     if data["delta_T"].ndim != 1:
         raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core'), or --read core")
     rise = checks.array("data.delta_T", data["delta_T"].values)
-    if times.size < FEWEST:
-        raise checks.InputError(f"data has {times.size} samples; at least {FEWEST} are needed to train anything")
+    checks.enough("data", times.size, FEWEST)
     if np.ptp(rise) <= 0:
         raise checks.InputError("data.delta_T is constant; training needs a temperature that varies")
     checks.between("the span of data.time", np.ptp(times), *POSSIBLE, unit="s", hint="is time in another unit?")
@@ -238,11 +238,8 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
 
 def _response(k: int, datasets: Sequence[Any]) -> Response:
     """`response_of` of one Dataset of a list; the error says which one, as ``data[1]``."""
-    try:
+    with checks.prefixed(f"data[{k}]") if len(datasets) > 1 else contextlib.nullcontext():
         return response_of(datasets[k])
-    except checks.InputError as error:
-        place = f"data[{k}]: " if len(datasets) > 1 else ""
-        raise checks.InputError(place + error.rule, error.hint) from None
 
 
 def warn_of(responses: Sequence[Response]) -> None:

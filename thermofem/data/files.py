@@ -24,7 +24,7 @@ import filelock
 import tomli_w
 
 from .. import checks
-from ..checks import InputError, shown
+from ..checks import InputError, prefixed, shown
 from . import quantity
 
 T = TypeVar("T")
@@ -77,19 +77,15 @@ def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
 def read_json(path: str | Path, kind: str) -> Any:
     """Tree of a JSON file, see `from_json`; the error begins with the file."""
     text = read_text(path, kind)
-    try:
+    with prefixed(f"{path} cannot be read; is it complete?"):
         return from_json(text)
-    except InputError as error:
-        raise InputError(f"{path} cannot be read: {error}; is it complete?") from None
 
 
 def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
     """``read`` of the text of a TOML file; an InputError of it begins with the file."""
     text = read_text(path, kind)
-    try:
+    with prefixed(str(path), text=True):
         return read(text)
-    except InputError as error:
-        raise InputError(f"{path}: {error.for_text()}") from None
 
 
 def from_json(text: str) -> Any:

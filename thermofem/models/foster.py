@@ -215,8 +215,7 @@ def second_order(
     tau_s = checks.positive("tau_s", tau_s, unit="s", at_most=1e6, hint=hint)
     kappa = checks.positive("kappa", kappa, unit="1/s", at_most=1e12, hint="8.87e-4 /ns is 8.87e5 1/s")
     eta = checks.positive("eta", eta, at_most=100, hint="eta has no unit")
-    if tau_f >= tau_s:
-        raise checks.InputError(f"tau_f = {tau_f:g} s must be below tau_s = {tau_s:g} s; are they swapped?")
+    checks.ordered("tau_f", tau_f, "tau_s", tau_s, unit="s", hint="are they swapped?")
     fast, slow = 1 / tau_f, 1 / tau_s
     if not eta * slow <= kappa <= eta * fast:
         raise checks.InputError(

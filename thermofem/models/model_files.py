@@ -100,7 +100,7 @@ def load_model(path: str | Path) -> Any:
         no such file, not JSON, not a model, of a newer version, incomplete, or unphysical.
     """
     content, changed = _content(path)
-    try:
+    with checks.prefixed(str(path)):
         kind = checks.choice("kind", str(content.get("kind")), KINDS)
         model = KINDS[kind].from_json(content)
         written = model.to_json()
@@ -108,8 +108,6 @@ def load_model(path: str | Path) -> Any:
         for name, unit in written["units"].items():
             checks.choice(f"unit of {name}", units.get(name), (unit,), default=unit, hint="model files hold SI")
         _check_static(content.get("thermal_resistance"), written.get("thermal_resistance"), kind)
-    except checks.InputError as error:
-        raise checks.InputError(f"{path}: {error}") from None
     if changed:
         _log.warning(
             "%s was changed after thermofem wrote it: values or provenance are not those of then; error unknown",
