@@ -185,5 +185,8 @@ def index_of(material: Material, wavelength: float, region: str) -> float:
         )
     try:
         return material.index.index(wavelength)
+<<<<<<< HEAD
+=======
     except InputError as error:
         raise InputError(f"index of {material.name!r}, the material of {region!r}: {error}") from None
+>>>>>>> main
