@@ -358,8 +358,7 @@ def _target(name: str, trace: xr.Dataset) -> Target:
     t = checks.array(f"{name}.time", in_si(name, trace[["time"]])["time"].values, increasing=True)
     drop = checks.array(f"{name}.drop", trace["drop"].values)
     checks.same_size(time=t, drop=drop)
-    if np.count_nonzero(drop) < FEWEST:
-        raise checks.InputError(f"{name} has light in {np.count_nonzero(drop)} samples; at least {FEWEST} are needed")
+    checks.enough(f"{name}.drop", int(np.count_nonzero(drop)), FEWEST, "samples with light")
     cycle, light = observe(name, t, drop), trace.attrs
     power = check_power(light.get("input_power", light.get("power")), f"{name}.attrs['power']")
     detuning = check_detuning(light.get("detuning"), f"{name}.attrs['detuning']")
