@@ -102,7 +102,7 @@ def settled(
 ) -> Orbit:  # fmt: skip
     """Return the cycle on which the state ``y`` settles.
 
-    points [shape (k, 3)]: stable fixed points, rows (U, N, dT), as of `steady_states.stable_points`.
+    points [shape (k, 3)]: stable fixed points, rows (U, N, dT).
     longest [ns]: of the transient; ``slow`` says that it is short for the system's heat.
     where: the power and detuning, for messages.
     look: called between the parts of the transient; it may raise.

@@ -106,35 +106,22 @@ def kinds(omega: Array, growing: NDArray[np.intp]) -> NDArray[np.str_]:
 
 
 class Survey(NamedTuple):
-    """Every fixed point of m laser settings, sorted by setting and energy, and counts over the settings."""
+    """Every fixed point of m laser settings, sorted by setting and energy."""
 
     cell: NDArray[np.intp]
-    U: Array
-    D: Array
+    states: Array  # rows U, N, dT
     growth: Array  # 1/ns
     omega: Array  # rad/ns
     fastest: Array  # 1/ns, |lambda| of the mode that leaves fastest, 0 where none grows
-    points: NDArray[np.intp]  # shape (m,)
-    stable: NDArray[np.intp]  # shape (m,)
 
 
-def survey(pump: Array, detuning: Array, ring: InternalRing) -> Survey:
+def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> Survey:
     """Return the fixed points and their stability at laser settings in sqrt(fJ)/ns and rad/ns."""
     U, D, cell = fixed_points(pump, detuning, ring)
-    values = eigenvalues(U, D, ring)
-    growth, omega, growing = leading(values)
+    values, here = eigenvalues(U, D, ring), balance(U, ring)
+    growth, omega, _ = leading(values)
     fastest = np.where(values.real > 0, np.abs(values), 0.0).max(axis=1)
-    settings = np.broadcast(np.atleast_1d(pump), np.atleast_1d(detuning)).size
-    points, stable = (np.bincount(cell[which], minlength=settings) for which in (growing >= 0, growing == 0))
-    return Survey(cell, U, D, growth, omega, fastest, points, stable)
-
-
-def stable_points(pump: float, detuning: float, ring: InternalRing) -> Array:
-    """Return the stable fixed points at a laser setting, rows (U, N, dT), by increasing energy."""
-    found = survey(np.array([pump]), np.array([detuning]), ring)
-    U = found.U[found.growth <= 0]
-    here = balance(U, ring)
-    return np.stack([U, here.N, here.dT], axis=-1)
+    return Survey(cell, np.column_stack([U, here.N, here.dT]), growth, omega, fastest)
 
 
 def steady_states(

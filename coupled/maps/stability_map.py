@@ -70,7 +70,7 @@ def stability_map(
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, for the maps.
     """
     warm = constant(model, heaters, heated, read)
-    grid = grid_of(ring, powers, detunings, vary, results=("frequency",)).warmed(warm)
+    grid = grid_of(ring, powers, detunings, vary).warmed(warm)
     doubts = check_geometry(ring, model)
     small = warm.model
     fixed, stable, growth, omega = _survey(small, grid)
@@ -95,10 +95,13 @@ def _survey(model: Compact, grid: Grid) -> Array:
     if isinstance(model, OutputMap) and 2 * model.coefficient * model.thermal_resistance * largest <= -1:
         warn_at_top(model, f"the ring may absorb up to {largest:.2g} W at these powers")
     out = np.empty((4, len(points)))
-    for cells, found, _ in surveys(model, points):
+    for cells, found in surveys(model, points):
         if isinstance(found, InputError):
             raise found
+        every, stable = (
+            np.bincount(cell, minlength=cells.size) for cell in (found.cell, found.cell[found.growth <= 0])
+        )
         order = np.lexsort([found.growth, found.cell])
         least = order[np.searchsorted(found.cell[order], np.arange(cells.size))]
-        out[:, cells] = found.points, found.stable, found.growth[least] / NS, found.omega[least] / (2 * np.pi * NS)
+        out[:, cells] = every, stable, found.growth[least] / NS, found.omega[least] / (2 * np.pi * NS)
     return out.reshape(4, *(axis.size for axis in grid.axes))
