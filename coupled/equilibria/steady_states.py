@@ -1,15 +1,6 @@
 """All fixed points of laser settings, with their stability: eigenvalues of ring and heat at (U, D).
 
-The phase of the field does not matter at a fixed point, so a = sqrt(U). A perturbation exp(lambda t) of field, carriers
-and heat needs
-
-    (lambda + gamma) [(lambda + gamma_2)(lambda + rho) + alpha] + D^2 (lambda + rho)
-                - D [beta + kerr (lambda + rho) + Z(lambda) (heat (lambda + rho) + cross)] = 0
-    gamma_2 = gamma + 2 tpa U,     made = 4 g U^2,   alpha = fca made,   beta = S'(N) made,   rho = d(N/tau)/dN
-    heat = 4 thermal_shift (absorbed + fca N + 2 tpa U) U,     cross = 2 thermal_shift fca U made
-    kerr = 2 U times the Kerr shift of unit energy,            Z = d(dT)/dP at lambda
-
-Internal units as in `balance`.
+The phase of the field does not matter at a fixed point, so a = sqrt(U). Internal units as in `balance`.
 """
 
 from collections.abc import Mapping
@@ -18,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike, Complex, NDArray
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
@@ -30,42 +21,9 @@ from ..heaters import constant
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..thermal import provenance, trusted
-from .balance import InternalRing, absorbable, balance, dispersion, fixed_points, internal_ring
+from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
-
-Complex = NDArray[np.complex128]
-
-
-class Secular(NamedTuple):
-    """Coefficients of the equation of lambda, as in the module's equations; none depends on D."""
-
-    gamma: Array
-    gamma_2: Array
-    rho: Array
-    alpha: Array
-    beta: Array
-    heat: Array
-    cross: Array
-    kerr: Array
-
-
-def secular(U: ArrayLike, ring: InternalRing) -> tuple[Secular, Array]:
-    """Return the coefficients at the fixed points of the energies ``U``, and their absorbed powers in uW."""
-    U, rates, at = np.asarray(U, dtype=float), ring.rates, balance(U, ring)
-    made = 4 * rates.g * U * U
-    heat = 4 * rates.thermal_shift * (rates.absorbed + rates.fca * at.N + 2 * rates.tpa * U) * U
-    coefficients = Secular(
-        at.gamma,
-        at.gamma + 2 * rates.tpa * U,
-        (1 + rates.b * at.N * (2 + rates.a * at.N)) / (rates.tau0 * (1 + rates.a * at.N) ** 2),
-        rates.fca * made,
-        dispersion(at.N, ring.fcd)[1] * made,
-        heat,
-        2 * rates.thermal_shift * rates.fca * U * made,
-        2 * rates.kerr * U,
-    )
-    return coefficients, at.P_abs
 
 
 def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
@@ -97,12 +55,6 @@ def leading(values: Complex) -> tuple[Array, Array, NDArray[np.intp]]:
     # real, too, with |Im|/|lambda| below 1e-6: a double eigenvalue splits by the root of round-off
     omega = np.where(np.abs(first.imag) > 1e-6 * np.abs(first), np.abs(first.imag), 0.0)
     return first.real, omega, (values.real > 0).sum(axis=1)
-
-
-def kinds(omega: Array, growing: NDArray[np.intp]) -> NDArray[np.str_]:
-    """Return the kinds of fixed points in words, from what `leading` returns."""
-    unstable = np.where(omega > 0, "unstable focus", "unstable node")
-    return np.where(growing == 0, "stable", np.where(growing % 2, "saddle", unstable))
 
 
 class Survey(NamedTuple):
@@ -216,6 +168,7 @@ def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, power
     """Energy, carriers, rise, port powers and stability at fixed points (U, D; internal units), by name, in SI."""
     here = balance(U, at)
     growth, omega, growing = leading(eigenvalues(U, D, at))
+    unstable = np.where(growing % 2, "saddle", np.where(omega > 0, "unstable focus", "unstable node"))
     coupling, dropped = 2 * ring.bus_rate * NS, 2 * ring.drop_bus_rate * NS
     return {
         "energy": U * FJ,
@@ -226,5 +179,5 @@ def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, power
         "absorbed": here.P_abs * UW,
         "growth_rate": growth / NS,
         "frequency": omega / (2 * np.pi * NS),
-        "regime": kinds(omega, growing),
+        "regime": np.where(growing == 0, "stable", unstable),
     }
