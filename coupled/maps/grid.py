@@ -12,12 +12,8 @@ import numpy as np
 from thermofem import OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data.dataset import describe
-from thermofem.models import ThermalModel
-from thermofem.models.contract import bare
 
 from ..arguments import MOST_POINTS, check_axis, check_ring
-from ..contradictions import without_origin
-from ..cycles.limit_cycle import limit_cycle
 from ..equilibria.balance import absorbable, internal_ring
 from ..equilibria.steady_states import Survey, survey
 from ..heaters import ConstantHeating
@@ -25,7 +21,7 @@ from ..kernel.integrator import CAP
 from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
-from ..thermal import Compact, trusted
+from ..thermal import Compact
 from ..unknowns import check_counts, optical_names, varied
 
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
@@ -153,32 +149,3 @@ def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
         for k, ends in zip(cells, pairwise(np.searchsorted(found.cell, np.arange(cells.size + 1))), strict=True):
             out[k] = Fixed(every[slice(*ends)], found.growth[slice(*ends)])
     return out
-
-
-def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array | None = None) -> None:
-    """Warn OutsideTrainingWarning where the fixed points or the cycles that are likely the hottest exceed the training.
-
-    model: as the caller gave it; small: the same, compact.
-    swings [shape of the map; K]: of the rings that pulse, nan of others; None where they are not known.
-    """
-    if getattr(bare(model), "largest_rise", None) is None:
-        return
-    points = grid.points
-    rests = np.array([0.0 if isinstance(at, str) else at.every[:, 2].max() for at in fixed_of(small, points)])
-    hottest = [float(rests.max())]
-    if swings is not None and np.isfinite(swings).any():
-        own = swings.ravel()
-        rests[np.isnan(own)] = np.nan
-        likely = {int(np.nanargmax(values)) for values in (own, rests, own + rests)}
-        hottest += [_hottest(small, points[k]) for k in likely]
-    trusted(model, max(hottest))
-
-
-def _hottest(model: Compact, point: Point) -> float:
-    """The highest rise of the cycle at a point, K; 0 where it is not found."""
-    ring, power, detuning = point
-    try:
-        cycle = limit_cycle(ring, without_origin(model), power=power, detuning=detuning)
-    except checks.InputError:
-        return 0.0
-    return float(cycle["delta_T"].max())

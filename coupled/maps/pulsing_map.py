@@ -27,14 +27,14 @@ from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
 from ..runs.pulsing import FEWEST, Pulsing, Regime, classify, lasting
 from ..runs.resting import Rest
-from ..runs.window import advance
+from ..runs.window import Window, advance
 from ..states import State
-from ..thermal import Compact, long_enough, provenance
-from .grid import Fixed, Grid, Point, fixed_of, grid_of, trusted_map
+from ..thermal import Compact, long_enough, provenance, trusted
+from .grid import Fixed, Grid, Point, fixed_of, grid_of
 from .settled import Cell, settled_row
 
 FAILED = "failed"
-VERSION = 2  # of the lines of a file of a map: [row, cells, hash]
+VERSION = 3  # of the lines of a file of a map: [row, cells, hash]
 REGIMES = {FAILED, "bistable", *map(str, Regime)}
 
 
@@ -172,14 +172,12 @@ def pulsing_map(
     slow = any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row)
     if slow and not settled and long_enough(small) > duration:
         attrs["suggested_duration"] = long_enough(small)
-    columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in Cell._fields}
+    columns = {name: np.array([[getattr(cell, name) for cell in row] for row in rows]) for name in Cell._fields}
+    trusted(model, columns["rise"])
     variables: dict[str, Any] = {
-        name: (grid.names, np.array(columns[name]), dataset.describe(name))
-        for name in ("regime", "period", "duty", "swing")
+        name: (grid.names, columns[name], dataset.describe(name)) for name in ("regime", "period", "duty", "swing")
     }
-    variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
-    pulses = np.array(columns["regime"]) == str(Regime.SELF_PULSING)
-    trusted_map(model, small, grid, np.where(pulses, columns["swing"], np.nan))
+    variables["reason"] = (grid.names, columns["reason"], {"units": "1", "long_name": "why, in words"})
     return xr.Dataset(variables, grid.coordinates(), attrs | doubts)
 
 
@@ -232,8 +230,8 @@ def pulse(
     initial: State,
     rest: Rest | None = None,
     watch: Array | None = None,
-) -> tuple[Pulsing, State]:
-    """Return the result of ``pulsing(simulate(...))`` at constant power (W) and detuning (Hz), and the final state.
+) -> tuple[Pulsing, Window]:
+    """Return the result of ``pulsing(simulate(...))`` at constant power (W) and detuning (Hz), and the trace.
 
     The arguments are not checked, and no Dataset is made.
 
@@ -251,7 +249,7 @@ def pulse(
     found = classify(run.time, run.carriers, energy, run.delta_T, rtol=rtol, every_step=True)
     if found.regime == Regime.STABLE:
         found = lasting(found, run.time, energy, run.delta_T, rest)
-    return found, run.final
+    return found, run
 
 
 def _row(
@@ -265,11 +263,12 @@ def _row(
     for (ring, power, detuning), at in reversed(pairs) if follow == Follow.DOWN else pairs:
         rest = None if isinstance(at, str) else Rest(at.every[:, 0] * FJ, at.every[:, 2], at.growth / NS)
         try:
-            found, end = pulse(
+            found, run = pulse(
                 ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, rest=rest,
                 watch=watch,
             )  # fmt: skip
-            cells.append(Cell(str(found.regime), found.period, found.duty, found.swing, found.reason))
+            end, rise = run.final, float(max(run.delta_T.max(), *([] if rest is None else rest.delta_T)))
+            cells.append(Cell(str(found.regime), found.period, found.duty, found.swing, found.reason, rise))
         except (checks.InputError, RuntimeError) as error:
             cells.append(Cell(FAILED, reason=str(error)))
             end = cold
