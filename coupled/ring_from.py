@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 from scipy.constants import c
 
 import thermofem as th
@@ -20,10 +21,8 @@ from thermofem import checks
 from thermofem.checks import InputError
 from thermofem.data import quantity
 from thermofem.geometry import Bus
-from thermofem.geometry.parameter_paths import change
+from thermofem.optics import shape
 from thermofem.optics.coupler import MOST, TRUSTED, of_buses
-from thermofem.optics.ring_numbers import radiation_rate, ring_numbers
-from thermofem.optics.shape import ABOUT, Variation, variations
 
 from . import ring_toml
 from .carriers import ConstantLifetime
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     from thermofem.optics.coupler import Coupling
     from thermofem.optics.mode import Mode
 
-SMALL = 1e-5  # largest relative change in the differences of closed forms
+STEP = 1e-30  # of complex differences, which have no round-off
 
 
 class Origin(NamedTuple):
@@ -96,27 +95,17 @@ class MadeRing:
         InputError
             as `thermofem.optics.Mode.derivatives`.
         """
-        import xarray as xr
-
-        of_mode = self.mode.derivatives(parameters, **self._rules)
-        changes = [change(_section(self.mode), one) for one in parameters]
-        varied = variations(self.mode, changes)
-        at, rows = ring_numbers(self.mode, self._loss, [bus.power for bus in self._buses], **self._rules), []
-        for k, one in enumerate(varied):
-            slopes = {name: float(of_mode[name][k]) for name in ABOUT if name in at}
-            of_light = one.change.optical.get("light", {})
-            slopes |= {"loss": of_light.get("loss", 0.0), "wavelength": of_light.get("wavelength", 0.0)}
-            slopes["index"] = _index_slope(self.mode, one)
-            for number, bus in enumerate(self._buses):
-                made = bus.coupling
-                slopes[f"kappa {number}"] = made.derivative(one, slopes["n_eff"], bus.name) if made else 0.0
-            rows.append(_along(at, slopes, round(self.mode.order)))
-        units = ring_toml.UNITS
-        data = {
-            name: ("parameter", [row[name] for row in rows], {"units": f"{units.get(name, '1') or '1'} per unit"})
-            for name in rows[0]
-        }
-        return xr.Dataset(data, coords={name: of_mode[name] for name in ("parameter", "value", "unit")})
+        at, order = _numbers(self.mode, self._loss, self._buses, self._rules), round(self.mode.order)
+        varied, rows = shape.variations(self.mode.light, parameters), []
+        for one in varied:
+            slopes = shape.slopes(self.mode, one, **self._rules)
+            slopes["loss"] = one.change.optical.get("light", {}).get("loss", 0.0)
+            for k, bus in enumerate(self._buses):
+                slopes[f"kappa {k}"] = bus.coupling.derivative(one, bus.name) if bus.coupling else 0.0
+            moved = fields_of({name: value + 1j * STEP * slopes[name] for name, value in at.items()}, order)
+            kappas = {name.replace(" ", "_"): slope for name, slope in slopes.items() if name.startswith("kappa")}
+            rows.append({name: float(value.imag) / STEP for name, value in moved.items()} | kappas)
+        return shape.over_parameters(varied, rows, {name: (ring_toml.UNITS.get(name) or "1", name) for name in rows[0]})
 
 
 class _Bus(NamedTuple):
@@ -180,7 +169,7 @@ def ring_from(
     (6000.0, 'computed: mode TE0')
     """
     found = th.light(geometry, wavelength=wavelength).mode(mode)
-    section = _section(found)
+    section = found.light.geometry
     if section.kind != "ring":
         raise InputError(f"{section.name!r} is a straight section; a ring is needed")
     given = loss if loss is not None or section.light is None else section.light.loss
@@ -189,27 +178,29 @@ def ring_from(
     alpha = quantity.parse(given, "1/m", name="loss") if isinstance(given, str) else given
     hint = '7 dB/cm are 161 1/m; text such as "7 dB/cm" is taken, too'
     alpha = checks.between("loss", alpha, 0, 1e6, unit="1/m", hint=hint)
-    material = section.material_of(found.core)
-    base = base_of(base, material, found.wavelength)
+    base = base_of(base, section.material_of(found.core), found.wavelength)
     rules = {"dispersion": dispersion, "spread_carriers": spread_carriers}
     made = _buses(found, gap, coupling, straight, buses)
-    fields: dict[str, Any] = fields_of(
-        ring_numbers(found, alpha, [bus.power for bus in made], **rules), round(found.order)
-    )
-    fields["scattering_rate"] = radiation_rate(found)
+    fields: dict[str, Any] = fields_of(_numbers(found, alpha, made, rules), round(found.order))
+    fields["scattering_rate"] = found.radiation_rate
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
     ring_toml.tell_base(_name(base), base, fields)
     return MadeRing(ring, _origins(ring, base, found, made), found, alpha, made, rules)
 
 
-def _section(mode: Mode) -> CrossSection:
-    return mode.light.geometry  # type: ignore[union-attr]
+def _numbers(mode: Mode, loss: float, buses: Sequence[_Bus], rules: dict[str, bool]) -> dict[str, float]:
+    """The numbers of a mode, the loss of its guide, and kappa^2 of every bus."""
+    kappas = {f"kappa {k}": bus.power for k, bus in enumerate(buses)}
+    return shape.numbers(mode, **rules) | {"loss": loss} | kappas
 
 
-def fields_of(n: Mapping[str, float], order: int) -> dict[str, float]:
-    """Fields of the ring, as functions of `ring_numbers`; the order of the resonance is whole."""
+def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
+    """Fields of a ring of this order, as real or complex functions of the numbers of its mode, its loss and its buses.
+
+    n: as `thermofem.optics.shape.numbers`, and loss [1/m], "kappa 0" and "kappa 1" (kappa^2).
+    """
     length, speed = 2 * math.pi * n["radius"], c / n["n_g"]
-    rates = [-speed / (2 * length) * math.log1p(-n[name]) for name in n if name.startswith("kappa")]
+    rates = [-speed / (2 * length) * np.log1p(-n[name]) for name in n if name.startswith("kappa")]
     return {
         "frequency": c / n["wavelength"] + order * speed / length - n["n_eff"] * speed / n["wavelength"],
         "bus_rate": rates[0],
@@ -224,24 +215,6 @@ def fields_of(n: Mapping[str, float], order: int) -> dict[str, float]:
         "fca_confinement": n["core_fraction_3"],
         "fca_volume": n["volume_3"],
     }
-
-
-def _along(at: Mapping[str, float], slopes: Mapping[str, float], order: int) -> dict[str, float]:
-    """Derivatives of the fields and of kappa^2 along those of the numbers."""
-    largest = max(abs(slope / at[name]) for name, slope in slopes.items() if at[name])
-    h = SMALL / (largest or 1.0)
-    ahead, behind = (
-        fields_of({name: v + sign * h * slopes[name] for name, v in at.items()}, order) for sign in (1, -1)
-    )
-    kappas = {f"kappa_{k[-1]}": slope for k, slope in slopes.items() if k.startswith("kappa")}
-    return {name: (ahead[name] - behind[name]) / (2 * h) for name in ahead} | kappas
-
-
-def _index_slope(mode: Mode, one: Variation) -> float:
-    """d(index of the core)/d(parameter)."""
-    law = _section(mode).material_of(mode.core).index
-    of_wavelength = (law.index(mode.wavelength) - law.group_index(mode.wavelength)) / mode.wavelength  # type: ignore[union-attr]
-    return one.materials.get(mode.core_material, {}).get("index", 0.0) + of_wavelength * one.wavelength
 
 
 def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Sequence[_Bus]) -> dict[str, Origin]:
@@ -299,7 +272,7 @@ def base_of(base: RingResonator | None, material: Any, wavelength: float) -> Rin
 
 def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, count: int | None) -> tuple[_Bus, ...]:
     """kappa^2 of every bus, from the arguments or else from the [[bus]] tables."""
-    section = _section(mode)
+    section = mode.light.geometry
     if gap is not None and given is not None:
         raise InputError("gap and coupling are both given; give one of them, the gap in m or kappa^2")
     if gap is None and given is None and not section.buses:

@@ -357,7 +357,7 @@ def plot_mode(mode: Mode, ax: Axes | None = None) -> Axes:
     between = mode.window.region[f2t[0]] != mode.window.region[f2t[1]]
     ends = grid.p[:, grid.facets[:, grid.f2t[1] >= 0][:, between]]
     ax.plot(ends[0], ends[1], color="white", linewidth=0.6, alpha=0.8)
-    core = grid.p[:, grid.t[:, mode.window.inside(mode.core)]]
+    core = grid.p[:, grid.t[:, mode.window.inside(mode.core)[:, 0]]]
     (left, right), (low, high) = ((one.min(), one.max()) for one in core)
     ax.set(
         xlim=(left - 0.8, right + 0.8),

@@ -1,18 +1,151 @@
-"""The command line: ``thermofem solve | campaign | fit | reduce | validate | simulate | cosimulate | map | ...``.
+"""The program ``thermofem``: its commands, and the one place where errors become lines and exit codes.
 
-This package is the only one that imports thermofem, surrogate and coupled at once, and nothing imports it. A command
-is a function in a file ``NAME_command.py``, beside the others of its subject: `thermal` has those on heat and its
-models, `light` those on rings; those on any result stand here. To add one:
+This package is the only one that imports thermofem, surrogate and coupled at once. A command is a function in a file
+``NAME_command.py``; those on rings are in `light`. To add one:
 
 1. Write the function. Its parameters are the arguments and options, its docstring is the text of --help. What several
    commands share is declared in `options`, and so are the five options that every command has (--json .. --threads; a
-   command declares ``seed`` where it draws at random). Matplotlib alone is imported inside the function.
-   `command_files.check_outputs` comes before the work. Results are printed by `console.say`, hints by `console.note`,
-   names of written files by `console.wrote`; all numbers are returned in SI as a dict, which --json prints. An
-   InputError names the option, the value and the rule.
-2. Add one line to ``COMMANDS`` in `app`, and run ``python docs/generate.py``, which writes docs/commands.md.
+   command declares ``seed`` where it draws at random). Matplotlib alone is imported inside the function. Options that
+   exclude each other go through `options.unused`, and `command_files.check_outputs` comes before the work. Results are
+   printed by `console.say`, hints by `console.note`, names of written files by `console.wrote`; all numbers are
+   returned in SI as a dict, which --json prints. An InputError names the option, the value and the rule.
+2. Add one line to `COMMANDS`, and run ``python docs/generate.py``, which writes docs/commands.md.
 """
 
-from .app import app, main
+import os
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+import typer
+
+from thermofem import __version__
+from thermofem.errors import InputError, MissingLibraryError, one_line
+from thermofem.models import OutsideTrainingWarning
+
+from .cite_command import cite, reproduce
+from .console import note, print_numbers, settings
+from .design_command import design, uncertainty
+from .doctor_command import doctor
+from .export_command import export
+from .family_command import calibrate, family
+from .fit_command import fit
+from .light.explore_command import explore
+from .light.identify_command import identify
+from .light.map_command import map_, stability
+from .light.modes_command import modes, ring
+from .light.simulate_command import cosimulate, simulate
+from .options import with_common
+from .reduce_command import reduce
+from .show_command import show
+from .solve_command import campaign, solve
+from .validate_command import validate
 
 __all__ = ["app", "main"]
+
+UNFORESEEN = 70  # exit code, sysexits.h: an error of the software
+INTERRUPTED = 130  # exit code of shells after Ctrl-C
+COMMANDS: dict[str, Callable[..., Any]] = {
+    "solve": solve,
+    "campaign": campaign,
+    "fit": fit,
+    "reduce": reduce,
+    "validate": validate,
+    "family": family,
+    "design": design,
+    "uncertainty": uncertainty,
+    "calibrate": calibrate,
+    "simulate": simulate,
+    "map": map_,
+    "stability": stability,
+    "identify": identify,
+    "cosimulate": cosimulate,
+    "explore": explore,
+    "modes": modes,
+    "ring": ring,
+    "show": show,
+    "export": export,
+    "cite": cite,
+    "reproduce": reproduce,
+    "doctor": doctor,
+}
+
+
+def finish(numbers: Mapping[str, Any] | None, **_: Any) -> None:
+    """Print the numbers of a command under --json; exit with code 1 where a check did not pass."""
+    if settings.json and numbers is not None:
+        print_numbers(numbers)
+    if numbers and numbers.get("passed") is False:
+        raise typer.Exit(1)
+
+
+app = typer.Typer(
+    help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
+    epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png. "
+    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error, 130 interrupted.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    invoke_without_command=True,
+    pretty_exceptions_enable=False,
+    result_callback=finish,
+    rich_markup_mode=None,
+)
+for name, command in COMMANDS.items():
+    app.command(name, short_help=(command.__doc__ or "").partition("\n\n")[0])(with_common(command))
+
+
+@app.callback()
+def begin(
+    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+) -> None:
+    """Options of the whole program."""
+    settings.command = context.invoked_subcommand or ""
+    if version:
+        print(__version__)
+        raise typer.Exit
+    if not settings.command:
+        print(context.get_help())
+        raise typer.Exit(2)
+
+
+def main() -> None:
+    """Run the command line; an error of the user is one line on standard error.
+
+    Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error, 130 interrupted.
+    """
+    os.environ.setdefault("MPLBACKEND", "agg")  # figures are files
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("default", OutsideTrainingWarning)
+        code, error = _run()
+    for warning in caught:
+        note(f"warning: {warning.message}")
+    if error:
+        print(f"thermofem: {one_line(error)}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _run() -> tuple[int, str]:
+    """Exit code and message of the error, if any."""
+    try:
+        code = app(prog_name="thermofem", standalone_mode=False)
+    except InputError as error:
+        return 2, f"error: {error.for_text()}"
+    except MissingLibraryError as error:
+        return 2, f"error: {error}"
+    except OSError as error:
+        return 2, f"error: {error.strerror or error}" + (f": {error.filename}" if error.filename else "")
+    except MemoryError as error:
+        return 2, f"error: it needs more memory than there is ({error or 'MemoryError'})"
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except Exception as error:
+        if hasattr(error, "format_message"):  # wrong usage; typer does not export this class of click
+            context: Any = getattr(error, "ctx", None)
+            at = context.command_path if context else "thermofem"
+            return 2, f"error: {error.format_message().rstrip('.')}; `{at} --help` lists what there is"
+        if settings.verbose:
+            raise
+        what = f"unforeseen {type(error).__name__}: {error}"
+        return UNFORESEEN, f"error: {what}; --verbose shows where; please report it"
+    return (code, "interrupted" if code == INTERRUPTED else "") if isinstance(code, int) else (0, "")

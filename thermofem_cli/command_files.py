@@ -8,10 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
+
 import coupled
 import surrogate
 from coupled import RingResonator
-from thermofem import CrossSection, checks
+from thermofem import CrossSection, checks, strip_ring
 from thermofem.data import files
 from thermofem.errors import InputError
 from thermofem.models import ThermalModel
@@ -36,8 +38,14 @@ MAKES = {
     ("model", "data"): "thermofem fit {} -o model.json",
     ("model", "table"): "thermofem fit {} --power '1 mW' -o model.json",
     ("data", "geometry"): "thermofem solve {} -o heat.nc",
+    ("data", "table"): "thermofem.save(thermofem.read_trace('{}', ...), 'data.nc')",
 }
-RING_KEYS = {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_rate", "carriers", "dispersion"}
+# kind of a TOML file -> keys of which one is enough to tell it
+TABLES = {
+    "campaign": {"vary", "drive", "geometry"},
+    "geometry": {"layer", "part", "outer_radius"},
+    "ring": {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_rate", "carriers", "dispersion"},
+}
 
 
 def expect(path: Path | None, *wanted: str) -> None:
@@ -54,38 +62,24 @@ def expect(path: Path | None, *wanted: str) -> None:
 
 def kind_of(path: Path) -> str | None:
     """Kind of a file, one of `KINDS`; None where it is unreadable, damaged or of another kind."""
+    ending = path.suffix.lower()
     try:
         with files.regular(path).open("rb") as file:
             first = file.read(6)
         if first == b"\x89HDF\r\n":
-            return _of_netcdf(path)
-        if first[:4] == b"PK\x03\x04" and path.suffix.lower() == ".json":
+            with h5py.File(path, "r") as tree:  # data are heat over time; runs with light, maps and indices are results
+                return "data" if "time" in tree and "carriers" not in tree else "result"
+        if ending == ".toml":
+            keys = files.from_toml(files.read_text(path, "TOML")).keys()
+            return next((kind for kind, own in TABLES.items() if keys & own), None)
+        if ending == ".json" and first[:4] == b"PK\x03\x04":
             return "family"
-        if path.suffix.lower() == ".toml":
-            return _of_toml(set(files.from_toml(files.read_text(path, "TOML"))))
-        if path.suffix.lower() == ".json":
+        if ending == ".json":
             loaded = files.read_json(path, "JSON")
             return "model" if isinstance(loaded, dict) and "format" in loaded else None
     except (OSError, InputError):
         return None
-    return None if path.suffix.lower() in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py") else "table"
-
-
-def _of_netcdf(path: Path) -> str | None:
-    """Kind of a netCDF file: data where there is heat over time; runs with light, maps and indices are results."""
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        names = set(file)
-    return "data" if "time" in names and "carriers" not in names else "result"
-
-
-def _of_toml(keys: set[str]) -> str | None:
-    if keys & {"vary", "drive", "geometry"}:
-        return "campaign"
-    if keys & {"layer", "part", "outer_radius"}:
-        return "geometry"
-    return "ring" if keys & RING_KEYS else None
+    return None if ending in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py") else "table"
 
 
 def check_outputs(
@@ -95,16 +89,13 @@ def check_outputs(
     inputs: Iterable[Path | str | None] = (),
 ) -> None:
     """InputError unless every output can be written, is no input and no other output, and images have an ending."""
-    read = {os.path.realpath(path) for path in inputs if path}
-    taken: set[str] = set()
+    taken = {os.path.realpath(path): "read and written at once" for path in inputs if path}
     for path in filter(None, outputs):
         files.check_target(path)
         where = os.path.realpath(path)
-        if where in read:
-            raise InputError(f"{path} would be read and written at once; give it another name")
         if where in taken:
-            raise InputError(f"{path} would be written twice; give it another name")
-        taken.add(where)
+            raise InputError(f"{path} would be {taken[where]}; give it another name")
+        taken[where] = "written twice"
     for path in filter(None, images):
         files.check_image(path)
 
@@ -115,19 +106,18 @@ def about(paths: Sequence[Path]) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        if any(str(path) in str(error) for path in paths) or error.rule.startswith("--"):
-            raise
+        said = error.for_text()
         if len(paths) > 1:
-            raise InputError(re.sub(r"\bdata\[(\d+)\]", lambda k: str(paths[int(k[1])]), error.for_text())) from None
-        raise InputError(f"{paths[0]}: {error.for_text()}") from None
+            said = re.sub(r"\bdata\[(\d+)\]", lambda k: str(paths[int(k[1])]), said)
+        elif str(paths[0]) not in said and not said.startswith("--"):
+            said = f"{paths[0]}: {said}"
+        raise InputError(said) from None
 
 
 def section_of(path: Path | None) -> CrossSection:
     """Geometry of a file, or the reference strip."""
-    import thermofem as th
-
     expect(path, "geometry")
-    return th.CrossSection.from_toml(path) if path else th.strip_ring()
+    return CrossSection.from_toml(path) if path else strip_ring()
 
 
 def ring_of(given: str) -> RingResonator:

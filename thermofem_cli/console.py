@@ -126,36 +126,16 @@ class Messages(logging.Handler):
 logging.getLogger("thermofem").addHandler(Messages())
 
 
-def set_json(value: bool) -> bool:
-    """Callback of --json."""
-    settings.json = value
-    return value
-
-
-def set_quiet(value: bool) -> bool:
-    """Callback of --quiet: of the log, errors alone."""
-    settings.quiet = value
-    logging.getLogger("thermofem").setLevel(logging.ERROR if value else logging.WARNING)
-    return value
-
-
-def set_verbose(value: bool) -> bool:
-    """Callback of --verbose, which is read after --quiet: everything of the log."""
-    settings.verbose = value
-    if value:
-        logging.getLogger("thermofem").setLevel(logging.DEBUG)
-    return value
-
-
-def set_threads(count: int | None) -> int | None:
-    """Callback of --threads: bound the threads of BLAS and of compiled code, here and in worker processes."""
-    settings.threads = count
-    if count is not None:
+def configure(*, json: bool, quiet: bool, verbose: bool, threads: int | None) -> None:
+    """Apply the options of every command: what is printed of the log, and the threads of BLAS and compiled code."""
+    settings.json, settings.quiet, settings.verbose, settings.threads = json, quiet, verbose, threads
+    level = logging.DEBUG if verbose else logging.ERROR if quiet else logging.WARNING
+    logging.getLogger("thermofem").setLevel(level)
+    if threads is not None:
         from threadpoolctl import threadpool_limits
 
-        os.environ.update(dict.fromkeys(THREADS, str(count)))
-        threadpool_limits(count)
-    return count
+        os.environ.update(dict.fromkeys(THREADS, str(threads)))  # of worker processes
+        threadpool_limits(threads)
 
 
 def written(value: float, unit: str, error: float | None = None) -> str:

@@ -14,70 +14,69 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import typer
 from scipy.constants import c
 
 import coupled
 import thermofem as th
-from coupled import Laser, RingResonator
+from coupled import RingResonator
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.errors import InputError
 
+from .options import unused
+
+NAMED = re.compile(r"^\s*([^=]*[^\s=])\s*=\s*(.*\S)\s*$")
 PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
+RANGE = "FIRST, LAST: two quantities, such as"
 FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START] or AMOUNT sine FREQUENCY"
 
 
-def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
-    """Names and values of a repeatable option 'NAME=VALUE'; InputError for another form, or a name given twice."""
-    found: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        name = "/".join(part.strip() for part in name.split("/"))
-        if not (name and equals and value):
-            raise InputError(f"{option} {text!r} is not of the form NAME=VALUE, such as {example!r}")
-        if name in found:
-            raise InputError(f"{option} {name!r} is given twice; give it once")
-        found[name] = value
-    return found
-
-
 @contextlib.contextmanager
-def naming(options: str) -> Iterator[None]:
-    """Begin an InputError about numbers with the options that gave them."""
+def reading(option: str, form: str = "") -> Iterator[None]:
+    """Begin an InputError with the option that gave the text; a text that is not of the ``form`` raises one, too."""
     try:
         yield
-    except InputError as error:
-        if error.rule.startswith(options.split(" = ")[0]):
-            raise
-        raise InputError(f"{options}: {error.for_text()}") from None
+    except ValueError as error:
+        said = error.for_text() if isinstance(error, InputError) else f"not of the form {form}"
+        raise InputError(said if said.startswith("--") else f"{option}: {said}") from None
 
 
-def heating(power: str, pulse: str | None, square: str | None, duty: float | None) -> th.waveforms.Waveform:
+def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
+    """Names and values of a repeatable option 'NAME=VALUE', each name once."""
+    found = []
+    for text in texts:
+        with reading(f"{option} {text!r}", f"NAME=VALUE, such as {example!r}"):
+            ((name, value),) = NAMED.findall(text)
+        found.append((name, value))
+    checks.unique(option, [name for name, _ in found])
+    return dict(found)
+
+
+def heating(
+    context: typer.Context, power: str, pulse: str | None, square: str | None, duty: float | None
+) -> th.waveforms.Waveform:
     """Waveform of --power, --pulse, --square and --duty: a step, unless one of the others is given."""
-    watts = quantity.not_negative(power, "W", name="--power")
-    if pulse is not None and square is not None:
-        raise InputError(f"--pulse {pulse} and --square {square} exclude each other; give one")
-    if duty is not None and square is None:
-        raise InputError(f"--duty {duty} goes with --square: a pulse or a step has no duty cycle")
-    if duty is not None:
-        checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
     if pulse is not None:
-        width = quantity.positive(pulse, "s", name="--pulse")
-        with naming(f"--power {power} with --pulse {pulse}"):
-            return th.Pulse(watts, width)
+        unused(context, "and --pulse exclude each other", "square")
+    if square is None:
+        unused(context, "goes with --square: a pulse or a step has no duty cycle", "duty")
+    watts = quantity.not_negative(power, "W", name="--power")
+    if pulse is not None:
+        with reading(f"--power {power} with --pulse {pulse}"):
+            return th.Pulse(watts, quantity.positive(pulse, "s", name="--pulse"))
     if square is not None:
-        period, share = quantity.positive(square, "s", name="--square"), 1 / 3 if duty is None else duty
-        with naming(f"--power {power} with --square {square}"):
-            return th.SquareWave(watts, period, share)
-    with naming(f"--power {power}"):
+        with reading(f"--power {power} with --square {square}"):
+            return th.SquareWave(
+                watts, quantity.positive(square, "s", name="--square"), 1 / 3 if duty is None else duty
+            )
+    with reading(f"--power {power}"):
         return th.Constant(watts)
 
 
 def times_of(texts: list[str] | None) -> tuple[float, ...]:
     """Times in s of --field-times '1 us, 5 us', which may be repeated; in order."""
-    given = [part.strip() for text in texts or [] for part in text.split(",") if part.strip()]
-    if texts and not given:
-        raise InputError(f"--field-times {texts[0]!r} names no time; give '1 us' or '1 us, 5 us'")
+    given = [part.strip() for text in texts or [] for part in text.split(",")]
     return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
 
 
@@ -103,29 +102,15 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
     return float(c / (wavelength + distance) - ring.frequency)
 
 
-def pair(text: str, name: str) -> list[str]:
-    """The two texts of 'first, last'."""
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 2:
-        raise InputError(f"{name} = {text!r} must be two quantities with a comma, such as '3 dBm, 10 dBm'")
-    return parts
-
-
 def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[Any, Any]:
     """Axes of a map: powers in W, evenly spaced in dBm, and detunings in Hz."""
-    low, high = (quantity.positive(part, "W", name="--power") for part in pair(power, "--power"))
-    if low >= high:
-        raise InputError(f"--power = {power!r}: the first must be below the second")
-    try:
-        n, m = (int(part) for part in points.split(","))
-    except ValueError:
-        raise InputError(f"--points = {points!r} must be two whole numbers, such as '20, 20'") from None
-    if not (2 <= n <= 2000 and 2 <= m <= 2000):
-        raise InputError(f"--points = {points!r} must lie between 2 and 2000")
-    ends = sorted(detuning_of(part, ring) for part in pair(detuning, "--detuning"))
-    if ends[0] == ends[1]:
-        raise InputError(f"--detuning = {detuning!r}: the two are equal")
-    return np.geomspace(low, high, n), np.linspace(ends[0], ends[1], m)
+    with reading(f"--power = {power!r}", f"{RANGE} '3 dBm, 10 dBm'"):
+        low, high = sorted(quantity.positive(part.strip(), "W", name="--power") for part in power.split(","))
+    with reading(f"--detuning = {detuning!r}", f"{RANGE} '-30 GHz, 30 GHz'"):
+        first, last = sorted(detuning_of(part.strip(), ring) for part in detuning.split(","))
+    with reading(f"--points = {points!r}", "N, M: two whole numbers, such as '20, 20'"):
+        n, m = (checks.integer("--points", int(part), 2, 2000) for part in points.split(","))
+    return np.geomspace(low, high, n), np.linspace(first, last, m)
 
 
 def heater_powers(texts: list[str] | None, duration: float = math.inf) -> dict[str, Any]:
@@ -136,11 +121,8 @@ def heater_powers(texts: list[str] | None, duration: float = math.inf) -> dict[s
 
 def steady_heaters(texts: list[str] | None) -> dict[str, float]:
     """Constant powers of heaters by name."""
-    found = heater_powers(texts)
-    for name, power in found.items():
-        if not isinstance(power, float):
-            raise InputError(f"--heater {name} varies in time; a map takes constant powers, such as '{name}=5 mW'")
-    return found
+    given = assigned("--heater", texts or [], "heater=5 mW")
+    return {name: quantity.not_negative(power, "W", name=f"--heater {name}") for name, power in given.items()}
 
 
 def light(
@@ -152,11 +134,11 @@ def light(
         "detuning": detuning_of(detuning, ring),
     }
     if sweep is not None:
-        parts = [part.strip() for part in sweep.split(",")]
-        swept = begins_with("--sweep", parts[0])
-        values = [quantity.parse(part, "Hz" if swept == "detuning" else "W", name="--sweep") for part in parts]
-        if len(values) < 2:
-            raise InputError(f"--sweep = {sweep!r} must be two quantities or more, such as '20 GHz, -40 GHz'")
+        with reading(f"--sweep = {sweep!r}", "two quantities or more, such as '20 GHz, -40 GHz'"):
+            first, second, *rest = (part.strip() for part in sweep.split(","))
+        swept = begins_with("--sweep", first)
+        unit = "Hz" if swept == "detuning" else "W"
+        values = [quantity.parse(part, unit, name="--sweep") for part in (first, second, *rest)]
         found[swept] = coupled.Sweep([duration * k / (len(values) - 1) for k in range(len(values))], values)
     for text in modulate or []:
         name = begins_with("--modulate", text)
@@ -165,33 +147,29 @@ def light(
     return found
 
 
-def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.inf) -> list[Laser]:
+def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.inf) -> list[coupled.Laser]:
     """Further lasers, of constant or varying power, in a run of some duration in s."""
-    from coupled import Laser
-
+    form = "POWER DETUNING [on OFFSET], such as '8 dBm 0 GHz' or '1 mW pulse 10 ns, -5 GHz on 1.5 THz'"
     found = []
     for text in texts or []:
-        light, on, offset = (part.strip() for part in text.partition(" on "))
-        both = light.rsplit(",", 1) if "," in light else (match.groups() if (match := PAIR.fullmatch(light)) else ())
-        if len(both) != 2 or (on and not offset):
-            raise InputError(
-                f"--laser {text!r} is not of the form POWER DETUNING [on OFFSET], such as '8 dBm 0 GHz' or "
-                "'1 mW pulse 10 ns, -5 GHz on 1.5 THz'"
-            )
-        at = replace(ring, frequency=ring.frequency + detuning_of(offset, ring, "--laser")) if on else None
-        power = varying("--laser", both[0].strip(), "W", duration)
-        found.append(Laser(power, detuning_of(both[1].strip(), at or ring, "--laser"), at))
+        light, _, offset = text.partition(" on ")
+        with reading(f"--laser {text!r}", form):
+            first, second = (part.strip() for part in PAIR.sub(r"\1,\2", light.strip()).rsplit(",", 1))
+        at = replace(ring, frequency=ring.frequency + detuning_of(offset.strip(), ring, "--laser")) if offset else None
+        found.append(
+            coupled.Laser(varying("--laser", first, "W", duration), detuning_of(second, at or ring, "--laser"), at)
+        )
     return found
 
 
 def begins_with(option: str, text: str) -> str:
     """Whether a text begins with a "detuning" (a frequency) or a "power"."""
     amount = _split(text)[0]
-    for name, unit in (("detuning", "Hz"), ("power", "W")):
-        with contextlib.suppress(InputError):
-            quantity.parse(amount, unit, name=option)
-            return name
-    raise InputError(f"{option} = {text!r} begins with neither a detuning, such as 20 GHz, nor a power, such as 1 mW")
+    with contextlib.suppress(InputError):
+        quantity.parse(amount, "Hz", name=option)
+        return "detuning"
+    quantity.parse(amount, "W", name=option)
+    return "power"
 
 
 def _split(text: str) -> tuple[str, str, str]:
@@ -204,52 +182,35 @@ def _split(text: str) -> tuple[str, str, str]:
 
 
 def varying(option: str, text: str, unit: str, duration: float = math.inf) -> Any:
-    """A number, or a function of time, in W or Hz.
+    """A number, or a function of time, in W or Hz, in a run of ``duration`` in s.
 
-    Raises InputError: a text of another form, a quantity with another unit or out of range, or a pulse that begins when
-        the run of ``duration`` in s is over.
+    Raises InputError: a text of another form, a quantity with another unit or out of range, too many breakpoints, or a
+        pulse that begins when the run is over.
     """
-    with naming(f"{option} = {text!r}"):
-        return _varying(option, text, unit, duration)
-
-
-def _varying(option: str, text: str, unit: str, duration: float) -> Any:
     amount, word, rest = _split(text)
-    if word and not rest:
-        raise InputError(f"{option} = {text!r} ends after {word!r}; the forms are {FORMS}")
-    value = (quantity.not_negative if unit == "W" and word != "sine" else quantity.parse)(amount, unit, name=option)
-    if not word:
-        return float(value)
-    if word == "sine":
-        rate = quantity.positive(rest, "Hz", name=option)
-        return _within(th.Function(lambda t: value * np.sin(2 * np.pi * rate * t), period=1 / rate), duration)
     first, _, second = rest.partition(" duty " if word == "square" else " at ")
-    length = quantity.positive(first, "s", name=option)
-    if word == "pulse":
-        start = quantity.not_negative(second, "s", name=option) if second else 0.0
-        if start >= duration:
-            raise InputError(f"{option} = {text!r} begins after the run of {quantity.write(duration, 's')}")
-        if unit == "W":
-            return th.Pulse(value, length, start)
-        edges = [start, start + length] if start else [length]
-        return th.Function(lambda t: value * ((t >= start) & (t < start + length)), edges)
-    share = _share(option, text, second)
-    if unit == "W":
-        return _within(th.SquareWave(value, length, share), duration)
-    on = share * length
-    return _within(th.Function(lambda t: value * ((t >= 0) & (t < on)), [on], period=length), duration)
-
-
-def _within(wave: Any, duration: float) -> Any:
-    """The wave, checked: InputError where it has too many breakpoints in a run of ``duration``."""
-    if duration < math.inf:
-        wave.breakpoints(0.0, duration)
-    return wave
-
-
-def _share(option: str, text: str, given: str) -> float:
-    try:
-        share = float(given) if given else 0.5
-    except ValueError:
-        raise InputError(f"{option} = {text!r} is not of the form {FORMS}") from None
-    return checks.between(f"duty of {option}", share, 1e-6, 1 - 1e-6, hint="the share of the period that is on")
+    with reading(f"{option} = {text!r}", FORMS):
+        value = (quantity.not_negative if unit == "W" and word != "sine" else quantity.parse)(amount, unit, name=option)
+        if not word:
+            return float(value)
+        if word == "pulse":
+            start = quantity.not_negative(second or "0 s", "s", name=option)
+            length = quantity.positive(first, "s", name=option)
+            if start >= duration:
+                raise InputError(f"{option} = {text!r} begins after the run of {quantity.write(duration, 's')}")
+            if unit == "W":
+                return th.Pulse(value, length, start)
+            edges = [start, start + length] if start else [length]
+            return th.Function(lambda t: value * ((t >= start) & (t < start + length)), edges)
+        if word == "sine":
+            rate = quantity.positive(rest, "Hz", name=option)
+            wave: Any = th.Function(lambda t: value * np.sin(2 * np.pi * rate * t), period=1 / rate)
+        else:
+            period = quantity.positive(first, "s", name=option)
+            share = checks.between("duty", float(second or 0.5), 1e-6, 1 - 1e-6, hint="the share that is on")
+            on = share * period
+            wave = th.Function(lambda t: value * ((t >= 0) & (t < on)), [on], period=period)
+            wave = th.SquareWave(value, period, share) if unit == "W" else wave
+        if duration < math.inf:
+            wave.breakpoints(0.0, duration)  # refuses too many
+        return wave

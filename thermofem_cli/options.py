@@ -15,33 +15,16 @@ from thermofem.errors import InputError, MissingLibraryError
 
 from . import console
 
-# of every command; a command declares those alone that it reads
-Json = Annotated[
-    bool,
-    typer.Option(
-        "--json",
-        callback=console.set_json,
-        help="Print results as JSON on standard output and messages on standard error.",
-    ),
-]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", callback=console.set_quiet, help="Print results alone, no messages.")
-]
-Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", callback=console.set_verbose, help="Print details of each step.")
-]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of what is drawn at random.")]
-Threads = Annotated[
-    int | None,
-    typer.Option(min=1, max=1024, callback=console.set_threads, help="Threads to use; default: one for each CPU."),
-]
-
+JSON = "Print results as JSON on standard output and messages on standard error."
+THREADS = "Threads to use; default: one for each CPU."
+# of every command; one that reads ``seed`` declares it
 EVERYWHERE: dict[str, tuple[Any, Any]] = {
-    "json": (Json, False),
-    "quiet": (Quiet, False),
-    "verbose": (Verbose, False),
+    "json": (Annotated[bool, typer.Option("--json", help=JSON)], False),
+    "quiet": (Annotated[bool, typer.Option("--quiet", "-q", help="Print results alone, no messages.")], False),
+    "verbose": (Annotated[bool, typer.Option("--verbose", "-v", help="Print details of each step.")], False),
     "seed": (Seed, 0),
-    "threads": (Threads, None),
+    "threads": (Annotated[int | None, typer.Option(min=1, max=1024, help=THREADS)], None),
 }
 
 Geometry = Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")]
@@ -117,43 +100,41 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
 
 def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of `EVERYWHERE` to a command; it is called with those alone that it declares."""
-    own = inspect.signature(command, eval_str=True)
-    rest = {name: value for name, value in own.parameters.items() if name not in EVERYWHERE}
-    common = [
-        inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
+    own = inspect.signature(command, eval_str=True).parameters
+    common = {
+        name: inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         for name, (kind, default) in EVERYWHERE.items()
-    ]
+    }
+    rest = [value for name, value in own.items() if name not in common]
 
     @functools.wraps(command)
-    def run(**given: Any) -> Any:
-        return command(**{name: value for name, value in given.items() if name in own.parameters})
+    def run(json: bool, quiet: bool, verbose: bool, threads: int | None, **given: Any) -> Any:
+        console.configure(json=json, quiet=quiet, verbose=verbose, threads=threads)
+        return command(**{name: value for name, value in given.items() if name in own})
 
-    shown = [own.parameters.get(one.name, one) for one in common]
-    run.__signature__ = own.replace(parameters=[*rest.values(), *shown])  # type: ignore[attr-defined]  # typer reads it
+    parameters = [*rest, *(own.get(name, one) for name, one in common.items())]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
     return run
 
 
 @contextlib.contextmanager
-def executor_of(scheduler: str | None, workers: int | None = None) -> Iterator[Executor | None]:
-    """Yield a Dask cluster at an address, or worker processes, as an Executor; None where neither is asked for.
+def executor_of(context: typer.Context, scheduler: str | None, workers: int = 1) -> Iterator[Executor | None]:
+    """Yield a Dask cluster at an address, or several worker processes, as an Executor; else None.
 
-    Raises InputError: both are given, or the scheduler does not answer. Raises MissingLibraryError: no Dask.
+    Raises InputError: --workers beside --scheduler, or one that does not answer. Raises MissingLibraryError: no Dask.
     """
-    if scheduler and workers:
-        raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
-    if workers and workers > 1:
-        with processes(workers) as pool:
+    if not scheduler:
+        with processes(workers) if workers > 1 else contextlib.nullcontext() as pool:
             yield pool
-    elif not scheduler:
-        yield None
-    else:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise MissingLibraryError('--scheduler needs Dask: pip install "thermofem[dask]"') from None
-        try:
-            client = Client(scheduler, timeout="10s", set_as_default=False)
-        except Exception as error:  # TypeError, too, of protocols that are not set up
-            raise InputError(f"--scheduler = {scheduler!r} does not answer: {' '.join(str(error).split())}") from None
-        with client:
-            yield client.get_executor(pure=False)
+        return
+    unused(context, "and --scheduler exclude each other; the cluster has its own", "workers")
+    try:
+        from distributed import Client
+
+        client = Client(scheduler, timeout="10s", set_as_default=False)
+    except ImportError:
+        raise MissingLibraryError('--scheduler needs Dask: pip install "thermofem[dask]"') from None
+    except Exception as error:  # TypeError, too, of protocols that are not set up
+        raise InputError(f"--scheduler = {scheduler!r} does not answer: {' '.join(str(error).split())}") from None
+    with client:
+        yield client.get_executor(pure=False)

@@ -244,7 +244,7 @@ def pulse(
             raise KeyboardInterrupt
 
     run = advance(ring, model, initial, 0.0, duration, power=power, detuning=detuning, rtol=rtol, progress=look)
-    checks.between("number of steps of the run", run.time.size, FEWEST, math.inf, hint="they do not tell a cycle")
+    checks.enough("run", run.time.size, FEWEST)
     energy = np.abs(run.fields[0]) ** 2
     found = classify(run.time, run.carriers, energy, run.delta_T, rtol=rtol, every_step=True)
     if found.regime == Regime.STABLE:

@@ -19,7 +19,10 @@ import numpy as np
 from thermofem import CrossSection, checks
 from thermofem.arrays import Array
 from thermofem.fem.assembly import assemble_like
-from thermofem.optics.ring_numbers import LEAST, section_numbers
+from thermofem.optics.coupler import of_buses
+from thermofem.optics.mode import LEAST
+from thermofem.optics.modes import Light
+from thermofem.optics.shape import numbers
 
 from .members import Solver
 from .parameter_box import Box
@@ -37,7 +40,8 @@ log = logging.getLogger("thermofem")
 class OpticalNumbers:
     """Polynomials of the optical numbers over a box.
 
-    names: as `thermofem.optics.ring_numbers` has them.
+    names: those of `thermofem.optics.shape.numbers`, "loss" [1/m] where [light] has it, "kappa 0" and "kappa 1":
+        kappa^2 of every bus, and "radiated" [1/s].
     powers [shape (terms, p)]: degrees of the polynomials in each term.
     coefficients [shape (terms, numbers)]
     errors [shape (numbers,)]: largest relative error over members left out.
@@ -135,7 +139,11 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
 def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
     """The numbers of one member, or why it has none; the texts of the geometry whose mesh moves, and of the member."""
     try:
-        return section_numbers(assemble_like(base, CrossSection.from_toml_text(geometry), ACCURACY))
+        heat = assemble_like(base, CrossSection.from_toml_text(geometry), ACCURACY)
+        mode, given = Light.of(heat).mode(), heat.geometry.light
+        kappas = {f"kappa {k}": bus.power for k, bus in enumerate(of_buses(mode, heat.geometry.buses))}
+        loss = {} if given is None or given.loss is None else {"loss": given.loss}
+        return numbers(mode) | loss | kappas | {"radiated": mode.radiation_rate}
     except checks.InputError as error:
         return str(error)
 

@@ -71,7 +71,7 @@ def test_solve_periodic(tmp_path):
         (["solve", "--square", "1 h"], "--power 2 mW with --square 1 h: period = 3600 is larger than 10 (in s)"),
         (["solve", "--pulse", "1 h"], "--power 2 mW with --pulse 1 h: width = 3600 is larger than 10 (in s)"),
         (["solve", "--power", "1 GW"], "--power 1 GW: power = 1e+09 must lie between 0 and 10 (in W)"),
-        (["solve", "--samples", "1"], "--samples = 1"),
+        (["solve", "--samples", "1"], "'--samples'"),
         (["solve", "--accuracy", "7"], "accuracy = 7"),
         (["solve", "--read", "cor"], "did you mean 'core'"),
         (["solve", "--periodic"], "has no period"),
@@ -80,8 +80,8 @@ def test_solve_periodic(tmp_path):
         (["solve", "good.toml", "-o", "good.toml"], "read and written at once"),
         (["solve", "-o", "same.png", "--figure", "same.png"], "would be written twice"),
         (["solve", "-o", "."], "is a folder or a device"),
-        (["solve", "--samples", "100000000000"], "--samples = 1e+11"),
-        (["solve", "--field-times", ","], "--field-times ',' names no time"),
+        (["solve", "--samples", "100000000000"], "'--samples'"),
+        (["solve", "--field-times", ","], "--field-times = ''"),
         (["reproduce", "--quick", "-o", "bad_key.toml/out"], "cannot be made"),
         (["simulate", "good.toml"], "`thermofem reduce good.toml -o model.json` makes it from this"),
         (["fit", "good.toml"], "`thermofem solve good.toml -o heat.nc` makes it from this"),
@@ -148,13 +148,11 @@ def test_doctor_names_the_missing_library(tmp_path, monkeypatch):
 
 
 def test_solve_preview_alone_writes_no_data(tmp_path):
-    done = thermofem("solve", "--preview", "ring.png", "--no-solve", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["ring.png"]
-    assert (tmp_path / "ring.png").read_bytes().startswith(b"\x89PNG")
-    done = thermofem("solve", "--no-solve", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "add --preview" in done.stderr
+    for option, name in (((), "preview.png"), (("--preview", "ring.png"), "ring.png")):
+        done = thermofem("solve", *option, "--no-solve", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    assert len([*tmp_path.iterdir()]) == 2
 
 
 def test_solve_writes_fields(tmp_path):
@@ -167,7 +165,7 @@ def test_solve_writes_fields(tmp_path):
     assert (tmp_path / "heat.gif").read_bytes().startswith(b"GIF89a")
     done = thermofem("solve", "--square", "1 us", "--periodic", "--field-times", "1 us", cwd=tmp_path)
     assert done.returncode == 2
-    assert "--periodic keeps no fields" in done.stderr
+    assert "has no effect with --periodic" in done.stderr
 
 
 @pytest.mark.parametrize(("name", "words"), [("a.avi", "'.avi'"), ("a.mp4", "a.mp4 needs ffmpeg")])

@@ -114,7 +114,7 @@ def test_reduce_makes_a_model_with_a_heater(tmp_path):
     [
         (["simulate", "m.json"], "--channel core"),
         (["simulate", "m.json", "--heater", "5 mW"], "NAME=VALUE"),
-        (["simulate", "m.json", "--channel", "core", "--modulate", "1 GHz sine"], "ends after 'sine'"),
+        (["simulate", "m.json", "--channel", "core", "--modulate", "1 GHz sine"], "--modulate = ''"),
         (["simulate", "m.json", "--channel", "core", "--heated", "core"], "names both parts"),
         (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz"], "two quantities"),
         (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz, 1 mW"], "--sweep"),
@@ -124,7 +124,7 @@ def test_reduce_makes_a_model_with_a_heater(tmp_path):
         (["simulate", "m.json", "--channel", "core", "--laser", "0 GHz 8 dBm"], "a power is needed"),
         (["simulate", "m.json", "--channel", "core", "--laser", "8 dBm 0 K"], "a frequency is needed"),
         (["simulate", "m.json", "--channel", "core", "--laser", "1 mW 0 GHz on -400 THz"], "frequency"),
-        (["map", "m.json", "--heater", "heater=5 mW square 1 us"], "constant powers"),
+        (["map", "m.json", "--heater", "heater=5 mW square 1 us"], "a power is needed"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -160,7 +160,7 @@ def test_simulate_reads_a_ring_file(folder):
         (["fit", "missing.nc"], "missing.nc does not exist"),
         (["fit", "square.nc", "--kind", "secondorder"], "did you mean 'second-order'"),
         (["fit", "square.nc", "--kind", "sindy"], "[[probe]] in the geometry and solve"),
-        (["fit", "square.nc", "square.nc", "--kind", "sindy"], "2 files: a SINDy network is identified from one"),
+        (["fit", "square.nc", "square.nc", "--kind", "sindy"], "takes one transient from rest, not 2 files"),
         (["reduce", "--tolerance", "-1"], "tolerance"),
         (["validate", "second.json", "--reference", "square.nc"], "square.nc"),
         (["validate", "second.json"], "judged by a --reference"),
@@ -210,7 +210,7 @@ def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
     assert found["models"]["certified reduction (0.0001)"]["largest_error"] < 1e-2
     assert "SINDy" in found["refused"]
     for command, words in {
-        fitted: "several probes",
+        fitted: "--read core",
         (*fitted, "--heated", "core"): "says that 'heater' was heated",
         (*fitted, "--read", "near"): "'near'",
         judged: "--heated and --read",

@@ -276,7 +276,7 @@ def test_a_figure_of_volts_has_volts_on_its_axes(tmp_path):
         (["fit", "three.csv", "--power", "1 mW", "--time", "a"], "--columns"),
         (["fit", "two.csv"], "--power"),
         (["fit", "none.csv", "--power", "1 mW", "--pulse", "4 us"], "none.csv does not exist"),
-        (["fit", "two.csv", "two.csv", "--power", "1 mW", "--figure", "f.png"], "--figure shows one file; 2 are given"),
+        (["fit", "two.csv", "two.csv", "--power", "1 mW", "--figure", "f.png"], "shows one file; 2 are given"),
         (["fit", "two.csv", "--power", "1 mW", "--figure", "f.txt"], "f.txt"),
         (["fit", "two.csv", "--power", "1 mW", "--duty", "0.5"], "--duty 0.5 goes with --square"),
         (["fit", "two.csv", "--power", "-1 mW"], "--power = '-1 mW' must not be negative; a power is needed"),

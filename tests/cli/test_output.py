@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
-from thermofem_cli.app import COMMANDS, app
+from thermofem_cli import COMMANDS, app
 from thermofem_cli.console import written
 from thermofem_cli.drive_texts import detuning_of
 

@@ -217,7 +217,7 @@ def test_commands(tmp_path):
     assert len((tmp_path / "rows").read_text().splitlines()) == 3
     for wrong, message in (
         (["--points", "2"], "two whole numbers"),
-        (["--power", "9 dBm, 7 dBm"], "first must be below"),
+        (["--power", "9 dBm, 9 dBm"], "is not above"),
         (["--detuning", "10 GHz"], "two quantities"),
         (["--ring", "nowhere.toml"], "neither a file nor"),
         (["--resume", str(tmp_path / "one"), "-o", str(tmp_path / "one")], "give it another name"),

@@ -73,7 +73,7 @@ def test_a_task_that_kills_its_worker_is_found_and_the_others_go_on():
 
 
 def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "thermofem_cli", "campaign", "campaign.toml", "-o", "out", *arguments]
+    command = [sys.executable, "-m", "thermofem", "campaign", "campaign.toml", "-o", "out", *arguments]
     return subprocess.Popen(
         command, cwd=folder, text=True, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
     )

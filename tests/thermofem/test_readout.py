@@ -136,7 +136,7 @@ def test_one_command_fits_a_trace_behind_an_interferometer(tmp_path):
     np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header="time (us),light (V)", comments="")
     words = ["--readout", "mzi", "--order", "1", "--power", "10 mW", "--pulse", "20 us", "--start", "0 us"]
     words += ["--phase", "0.4 rad/K", "--json", "-o"]
-    command = [sys.executable, "-m", "thermofem_cli", "fit", str(tmp_path / "trace.csv"), *words]
+    command = [sys.executable, "-m", "thermofem", "fit", str(tmp_path / "trace.csv"), *words]
     done = subprocess.run([*command, str(tmp_path / "m.json")], capture_output=True, text=True, check=True)
     found = json.loads(done.stdout)
     for name, true in (("R_1", 1000.0), ("tau_1", 4e-6), ("visibility", 0.9), ("bias", 0.7), ("half_power", 0.85)):

@@ -63,8 +63,7 @@ class Variation:
         if self.values:
             return
         low, high = checks.finite(f"{self.name}: from", self.low), checks.finite(f"{self.name}: to", self.high)
-        if not low < high:
-            raise InputError(f"{self.name}: from = {low:g} must be below to = {high:g}")
+        checks.ordered(f"{self.name}: from", low, "to", high)
         if self.logarithmic and low <= 0:
             raise InputError(f"{self.name}: from = {low:g} must be positive where the spacing is logarithmic")
 
@@ -125,7 +124,7 @@ _DRIVE = {
 }  # fmt: skip
 _TRANSIENT = ("duration", "first", "spacing")
 MOST = 1_000_000  # points of a hypercube, values of a quantity, samples of a drive
-_UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
+_UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "1/m", "1/K", "")
 
 
 def fields(text: str, folder: Path) -> dict[str, Any]:

@@ -20,7 +20,6 @@ L/2. With a step of L/40 that is 1.3e-5 of T for one kink; measured for their su
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,10 +28,9 @@ from scipy.spatial import cKDTree
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
-from .. import checks
-from ..arrays import Array, NDArray
+from ..arrays import Array
 from ..geometry.regions import distance, nearest
-from ..mesh.triangles import radii
+from ..mesh.triangles import radii, sampled
 from .weak_forms import magnitude, summed, volume
 
 if TYPE_CHECKING:
@@ -101,9 +99,7 @@ FEWEST, MOST = 64, 2000  # steps of the angle
 def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array:
     """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3."""
     points, weights = off_axis_points(geometry, probe)
-    cells, local = Triangles.of(basis.mesh).locate(points)
-    shapes = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
-    return np.asarray(summed(basis.element_dofs[:, cells], weights * shapes, basis.N))
+    return sampled(basis, points, weights)
 
 
 def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
@@ -147,43 +143,8 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
     return points[..., 0].ravel(), points[..., 1].ravel(), area.ravel()
 
 
-@dataclass(frozen=True, eq=False)
-class Triangles:
-    """The triangles of a scikit-fem mesh, to be searched for points."""
-
-    tree: Any
-    corners: Array
-
-    @classmethod
-    def of(cls, grid: Any) -> Triangles:
-        """Build the search tree; ``corners`` has shape (triangles, 3, 2), in m."""
-        corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
-        return cls(shapely.STRtree(shapely.polygons(corners)), corners)
-
-    def locate(self, points: Array) -> tuple[NDArray[np.intp], Array]:
-        """Triangle that holds each point (r, z), and the point's place in it, shape (2, n).
-
-        Raises InputError: a point that lies in no triangle.
-        """
-        found, cell = self.tree.query(shapely.points(points), predicate="intersects")
-        inside, first = np.unique(found, return_index=True)  # a point on an edge lies in two triangles
-        if inside.size < len(points):
-            r, z = points[np.setdiff1d(np.arange(len(points)), inside)[0]]
-            raise checks.InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
-        cells = cell[first]
-        origin, one, two = (self.corners[cells, k] for k in range(3))
-        (a, c), (b, d), (x, y) = (one - origin).T, (two - origin).T, (points - origin).T
-        return cells, np.array([d * x - b * y, a * y - c * x]) / (a * d - b * c)
-
-
 def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Volume integral of each basis function over what a probe reads, in m^3."""
+    """Integral of 2 pi r times each basis function over what a probe reads, in m^3."""
     if probe.shell is None:
         return off_axis_integral(geometry, basis, probe)
     return shell_integral(geometry, mesh, basis, probe)
-
-
-def probe_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Functional of the volume mean over what a probe reads; its entries sum to one."""
-    integral = probe_integral(geometry, mesh, basis, probe)
-    return integral / integral.sum()

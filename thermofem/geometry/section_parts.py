@@ -96,10 +96,7 @@ class Part:
             length(f"{of}height", self.height, typical=220e-9)
         if self.inner_radius and not self.straight:
             length(f"{of}inner_radius", self.inner_radius, typical=5e-6)
-        if self.inner_radius >= self.outer_radius:
-            raise checks.InputError(
-                f"{of}inner_radius = {self.inner_radius:g} m must be below outer_radius = {self.outer_radius:g} m"
-            )
+        checks.ordered(f"{of}inner_radius", self.inner_radius, "outer_radius", self.outer_radius, unit="m")
         degrees = math.degrees(checks.finite(f"{of}sidewall_angle", self.sidewall_angle))
         checks.between(f"{of}sidewall_angle", degrees, 30, 150, unit="deg", hint="90 deg is vertical")
         outline = self.outline()

@@ -124,6 +124,37 @@ def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> N
     return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
 
 
+def locate(grid: Any, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Triangle of scikit-fem's mesh around each point, -1 where there is none, and the point's place in it.
+
+    points [shape (n, 2)]: in the unit of the mesh; the places have shape (2, n).
+    """
+    corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
+    which, around = shapely.STRtree(shapely.polygons(corners)).query(shapely.points(points), predicate="intersects")
+    inside, first = np.unique(which, return_index=True)  # a point on an edge lies in two triangles
+    cells = np.full(len(points), -1)
+    cells[inside] = around[first]
+    origin, one, two = (corners[cells, k] for k in range(3))
+    (a, c), (b, d), (x, y) = (one - origin).T, (two - origin).T, (points - origin).T
+    return cells, np.array([d * x - b * y, a * y - c * x]) / (a * d - b * c)
+
+
+def sampled(
+    basis: Any, points: NDArray[np.float64], weights: NDArray[np.float64], mesh: Any = None
+) -> NDArray[np.float64]:
+    """Sum over points (r, z) in m of weight times each function of a scalar basis, shape (functions,).
+
+    mesh: scikit-fem's mesh of the basis, where its vertices have moved.
+    Raises InputError: a point that lies in no triangle.
+    """
+    cells, local = locate(basis.mesh if mesh is None else mesh, points)
+    if cells.min() < 0:
+        r, z = points[cells.argmin()]
+        raise InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
+    values = weights * np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
+    return np.bincount(basis.element_dofs[:, cells].ravel(), values.ravel(), minlength=basis.N).astype(float)
+
+
 def load(path: str | Path) -> Mesh:
     """Read a mesh in m that `Mesh.save` or gmsh wrote: triangles in the plane z = 0 whose physical groups are named.
 

@@ -6,6 +6,13 @@
 
 exact for the discrete problem; s = r/R, and |E|^2 = e_r^2 + e_z^2 + (beta p/s)^2: the axial field is in quadrature.
 n_eff = beta/k0 belongs to the radius R of the core's centre (of a full disc, of its edge); nu = beta R does not.
+
+Loss by radiation, of a bend and into a substrate, with perfectly matched layers in straight windows:
+
+    Q = w n_g/(c alpha),    alpha = 2 Im beta
+
+The cladding is taken to go on beyond the stack and the substrate. The window's sides are straight and triangles at most
+half of the wavelength in the cladding: jagged sides and coarse layers change Q by tens of percent.
 """
 
 from __future__ import annotations
@@ -17,16 +24,27 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.constants import c
 
 from .. import checks
-from ..arrays import Array, NDArray
+from ..algebra.factor import factorize
+from ..arrays import Array
+from ..checks import InputError
+from ..mesh.triangles import sampled
 from .space import Space, eigenpairs
-from .window import UM, Window, energy_index
+from .window import UM, Box, Window, drawn, material_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from .modes import Light
+
+DEPTH = 1.5e-6  # m, of the matched layers where there is room
+ASIDE = 1.2e-6  # m, at least, between the core and the layers
+LARGEST_Q = 1e11  # round-off of Im beta is about 1e-13 of beta
+TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed for a ring
+LEAST = 1e5  # 1/s; a ring that radiates less is none that radiates
+DECIBEL = 20 / math.log(10)  # per neper of the field
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,19 +56,31 @@ class Mode:
     name : str
         TE0, TM0, TE1, ... by the larger transverse component and by falling n_eff.
     wavelength : float, m
-    radius : float, m
-        R that n_eff belongs to; inf for a straight guide.
+    light : Light
+        what was solved.
+    square : float, 1/um^2
+        beta^2; complex where matched layers absorb.
+    x : array
+        unknowns of ``space``, over the triangles of ``window``.
     """
 
     name: str
     wavelength: float
-    radius: float
-    core: str
+    light: Light = field(repr=False)
     window: Window = field(repr=False)
     space: Space = field(repr=False)
-    light: Light | None = field(repr=False)
-    square: float = field(repr=False)
+    square: Any = field(repr=False)
     x: Array = field(repr=False)
+
+    @property
+    def core(self) -> str:
+        """The part that guides."""
+        return self.light.part
+
+    @property
+    def radius(self) -> float:
+        """R in m that n_eff belongs to; inf for a straight guide."""
+        return self.space.radius / UM
 
     @property
     def k0(self) -> float:
@@ -60,7 +90,7 @@ class Mode:
     @property
     def n_eff(self) -> float:
         """Effective index beta/k0 at the radius R."""
-        return math.sqrt(self.square) / self.k0
+        return math.sqrt(self.square.real) / self.k0
 
     @property
     def order(self) -> float:
@@ -69,18 +99,8 @@ class Mode:
 
     @cached_property
     def _indices(self) -> tuple[Array, Array]:
-        """eps and n n_gm of every triangle."""
-        eps, group = energy_index(self.window.materials, self.window.names, self.wavelength)
-        return eps[self.window.region], group[self.window.region]
-
-    @cached_property
-    def fields(self) -> tuple[Array, Array, Array]:
-        """E_r, E_z and E_phi/i at the quadrature points, shape (triangles, points); the power flow is 1."""
-        e, _, p, _ = self.space.functions
-        own = (self.x / math.sqrt(self._flow))[self.space.dofs].T
-        e_r, e_z = np.einsum("it,ictq->ctq", own[: len(e)], e)
-        axial = np.einsum("it,itq->tq", own[len(e) :], p)
-        return e_r, e_z, math.sqrt(self.square) * axial / self.space.arc
+        """eps and n n_gm of every triangle, shape (triangles, 1)."""
+        return self.window.indices(self.wavelength)
 
     @cached_property
     def matrices(self) -> tuple[Any, Any]:
@@ -88,35 +108,52 @@ class Mode:
         return self.space.matrices(self._indices[0], self.k0)
 
     @cached_property
-    def bordered(self) -> Callable[[Array], Array]:
-        """See `shape.bordered`."""
-        from .shape import bordered
-
-        return bordered(self)
+    def flow(self) -> Any:
+        """x.B x, the power flow of the vector as it is."""
+        return self.x @ (self.matrices[1] @ self.x)
 
     @cached_property
-    def _flow(self) -> float:
-        """x.B x, the power flow of the vector as it is."""
-        return float(self.x @ (self.matrices[1] @ self.x))
+    def bordered(self) -> Callable[[Array], Array]:
+        """Solves (A + beta^2 B) y = b, of rank one too low, for y that is free up to a multiple of x."""
+        A, B = self.matrices
+        kept = np.delete(self.space.free, np.argmax(np.abs(self.x[self.space.free])))
+        solve = factorize((A + self.square * B)[kept][:, kept])
+
+        def solved(b: Array) -> Array:
+            y = np.zeros(self.space.size)
+            y[kept] = solve(np.ascontiguousarray(b[kept]))
+            return y
+
+        return solved
+
+    @cached_property
+    def fields(self) -> tuple[Array, Array, Array]:
+        """E_r, E_z and E_phi/i at the quadrature points, shape (triangles, points); the power flow is 1."""
+        e, _, p, _ = self.space.functions
+        own = (self.x / np.sqrt(self.flow))[self.space.dofs].T
+        e_r, e_z = np.einsum("it,ictq->ctq", own[: len(e)], e)
+        axial = np.einsum("it,itq->tq", own[len(e) :], p)
+        return e_r, e_z, np.sqrt(self.square) * axial / self.space.arc
 
     @cached_property
     def intensity(self) -> Array:
         """|E|^2 at the quadrature points."""
-        return np.asarray(sum(f**2 for f in self.fields))
+        return np.asarray(sum(np.abs(f) ** 2 for f in self.fields))
 
-    def integral(self, values: Array) -> float:
-        """int values s dA in um^2; values of shape (triangles, points)."""
-        return float((values * self.space.arc * self.space.dx).sum())
+    def integral(self, values: Array, within: str | None = None) -> float:
+        """int values s dA in um^2 over a region or material, or all; values of shape (triangles, points or 1)."""
+        kept = values if within is None else values * self.window.inside(within)
+        return float((kept * self.space.arc * self.space.dx).sum())
 
     @cached_property
     def n_g(self) -> float:
         """Group index n_eff + w dn_eff/dw, from the fields."""
-        return self.integral(self._indices[1][:, None] * self.intensity) / self.n_eff
+        return self.integral(self._indices[1] * self.intensity) / self.n_eff
 
     @cached_property
     def te_fraction(self) -> float:
-        """int s e_r^2 / int s (e_r^2 + e_z^2)."""
-        r, z = (self.integral(f**2) for f in self.fields[:2])
+        """int s |e_r|^2 / int s (|e_r|^2 + |e_z|^2)."""
+        r, z = (self.integral(np.abs(f) ** 2) for f in self.fields[:2])
         return r / (r + z)
 
     @property
@@ -124,44 +161,52 @@ class Mode:
         """Name of the core's material."""
         return self.window.materials[self.window.names.index(self.core)].name
 
+    @property
+    def index(self) -> float:
+        """Refractive index of the core."""
+        return math.sqrt(self._indices[0][self.window.inside(self.core)][0])
+
     @cached_property
     def share(self) -> float:
         """Share of n^2 |E|^2 in the core's material over the core's width."""
         x = self.space.mesh.p[0][self.space.mesh.t]
-        own = x[:, self.window.inside(self.core)]
+        own = x[:, self.window.inside(self.core)[:, 0]]
         column = (x.mean(axis=0) > own.min()) & (x.mean(axis=0) < own.max())
-        energy = self._indices[0][:, None] * self.intensity
-        inside = (self.window.inside(self.core_material) & column)[:, None]
-        return self.integral(energy * inside) / self.integral(energy)
+        energy = self._indices[0] * self.intensity
+        return self.integral(energy * column[:, None], self.core_material) / self.integral(energy)
 
     @cached_property
     def confinement(self) -> dict[str, float]:
         """G = dn_eff/dn of every region and of every material in reach; above 1 where light is slow."""
-        density = np.sqrt(self._indices[0])[:, None] * self.intensity
+        density = np.sqrt(self._indices[0]) * self.intensity
         names = {material.name for material in self.window.materials} | set(self.window.names)
-        return {name: self.integral(density * (self._named(name))[:, None]) / self.n_eff for name in sorted(names)}
-
-    def _named(self, name: str) -> NDArray[np.bool_]:
-        """Triangles of a region, or else of a material."""
-        if name in self.window.names:
-            return np.asarray(self.window.region == self.window.names.index(name))
-        return self.window.inside(name)
+        return {name: self.integral(density, name) / self.n_eff for name in sorted(names)}
 
     @cached_property
-    def thermal_density(self) -> Array:
+    def _thermal_density(self) -> Array:
         """n (dn/dT) |E|^2 at the quadrature points: what the temperature is weighted with, not normalised."""
-        slopes = np.array([material.thermo_optic for material in self.window.materials])[self.window.region]
-        return np.sqrt(self._indices[0])[:, None] * slopes[:, None] * self.intensity
-
-    @property
-    def index_slope(self) -> float:
-        """dn_eff/dT in 1/K of an even temperature."""
-        return self.integral(self.thermal_density) / self.n_eff
+        return np.sqrt(self._indices[0]) * self.window.of_materials(lambda m: m.thermo_optic) * self.intensity
 
     @property
     def thermo_optic(self) -> float:
         """K = -d ln(w)/dT = (dn_eff/dT)/n_g in 1/K of an even temperature."""
-        return self.index_slope / self.n_g
+        return self.integral(self._thermal_density) / self.n_eff / self.n_g
+
+    def light_integral(self, basis: Any, mesh: Any = None, shift: float = 0.0) -> Array:
+        """Integral of n (dn/dT) |E|^2 times each function of a scalar basis on the heat mesh, shape (functions,).
+
+        It makes the temperature as the mode sees it one more linear functional of the heat problem,
+
+            <T> = int n (dn/dT) T |E|^2 dV / int n (dn/dT) |E|^2 dV,      -dw/w = K <T>,    K = `thermo_optic`
+
+        mesh, shift: scikit-fem's mesh of the basis with its vertices moved, and by how many m the core's centre moved.
+        """
+        weight = self._thermal_density * self.space.arc * self.space.dx
+        hot = np.flatnonzero(weight.any(axis=1))  # air has no heat and no triangles
+        r, z = self.space.points[:, hot].reshape(2, -1) / UM
+        r = r + (self.light.centre + shift)
+        points = np.stack([np.abs(r) if self.light.geometry.mirrored else r, z], axis=1)
+        return sampled(basis, points, weight[hot].ravel(), mesh)
 
     def volume(
         self, power: int, *, length: float | None = None, dispersion: bool = False, spread_carriers: bool = False
@@ -184,13 +229,14 @@ class Mode:
         Source: P. E. Barclay, K. Srinivasan, O. Painter, Opt. Express 13, 801 (2005); the dispersion is derived.
         """
         checks.integer("power", power, 2, 3)
-        length = self._length(length)
+        own = self.light.geometry.length or 2 * math.pi * self.radius
+        length = own if length is None else checks.positive("length", length, unit="m")
         if power == 3 and spread_carriers:
-            two = self.volume(2, length=length, dispersion=dispersion) / self.core_fraction(2)
-            return math.sqrt(self.core_volume(length) * two)
+            core = self.integral(np.ones_like(self.intensity), self.core_material) / UM**2 * length
+            return math.sqrt(core * self.volume(2, length=length, dispersion=dispersion) / self.core_fraction(2))
         eps, group = self._indices
-        stored = self.integral((group if dispersion else eps)[:, None] * self.intensity)
-        dense = self.integral((eps[:, None] * self.intensity) ** power)
+        stored = self.integral((group if dispersion else eps) * self.intensity)
+        dense = self.integral((eps * self.intensity) ** power)
         return float((stored**power / dense) ** (1 / (power - 1))) / UM**2 * length
 
     def core_fraction(self, power: int, *, spread_carriers: bool = False) -> float:
@@ -198,42 +244,8 @@ class Mode:
         checks.integer("power", power, 2, 3)
         if power == 3 and spread_carriers:
             return 1.0
-        dense = (self._indices[0][:, None] * self.intensity) ** power
-        return self.integral(dense * self.window.inside(self.core_material)[:, None]) / self.integral(dense)
-
-    def core_volume(self, length: float | None = None) -> float:
-        """Volume in m^3 of the core's material within the window."""
-        inside = np.ones_like(self.intensity) * self.window.inside(self.core_material)[:, None]
-        return self.integral(inside) / UM**2 * self._length(length)
-
-    def _length(self, length: float | None) -> float:
-        if length is not None:
-            return checks.positive("length", length, unit="m")
-        own = None if self.light is None else self.light.geometry.length
-        return own or 2 * math.pi * self.radius
-
-    @cached_property
-    def error(self) -> float:
-        """Estimated error of n_eff: the difference to elements of order 3 (of those of order 3, to order 2)."""
-        other = replace(self.space, order=5 - self.space.order)
-        return abs(nearest(self, other, self.window).n_eff - self.n_eff)
-
-    @cached_property
-    def q_radiation(self) -> float:
-        """Quality factor of the bend's radiation, w n_g/(2 c Im beta); inf where it is above 1e11 and round-off.
-
-        Within 2 % up to 1e9 (measured against exact rings and published bends).
-        """
-        from .radiation import radiation_q
-
-        return radiation_q(self)
-
-    @cached_property
-    def substrate_loss(self) -> float:
-        """Power loss in dB/cm of the straight guide into a substrate that guides by itself; 0 without one."""
-        from .radiation import substrate_loss
-
-        return substrate_loss(self)
+        dense = (self._indices[0] * self.intensity) ** power
+        return self.integral(dense, self.core_material) / self.integral(dense)
 
     def derivatives(self, parameters: Sequence[str | Sequence[str]], **rules: bool) -> xr.Dataset:
         """Derivatives by paths as a campaign varies them, see `shape.mode_derivatives`."""
@@ -241,28 +253,87 @@ class Mode:
 
         return mode_derivatives(self, parameters, **rules)
 
+    @cached_property
+    def error(self) -> float:
+        """Estimated error of n_eff: the difference to elements of order 3 (of those of order 3, to order 2)."""
+        return abs(self.nearest(replace(self.space, order=5 - self.space.order)).n_eff - self.n_eff)
 
-def nearest(like: Mode, space: Space, within: Window) -> Mode:
-    """The mode on a space over the same cross-section with about the same n_eff, and held by the core as well.
+    def solved(self, count: int, index: float | None = None) -> list[Mode]:
+        """The modes on the same space with n_eff nearest to ``index``, by default to that of this one."""
+        pairs = eigenpairs(self.space, self._indices[0], self.k0, index or self.n_eff, count)
+        found = [replace(self, square=square, x=x) for square, x in pairs if square.real > 0]
+        return [mode for mode in found if self.space.layers or mode.flow > 0]
 
-    Radiation modes of a bend may lie between: the best held of several is taken where the nearest is one of them.
-    """
-    found = _nearby(like, space, within, 1)
-    if not found or _likeness(found[0], like) < 0.9 * _likeness(like, like):
-        found = _nearby(like, space, within, 6)
-    return max(found, key=lambda mode: _likeness(mode, like))
+    def nearest(self, space: Space, window: Window | None = None) -> Mode:
+        """The mode on a space over the same cross-section with about the same n_eff, and held by the core as well.
 
+        Radiation modes of a bend may lie between: the best held of several is taken where the nearest is one of them.
+        """
+        start = replace(self, space=space, window=window or self.window)
+        found = start.solved(1)
+        if not found or found[0]._likeness(self) < 0.9 * self._likeness(self):
+            found = start.solved(6)
+        return max(found, key=lambda mode: mode._likeness(self))
 
-def _likeness(mode: Mode, like: Mode) -> float:
-    """Share of the energy in the core, times that of the same polarisation."""
-    return mode.share * (mode.te_fraction if like.te_fraction > 0.5 else 1 - mode.te_fraction)
+    def _likeness(self, like: Mode) -> float:
+        """Share of the energy in the core, times that of the same polarisation."""
+        return self.share * (self.te_fraction if like.te_fraction > 0.5 else 1 - self.te_fraction)
 
+    @cached_property
+    def q_radiation(self) -> float:
+        """Quality factor of the bend's radiation, w n_g/(2 c Im beta); inf where it is above 1e11 and round-off.
 
-def _nearby(like: Mode, space: Space, within: Window, count: int) -> list[Mode]:
-    eps = energy_index(within.materials, within.names, like.wavelength)[0][within.region]
-    found = [
-        replace(like, space=space, window=within, radius=space.radius / UM, square=square.real, x=x)
-        for square, x in eigenpairs(space, eps, like.k0, like.n_eff, count)
-        if square.real > 0
-    ]
-    return [mode for mode in found if mode._flow > 0]
+        Within 2 % up to 1e9 (measured against exact rings and published bends).
+        """
+        light = self.light
+        if math.isinf(self.radius):
+            return math.inf
+        aside = max(ASIDE, light.reach(self.n_eff, 1e-7))
+        outer = max(2e-6, 0.15 * self.radius + ASIDE)
+        (_, foot), (_, top) = light.outline.min(axis=0), light.outline.max(axis=0)
+        box = light.box(aside, outer + DEPTH, aside + DEPTH, aside + DEPTH)
+        if light.geometry.top_z > top:  # else air begins there
+            box = (*box[:3], min(box[3], light.geometry.top_z))
+        ends = foot - aside - DEPTH, top + aside + DEPTH
+        damping = self._damping(box, (0.0, DEPTH, DEPTH, DEPTH), self.radius, ends)
+        q = self.k0 * self.n_g / (2 * damping) if damping > 0 else math.inf
+        return q if q < LARGEST_Q else math.inf
+
+    @cached_property
+    def radiation_rate(self) -> float:
+        """Amplitude rate w/(2 Q_rad) in 1/s; 0 where a bend is so wide that Q_rad is above 1e9.
+
+        Raises InputError: Q_rad below 1e3.
+        """
+        decay = self.k0 * math.sqrt(self.n_eff**2 - self.light.cladding_index**2)
+        if 2 / 3 * self.radius * UM * decay**3 / self.square > TIGHT:
+            return 0.0
+        if self.q_radiation < 1e3:
+            rule = f"the bend of {self.radius * UM:g} um radiates: Q = {self.q_radiation:.3g}"
+            raise InputError(rule, "take a larger radius or a wider core")
+        rate = math.pi * c / self.wavelength / self.q_radiation
+        return rate if rate > LEAST else 0.0
+
+    @cached_property
+    def substrate_loss(self) -> float:
+        """Power loss in dB/cm of the straight guide into a substrate that guides by itself; 0 without one."""
+        light = self.light
+        away = [far for name, far in light.limits[1].items() if material_of(light.geometry, name).index is not None]
+        if not away:
+            return 0.0
+        aside = max(ASIDE, light.reach(self.n_eff, 1e-7))
+        left, right, _, top = light.box(aside + DEPTH, aside + DEPTH, 0.0, aside)
+        bottom = light.outline[:, 1].min() - min(away) - DEPTH - 0.5e-6
+        depths = (DEPTH, DEPTH, DEPTH, 0.0)
+        return DECIBEL * self._damping((left, right, bottom, top), depths, math.inf, (bottom, top)) * 1e4
+
+    def _damping(self, box: Box, depths: tuple[float, ...], radius: float, beyond: tuple[float, float]) -> float:
+        """Im beta in 1/um of the mode in a window with matched layers of these depths in m."""
+        light, substrate = self.light, self.light.limits[0][2]
+
+        def largest(z: float) -> float:
+            return self.wavelength / (2 * (light.core_index if z < substrate else light.cladding_index))
+
+        window = drawn(light.geometry, box, light.centre, 1e-3, largest, beyond)
+        space = Space(window.mesh, 3, radius * UM, tuple(depth * UM for depth in depths))
+        return float(np.sqrt(self.nearest(space, window).square).imag)

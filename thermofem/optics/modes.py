@@ -8,12 +8,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from .. import checks
 from ..arrays import Array
 from ..checks import InputError
-from .mode import Mode, nearest
-from .space import Space, eigenpairs
-from .window import UM, Window, energy_index, index_of, limits, material_of, window
+from .mode import Mode
+from .space import Space
+from .window import UM, Box, Window, index_of, limits, material_of, window
 
 if TYPE_CHECKING:
     from ..fem import HeatProblem
@@ -45,28 +47,28 @@ class Light:
     def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
         """Those on the mesh of a heat problem, see `fem.assembly.light`."""
         geometry, given = heat.geometry, heat.geometry.light
+        parts = [one.name for one in geometry.parts]
         if given is not None:
             wavelength, part = wavelength or given.wavelength, part or given.part
         if wavelength is None:
             raise InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
         hint = "wavelengths are in m (did you mean 1.55e-6?)"
         wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
-        default = "core" if any(one.name == "core" for one in geometry.parts) else geometry.heated[0]
-        found = cls(
-            geometry, heat.mesh, wavelength, part or default, checks.integer("order", order, 2, 3), heat.accuracy
-        )
-        found.core_index, found._part  # noqa: B018 - both are checked now
+        part = checks.choice("part", part or ("core" if "core" in parts else geometry.heated[0]), parts)
+        order = checks.integer("order", order, 2, 3)
+        found = cls(geometry, heat.mesh, wavelength, part, order, heat.accuracy)
+        found.core_index  # noqa: B018 - the core has an index at this wavelength
         return found
 
-    @cached_property
-    def _part(self) -> Part:
-        parts = {part.name: part for part in self.geometry.parts}
-        return parts[checks.choice("part", self.part, parts)]
+    @property
+    def guide(self) -> Part:
+        """The part that guides."""
+        return next(part for part in self.geometry.parts if part.name == self.part)
 
     @property
     def centre(self) -> float:
         """r or x of the window's x = 0 in m: of the core's centre; of a full disc or its rim, of the edge."""
-        p = self._part
+        p = self.guide
         if p.x is not None:
             return p.x
         filled = any(
@@ -75,6 +77,11 @@ class Light:
             for q in self.geometry.parts
         )
         return p.outer_radius if filled or not p.inner_radius else (p.inner_radius + p.outer_radius) / 2
+
+    @property
+    def at_edge(self) -> bool:
+        """Whether R is that of the edge, of a disc or its rim, and not of the core's centre."""
+        return self.centre == self.guide.outer_radius
 
     @property
     def radius(self) -> float:
@@ -101,14 +108,14 @@ class Light:
     @cached_property
     def outline(self) -> Array:
         """Corners of the part in m, shape (4, 2)."""
-        return self._part.outline()
+        return self.guide.outline()
 
     @cached_property
-    def limits(self) -> tuple[tuple[float, float, float, float], dict[str, float]]:
+    def limits(self) -> tuple[Box, dict[str, float]]:
         """Where the window must end, and how far away in m what lies beyond is, see `window.limits`."""
-        return limits(self.geometry, self._part, self.wavelength)
+        return limits(self.geometry, self.guide, self.wavelength)
 
-    def box(self, *asides: float) -> tuple[float, float, float, float]:
+    def box(self, *asides: float) -> Box:
         """Left, right, bottom and top in m at most ``asides`` beyond the part, within `limits`."""
         (left, bottom), (right, top) = self.outline.min(axis=0), self.outline.max(axis=0)
         wanted = (left - asides[0], right + asides[1], bottom - asides[2], top + asides[3])
@@ -123,16 +130,18 @@ class Light:
         return window(self.geometry, self.mesh, box, self.centre, self.accuracy)
 
     @cached_property
-    def space(self) -> Space:
-        """The finite-element space on the window."""
+    def _space(self) -> Space:
+        """The finite-element space of the bend."""
         return Space(self.window.mesh, self.element_order, self.radius * UM)
 
     @cached_property
-    def _straight(self) -> tuple[Mode, ...]:
-        """Guided modes of the straight guide of this cross-section, best first, with their names."""
+    def _straight(self) -> dict[str, Mode]:
+        """Guided modes of the straight guide of this cross-section by their names, best first."""
         space, count = Space(self.window.mesh), 3
+        start = Mode("", self.wavelength, self, self.window, space, 0.0, np.empty(0))
         while True:
-            found = [m for m in self._solved(space, 0.999 * self.core_index, count) if self._guided(m)]
+            found = start.solved(count, 0.999 * self.core_index)
+            found = [mode for mode in found if mode.n_eff > self.cladding_index and mode.share > HELD]
             if len(found) < count or count > 40:
                 break
             count *= 2
@@ -141,38 +150,22 @@ class Light:
                 f"{self.geometry.name!r} guides no mode in {self.part!r} at {self.wavelength * 1e9:g} nm",
                 "a core needs a larger index than what is around it, and enough width and height",
             )
-        named, counts = [], {"TE": 0, "TM": 0}
-        for mode in found:
+        named: dict[str, Mode] = {}
+        for mode in sorted(found, key=lambda mode: -mode.n_eff):
             kind = "TE" if mode.te_fraction > 0.5 else "TM"
-            named.append(replace(mode, name=f"{kind}{counts[kind]}"))
-            counts[kind] += 1
-        return tuple(named)
+            name = f"{kind}{sum(other.startswith(kind) for other in named)}"
+            named[name] = replace(mode, name=name)
+        return named
 
-    def _solved(self, space: Space, index: float, count: int) -> list[Mode]:
-        eps = energy_index(self.window.materials, self.window.names, self.wavelength)[0][self.window.region]
-        k0 = 2 * math.pi / (self.wavelength * UM)
-        pairs = eigenpairs(space, eps, k0, index, count)
-        radius = space.radius / UM
-        modes = [
-            Mode("", self.wavelength, radius, self.part, self.window, space, self, square.real, x)
-            for square, x in pairs
-            if square.real > k0**2
-        ]
-        return sorted((m for m in modes if m._flow > 0), key=lambda m: -m.n_eff)
-
-    def _guided(self, mode: Mode) -> bool:
-        return mode.n_eff > self.cladding_index and mode.share > HELD
-
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the modes that the straight guide holds, best first."""
-        return tuple(mode.name for mode in self._straight)
+        return tuple(self._straight)
 
-    @cached_property
+    @property
     def modes(self) -> tuple[Mode, ...]:
         """The guided modes, best first; those that leave the core in the bend are left out."""
-        found = [self._kept.get(one.name) or nearest(one, self.space, self.window) for one in self._straight]
-        return tuple(mode for mode in found if mode.share >= HELD)
+        return tuple(mode for mode in map(self._solved, self.names) if mode.share >= HELD)
 
     def mode(self, name: str | None = None) -> Mode:
         """The mode of a name; default that of the polarisation in [light] of the geometry, else TE0.
@@ -181,30 +174,28 @@ class Light:
         """
         given = self.geometry.light
         name = checks.choice("mode", name or ("TE0" if given is None else given.mode), self.names)
-        if name not in self._kept:
-            straight = self._straight[self.names.index(name)]
-            same = math.isinf(self.radius) and self.element_order == straight.space.order
-            self._kept[name] = straight if same else self._held(nearest(straight, self.space, self.window))
-            self._report(self._kept[name])
-        return self._kept[name]
-
-    @cached_property
-    def _kept(self) -> dict[str, Mode]:
-        return {}
-
-    def _held(self, mode: Mode) -> Mode:
+        mode = self._solved(name)
         if mode.share < HELD:
             raise InputError(
-                f"{mode.name} leaves the core at the radius {self.radius * UM:g} um: {mode.share:.0%} of its energy "
-                "is left there",
+                f"{name} leaves the core at the radius {self.radius * UM:g} um: {mode.share:.0%} of its energy is left "
+                "there",
                 "take a larger radius, or a wider core",
             )
+        self._report(mode)
         return mode
 
-    @property
-    def at_edge(self) -> bool:
-        """Whether R is that of the edge, of a disc or its rim, and not of the core's centre."""
-        return self.centre == self._part.outer_radius
+    @cached_property
+    def _known(self) -> dict[str, Mode]:
+        """The modes that are solved so far."""
+        return {}
+
+    def _solved(self, name: str) -> Mode:
+        """The mode of a name in the bend."""
+        if name not in self._known:
+            straight = self._straight[name]
+            same = math.isinf(self.radius) and self.element_order == straight.space.order
+            self._known[name] = straight if same else straight.nearest(self._space)
+        return self._known[name]
 
     def _report(self, mode: Mode) -> None:
         """Log what within the mode's reach takes light from it, and a core that is only a part of the guide."""

@@ -19,6 +19,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import skfem
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from ..algebra.factor import factorize
 from ..arrays import Array, NDArray
@@ -50,15 +53,9 @@ class Space:
     @cached_property
     def bases(self) -> tuple[Any, Any]:
         """scikit-fem's bases of e and of p, on the same quadrature points."""
-        import skfem
-
-        kinds = {
-            1: (skfem.ElementTriN1, skfem.ElementTriP1),
-            2: (skfem.ElementTriN2, skfem.ElementTriP2),
-            3: (skfem.ElementTriN3, skfem.ElementTriP3),
-        }
         order = 2 * self.order + (2 if np.isfinite(self.radius) or self.layers else 0)
-        e, p = (skfem.Basis(self.mesh, kind(), intorder=order) for kind in kinds[self.order])
+        elements = (getattr(skfem, f"ElementTri{kind}{self.order}")() for kind in "NP")
+        e, p = (skfem.Basis(self.mesh, element, intorder=order) for element in elements)
         return e, p
 
     @cached_property
@@ -121,9 +118,8 @@ class Space:
             return self.arc, np.ones_like(x), np.ones_like(x)
         (left, bottom), (right, top) = self.mesh.p.min(axis=1), self.mesh.p.max(axis=1)
         factors, longer = [], []
-        for u, end, depth, sign in zip(
-            (x, x, y, y), (left, right, bottom, top), self.layers, (-1, 1, -1, 1), strict=True
-        ):
+        ends = zip((x, x, y, y), (left, right, bottom, top), self.layers, (-1, 1, -1, 1), strict=True)
+        for u, end, depth, sign in ends:
             t = np.clip(1 - sign * (end - u) / depth, 0, None) if depth else 0 * u
             factors.append(1j * STRENGTH * t**2)
             longer.append(sign * 1j * STRENGTH * depth * t**3 / 3)
@@ -131,30 +127,18 @@ class Space:
         return s, 1 + factors[0] + factors[1], 1 + factors[2] + factors[3]
 
     def matrices(self, eps: Array, k0: float) -> tuple[Any, Any]:
-        """A and B for eps of every triangle, and k0 in 1/um."""
+        """A and B for eps of every triangle, shape (triangles, 1), and k0 in 1/um."""
         s, s_r, s_z = self.stretch
-        q = k0**2 * eps[:, None]
-        mass = (-q * s * s_z / s_r, -q * s * s_r / s_z)
-        return self._assembled(s / (s_r * s_z), mass, (s_z / s_r / s, s_r / s_z / s), -q * s_r * s_z / s)
-
-    def energy(self, weight: Array) -> tuple[Any, Any]:
-        """Matrices of int s weight |E|^2 dA = x.(M_A + beta^2 M_B) x; the weight of every triangle."""
-        s, s_r, s_z = self.stretch
-        q, none = weight[:, None], 0 * s
-        return self._assembled(none, (q * s * s_z / s_r, q * s * s_r / s_z), (none, none), q * s_r * s_z / s)
-
-    def _assembled(
-        self, curl: Array, mass: tuple[Array, Array], flux: tuple[Array, Array], axial: Array
-    ) -> tuple[Any, Any]:
-        """A = int curl e curl v + e.mass.v,  B = int (grad p - e).flux.(grad q - v) + axial p q."""
+        q = k0**2 * eps
         e, rot, p, grad = self.functions
         n = len(e)
-        A = np.zeros((len(self.dx), self.dofs.shape[1], self.dofs.shape[1]), dtype=np.result_type(curl, *mass, axial))
-        B = np.zeros_like(A)
-        A[:, :n, :n] = self._products(rot, curl) + sum(self._products(e[:, k], mass[k]) for k in (0, 1))
-        both = np.concatenate([-e, grad])
-        B += sum(self._products(both[:, k], flux[k]) for k in (0, 1))
-        B[:, n:, n:] += self._products(p, axial)
+        A = np.zeros((len(self.dx), self.dofs.shape[1], self.dofs.shape[1]), dtype=s.dtype)
+        B, both = np.zeros_like(A), np.concatenate([-e, grad])
+        for k, ratio in enumerate((s_z / s_r, s_r / s_z)):
+            A[:, :n, :n] += self._products(e[:, k], -q * s * ratio)
+            B += self._products(both[:, k], ratio / s)
+        A[:, :n, :n] += self._products(rot, s / (s_r * s_z))
+        B[:, n:, n:] += self._products(p, -q * s_r * s_z / s)
         return self._summed(A), self._summed(B)
 
     def _products(self, f: Array, weight: Array) -> Array:
@@ -162,8 +146,6 @@ class Space:
         return np.matmul((f * (weight * self.dx)).transpose(1, 0, 2), f.transpose(1, 2, 0))
 
     def _summed(self, local: Array) -> Any:
-        from scipy.sparse import coo_matrix
-
         n = self.dofs.shape[1]
         rows, columns = np.repeat(self.dofs, n, axis=1), np.tile(self.dofs, (1, n))
         return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size)).tocsc()
@@ -174,21 +156,20 @@ def eigenpairs(space: Space, eps: Array, k0: float, index: float, count: int) ->
 
     Real where no layer absorbs; each value is the Rayleigh quotient of its vector.
     """
-    from scipy.sparse.linalg import LinearOperator, eigs, splu
-
     A, B = (matrix[space.free][:, space.free] for matrix in space.matrices(eps, k0))
-    shift, n = (k0 * index) ** 2, A.shape[0]
-    if A.dtype.kind == "c":
+    shift, n, real = (k0 * index) ** 2, A.shape[0], A.dtype.kind == "f"
+    if real:
+        solve = factorize(A + shift * B)
+    else:
         options = {"SymmetricMode": True}
         solve = splu((A + shift * B).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options=options).solve
-    else:
-        solve = factorize(A + shift * B)
     inverse = LinearOperator((n, n), matvec=lambda v: solve(np.ascontiguousarray(-(B @ v))), dtype=A.dtype)
     start = np.random.default_rng(0).standard_normal(n).astype(A.dtype)
     _, vectors = eigs(inverse, k=count, which="LM", tol=1e-10, v0=start, ncv=max(12, 4 * count))
     found = []
-    for vector in vectors.T:
-        v = vector if A.dtype.kind == "c" else (vector / vector[np.argmax(np.abs(vector))]).real
+    for v in vectors.T:
+        if real:
+            v = (v / v[np.argmax(np.abs(v))]).real
         x = np.zeros(space.size, dtype=A.dtype)
         x[space.free] = v
         found.append((-(v @ (A @ v)) / (v @ (B @ v)), x))

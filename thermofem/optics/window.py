@@ -7,12 +7,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
+import skfem
+from shapely.geometry.polygon import orient
 
 from ..arrays import Array, NDArray
 from ..checks import InputError
 from ..geometry.regions import Face, outlines
 from ..materials.material_library import VOID, Material, find
 from ..mesh.element_sizes import size_function, sizes
+from ..mesh.gmsh_mesher import make_faces
+from ..mesh.mesh_motion import Edges
 
 if TYPE_CHECKING:
     from ..geometry import CrossSection, Part
@@ -20,6 +25,7 @@ if TYPE_CHECKING:
 
 AIR = "air"  # what lies above the stack and in voids, where the heat problem has no triangles
 UM = 1e6  # um in a metre
+GRID = 1e-6  # um, on which the faces are cut at the sides of a window
 
 Box = tuple[float, float, float, float]  # left, right, bottom, top in m
 
@@ -42,8 +48,6 @@ class Window:
         cls, geometry: CrossSection, mesh: Mesh, radius: float, keep: NDArray[np.bool_] | slice = slice(None)
     ) -> Window:
         """Triangles of a mesh in m; points doubled along contacts are joined, and a half on x >= 0 is reflected."""
-        import skfem
-
         corners, of = mesh.points[mesh.triangles[keep]], mesh.region[keep]
         if geometry.mirrored and corners[..., 0].min() >= 0:
             corners, of = np.concatenate([corners, corners * [-1.0, 1.0]]) + 0.0, np.tile(of, 2)
@@ -54,30 +58,33 @@ class Window:
         names = tuple(mesh.region_names[k] for k in there)
         return cls(grid, region.ravel(), names, tuple(material_of(geometry, name) for name in names))
 
-    def inside(self, *names: str) -> NDArray[np.bool_]:
-        """Which triangles belong to regions or materials of these names."""
-        found = [name in names or material.name in names for name, material in self._pairs]
-        return np.array(found)[self.region]
+    def inside(self, name: str) -> NDArray[np.bool_]:
+        """Which triangles belong to a region, or to a material, of this name; shape (triangles, 1)."""
+        pairs = zip(self.names, self.materials, strict=True)
+        return np.array([name in (own, material.name) for own, material in pairs])[self.region, None]
 
-    @property
-    def _pairs(self) -> list[tuple[str, Material]]:
-        return list(zip(self.names, self.materials, strict=True))
+    def of_materials(self, value: Callable[[Material], float]) -> Array:
+        """A number of the material of every triangle, shape (triangles, 1)."""
+        return np.array([value(material) for material in self.materials])[self.region, None]
+
+    def indices(self, wavelength: float) -> tuple[Array, Array]:
+        """eps = n^2 and n n_gm = n (n - lambda dn/dlambda) of every triangle, shape (triangles, 1)."""
+        pairs = zip(self.names, self.materials, strict=True)
+        n = np.array([index_of(material, wavelength, name) for name, material in pairs])[self.region, None]
+        return n**2, n * self.of_materials(lambda m: m.index.group_index(wavelength) if m.index else 1.0)
 
 
 def material_of(geometry: CrossSection, region: str) -> Material:
     """Material of a region; air where nothing is meshed."""
-    known = {one.name for one in geometry.layers} | {one.name for one in geometry.parts}
-    return geometry.material_of(region) if region in known else find(AIR, geometry.materials)
+    return find(AIR, geometry.materials) if region == AIR else geometry.material_of(region)
 
 
 def window(geometry: CrossSection, mesh: Mesh, box: Box, radius: float, accuracy: float) -> Window:
     """The heat mesh cut to a box by its centroids, or triangles drawn there where the heat mesh has gaps."""
-    left, right, bottom, top = box
-    r, z = mesh.points[mesh.triangles].mean(axis=1).T
-    keep = (r > left) & (r < right) & (z > bottom) & (z < top)
-    if _gaps(geometry, box):
+    if any(face.owner == AIR for face in _clipped(geometry, box)):
         return drawn(geometry, box, radius, accuracy)
-    return Window.of(geometry, mesh, radius, keep)
+    r, z = mesh.points[mesh.triangles].mean(axis=1).T
+    return Window.of(geometry, mesh, radius, (r > box[0]) & (r < box[1]) & (z > box[2]) & (z < box[3]))
 
 
 def drawn(
@@ -85,83 +92,53 @@ def drawn(
     box: Box,
     radius: float,
     accuracy: float,
-    largest: Callable[[float, float], float] | None = None,
+    largest: Callable[[float], float] = lambda z: np.inf,
     beyond: tuple[float, float] | None = None,
 ) -> Window:
-    """Triangles that fill a box with straight sides, sizes at most ``largest``; air where nothing is meshed.
+    """Triangles that fill a box with straight sides; air where nothing is meshed.
 
+    largest [m]: of the triangles at a height z in m.
     beyond [m]: z to which the bottom and the top of the box are then moved, with what lies there.
     """
-    from ..mesh.gmsh_mesher import make_faces
-
-    size = size_function(geometry, sizes(accuracy))
-    faces = _clipped(geometry, box)
+    size, faces = size_function(geometry, sizes(accuracy)), _clipped(geometry, box)
     if beyond is not None:
         new = dict(zip(box[2:], beyond, strict=True))
         faces = [
             Face(f.owner, tuple(np.array([(r, new.get(z, z)) for r, z in ring]) for ring in f.rings)) for f in faces
         ]
-
-    def smaller(r: float, z: float) -> float:
-        own = size(abs(r), z)
-        return own if largest is None else min(own, largest(r, z))
-
-    return Window.of(geometry, make_faces(faces, smaller, geometry.name, geometry.depth), radius)
-
-
-def _shapes(geometry: CrossSection) -> list[tuple[str, Any]]:
-    """Owners and polygons in um of the faces, whole ones of a mirrored section."""
-    import shapely
-
-    found = []
-    for face in geometry.subdivision.faces:
-        shape = shapely.Polygon(face.rings[0] * UM, [hole * UM for hole in face.rings[1:]])
-        if geometry.mirrored:
-            shape = shapely.union(shape, shapely.transform(shape, lambda xy: xy * [-1.0, 1.0]), grid_size=1e-6)
-        found.append((face.owner, shape))
-    return found
-
-
-def _gaps(geometry: CrossSection, box: Box) -> bool:
-    import shapely
-
-    solid = shapely.union_all([shape for _, shape in _shapes(geometry)])
-    whole = shapely.box(box[0] * UM, box[2] * UM, box[1] * UM, box[3] * UM)
-    return bool(whole.difference(solid).area > 1e-9 * whole.area)
+    mesh = make_faces(faces, lambda r, z: min(size(abs(r), z), largest(z)), geometry.name, geometry.depth)
+    return Window.of(geometry, mesh, radius)
 
 
 def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
-    """The faces of a geometry inside a box, and air in what is left of it."""
-    import shapely
-    from shapely.geometry.polygon import orient
-
-    left, right, bottom, top = box
-    grid = 1e-6  # um
-    rest = whole = shapely.box(left * UM, bottom * UM, right * UM, top * UM)
-    found: list[tuple[str, Any]] = []
-    for owner, shape in _shapes(geometry):
-        found.append((owner, shapely.intersection(shape, whole, grid_size=grid)))
-        rest = shapely.difference(rest, shape, grid_size=grid)
-    found.append((AIR, rest))
+    """The faces of a geometry, whole ones of a mirrored section, inside a box, and air in what is left of it."""
+    left, right, bottom, top = (end * UM for end in box)
+    rest = whole = shapely.box(left, bottom, right, top)
+    shapes: list[tuple[str, Any]] = []
+    for face in geometry.subdivision.faces:
+        shape = shapely.Polygon(face.rings[0] * UM, [hole * UM for hole in face.rings[1:]])
+        if geometry.mirrored:
+            shape = shapely.union(shape, shapely.transform(shape, lambda xy: xy * [-1.0, 1.0]), grid_size=GRID)
+        shapes.append((face.owner, shapely.intersection(shape, whole, grid_size=GRID)))
+        rest = shapely.difference(rest, shape, grid_size=GRID)
     pieces = [
         (owner, piece)
-        for owner, shape in found
-        for piece in getattr(shape, "geoms", [shape])
+        for owner, shape in (*shapes, (AIR, rest))
+        for piece in shapely.get_parts(shape).tolist()
         if piece.geom_type == "Polygon" and piece.area > 1e-9
     ]
-    lines = shapely.unary_union([shapely.boundary(piece) for _, piece in pieces], grid_size=grid)  # shared points
-    cells = [orient(cell) for cell in shapely.polygonize([lines]).geoms]
-    owners = [next((o for o, piece in pieces if piece.contains(cell.representative_point())), None) for cell in cells]
-    sides = {round(end * UM / grid): end for end in box}  # to the last bit
+    lines = shapely.unary_union([shapely.boundary(piece) for _, piece in pieces], grid_size=GRID)  # shared points
+    sides = {round(end * UM / GRID): end for end in box}  # to the last bit
 
     def exact(ring: Any) -> Array:
-        return np.array([[sides.get(round(x / grid), x / UM) for x in point] for point in np.asarray(ring.coords)[:-1]])
+        return np.array([[sides.get(round(x / GRID), x / UM) for x in point] for point in np.asarray(ring.coords)[:-1]])
 
-    return [
-        Face(owner, tuple(exact(ring) for ring in (cell.exterior, *cell.interiors)))
-        for owner, cell in zip(owners, cells, strict=True)
-        if owner is not None
-    ]
+    found = []
+    for cell in map(orient, shapely.polygonize([lines]).geoms):
+        inside = cell.representative_point()
+        owners = [owner for owner, piece in pieces if piece.contains(inside)]
+        found += [Face(owner, tuple(map(exact, (cell.exterior, *cell.interiors)))) for owner in owners[:1]]
+    return found
 
 
 def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, dict[str, float]]:
@@ -171,46 +148,29 @@ def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, 
 
     Raises InputError: a material without an index touches the part.
     """
-    corners = part.outline()
-    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    (left, bottom), (right, top) = part.outline().min(axis=0), part.outline().max(axis=0)
     own = index_of(geometry.material_of(part.name), wavelength, part.name)
     axis = 0.02 * left if geometry.kind == "ring" else -geometry.outer_radius
     box, away = [axis, geometry.outer_radius, geometry.bottom_z, np.inf], {}
-    layers = {layer.name for layer in geometry.layers}
+    layers, edges = {layer.name for layer in geometry.layers}, Edges.of(geometry)
+    beside = {a for pair in zip(edges.left, edges.right, strict=True) for a in pair if part.name in pair}
     for name, outline in outlines(geometry).items():
         material = geometry.material_of(name)
-        if name == part.name or material.name == VOID:
-            continue
-        touches = _meets(geometry, name, part.name)
-        guides = name in layers and not touches and material.index and material.index.index(wavelength) > 0.99 * own
-        if material.index is not None and not guides:
-            continue
-        if touches:
+        if name in beside:
             index_of(material, wavelength, name)
-        (r0, z0), (r1, z1) = outline.min(axis=0), outline.max(axis=0)
-        gaps = (left - r1, r0 - right, bottom - z1, z0 - top)
-        side = int(np.argmax(gaps))
-        if gaps[side] >= 0:
-            away[name] = float(gaps[side])
-            nearer = max if side in (0, 2) else min
-            box[side] = nearer(box[side], (r1, r0, z1, z0)[side])
+        elif material.name != VOID:
+            if material.index and not (name in layers and material.index.index(wavelength) > 0.99 * own):
+                continue
+            (r0, z0), (r1, z1) = outline.min(axis=0), outline.max(axis=0)
+            gaps = (left - r1, r0 - right, bottom - z1, z0 - top)
+            side = int(np.argmax(gaps))
+            if gaps[side] >= 0:
+                away[name] = float(gaps[side])
+                nearer = max if side in (0, 2) else min
+                box[side] = nearer(box[side], (r1, r0, z1, z0)[side])
     if geometry.mirrored:
         box[0] = -box[1]
     return (float(box[0]), float(box[1]), float(box[2]), float(box[3])), away
-
-
-def _meets(geometry: CrossSection, first: str, second: str) -> bool:
-    """Whether two regions share an edge."""
-    edges = [
-        {
-            frozenset(map(tuple, edge))
-            for face in geometry.subdivision.faces
-            if face.owner == name
-            for edge in face.edges().tolist()
-        }
-        for name in (first, second)
-    ]
-    return bool(edges[0] & edges[1])
 
 
 def index_of(material: Material, wavelength: float, region: str) -> float:
@@ -223,14 +183,5 @@ def index_of(material: Material, wavelength: float, region: str) -> float:
             f"{region!r}: material {material.name!r} has no refractive index and lies within the mode's reach",
             f'give it in [material.{material.name}] index = 1.444, or "Si, Salzberg 1957", or move it away',
         )
-    try:
+    with prefixed(f"index of {material.name!r}, the material of {region!r}"):
         return material.index.index(wavelength)
-    except InputError as error:
-        raise InputError(f"index of {material.name!r}, the material of {region!r}: {error}") from None
-
-
-def energy_index(materials: tuple[Material, ...], names: tuple[str, ...], wavelength: float) -> tuple[Array, Array]:
-    """eps = n^2 and n n_gm = n (n - lambda dn/dlambda) of every region."""
-    n = np.array([index_of(m, wavelength, name) for m, name in zip(materials, names, strict=True)])
-    group = np.array([m.index.group_index(wavelength) for m in materials if m.index is not None])
-    return n**2, n * group

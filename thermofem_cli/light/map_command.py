@@ -20,6 +20,7 @@ from ..drive_texts import grid, steady_heaters
 
 
 def map_(
+    context: typer.Context,
     model: options.Model,
     ring: options.Ring = options.REFERENCE_RING,
     channel: options.Channel = None,
@@ -50,7 +51,7 @@ def map_(
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
     length = None if duration is None else quantity.parse(duration, "s", name="--duration")
     settings: dict[str, Any] = {"duration": length, "follow": follow, "file": resume, "show_bar": watched(), **parts}
-    with options.executor_of(scheduler) as executor:
+    with options.executor_of(context, scheduler) as executor:
         found = coupled.pulsing_map(resonator, thermal, over[0], over[1], heaters=powers, **settings, executor=executor)
     th.save(found, output)
     note_ring(resonator, ring)

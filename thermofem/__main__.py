@@ -1,4 +1,4 @@
-"""``python -m thermofem_cli``: the command ``thermofem``."""
+"""``python -m thermofem``: the command ``thermofem``."""
 
 from thermofem_cli import main
 

@@ -9,15 +9,13 @@ import typer
 import xarray as xr
 
 import thermofem as th
-from thermofem import checks
 from thermofem.campaign import Summary
 from thermofem.data import quantity
-from thermofem.errors import InputError
 
-from .. import options
-from ..command_files import check_outputs, expect, section_of
-from ..console import bar, note, say, settings, time_bar, working, written, wrote
-from ..drive_texts import heating, times_of
+from . import options
+from .command_files import check_outputs, expect, section_of
+from .console import bar, note, say, settings, time_bar, working, written, wrote
+from .drive_texts import heating, times_of
 
 FRAMES = 60  # of an animation whose times are not given
 
@@ -33,14 +31,16 @@ def solve(
         bool, typer.Option("--periodic", help="One period of the periodic state, not a start from rest.")
     ] = False,
     duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
-    samples: Annotated[int, typer.Option(help="Number of times in the result.")] = 801,
+    samples: Annotated[int, typer.Option(min=2, max=1_000_000, help="Number of times in the result.")] = 801,
     heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
     read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
     accuracy: options.Accuracy = 1e-3,
     rtol: options.Rtol = 1e-4,
     figure: options.Figure = None,
     preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
-    no_solve: Annotated[bool, typer.Option("--no-solve", help="Only draw the --preview.")] = False,
+    no_solve: Annotated[
+        bool, typer.Option("--no-solve", help="Only draw the --preview, preview.png by default.")
+    ] = False,
     field_times: options.FieldTimes = None,
     paraview: options.Paraview = None,
     animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
@@ -54,32 +54,40 @@ def solve(
         why = "has no effect with --no-solve, which draws the --preview alone"
         solving = "power", "pulse", "square", "duty", "periodic", "duration", "samples", "heated", "read", "rtol"
         options.unused(context, why, *solving, "figure", "field_times", "paraview", "animation", "output")
-        return _preview(geometry, accuracy, preview)
+        picture = preview or Path("preview.png")
+        check_outputs([picture], images=[picture], inputs=[geometry])
+        section = section_of(geometry)
+        with working("meshing"):
+            mesh = th.mesh.mesh_for(section, accuracy)
+        _preview(section, mesh, picture)
+        say(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles")
+        wrote(picture)
+        return {"preview": picture}
     if periodic:
-        options.unused(context, "has no effect with --periodic: one period is solved", "duration")
+        why = "has no effect with --periodic: one period is solved, and no field is kept"
+        options.unused(context, why, "duration", "field_times", "paraview", "animation")
     section = section_of(geometry)
-    wave = heating(power, pulse, square, duty)
-    checks.between("--samples", samples, 2, 1_000_000)
+    wave = heating(context, power, pulse, square, duty)
     files = [output, figure, preview, paraview, animation]
     check_outputs(files, images=[figure, preview], inputs=[geometry])
     if animation:
-        from thermofem.plot import check_film
+        from thermofem.plot import check_film  # brings matplotlib
 
         check_film(animation)
     length = quantity.positive(duration, "s", name="--duration")
     if not periodic and (pulse or square) and not wave.breakpoints(0.0, length).size:
         given = f"--pulse {pulse}" if pulse else f"--square {square}"
         note(f"{given} is on all through --duration {duration}: the result is that of a step")
-    kept = _field_times(field_times, length, wanted=bool(paraview or animation), periodic=periodic)
+    kept = times_of(field_times)
+    if (paraview or animation) and not kept:
+        kept = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
     if paraview:
-        from thermofem.data.fields import files_of
-
-        files_of(paraview, len(kept))
+        th.fields.files_of(paraview, len(kept))
 
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy)
     if preview:
-        _draw_preview(section, heat.mesh, preview)
+        _preview(section, heat.mesh, preview)
     wanted = read[0] if read and len(read) == 1 else tuple(read or ()) or None
     settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": rtol}
     span = wave.period if periodic and wave.period else length
@@ -92,11 +100,14 @@ def solve(
     with working("writing"):
         th.save(data, output)
         if paraview:
-            th.data.fields.write_fields(data, paraview)
+            th.fields.write_fields(data, paraview)
         if figure:
             _draw(data, figure)
     if animation:
-        _film(data, animation)
+        from thermofem import plot
+
+        with bar(f"drawing {animation.name}") as frames:
+            plot.animate_field(data, animation, on_frame=lambda at, total: frames(at + 1, total))
     numbers = _say(data, None if pulse or square else float(wave.mean(0.0, length)))
     wrote(*files)
     numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}
@@ -107,11 +118,9 @@ def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
     """Print R_th of every part that is read, with the rise time (10 to 90 % of R_th ``power``) of a step in W."""
     a, times = data.attrs, data["time"].values
     source, names = a["heated"], a["read"].split(", ")
-    resistances = np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"]))
-    rises = data["delta_T"].values.reshape(times.size, -1) if data["delta_T"].dims[0] == "time" else None
-    rises = np.atleast_2d(data["delta_T"].values) if rises is None else rises.T
+    resistances = dict(zip(names, np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"])), strict=True))
     rise_times: dict[str, float | None] = {}
-    for name, R, rise in zip(names, resistances, rises, strict=True):
+    for (name, R), rise in zip(resistances.items(), np.atleast_2d(data["delta_T"].transpose(..., "time")), strict=True):
         line = f"R_th of {name if name == source else f'{name} heated by {source}'} = {R / 1e3:.4g} K/mW"
         if power:
             share = rise / (R * power)
@@ -122,38 +131,18 @@ def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
         say(line)
     largest = float(data["delta_T"].max())
     say(f"largest rise {largest:.4g} K, energy imbalance {a['heat_imbalance']:.0e}")
-    numbers: dict[str, Any] = {"thermal_resistance": float(resistances[0]), "largest_rise": largest}
-    numbers |= {"heat_imbalance": a["heat_imbalance"], "heated": source}
-    if len(names) > 1:
-        numbers["thermal_resistances"] = dict(zip(names, map(float, resistances), strict=True))
-    return {**numbers, "rise_time": rise_times} if power else numbers
+    return {
+        "thermal_resistance": resistances[names[0]],
+        "largest_rise": largest,
+        "heat_imbalance": a["heat_imbalance"],
+        "heated": source,
+        **({"thermal_resistances": resistances} if len(names) > 1 else {}),
+        **({"rise_time": rise_times} if power else {}),
+    }
 
 
-def _preview(geometry: Path | None, accuracy: float, path: Path | None) -> dict[str, Any]:
-    """Draw cross-section and mesh, and solve nothing."""
-    if path is None:
-        raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
-    section = section_of(geometry)
-    check_outputs([path], images=[path], inputs=[geometry])
-    from thermofem.mesh import mesh_for
-
-    with working("meshing"):
-        mesh = mesh_for(section, accuracy)
-    _draw_preview(section, mesh, path)
-    say(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles")
-    wrote(path)
-    return {"preview": path}
-
-
-def _field_times(texts: list[str] | None, duration: float, *, wanted: bool, periodic: bool) -> tuple[float, ...]:
-    """Times in s at which the field is kept: those given, or evenly spread ones where a film wants them."""
-    given = times_of(texts)
-    if periodic and (given or wanted):
-        raise InputError("--periodic keeps no fields; leave out --field-times, --paraview and --animation, or it")
-    return tuple(k * duration / FRAMES for k in range(1, FRAMES + 1)) if wanted and not given else given
-
-
-def _draw_preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:
+def _preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:
+    """Draw cross-section and mesh."""
     from thermofem import plot
 
     plot.save_figure(plot.plot_preview(section, mesh), path)
@@ -173,14 +162,8 @@ def _draw(data: xr.Dataset, path: Path) -> None:
     plot.save_figure(ax, path)
 
 
-def _film(data: xr.Dataset, path: Path) -> None:
-    from thermofem import plot
-
-    with bar(f"drawing {path.name}") as progress:
-        plot.animate_field(data, path, on_frame=lambda at, total: progress(at + 1, total))
-
-
 def campaign(
+    context: typer.Context,
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")],
     output: options.Folder = Path("campaign"),
     workers: options.Workers = None,
@@ -191,12 +174,10 @@ def campaign(
 
     Started again, it goes on where it was, however it ended.
     """
-    if scheduler and workers:
-        raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
     expect(file, "campaign")
     plan = th.Campaign.from_toml(file)
     count = workers if workers is not None or scheduler else settings.threads
-    with options.executor_of(scheduler) as executor, bar("geometries") as progress:
+    with options.executor_of(context, scheduler) as executor, bar("geometries") as progress:
 
         def report(summary: Summary) -> None:
             rate = f"{summary.finished / summary.seconds:.1f}/s" if summary.seconds else ""

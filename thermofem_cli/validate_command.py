@@ -17,9 +17,9 @@ from thermofem.data import quantity
 from thermofem.data.files import IMAGES
 from thermofem.errors import InputError
 
-from .. import options
-from ..command_files import check_outputs, expect
-from ..console import say, show, working, wrote
+from . import options
+from .command_files import check_outputs, expect
+from .console import say, show, working, wrote
 
 SAME = "no material depends on temperature: the same at every power"
 

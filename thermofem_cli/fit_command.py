@@ -13,17 +13,19 @@ from thermofem import checks
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
-from .. import options
-from ..command_files import about, check_outputs, expect, in_volts, kind_of
-from ..console import note, parameter_unit, say, working, written, wrote
-from ..drive_texts import heating
+from . import options
+from .command_files import about, check_outputs, expect, in_volts, kind_of
+from .console import note, parameter_unit, say, working, written, wrote
+from .drive_texts import heating
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
 TABLE = "a table of numbers"
+DRIVE = "power", "pulse", "square", "duty"
 
 
 def fit(
+    context: typer.Context,
     data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table of numbers.")],
     kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
     order: Annotated[
@@ -63,34 +65,31 @@ def fit(
     applied. The offset is subtracted, the start of the heating is found, and what was assumed is printed.
     """
     checks.choice("--kind", kind, KINDS)
-    mzi = _interferometer(readout, phase)
-    if mzi is not None:
+    mzi: th.MZI | None = None
+    if readout is None:
+        options.unused(context, "goes with --readout mzi", "phase")
+    else:
+        checks.choice("--readout", readout, ("mzi",))
+        options.unused(context, "shows temperatures; with --readout there are none in the data", "figure")
+        mzi = th.MZI(shift=1.0 if phase is None else quantity.parse(phase, "rad/K", name="--phase"))
         kind, order = "foster", order or "2"
         baseline, sensitivity = baseline or "0 K", sensitivity or "1 V/K"  # light has no rest to subtract
-        if figure is not None:
-            raise InputError("--figure shows temperatures; with --readout there are none in the data")
-    if order is not None and kind != "foster":
-        raise InputError(f"--order = {order} goes with --kind foster; {kind} has its own number of poles")
-    check_outputs([output, figure], images=[figure], inputs=data)
-    if figure is not None and len(data) > 1:
-        raise InputError(f"--figure shows one file; {len(data)} are given")
-    table: dict[str, Any] = {
-        "columns": columns,
-        "units": units,
-        "time": time,
-        "temperature": temperature,
-        "sensitivity": sensitivity,
-    }
-    table |= {"start": start, "baseline": baseline, "fall": fall or None}
-    drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
-    training, assumed = _training(data, table, drive)
-    with about(data):
-        training = [_channel(path, one, heated, read, kind) for path, one in zip(data, training, strict=True)]
+    if kind != "foster":
+        options.unused(context, f"goes with --kind foster; {kind} has its own number of poles", "order")
+    if kind == "sindy":
+        options.unused(context, "picks one part; a SINDy network needs all that the file holds", "read")
+    if len(data) > 1:
         if kind == "sindy":
-            found = _sindy(training)
-        else:
-            with working("training"):
-                found = _trained(kind, training, order, transfer or None, mzi)
+            options.unused(context, f"takes one transient from rest, not {len(data)} files", "kind")
+        options.unused(context, f"shows one file; {len(data)} are given", "figure")
+    check_outputs([output, figure], images=[figure], inputs=data)
+    read_as: dict[str, Any] = {"columns": columns, "units": units, "time": time, "temperature": temperature}
+    read_as |= {"sensitivity": sensitivity, "start": start, "baseline": baseline, "fall": fall or None}
+    training, assumed = _training(context, data, read_as)
+    with about(data):
+        training = [_channel(path, one, heated, read) for path, one in zip(data, training, strict=True)]
+        with working("training"):
+            found = _trained(kind, training, order, transfer or None, mzi)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=files.plain(provenance))
     _print(found, kind, "V" if in_volts(assumed) else "K")
@@ -110,21 +109,16 @@ def fit(
     }
 
 
-def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None, kind: str) -> xr.Dataset:
+def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None) -> xr.Dataset:
     """Data of the part that --heated and --read name; a table, which names none, gets the names."""
-    from thermofem.data import dataset
-
-    if heated is None and read is None:
-        return data
-    if read is not None and kind == "sindy":
-        raise InputError("--read picks one part; a SINDy network needs all that the file holds")
+    named = {name: part for name, part in (("heated", heated), ("read", read)) if part is not None}
     if kind_of(path) == "table":
-        return data.assign_attrs({k: v for k, v in (("heated", heated), ("read", read)) if v is not None})
+        return data.assign_attrs(named)
     was = data.attrs.get("heated")
     if heated is not None and was is not None and heated != was:
         raise InputError(f"--heated = {heated!r}, but {path} says that {was!r} was heated")
     data = data if heated is None else data.assign_attrs(heated=heated)
-    return data if read is None else dataset.at_probe(data, read)
+    return data if read is None else th.dataset.at_probe(data, read)
 
 
 def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
@@ -135,54 +129,36 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
-def _interferometer(readout: str | None, phase: str | None) -> th.MZI | None:
-    """The read-out that --readout and --phase describe."""
-    if readout is None:
-        if phase is not None:
-            raise InputError(f"--phase = {phase!r} goes with --readout mzi")
-        return None
-    checks.choice("--readout", readout, ("mzi",))
-    return th.MZI(shift=1.0 if phase is None else quantity.parse(phase, "rad/K", name="--phase"))
-
-
-def _trained(
-    kind: str, training: list[Any], order: str | None, transfer: bool | None, readout: th.MZI | None = None
-) -> Any:
-
+def _trained(kind: str, training: list[Any], order: str | None, transfer: bool | None, readout: th.MZI | None) -> Any:
+    """The fit of a kind of model; a SINDy network is that of the core and the shells around it."""
     if kind == "newton":
         return surrogate.fit_newton(training)
     if kind == "second-order":
         return surrogate.fit_second_order(training, transfer=transfer)
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
+    if kind == "sindy":
+        return surrogate.fit_sindy(training[0])
     poles = int(order) if order is not None and order.isdigit() else order or "auto"
     return surrogate.fit_foster(training, order=poles, transfer=transfer, readout=readout)
 
 
-def _sindy(training: list[xr.Dataset]) -> Any:
-    """Identify a SINDy network of the core and the shells around it."""
-    if len(training) > 1:
-        raise InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
-    with working("training"):
-        return surrogate.fit_sindy(training[0])
-
-
-def _training(paths: list[Path], columns: dict[str, Any], drive: dict[str, Any]) -> tuple[list[xr.Dataset], list[str]]:
-    """Training data of every file, and what was assumed for tables."""
+def _training(context: typer.Context, paths: list[Path], read_as: dict[str, Any]) -> tuple[list[xr.Dataset], list[str]]:
+    """Training data of every file, and what was assumed for tables, which are read as ``read_as`` says."""
     for path in paths:
         expect(files.regular(path), "data", "table")
+    drive = [context.params[name] for name in DRIVE]
     tables = [path for path in paths if kind_of(path) == "table"]
-    given = [f"--{name}" for name, value in {**drive, **columns}.items() if value is not None]
-    if given and not tables:
-        raise InputError(f"{', '.join(given)}: netCDF data say themselves what was applied; this is for {TABLE}")
     if not tables:
+        why = f"is for {TABLE}; netCDF data say themselves what was applied"
+        options.unused(context, why, *DRIVE, *read_as, "readout")
         return [th.load(path) for path in paths], []
-    if drive["power"] is None:
+    if drive[0] is None:
         raise InputError(
             f'{tables[0]} holds {TABLE}: say what was applied, --power "1.3 mW" with --pulse "4 us" or --square; '
             "with a column of power, thermofem.read_trace makes training data of it"
         )
-    wave = heating(drive["power"], drive["pulse"], drive["square"], drive["duty"])
+    wave = heating(context, *drive)
     training: list[xr.Dataset] = []
     assumed: list[str] = []
     for path in paths:
@@ -190,11 +166,11 @@ def _training(paths: list[Path], columns: dict[str, Any], drive: dict[str, Any])
             training.append(th.load(path))
             continue
         with working(f"reading {path.name}"):
-            trace = th.read_trace(path, wave, **columns)
-        lines = trace.attrs["assumed"].splitlines()
+            trace = th.read_trace(path, wave, **read_as)
+        lines = [f"{path.name}: {line}" for line in trace.attrs["assumed"].splitlines()]
         for line in lines:
-            note(f"{path.name}: {line}")
-        assumed += [f"{path.name}: {line}" for line in lines]
+            note(line)
+        assumed += lines
         training.append(trace)
     return training, assumed
 

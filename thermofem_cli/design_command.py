@@ -1,0 +1,354 @@
+"""``thermofem design`` and ``uncertainty``: the ring of a family that fits, and tolerances of its fabrication.
+
+A quantity of --period, --swing, --range or --map is a function of a thermal model and, where the optics depend on the
+geometry, of changes of optical numbers.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from scipy import stats
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled import RingResonator
+from coupled.contradictions import check_geometry
+from coupled.ring_family import MovingRing, ring_at
+from coupled.unknowns import number_of, optical_names, varied
+from surrogate import Optics
+from surrogate.family import Family
+from thermofem import checks
+from thermofem.data import quantity
+from thermofem.errors import InputError
+
+from . import options
+from .command_files import check_outputs, note_ring, ring_of
+from .console import note, say, working, written, wrote
+from .drive_texts import assigned, detuning_of, grid, reading
+
+Change = Mapping[str, float]
+
+DETUNINGS = -60e9, 100e9, 161  # first and last in Hz, and number, over which the range of self-pulsing is looked for
+
+
+def design(
+    context: typer.Context,
+    file: options.Family,
+    resistance: Annotated[str | None, typer.Option(help="Thermal resistance, e.g. '9000 K/W'.")] = None,
+    rise_time: Annotated[str | None, typer.Option(help="10 to 90 % after a step, e.g. '2 us'.")] = None,
+    period: Annotated[str | None, typer.Option(help="Settled period of self-pulsing, e.g. '900 ns'.")] = None,
+    swing: Annotated[str | None, typer.Option(help="Temperature swing of the settled cycle, e.g. '6 K'.")] = None,
+    range_: Annotated[
+        str | None, typer.Option("--range", help="Range of self-pulsing in detuning at --power, e.g. '30 GHz'.")
+    ] = None,
+    fix: options.Fix = None,
+    optics: options.Optics = None,
+    ring: options.FamilyRing = options.REFERENCE_RING,
+    power: options.FamilyPower = "8 dBm",
+    detuning: options.FamilyDetuning = "0 GHz",
+    workers: options.Processes = 1,
+    scheduler: options.Scheduler = None,
+    seed: options.Seed = 0,
+) -> dict[str, Any]:
+    """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
+    if not (period or swing or range_):
+        options.unused(context, "goes with --period, --swing or --range", "power", "detuning", "optics", "ring")
+    found = surrogate.load_family(file)
+    drive: tuple[Any, ...] = ()
+    moving: Any = None
+    if period or swing or range_:
+        resonator = ring_for(found, ring)
+        drive = resonator, quantity.parse(power, "W", name="--power"), detuning_of(detuning, resonator)
+        moving = optics_of(found, optics, resonator)
+    asked: list[tuple[str, str | None, str, Callable[[], Any]]] = [
+        ("--resistance", resistance, "K/W", lambda: "thermal_resistance"),
+        ("--rise-time", rise_time, "s", lambda: "rise_time"),
+        ("--period", period, "s", lambda: Settled("period", *drive)),
+        ("--swing", swing, "K", lambda: Settled("swing", *drive)),
+        ("--range", range_, "Hz", lambda: PulsingRange(*drive[:2])),
+    ]
+    target, units = {}, units_of(found)
+    for option, text, unit, make in asked:
+        if text is not None:  # a swing is a difference of temperatures
+            rise = unit == "K"
+            value = quantity.positive_rise(text, name=option) if rise else quantity.positive(text, unit, name=option)
+            target[make()] = value
+    if not target:
+        raise InputError("nothing is wanted; add --resistance, --rise-time, --period, --swing or --range")
+    fixed = fixed_of(found, fix)
+    settings: dict[str, Any] = {"fixed": fixed, "optics": moving, "seed": seed}
+    with options.executor_of(context, scheduler, workers) as executor, working("searching"):
+        result = surrogate.design(found, target=target, executor=executor, **settings)
+    units |= dict(zip(result.achieved, (unit for _, text, unit, _ in asked if text), strict=True))
+    say("reached" if result.reached else "no member that was looked at does that; the nearest one:")
+    for name, wanted in zip(result.achieved, target.values(), strict=True):
+        say(f"{name} = {written(result.achieved[name], units[name])}, wanted {written(wanted, units[name])}")
+    for name in found.names:
+        end = " (end of its range)" if name in result.active else ""
+        say(f"{name} = {written(result.values[name], units[name])}{end}")
+    free = [name for name in found.names if name not in fixed]
+    for name, slopes in result.sensitivity.items():
+        words = [
+            f"{100 * slope * result.values[one] / result.achieved[name]:+.3g} % a % of {one}"
+            for one, slope in slopes.items()
+        ]
+        say(f"{name} changes by {', '.join(words)}")
+    if result.reached and len(target) < len(free):
+        note(
+            f"{len(target)} wanted, {len(free)} free: one solution of many, the nearest to the geometry of the family "
+            f"in units of the ranges; --fix {free[-1]}=... picks another"
+        )
+    own = written(result.certified.thermal_resistance, "K/W")
+    say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
+    front = None
+    if result.front is not None:
+        front = {str(name): column.values.tolist() for name, column in result.front.items()}
+        count = result.front.sizes["member"]
+        say(f"members that no other beats in all targets ({', '.join(result.achieved)}):")
+        for k in sorted({round(k * (count - 1) / 8) for k in range(9)}):  # at most nine, ends included
+            say("  ".join(f"{name} = {written(values[k], units[name])}" for name, values in front.items()))
+    return {
+        "values": result.values,
+        "achieved": result.achieved,
+        "reached": result.reached,
+        "active": list(result.active),
+        "sensitivity": result.sensitivity,
+        "error": result.certified.error,
+        "thermal_resistance": result.certified.thermal_resistance,
+        "front": front,
+    }
+
+
+def uncertainty(
+    context: typer.Context,
+    file: options.Family,
+    spread: Annotated[list[str], typer.Option(help="Mean and standard deviation, e.g. 'width=450 nm,5 nm'.")],
+    fix: options.Fix = None,
+    period: Annotated[bool, typer.Option("--period", help="The settled period, not the thermal resistance.")] = False,
+    map_: Annotated[
+        Path | None, typer.Option("--map", help="Probability of self-pulsing over power and detuning, into this file.")
+    ] = None,
+    points: options.Points = "15, 31",
+    samples: Annotated[int, typer.Option(help="Base samples, a power of two.")] = 1024,
+    interpolate: Annotated[
+        int | None, typer.Option(help="Compute this number of members only and interpolate.")
+    ] = None,
+    optics: options.Optics = None,
+    ring: options.FamilyRing = options.REFERENCE_RING,
+    power: options.FamilyPower = "8 dBm",
+    detuning: options.FamilyDetuning = "0 GHz",
+    workers: options.Processes = 1,
+    scheduler: options.Scheduler = None,
+    seed: options.Seed = 0,
+) -> dict[str, Any]:
+    """Propagate normally distributed fabrication tolerances to R_th, the settled period or the self-pulsing map, with
+    Sobol indices.
+
+    For --map, --power and --detuning are pairs: '3 dBm, 10 dBm' and '-30 GHz, 30 GHz'.
+    """
+    options.unused(context, *(("and --map exclude each other", "period") if map_ else ("goes with --map", "points")))
+    if not (map_ or period):
+        options.unused(context, "goes with --period or --map", "power", "detuning", "optics", "ring")
+    check_outputs([map_], inputs=[file, ring])
+    found = surrogate.load_family(file)
+    spreads, fixed = spreads_of(found, spread), fixed_of(found, fix)
+    what: Any = "thermal_resistance"
+    slopes = None
+    if map_ or period:
+        resonator = ring_for(found, ring)
+        if map_:
+            what = Pulsing(resonator, *grid(resonator, power, detuning, points))
+        else:
+            watts = quantity.parse(power, "W", name="--power")
+            what = Settled("period", resonator, watts, detuning_of(detuning, resonator))
+        slopes = optics_of(found, optics, resonator)
+    held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads} | fixed
+    if held:
+        units = units_of(found)
+        words = ", ".join(f"{name} = {written(float(value), units[name])}" for name, value in held.items())
+        note(f"held: {words}" + ("" if set(held) <= set(fixed) else "; --fix and --spread change that"))
+    if period and interpolate is None:
+        count = samples * (len(spreads) + 2)
+        note(f"{count} settled cycles, some minutes; with --interpolate 150 only 150, interpolated, some seconds")
+    settings: dict[str, Any] = {"samples": samples, "fixed": fixed, "optics": slopes, "seed": seed}
+    with options.executor_of(context, scheduler, workers) as executor, working("sampling"):
+        data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, executor=executor, **settings)
+    if map_:
+        th.save(data, map_)
+        unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())
+        say(f"{unsure:.0%} of the points pulse with a probability between 5 and 95 %")
+        wrote(map_)
+        return {"map": map_, "unsure": unsure, "probability": data["mean"].values.tolist()}
+    return _say(data, "s" if period else "K/W", interpolate)
+
+
+def _say(data: Any, unit: str, interpolate: int | None) -> dict[str, Any]:
+    """Print mean, quantiles and Sobol indices with the intervals that hold them with a probability of 95 %."""
+    names = ("mean", "standard_deviation", "quantile_05", "quantile_95")
+    mean, deviation, low, high = (written(data.attrs[name], unit) for name in names)
+    say(f"mean {mean}, standard deviation {deviation}; 5 to 95 %: {low} .. {high}")
+    parameters = list(map(str, data.parameter.values))
+    for name in parameters:
+        row = data.sel(parameter=name)
+        first, total = (
+            f"{row[kind].item():.3f} ({row[kind + '_low'].item():.3f} .. {row[kind + '_high'].item():.3f})"
+            for kind in ("first_order", "total_order")
+        )
+        say(f"{name}: first-order Sobol index {first}; total {total}")
+        say(f"{name}: {_change(row, unit)} for one standard deviation")
+    if interpolate:
+        error = data.attrs["interpolation_error"]
+        say(f"interpolated between {interpolate} members; rms error {error:.1e} over held-out ones")
+    kinds = [f"{kind}{end}" for kind in ("first_order", "total_order") for end in ("", "_low", "_high")]
+    kinds += [kind for kind in ("per_deviation", "per_deviation_heat") if kind in data]
+    return {**data.attrs, **{kind: dict(zip(parameters, data[kind].values.tolist(), strict=True)) for kind in kinds}}
+
+
+def _change(row: Any, unit: str) -> str:
+    """Change of the quantity by one standard deviation of a parameter, and what of it is light and heat."""
+    whole = row["per_deviation"].item()
+    if "per_deviation_heat" not in row:
+        return written(whole, unit)
+    heat = row["per_deviation_heat"].item()
+    return f"{written(whole, unit)}, {written(heat, unit)} by heat and {written(whole - heat, unit)} by light"
+
+
+def units_of(family: Family) -> dict[str, str]:
+    """SI unit of every parameter."""
+    return dict(zip(family.names, family.box.units, strict=True))
+
+
+def fixed_of(family: Family, given: list[str] | None) -> dict[str, float]:
+    """Parameters of --fix 'radius=7 um', in SI."""
+    texts = _of_parameters(family, "--fix", given, "radius=7 um")
+    return {name: quantity.parse(text, unit, name=f"--fix {name}") for name, (unit, text) in texts.items()}
+
+
+def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
+    """Normal distributions of --spread 'width=450 nm,5 nm'."""
+    spreads = {}
+    for name, (unit, text) in _of_parameters(family, "--spread", given, "width=450 nm,5 nm").items():
+        with reading(f"--spread '{name}={text}'", "PARAMETER=MEAN, STANDARD DEVIATION, such as 'width=450 nm,5 nm'"):
+            mean, width = (part.strip() for part in text.split(","))
+        centre = quantity.parse(mean, unit, name=f"--spread {name}")
+        spreads[name] = stats.norm(centre, quantity.positive(width, unit, name=f"--spread {name}"))
+    return spreads
+
+
+def ring_for(family: Family, given: str) -> RingResonator:
+    """The ring of --ring; without it that of the family's own geometry where this has [light] and [[bus]]."""
+    own = family.optics
+    if given == options.REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
+        found = ring_at(family, family.box.nominal)
+        note(f"the ring is computed from the geometry: {found.name}; carriers of {given}")
+        return found
+    found = ring_of(given)
+    note_ring(found, given)
+    check_geometry(found, family)
+    return found
+
+
+def optics_of(family: Family, given: Sequence[str] | None, ring: RingResonator) -> Optics | MovingRing | None:
+    """How the ring follows the geometry: --optics 'bus_rate/width=-1e17', or what the family knows of its light.
+
+    Slopes are d(optical number)/d(parameter) in SI; 'detuning' is a number, too.
+    """
+    if not given and family.optics is not None:
+        moving = MovingRing(family, ring)
+        at = ", ".join(f"{name} = {written(value, units_of(family)[name])}" for name, value in moving.at.items())
+        buses = "" if "kappa 0" in family.optics.names else "; no [[bus]]: kappa^2 stands still"
+        note(f"the optics move with the geometry, from the ring as it is at {at}{buses}")
+        return moving
+    if not given:
+        note(
+            "the optics stand still, this is the thermal part alone; [light] and [[bus]] in the geometry of the "
+            "family, or --optics, move them"
+        )
+        return None
+    slopes: dict[str, dict[str, float]] = {}
+    known = {*optical_names(ring), "detuning"}
+    for left, value in assigned("--optics", given, "bus_rate/width=-1e17").items():
+        with reading(f"--optics '{left}={value}'", "NUMBER/PARAMETER=SLOPE"):
+            number, parameter = (part.strip() for part in left.split("/"))
+        slope = quantity.parse(value, "", name=f"--optics {left}")
+        slopes.setdefault(checks.choice("--optics: number", number, known), {})[parameter] = slope
+    found = surrogate.Optics(slopes)
+    found.check(family)
+    return found
+
+
+def _of_parameters(family: Family, option: str, given: list[str] | None, example: str) -> dict[str, tuple[str, str]]:
+    """Unit and text of every parameter of a repeatable option 'PARAMETER=VALUE'."""
+    units = units_of(family)
+    texts = assigned(option, given or [], example)
+    return {checks.choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Period (s) or swing (K) of the settled cycle of a ring at one power (W) and detuning (Hz)."""
+
+    name: str
+    ring: RingResonator
+    power: float
+    detuning: float
+
+    @property
+    def __name__(self) -> str:
+        """Name of the quantity."""
+        return f"settled_{self.name}"
+
+    def __call__(self, model: Any, changes: Change | None = None) -> float:
+        """That of one member."""
+        moved, shift = _changed(self.ring, changes)
+        found = coupled.limit_cycle(moved, model, power=self.power, detuning=self.detuning + shift)
+        return float(found.attrs[self.name])
+
+
+@dataclass(frozen=True)
+class PulsingRange:
+    """Range of detunings in Hz over which no state is stable, at one power (W)."""
+
+    ring: RingResonator
+    power: float
+    __name__ = "range_of_pulsing"
+
+    def __call__(self, model: Any, changes: Change | None = None) -> float:
+        """That of one member."""
+        moved, _ = _changed(self.ring, changes)
+        detunings = np.linspace(*DETUNINGS)
+        found = coupled.stability_map(moved, model, [self.power, 1.001 * self.power], detunings)
+        growth = found.growth_rate.values[0]
+        low, high = growth[:-1], growth[1:]
+        share = np.clip(np.maximum(low, high) / np.maximum(np.abs(high - low), 1e-300), 0.0, 1.0)
+        return float(share.sum() * np.diff(detunings)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Pulsing:
+    """Where no state is stable, Boolean over power (W) and detuning (Hz)."""
+
+    ring: RingResonator
+    powers: Any
+    detunings: Any
+    __name__ = "pulses"
+
+    def __call__(self, model: Any, changes: Change | None = None) -> Any:
+        """The map of one member."""
+        moved, shift = _changed(self.ring, changes)
+        found = coupled.stability_map(moved, model, self.powers, self.detunings + shift).regime == "self-pulsing"
+        return found.assign_coords(detuning=self.detunings)
+
+
+def _changed(ring: RingResonator, changes: Change | None) -> tuple[RingResonator, float]:
+    """The ring with changed numbers, and the change of the detuning in Hz."""
+    if not changes:
+        return ring, 0.0
+    rest = {name: change for name, change in changes.items() if name != "detuning"}
+    moved = varied(ring, {name: number_of(ring, name) + change for name, change in rest.items()})
+    return moved, changes.get("detuning", 0.0)

@@ -1,0 +1,94 @@
+"""``thermofem family`` and ``calibrate``: one thermal model for many rings, and the ring that explains a trace."""
+
+import contextlib
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import surrogate
+import thermofem as th
+from thermofem.data import quantity
+
+from . import options
+from .command_files import about, check_outputs, expect
+from .console import say, working, written, wrote
+
+
+def family(
+    context: typer.Context,
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML) with ranges.")],
+    output: options.Output = Path("family.json"),
+    tolerance: Annotated[float, typer.Option(help="Wanted relative error of R_th and of every step.")] = 1e-3,
+    folder: Annotated[
+        Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
+    ] = None,
+    workers: options.Processes = 1,
+    scheduler: options.Scheduler = None,
+    power: Annotated[
+        str | None, typer.Option(help="Largest absorbed power, e.g. '2 mW'; for conductivities k(T).")
+    ] = None,
+    seed: options.Seed = 0,
+) -> dict[str, Any]:
+    """Train one thermal model for all rings in the ranges of a campaign."""
+    check_outputs([output], inputs=[file])
+    expect(file, "campaign")
+    hot = None if power is None else quantity.parse(power, "W", name="--power")
+    with options.executor_of(context, scheduler, workers) as executor, working("training"):
+        found = surrogate.train_family(file, tolerance, seed=seed, executor=executor, folder=folder, power=hot)
+    found.save(output)
+    error = {"worst": found.error.worst, "median": found.error.median, "count": found.error.count}
+    say(
+        f"{found.size} functions ({found.engine}); error over {error['count']} rings not seen: "
+        f"worst {error['worst']:.1e}, median {error['median']:.1e}"
+    )
+    if found.output_maps is not None:
+        say(f"k(T) up to {quantity.write(found.output_maps.power, 'W')}: error {found.output_maps.error:.1e}")
+    own = found.optics
+    if own is not None:
+        say(f"light of {own.solved} rings; error over rings left out: {own.words()}")
+    wrote(output)
+    return {
+        "family": output,
+        "functions": found.size,
+        "engine": found.engine,
+        "error": error,
+        "error_hot": None if found.output_maps is None else found.output_maps.error,
+        "error_optics": None if own is None else own.error,
+        "ranges": {name: list(map(float, ends)) for name, ends in found.ranges.items()},
+    }
+
+
+def calibrate(
+    file: options.Family,
+    data: Annotated[list[Path], typer.Argument(help="Measured or simulated thermal traces (netCDF).")],
+    noise: Annotated[
+        str | None, typer.Option(help="Standard deviation of a sample, e.g. '10 mK'; a number alone is in K.")
+    ] = None,
+) -> dict[str, Any]:
+    """Find the ring of a family that explains thermal traces best, with standard errors."""
+    if noise is not None:
+        with contextlib.suppress(ValueError):
+            noise = f"{float(noise)!r} K"
+    spread = None if noise is None else quantity.positive_rise(noise, name="--noise")
+    found = surrogate.load_family(file)
+    for path in data:
+        expect(path, "data")
+    with working("fitting"), about(data):
+        result = surrogate.calibrate(found, [th.load(path) for path in data], noise=spread)
+    for name, unit in zip(found.names, found.box.units, strict=True):
+        value, error = result.values[name], result.standard_errors[name]
+        say(f"{name} = {written(value, unit, error)}" + (" (end of its range)" if name in result.active else ""))
+    say(f"residual {result.residual:.3g} K rms, correlation of neighbouring residuals {result.correlation:.2f}")
+    for text in result.unseen:
+        say(f"not determined by the data: {text}")
+    say(f"± contains the noise only; on its own mesh the family is off by {result.certified.error:.1e}")
+    return {
+        "values": result.values,
+        "standard_errors": result.standard_errors,
+        "residual": result.residual,
+        "correlation": result.correlation,
+        "error": result.certified.error,
+        "unseen": list(result.unseen),
+        "active": list(result.active),
+    }

@@ -1,1 +1,0 @@
-"""Commands on heat and its models: training data, compact models, families."""
