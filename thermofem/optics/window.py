@@ -12,7 +12,7 @@ import skfem
 from shapely.geometry.polygon import orient
 
 from ..arrays import Array, NDArray
-from ..checks import InputError
+from ..checks import InputError, prefixed
 from ..geometry.regions import Face, outlines
 from ..materials.material_library import VOID, Material, find
 from ..mesh.element_sizes import size_function, sizes
