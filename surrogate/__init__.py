@@ -15,7 +15,6 @@ from .reduction.array_reduction import reduce_array
 from .reduction.balanced import balanced_truncation
 from .reduction.nonlinear_reduction import output_map, reduce_quadratic
 from .reduction.reduce import reduce
-from .studies import pareto  # noqa: F401 - as surrogate.studies.pareto
 from .studies.calibrate import calibrate
 from .studies.design import design
 from .studies.inverse_search import Optics

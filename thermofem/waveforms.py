@@ -393,7 +393,7 @@ class Samples(Waveform, stored=False):
     def _check(self, values: Array) -> None:
         """Keep ``times`` as an array; InputError where it does not increase or does not belong to ``values``."""
         times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
-        checks.same_size(times=times, values=values)
+        checks.shape("values at times", values, times.shape)
         if times.size < 2 or np.any(times[2:] == times[:-2]) or times[0] == times[1] or times[-1] == times[-2]:
             raise InputError("times holds less than two, or one more than twice, or begins or ends with a jump")
         object.__setattr__(self, "times", times)

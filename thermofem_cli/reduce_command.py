@@ -7,6 +7,7 @@ import typer
 
 import surrogate
 import thermofem as th
+from surrogate.studies.inverse_search import channel_steps
 from thermofem import checks
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
@@ -51,7 +52,7 @@ def reduce(
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
     say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
-    rows = surrogate.studies.inverse_search.channel_steps(rom.model) or []
+    rows = channel_steps(rom.model) or []
     for row in rows:
         of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
         say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")

@@ -98,7 +98,7 @@ class CycleProblem:
     ) -> Orbit:
         """The cycle on which the ring settles from a state; InputError as `settling.settled`."""
         return settled(
-            self.flow, y, self.stable_points, self.longest, begin=begin, rtol=rtol, where=self.where,
+            self.flow, y, lambda: self.stable_points, self.longest, begin=begin, rtol=rtol, where=self.where,
             slow=self.longest < SLOWEST * self.slowest, look=look,
         )  # fmt: skip
 

@@ -250,8 +250,7 @@ def pulse(
 
     run = problem.integrate(initial.as_array() / unit, rtol=rtol, progress=look)
     t, ar, ai, N, dT = np.ascontiguousarray(run.rows.T)
-    if t.size < 8:
-        raise checks.InputError(f"the run took {t.size - 1} steps; at least 8 samples are needed to tell a cycle")
+    checks.enough("run", t.size, 8)
     t, energy = t * NS, (ar * ar + ai * ai) * FJ
     found = classify(t, N * DENSITY, energy, dT, rtol=rtol, every_step=True)
     if found.regime == Regime.STABLE:

@@ -115,9 +115,11 @@ class _Row:
     def _from_cold(self, p: CycleProblem, points: Array) -> tuple[Cell, Closed | None]:
         """What a cold ring comes to; ``points`` are the stable fixed points."""
         passed, tries = 0.0, 0
-        parts = settling.transient(self._run, self.turns.problem.zero(), points, self.problem.longest, self.look)
+        parts = settling.transient(
+            self._run, self.turns.problem.zero(), lambda: points, self.problem.longest, self.look
+        )
         for y, seen, at, passed in parts:
-            if seen.pulses(len(points) > 0):
+            if seen.pulses(lambda: points):
                 found, tries = self._pursued(y, seen, len(points) > 0), tries + 1
                 if found is not None:
                     return self._words(p, found), found

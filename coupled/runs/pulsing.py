@@ -373,6 +373,5 @@ def _values(run: xr.Dataset, name: str) -> Array:
     if name not in getattr(run, "variables", {}):
         raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")
     values = checks.array(f"run.{name}", run[name].values, increasing=name == "time")
-    if values.size < FEWEST:
-        raise checks.InputError(f"run.{name} has {values.size} samples; at least {FEWEST} are needed to tell a cycle")
+    checks.enough(f"run.{name}", values.size, FEWEST)
     return values

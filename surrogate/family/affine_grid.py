@@ -40,8 +40,8 @@ from .parameter_box import Box, Properties
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
 GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
-SAMPLES = 300
-ARRAYS = "kind", "ends", "gauss", "interval", "material", "outward"  # fields with a row for each point
+SAMPLES = 300  # members at which coefficients are compared
+ARRAYS = "place", "along", "interval", "outward"  # fields of `SurfacePoints` that are arrays
 
 
 class NotAffineError(ValueError):
@@ -77,15 +77,18 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class CellGrid:
-    """Lines across both axes, and the cells between them that are meshed.
+    """Lines across both axes, and the c cells between them that are meshed.
 
-    owner [list of list of (str or None)]: layer or part of cell (i, j); None where nothing is meshed.
+    left, lower [shape (c,)]: interval across r and z of each cell.
+    owner [list of str]: layer or part of each cell.
     """
 
     box: Box
     r: Axis
     z: Axis
-    owner: list[list[str | None]]
+    left: NDArray[np.intp]
+    lower: NDArray[np.intp]
+    owner: list[str]
 
     @classmethod
     def of(cls, box: Box) -> CellGrid:
@@ -103,19 +106,12 @@ class CellGrid:
         r, z = (_ordered(axis, ranges, half) for axis in _lines(base, box.changes))
         r = _with_companions(r, ranges, [x for part in heated for x in (part.inner_radius, part.outer_radius)])
         z = _with_companions(z, ranges, [x for part in heated for x in (part.bottom, part.top)])
-        return cls(box, r, z, _owners(base, r.base, z.base))
-
-    @cached_property
-    def cells(self) -> tuple[NDArray[np.intp], NDArray[np.intp], list[str]]:
-        """Intervals i across r and j across z, shape (c,), and the owner, of every cell that is meshed."""
-        found = [(i, j, name) for i, column in enumerate(self.owner) for j, name in enumerate(column) if name]
-        i, j, owner = zip(*found, strict=True)
-        return np.array(i), np.array(j), list(owner)
+        return cls(box, r, z, *_cells(base, r.base, z.base))
 
     @cached_property
     def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
         """Every material once, and which one each cell has."""
-        material = [self.box.base.material_of(name).name for name in self.cells[2]]
+        material = [self.box.base.material_of(name).name for name in self.owner]
         names = list(dict.fromkeys(material))
         return names, np.array([names.index(one) for one in material])
 
@@ -123,9 +119,9 @@ class CellGrid:
         """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
         names, index = self._materials
         k_r, k_z, c = (2 * np.pi * np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
-        offset, (i, j, _) = rows - self.box.middle, self.cells
-        a, b = (x[:, i] for x in self.r.maps(offset))
-        d = self.z.maps(offset)[1][:, j]
+        offset = rows - self.box.middle
+        a, b = (x[:, self.left] for x in self.r.maps(offset))
+        d = self.z.maps(offset)[1][:, self.lower]
         ratio, area = d / b, 2 * np.pi * b * d
         along_r, along_z = k_r * ratio, k_z / ratio
         stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
@@ -191,110 +187,96 @@ def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[fl
     return Axis(np.array(base)[order], np.array(slope)[order])
 
 
-def _owners(base: CrossSection, r: Array, z: Array) -> list[list[str | None]]:
-    shapes = outlines(base)
+def _cells(base: CrossSection, r: Array, z: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], list[str]]:
+    """Interval across r, interval across z and owner of every cell that is meshed."""
+    shapes = {name: (outline.min(axis=0), outline.max(axis=0)) for name, outline in outlines(base).items()}
     void = {part.name for part in base.parts if part.material == VOID}
-
-    def owner(x: float, y: float) -> str | None:
-        for name in reversed(shapes):
-            (left, bottom), (right, top) = shapes[name].min(axis=0), shapes[name].max(axis=0)
-            if left < x < right and bottom < y < top:
-                return None if name in void else name
-        return None
-
-    return [[owner(x, y) for y in (z[:-1] + z[1:]) / 2] for x in (r[:-1] + r[1:]) / 2]
+    found = []
+    for i, x in enumerate((r[:-1] + r[1:]) / 2):
+        for j, y in enumerate((z[:-1] + z[1:]) / 2):
+            inside = (n for n, (low, high) in shapes.items() if low[0] < x < high[0] and low[1] < y < high[1])
+            owner = list(inside)[-1:]  # the last one drawn
+            if owner and owner[0] not in void:
+                found.append((i, j, owner[0]))
+    left, lower, owners = zip(*found, strict=True)
+    return np.array(left), np.array(lower), list(owners)
 
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
     """Quadrature points on surfaces, in the reference geometry.
 
-    kind [shape (q,)]: "convection SIDE" (also of an isothermal side under a contact resistance), "open" or "contact".
-    ends [shape (q, 2 ends, 2), m]: of the facet.
-    gauss [shape (q,)]: which of the three points.
+    place [shape (q, 2), m]: r and z.
+    along [shape (q, 2), m]: facet times the weight of the point.
     interval [shape (q, 2)]: cells across r and z beside the facet.
-    material: beside it.
     outward [shape (q, 2)]: unit normal.
-    parts: whose contact resistances add.
+    series [list of tuple of str]: `Properties.resistance` that add up; none on an open side.
+    material [list of str]: beside it.
     """
 
-    kind: NDArray[Any]
-    ends: Array
-    gauss: NDArray[np.intp]
+    place: Array
+    along: Array
     interval: NDArray[np.intp]
-    material: NDArray[Any]
     outward: Array
-    parts: list[tuple[str, ...]]
+    series: list[tuple[str, ...]]
+    material: list[str]
 
     def pick(self, chosen: NDArray[np.intp]) -> SurfacePoints:
         """Some of the points."""
         arrays = {name: getattr(self, name)[chosen] for name in ARRAYS}
-        return SurfacePoints(**arrays, parts=[self.parts[k] for k in chosen])
+        series, material = ([words[k] for k in chosen] for words in (self.series, self.material))
+        return SurfacePoints(**arrays, series=series, material=material)
 
     def weights(self, grid: CellGrid, rows: Array, at: Properties) -> Array:
-        """w at every point for parameters of shape (n, p); shape (n, q)."""
+        """w at every point for parameters of shape (n, p), in W/K; shape (n, q)."""
         offset = rows - grid.box.middle
-        place = []
-        for axis, line in enumerate((grid.r, grid.z)):
-            a, b = line.maps(offset)
-            a, b = a[:, self.interval[:, axis]], b[:, self.interval[:, axis]]
-            place.append(a[:, :, None] + b[:, :, None] * self.ends[None, :, :, axis])
-        r, z = place
-        length = np.hypot(r[..., 1] - r[..., 0], z[..., 1] - z[..., 0])
-        x = GAUSS[self.gauss]
-        r, z = (y[..., 0] * (1 - x) + y[..., 1] * x for y in (r, z))
-        measure = 2 * np.pi * r * length * WEIGHT[self.gauss]
-        return measure * self._exchange(grid, offset, at, r, z)
-
-    def _exchange(self, grid: CellGrid, offset: Array, at: Properties, r: Array, z: Array) -> Array:
-        """Heat per area and kelvin at every point."""
-        h = np.zeros(r.shape)
-        for q, kind in enumerate(self.kind):
-            if kind != "open":  # contacts in series, and with the convection of a side, if it has any
-                own = [1 / at.convection[side] for side in kind.split()[1:] if side in at.convection]
-                h[:, q] = 1 / sum([*own, *(at.contact[part] for part in self.parts[q])])
+        (a, b), (c, d) = (
+            [x[:, self.interval[:, k]] for x in axis.maps(offset)] for k, axis in enumerate((grid.r, grid.z))
+        )
+        r, z = a + b * self.place[:, 0], c + d * self.place[:, 1]
+        measure = 2 * np.pi * r * np.hypot(b * self.along[:, 0], d * self.along[:, 1])
+        height = z - _source(grid, offset)[:, None]
+        h = np.empty(r.shape)
+        for q, (names, m, normal) in enumerate(zip(self.series, self.material, self.outward, strict=True)):
+            if names:
+                h[:, q] = 1 / sum(at.resistance[name] for name in names)
             else:
-                height = z[:, q] - _source(grid, offset)
-                n, m = self.outward[q], self.material[q]
-                square = r[:, q] ** 2 / at.k_r[m] + height**2 / at.k_z[m]
-                h[:, q] = (n[0] * r[:, q] + n[1] * height) / square
-        return h
+                square = r[:, q] ** 2 / at.k_r[m] + height[:, q] ** 2 / at.k_z[m]
+                h[:, q] = (normal[0] * r[:, q] + normal[1] * height[:, q]) / square
+        return np.asarray(measure * h)
 
 
 def _source(grid: CellGrid, offset: Array) -> Array:
-    """Height of the middle of the first heated part."""
+    """Height of the middle of the first heated part, shape (n,)."""
     part = next(part for part in grid.box.base.parts if part.heated)
     positions = grid.z.at(offset)
     low, high = (int(np.abs(grid.z.base - z).argmin()) for z in (part.bottom, part.top))
     return np.asarray((positions[:, low] + positions[:, high]) / 2)
 
 
-def points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[SurfacePoints, Any] | None:
+def surface_points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[SurfacePoints, Any] | None:
     """Quadrature points of a heat problem on the reference mesh, and the sparse traces U, shape (q, unknowns).
 
     intervals [shape (triangles, 2)]: across r and z. None where the geometry has no such surfaces.
     """
-    d, found, traces = heat.discretization, [], []
-    s = d.surfaces
-    grid = d.basis.mesh
+    basis, s = heat.discretization.basis, heat.discretization.surfaces
+    grid, none = basis.mesh, np.empty(0, dtype=np.intp)
+    groups = [(s.open, none, "open"), *((one, other, "") for one, other in s.contacts.values())]
     for facets in s.convection.values():
         r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-        for side in ("top", "bottom", "outer"):
-            there = facets[heat.geometry.on_boundary(side, r, z)]
-            if len(there):
-                found.append(_on(heat, there, intervals, f"convection {side}"))
-                traces.append(_trace(d.basis, there))
-    if len(s.open):
-        found.append(_on(heat, s.open, intervals, "open"))
-        traces.append(_trace(d.basis, s.open))
-    for one, other in s.contacts.values():
-        found.append(_on(heat, one, intervals, "contact", other))
-        traces.append(_trace(d.basis, one) - _trace(d.basis, other))
-    if not found:
+        sides = ("top", "bottom", "outer")
+        groups += [(facets[heat.geometry.on_boundary(side, r, z)], none, side) for side in sides]
+    groups = [group for group in groups if len(group[0])]
+    if not groups:
         return None
+    found = [_on(heat, intervals, *group) for group in groups]
     arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
-    every = SurfacePoints(**arrays, parts=[part for one in found for part in one.parts])
-    return every, vstack(traces).tocsr()
+    series, material = ([x for one in found for x in getattr(one, name)] for name in ("series", "material"))
+    traces = [
+        _trace(basis, facets) - _trace(basis, other) if len(other) else _trace(basis, facets)
+        for facets, other, _ in groups
+    ]
+    return SurfacePoints(**arrays, series=series, material=material), vstack(traces).tocsr()
 
 
 def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
@@ -309,35 +291,30 @@ def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
 
 
 def _on(
-    heat: HeatProblem,
-    facets: NDArray[np.intp],
-    intervals: NDArray[np.intp],
-    kind: str,
-    other: NDArray[np.intp] | None = None,
+    heat: HeatProblem, intervals: NDArray[np.intp], facets: NDArray[np.intp], other: NDArray[np.intp], side: str
 ) -> SurfacePoints:
-    """Points of facets; ``other`` are the same facets of a contact, on its other side."""
-    grid = heat.discretization.basis.mesh
+    """Points of facets on a side; ``other`` are the same facets of a contact, on its other side."""
+    grid, names, base = heat.discretization.basis.mesh, heat.mesh.region_names, heat.geometry
     beside = grid.f2t[0, facets]
     ends = np.moveaxis(grid.p[:, grid.facets[:, facets]], (0, 1, 2), (2, 1, 0))  # (f, end, axis)
     centre = grid.p[:, grid.t[:, beside]].mean(axis=1).T
     along = ends[:, 1] - ends[:, 0]
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
     normal *= np.sign(np.einsum("fx,fx->f", normal, ends.mean(axis=1) - centre))[:, None]
-    names = heat.mesh.region_names
-    limit = resistances(heat.geometry)
-    owners = [[names[r] for r in heat.mesh.region[beside]]]
-    if other is not None:
-        owners.append([names[r] for r in heat.mesh.region[grid.f2t[0, other]]])
-    parts = [tuple(name for name in pair if name in limit) for pair in zip(*owners, strict=True)]
-    material = np.array([heat.geometry.material_of(name).name for name in owners[0]])
+    own = [[names[r] for r in heat.mesh.region[grid.f2t[0, each]]] for each in (facets, other) if len(each)]
+    limit = resistances(base)
+    series: list[tuple[str, ...]] = [()] * len(facets)
+    if side != "open":
+        outside = (f"boundary.{side}",) if side and getattr(base, side).exchange else ()
+        pairs = zip(*own, strict=True)
+        series = [(*outside, *(f"interface.{part}" for part in pair if part in limit)) for pair in pairs]
     return SurfacePoints(
-        kind=np.repeat(np.full(len(facets), kind, dtype=object), 3),
-        ends=np.repeat(ends, 3, axis=0),
-        gauss=np.tile(np.arange(3), len(facets)),
+        place=(ends[:, :1] * (1 - GAUSS[:, None]) + ends[:, 1:] * GAUSS[:, None]).reshape(-1, 2),
+        along=(along[:, None] * WEIGHT[:, None]).reshape(-1, 2),
         interval=np.repeat(intervals[beside], 3, axis=0),
-        material=np.repeat(material.astype(object), 3),
         outward=np.repeat(normal, 3, axis=0),
-        parts=[part for part in parts for _ in range(3)],
+        series=[one for one in series for _ in range(3)],
+        material=[base.material_of(name).name for name in own[0] for _ in range(3)],
     )
 
 

@@ -40,17 +40,17 @@ class HeldOut(float):
     """Error of a family over members that it was not trained on; as a number the worst one.
 
     worst, median: relative, of R_th and of the step response from 1 ns on, against the members' own finer meshes.
+    count: of those members.
     """
 
     worst: float
     median: float
     count: int
 
-    def __new__(cls, errors: ArrayLike) -> HeldOut:
-        """From the errors of all held-out members."""
-        each = np.atleast_1d(np.asarray(errors, dtype=float))
-        self = super().__new__(cls, float(each.max()))
-        self.worst, self.median, self.count = float(each.max()), float(np.median(each)), int(each.size)
+    def __new__(cls, worst: float, median: float, count: int) -> HeldOut:
+        """A number with three attributes."""
+        self = super().__new__(cls, worst)
+        self.worst, self.median, self.count = worst, median, count
         return self
 
     def __repr__(self) -> str:
@@ -350,10 +350,7 @@ def load_family(path: str | Path) -> Family:
     """
 
     def checked(fields: dict[str, Any]) -> Family:
-        numbers = fields["error"]
-        error = HeldOut([numbers["worst"]])
-        error.median, error.count = numbers["median"], numbers["count"]
-        family = Family(**{**fields, "error": error})
+        family = Family(**{**fields, "error": HeldOut(**fields["error"])})
         with np.errstate(all="ignore"):
             middle = family.model(**dict(zip(family.names, family.box.middle, strict=True)))
         checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")

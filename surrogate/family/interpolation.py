@@ -8,7 +8,7 @@ the steady rise at the power and at half of it, and of a pulse, against finite e
 """
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -51,28 +51,24 @@ class Interpolant:
 
 
 def interpolate_members(
-    values: Callable[[Array], Array],
-    dists: Sequence[Any],
-    box: tuple[Array, Array],
-    count: int,
-    reason: Callable[[], str] = lambda: "nan",
+    values: Callable[[Array], Any], span: Array, count: int, reason: Callable[[], str]
 ) -> Interpolant:
-    """Compute a property for ``count`` members drawn from the distributions, and interpolate between them.
+    """Compute a property for ``count`` members, and interpolate between them.
 
     values: the property from parameters of shape (p, n).
-    dists [sequence of SciPy distributions]
-    box [(array, array), shape (p,)]: its ends.
+    span [shape (p, 2)]: ends of the ranges in which the members lie.
     reason: says why members lack the property.
-    Raises InputError: too few members for the polynomial, or members without the property.
+    Raises InputError: too few members for the polynomial, members without the property, or one that is an array.
 
     Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), Section 2.7.
     """
-    p, (low, high) = len(dists), box
+    p = len(span)
     least = 2 * (p + 1) * (p + 2)
     checks.between("interpolate", count, least, 2000, hint=f"members; {p} parameters need {least} at least")
-    span = np.array([np.clip([d.ppf(TAIL), d.ppf(1 - TAIL)], a, b) for d, a, b in zip(dists, low, high, strict=True)])
     u = qmc.Sobol(p, seed=np.random.default_rng(1)).random(2 ** int(np.ceil(np.log2(count))))[:count]
-    found = values(span[:, :1] + u.T * (span[:, 1:] - span[:, :1]))
+    found = np.asarray(values(span[:, :1] + u.T * (span[:, 1:] - span[:, :1])), dtype=float)
+    if found.ndim > 1:
+        raise checks.InputError("interpolate is for one number, and the quantity returns an array")
     if np.isnan(found).any():
         raise checks.InputError(
             f"{np.isnan(found).sum()} of {count} members do not have the property, and an interpolation needs it "

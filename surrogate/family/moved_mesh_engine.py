@@ -22,30 +22,18 @@ class MovedMeshEngine:
     """Full matrices on moved meshes; a reduced member is their projection, some tens of milliseconds.
 
     accuracy: of the base mesh.
-    reference: the base problem, where it is there already.
+    mesh: that mesh, where it is there already.
     """
 
-    name = "moved mesh"
-
-    def __init__(self, box: Box, accuracy: float, reference: HeatProblem | None = None) -> None:
+    def __init__(self, box: Box, accuracy: float, mesh: Mesh | None = None) -> None:
         self.box, self.accuracy = box, accuracy
-        self.reference = reference or assemble(box.base, accuracy)
+        self.reference = assemble(box.base, accuracy) if mesh is None else on_mesh(box.base, mesh, accuracy)
         self.mesh = self.reference.mesh
         self._motion = Motion(self.mesh, box.base)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For other processes: the mesh, without factors."""
-        return MovedMeshEngine.on, (self.box, self.accuracy, self.mesh)
-
-    @classmethod
-    def on(cls, box: Box, accuracy: float, mesh: Mesh) -> MovedMeshEngine:
-        """The engine on an existing base mesh."""
-        return cls(box, accuracy, on_mesh(box.base, mesh, accuracy))
-
-    @property
-    def unknowns(self) -> int:
-        """Unknowns of the base mesh."""
-        return self.reference.unknowns
+        return MovedMeshEngine, (self.box, self.accuracy, self.mesh)
 
     def heat(self, row: Array) -> HeatProblem:
         """The heat problem of a member on the moved mesh.
@@ -56,9 +44,13 @@ class MovedMeshEngine:
         try:
             moved = replace(self.mesh, points=self._motion.moved(geometry))
         except checks.InputError as error:
-            where = ", ".join(f"{name} = {value:g}" for name, value in zip(self.box.names, row, strict=True))
+            where = self.box.words(row)
             raise checks.InputError(f"no family over this box: at {where} {error}; take smaller ranges") from None
         return on_mesh(geometry, moved, self.accuracy)
+
+    def project(self, V: Array, ports: tuple[str, ...], statics: int) -> MovedMeshMembers:
+        """Members in the functions V, shape (unknowns, N); all of them hold the static fields."""
+        return MovedMeshMembers(self, V, ports)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,8 @@ from scipy.stats import qmc
 
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.fem.mesh_division import PERFECT
+from thermofem.campaign import Variation
+from thermofem.fem.mesh_division import PERFECT, resistances
 from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_library import Material
 from thermofem.materials.property_laws import PowerLaw
@@ -25,14 +26,11 @@ class Box:
     """Ranges of the parameters of a campaign.
 
     low, high [shape (p,)]: ends of the ranges, SI.
-    logarithmic: whether training draws in the logarithm.
     """
 
     campaign: Campaign
-    names: tuple[str, ...]
     low: Array
     high: Array
-    logarithmic: tuple[bool, ...]
 
     @classmethod
     def of(cls, campaign: Campaign) -> Box:
@@ -42,27 +40,22 @@ class Box:
         """
         if not campaign.variations:
             raise checks.InputError("the campaign varies nothing; add a [[vary]] table with from and to")
-        ends = []
-        for v in campaign.variations:
-            if any(isinstance(value, str) for value in v.values):
-                raise checks.InputError(
-                    f"vary {v.name!r} lists words ({', '.join(map(str, v.values))}); a family has numbers only: train "
-                    "one family for each of them"
-                )
-            values = [float(value) for value in v.values] or [v.low, v.high]
-            if not min(values) < max(values):
-                raise checks.InputError(f"vary {v.name!r} has one value only; a family needs a range, from and to")
-            ends.append((min(values), max(values)))
-        low, high = np.array(ends).T
-        names = tuple(v.name for v in campaign.variations)
-        box = cls(campaign, names, low, high, tuple(v.logarithmic for v in campaign.variations))
+        low, high = np.array([_range(v) for v in campaign.variations]).T
+        box = cls(campaign, low, high)
         for corner in box.corners():
-            try:
+            with checks.prefixed(f"the ranges contradict each other: at {box.words(corner)}"):
                 box.geometry(corner)
-            except checks.InputError as error:
-                where = box.words(corner)
-                raise checks.InputError(f"the ranges contradict each other: at {where}: {error}") from None
         return box
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(v.name for v in self.campaign.variations)
+
+    @cached_property
+    def logarithmic(self) -> NDArray[np.bool_]:
+        """Which parameters training draws in the logarithm, shape (p,)."""
+        return np.array([v.logarithmic for v in self.campaign.variations])
 
     def words(self, row: Array) -> str:
         """Names and values of one member."""
@@ -150,8 +143,7 @@ class Box:
     def row(self, values: Mapping[str, Any]) -> Array:
         """Parameters of one member, shape (p,); InputError for a missing or unknown name, or one outside the box."""
         rows = self.rows(values)
-        if rows.shape[:-1] != ():
-            raise checks.InputError("give one number for each parameter; arrays are for step_response and its kind")
+        checks.shape("one member", rows, (self.size,))
         return rows
 
     def rows(self, values: Mapping[str, ArrayLike]) -> Array:
@@ -166,45 +158,45 @@ class Box:
             slack = 1e-9 * (high - low)  # 1e-9 of the range, by which a value may leave the box: round-off of units
             out = column[(column < low - slack) | (column > high + slack)]
             if out.size:
-                raise checks.InputError(
-                    f"{name} = {out.flat[0]:g} {unit} is outside the box of this family, {low:g} .. {high:g} {unit}; "
-                    "train one with a wider range"
-                )
+                checks.between(name, out.flat[0], low, high, unit=unit, hint="train a family with a wider range")
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def properties(self, rows: Array) -> Properties:
         """Properties for members with the parameters ``rows``, shape (n, p)."""
-        base, paths = self.base, [v.paths for v in self.campaign.variations]
-        used = self.materials
-        given: dict[str, dict[str, Array]] = {name: {} for name in used}
-        contact: dict[str, Array] = {}
-        for interface in base.interfaces:
-            contact[interface.part] = contact.get(interface.part, 0.0) + np.full(len(rows), interface.resistance)
-        convection = {
-            side: np.full(len(rows), h) for side in ("bottom", "top", "outer") if (h := getattr(base, side).exchange)
-        }
-        ambient = np.full(len(rows), base.ambient)
-        for column, each in zip(rows.T, paths, strict=True):
-            for path in each:
-                kind, *middle = path.split(".")
+        base, count = self.base, len(rows)
+        given: dict[str, dict[str, Array]] = {name: {} for name in self.materials}
+        resistance = {f"interface.{part}": np.full(count, R) for part, R in resistances(base).items()}
+        exchange = {side: getattr(base, side).exchange for side in ("bottom", "top", "outer")}
+        resistance |= {f"boundary.{side}": np.full(count, 1 / h) for side, h in exchange.items() if h}
+        ambient = np.full(count, base.ambient)
+        for column, middle, variation in zip(rows.T, self.middle, self.campaign.variations, strict=True):
+            for path in variation.paths:
+                surface, (kind, _, rest) = path.rpartition(".")[0], path.partition(".")
                 if path == "ambient":
                     ambient = column
                 elif kind == "material":
-                    split = 2 if len(middle) > 2 and middle[-2] in ("conductivity", "specific_heat") else 1
-                    name = ".".join(middle[:-split])
-                    if name in given:
-                        given[name][".".join(middle[-split:])] = column
-                elif kind == "interface":
-                    name = ".".join(middle[:-1])
-                    first = next(interface for interface in reversed(base.interfaces) if interface.part == name)
-                    contact[name] = contact[name] - first.resistance + column
+                    for name, numbers in given.items():
+                        if rest.startswith(f"{name}."):
+                            numbers[rest.removeprefix(f"{name}.")] = column
+                elif kind == "interface":  # beside others of the same part
+                    resistance[surface] = np.maximum(resistance[surface] - middle + column, PERFECT)
                 elif kind == "boundary":
-                    convection[middle[0]] = column
-        contact = {name: np.maximum(value, PERFECT) for name, value in contact.items()}
-        k_r, k_z, capacity = {}, {}, {}
-        for name, material in used.items():
-            k_r[name], k_z[name], capacity[name] = _material(material, given[name], ambient)
-        return Properties(k_r, k_z, capacity, contact, convection)
+                    resistance[surface] = 1 / column
+        made = {name: _material(material, given[name], ambient) for name, material in self.materials.items()}
+        k_r, k_z, capacity = ({name: one[k] for name, one in made.items()} for k in range(3))
+        return Properties(k_r, k_z, capacity, resistance)
+
+
+def _range(v: Variation) -> tuple[float, float]:
+    """Both ends of the range of a parameter; InputError for words or a single value."""
+    words = any(isinstance(value, str) for value in v.values)
+    values = [0.0] if words else [float(value) for value in v.values] or [v.low, v.high]
+    if not min(values) < max(values):
+        raise checks.InputError(
+            f"vary {v.name!r} lists {', '.join(map(str, v.values))}; a family needs a range of numbers, from and to; "
+            "of words train one for each"
+        )
+    return min(values), max(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,15 +204,13 @@ class Properties:
     """Properties at the ambient temperature, each of shape (n,) or ().
 
     k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
-    contact [dict from part to array; m^2 K/W]
-    convection [dict from side to array; W/(m^2 K)]
+    resistance [dict from "interface.PART" and "boundary.SIDE" to array; m^2 K/W]: of contacts, and 1/h of convection.
     """
 
     k_r: dict[str, Array]
     k_z: dict[str, Array]
     capacity: dict[str, Array]
-    contact: dict[str, Array]
-    convection: dict[str, Array]
+    resistance: dict[str, Array]
 
 
 def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:

@@ -71,7 +71,7 @@ class Trainer:
     def __post_init__(self) -> None:
         self.box: Box = self.engine.box
         self.X = self.engine.reference.discretization.K
-        self.V = np.empty((self.engine.unknowns, 0))
+        self.V = np.empty((self.engine.reference.unknowns, 0))
         self.members: list[Member] = []
         self.earlier = 0  # functions before the last batch
 
@@ -98,7 +98,7 @@ class Trainer:
     def _solved(self, rows: Array) -> list[Member]:
         """Members on the reference mesh; those that fail are left out."""
         tasks = [(self.engine, row, self.ports, self.tolerance) for row in rows]
-        mesh = f"{self.engine.unknowns} {self.engine.reference.mesh.points.sum():.15g}"
+        mesh = f"{self.engine.reference.unknowns} {self.engine.reference.mesh.points.sum():.15g}"
         found = self.solver(snapshot_of, tasks, rows, mesh)
         return [member for member in found if member is not None]
 
@@ -106,17 +106,12 @@ class Trainer:
         """The middle, some corners and points inside."""
         return np.vstack([self.box.middle[None], self.box.corners(2 * BATCH), self.box.draw(BATCH, self.seed)])
 
-    def _terms(self, engine: AffineEngine, V: Array, statics: int) -> AffineMembers:
-        """Members in the functions V."""
-        terms = engine.project(V, self.ports)
-        return AffineMembers.of(engine.coefficients, terms, engine.volumes(self.ports), statics)
-
     def _next(self, number: int) -> Array:
         """Members where all functions and the earlier ones differ most, and some drawn at random."""
         random = self.box.draw(BATCH, self.seed + 1 + number)
         if isinstance(self.engine, MovedMeshEngine) or not self.earlier:
             return random
-        terms = self._terms(self.engine, self.V, 0)
+        terms = self.engine.project(self.V, self.ports, 0)
         inside = self.box.draw(CANDIDATES, self.seed + 1000 + number)
         candidates = np.vstack([inside, self.box.corners(CANDIDATES // 4)])
         gaps = []
@@ -134,49 +129,43 @@ class Trainer:
 
     def _finish(self) -> Members:
         """The fewest functions that hold all members, those of the static fields first."""
-        none = np.empty((self.engine.unknowns, 0))
+        none = np.empty((len(self.V), 0))
         static = extend_basis(none, self.X, np.hstack([m.static for m in self.members]), 0.02 * KEPT * self.tolerance)
         fields = np.hstack([member.fields for member in self.members])
         basis, statics = extend_basis(static, self.X, fields, KEPT * self.tolerance), static.shape[1]
-        if isinstance(self.engine, MovedMeshEngine):
-            return MovedMeshMembers(self.engine, basis, self.ports)
-        terms = self._terms(self.engine, basis, statics)
-        count = self._fewest(terms, statics)
-        return terms.rotated(np.eye(terms.size)[:, :count], self._enough(terms, statics, count))
-
-    def _fewest(self, terms: AffineMembers, statics: int) -> int:
-        """Smallest number of functions that keeps the error of all members below `SHARE` of the tolerance."""
+        terms = self.engine.project(basis, self.ports, statics)
+        if isinstance(terms, MovedMeshMembers):
+            return terms
         small = [terms.member(member.row) for member in self.members]
-        low, high = statics, terms.size
-        while high - low > 1:
-            count = (low + high) // 2
+
+        def holds_all(count: int) -> bool:
+            """Whether so many functions keep the error of all members below `SHARE` of the tolerance."""
             pairs = zip(small, self.members, strict=True)
             off = (difference(one.first(count).modes(), m.modes, self.heated) for one, m in pairs)
-            if all(error <= SHARE * self.tolerance for error in off):
-                high = count
-            else:
-                low = count
-        return high
+            return all(error <= SHARE * self.tolerance for error in off)
 
-    def _enough(self, terms: AffineMembers, statics: int, count: int) -> int:
-        """Smallest number of functions whose thermal resistances are those of ``count`` of them, up to `STATIC`.
-
-        The static fields of the members span those of other members less well than all their fields do. Looked at where
-        no member was solved, and at the corners.
-        """
+        count = _smallest(statics, terms.size, holds_all)
+        # The static fields of the members span those of other members less well than all their fields do: looked at
+        # where no member was solved, and at the corners.
         rows = np.vstack([self.box.draw(CANDIDATES, self.seed + 2000), self.box.corners(CANDIDATES)])
-        small = [terms.member(row).first(count) for row in rows]
-        all_of_them = [one.resistances(self.heated) for one in small]
-        low, high = statics - 1, count
-        while high - low > 1:
-            middle = (low + high) // 2
-            pairs = zip(small, all_of_them, strict=True)
-            off = (np.abs(one.resistances(self.heated, middle) / R - 1).max() for one, R in pairs)
-            if all(error <= STATIC * self.tolerance for error in off):
-                high = middle
-            else:
-                low = middle
-        return high
+        looked = [terms.member(row).first(count) for row in rows]
+        gains = [one.resistances(self.heated) for one in looked]
+
+        def holds_static(fewer: int) -> bool:
+            """Whether so many functions have the thermal resistances of ``count`` of them, up to `STATIC`."""
+            pairs = zip(looked, gains, strict=True)
+            off = (np.abs(one.resistances(self.heated, fewer) / R - 1).max() for one, R in pairs)
+            return all(error <= STATIC * self.tolerance for error in off)
+
+        return terms.first(count, _smallest(statics - 1, count, holds_static))
+
+
+def _smallest(low: int, high: int, enough: Callable[[int], bool]) -> int:
+    """Smallest count above ``low`` that is enough, by bisection; ``high`` is taken to be."""
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high
 
 
 log = logging.getLogger("thermofem")
@@ -255,7 +244,7 @@ def train_family(
     meshes = [difference(one, truth, heated) for one, truth in zip(references, fine_members, strict=True)]
     rest = [difference(one, reference, heated) for one, reference in zip(modes, references, strict=True)]
     ratios = [each / max(coarse_difference(one, heated), 1e-12) for each, one in zip(rest, small, strict=True)]
-    error = HeldOut(errors)
+    error = HeldOut(max(errors), float(np.median(errors)), len(errors))
     a, b = inputs[0], inputs[0] if inputs[0] in outputs else outputs[0]
 
     def foster(row: Array) -> Foster:
@@ -300,7 +289,7 @@ def train_family(
             "campaign_hash": campaign_hash(box.campaign),
             "solved_members": len(trainer.members),
             "seconds": round(time.perf_counter() - started, 3),
-            "unknowns": engine.unknowns,
+            "unknowns": engine.reference.unknowns,
         },
     )
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.algebra.pole_responses import pole_responses
@@ -17,10 +18,7 @@ from thermofem.models.contract import warn_beyond
 from ..family import Certified, Family
 from ..family.parameter_box import Box
 from ..fitting.pole_projection import noise_along
-from .inverse_search import Ranges, family_over, inside
-
-if TYPE_CHECKING:
-    import xarray as xr
+from .inverse_search import family_over, inside
 
 BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
 NOISE = 1e-15, 1e6  # K, of a sample
@@ -116,7 +114,8 @@ def calibrate(
     from scipy.optimize import least_squares
 
     family = family_over(geometry, free, tolerance)
-    low, high = _bounds(family, free)
+    ranges = family.ranges | {name: inside(family, name, ends) for name, ends in (free or {}).items()}
+    low, high = np.array(list(ranges.values())).T
     responses = responses_of(data)
     _check_channel(family, data)
     warn_of(responses)
@@ -127,8 +126,7 @@ def calibrate(
     scale = checks.between("noise", noise, *NOISE, unit="K") if noise is not None else float(np.std(measured)) or 1.0
 
     def values_of(x: Array) -> dict[str, float]:
-        row = span.at(x)
-        return {name: float(value) for name, value in zip(family.names, row, strict=True)}
+        return dict(zip(family.names, span.at(x).tolist(), strict=True))
 
     def misfit(x: Array) -> Array:
         return (np.concatenate([_rise(family.at(values_of(x)), d) for d in responses]) - measured) / scale
@@ -154,17 +152,16 @@ def calibrate(
     parts = np.split(left, np.cumsum([d.rise.size for d in responses])[:-1])
     covariance, unseen = _covariance(jacobian(x), parts, variance, noise is not None, family.names)
     found = values_of(x)
-    unseen = (*unseen, *family._doubts(span.at(x)))
     slope = _slope(span, x)
     errors = np.sqrt(np.diag(covariance)) * slope
     return Calibration(
         values=found,
-        standard_errors={name: float(error) for name, error in zip(family.names, errors, strict=True)},
+        standard_errors=dict(zip(family.names, errors.tolist(), strict=True)),
         covariance=covariance * np.outer(slope, slope),
         residual=float(np.sqrt(np.mean((left * scale) ** 2))),
         reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
         correlation=float(np.mean(left[1:] * left[:-1]) / max(np.mean(left**2), 1e-300)),
-        unseen=unseen,
+        unseen=(*unseen, *family._doubts(span.at(x))),
         active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
         certified=family.certify(**found),
         family=family,
@@ -201,14 +198,6 @@ def _check_channel(family: Family, data: Any) -> None:
                     f"data was {what} in {checks.shown(given)}, and the members are in {wanted!r}; solve for that, or, "
                     f"if it is the same part, set its attribute {what!r}"
                 )
-
-
-def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:
-    low, high = family.box.low.copy(), family.box.high.copy()
-    for name, pair in checks.mapping("free", free).items():
-        a, b = inside(family, name, pair)
-        low[family.names.index(name)], high[family.names.index(name)] = a, b
-    return low, high
 
 
 def _covariance(

@@ -1,28 +1,28 @@
-"""Design: the member of a family with wanted properties."""
+"""Design: the member of a family with wanted properties, and members that no other beats in all of them at once."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..family import Certified, Family
 from .inverse_search import QUANTITIES, Follows, Quantity, Ranges, Search, family_over, search_of, wanted_of
-from .pareto import front_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 CANDIDATES = 64  # members looked at before the search; the best of them begins it
 REACHED = 2e-3  # relative misfit of every target below which it counts as reached
 ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an active constraint
 STEP = 1e-4  # of a range, of the differences behind the search
+POPULATION, GENERATIONS = 40, 25
+NONE = 1e30  # objective of a member without the property
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Design:
     message : str
     family : Family
     front : xarray.Dataset or None
-        the Pareto front, see `surrogate.studies.pareto.pareto_front`, where several targets are not reached at once.
+        the Pareto front, see `surrogate.studies.design.pareto_front`, where several targets are not reached at once.
     """
 
     values: dict[str, float]
@@ -116,7 +116,7 @@ def design(
         target of a property that is positive, or no member that has the property.
     """
     for name, value in wanted_of(target).items():  # before a family is trained
-        checks.finite("target", value, hint="words are for surrogate.studies.pareto.pareto_front")
+        checks.finite("target", value, hint="words are for surrogate.studies.design.pareto_front")
         if name in QUANTITIES:
             checks.positive(f"target {name}", value)
     family = family_over(family, free, tolerance, executor)
@@ -126,9 +126,11 @@ def design(
     got = search.achieved(x)
     if all(np.isnan(value) for value in got.values()):
         raise checks.InputError(f"no member of the {CANDIDATES} looked at has {search.missing}")
-    reached = all(abs(got[name] / wanted[name] - 1) <= REACHED for name in got)
-    moving = [family.names[k] for k in search.moving]
-    at = [name for name, y in zip(moving, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE]
+    reached, front = search.reached(x, REACHED), None
+    if not reached and len(got) > 1:
+        with contextlib.suppress(checks.MissingLibraryError):  # pymoo
+            front = _front(search, GENERATIONS, seed)
+    at = [family.names[k] for k, y in zip(search.moving, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE]
     found = search.values(x)
     slopes = _sensitivity(search, found)
     return Design(
@@ -139,18 +141,10 @@ def design(
         active=tuple(at),
         sensitivity=slopes,
         certified=family.certify(**found),
-        message=_message(reached, got, wanted, at) + _many(search, reached) + _unknown(search, slopes),
+        message=_message(search, reached, got, at, slopes),
         family=family,
-        front=None if reached or len(got) == 1 else _front(search, seed),
+        front=front,
     )
-
-
-def _front(search: Search, seed: int) -> xr.Dataset | None:
-    """The Pareto front; None where pymoo is not installed."""
-    try:
-        return front_of(search, seed=seed)
-    except checks.MissingLibraryError:
-        return None
 
 
 def _nearest(search: Search, seed: int, executor: Executor | None) -> Array:
@@ -196,18 +190,22 @@ def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[
     return found
 
 
-def _many(search: Search, reached: bool) -> str:
-    """That the found member is one of many, where it is."""
+def _message(
+    search: Search,
+    reached: bool,
+    got: Mapping[str, float],
+    active: list[str],
+    slopes: Mapping[str, Mapping[str, float]],
+) -> str:
+    """Whether the targets are reached, by one member of many, and which sensitivities are not known and why."""
+    values = ", ".join(f"{name} = {value:.6g} (wanted {search.wanted[name]:.6g})" for name, value in got.items())
+    found = f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
+    if active:
+        found += f"; at the end of its range: {', '.join(active)}"
     wanted, free = len(search.wanted), len(search.moving)
-    if not reached or wanted >= free:
-        return ""
-    at = ", ".join(f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items())
-    return f"; {wanted} wanted and {free} free: one solution of many, the nearest to {at} in units of the ranges"
-
-
-def _unknown(search: Search, slopes: Mapping[str, Mapping[str, float]]) -> str:
-    """Which sensitivities are not known because members beside the found one lack the quantity, and why."""
-    found = ""
+    if reached and wanted < free:
+        at = ", ".join(f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items())
+        found += f"; {wanted} wanted and {free} free: one solution of many, the nearest to {at} in units of the ranges"
     for quantity, each in slopes.items():
         if names := [name for name, slope in each.items() if np.isnan(slope)]:
             why = search.properties[quantity].reason
@@ -215,9 +213,87 @@ def _unknown(search: Search, slopes: Mapping[str, Mapping[str, float]]) -> str:
     return found
 
 
-def _message(reached: bool, got: Mapping[str, float], wanted: Mapping[str, float], active: list[str]) -> str:
-    values = ", ".join(f"{name} = {value:.6g} (wanted {wanted[name]:.6g})" for name, value in got.items())
-    edge = f"; at the end of its range: {', '.join(active)}" if active else ""
-    return (
-        f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
-    ) + edge
+def pareto_front(
+    family: Family | CrossSection,
+    free: Ranges | None = None,
+    *,
+    target: Mapping[Quantity, float | str],
+    fixed: Mapping[str, float] | None = None,
+    optics: Follows | None = None,
+    generations: int = GENERATIONS,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Return the Pareto front of several targets, by NSGA-II (pymoo) with 40 members a generation.
+
+        objectives:  |quantity/target - 1|,  quantity ("smallest"),  -quantity ("largest")
+
+    Parameters
+    ----------
+    family, free, fixed, optics : as for `design`
+        a geometry is trained to 1e-3.
+    target : dict from quantity to float, "smallest" or "largest"
+        at least two quantities.
+    generations : int
+    seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        over "member", by the first quantity: every parameter (SI) and every quantity.
+
+    Raises
+    ------
+    InputError
+        fewer than two targets, an unknown word, what `design` refuses, or no member with all properties.
+
+    Source: Deb et al., IEEE Trans. Evol. Comput. 6, 182 (2002).
+    """
+    generations = checks.integer("generations", generations, 1, 10000)
+    checks.integer("number of targets", len(target), 2, 1000, hint="surrogate.design takes one")
+    for value in wanted_of(target).values():
+        if isinstance(value, str):
+            checks.choice("target", value, ("smallest", "largest"), hint="or give a number")
+    search = search_of(family_over(family, free, 1e-3), free, target, fixed, optics)
+    return _front(search, generations, checks.seed(seed))
+
+
+def _front(search: Search, generations: int, seed: int) -> xr.Dataset:
+    """The result of `pareto_front`; MissingLibraryError without pymoo."""
+    try:
+        from pymoo.algorithms.moo.nsga2 import NSGA2
+        from pymoo.core.problem import ElementwiseProblem
+        from pymoo.optimize import minimize
+    except ImportError:
+        raise checks.MissingLibraryError('a Pareto front needs pymoo; pip install "thermofem[swarm]"') from None
+
+    size, names = len(search.moving), list(search.properties)
+
+    class Members(ElementwiseProblem):
+        def __init__(self) -> None:
+            super().__init__(n_var=size, n_obj=len(names), xl=np.zeros(size), xu=np.ones(size))
+
+        def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+            out["F"] = _objectives(search, search.achieved(x))
+
+    ended = minimize(Members(), NSGA2(pop_size=POPULATION), ("n_gen", generations), seed=seed)
+    found = [(search.values(x), search.achieved(x)) for x in np.atleast_2d(ended.X)]
+    found = [pair for pair in found if not any(np.isnan(value) for value in pair[1].values())]
+    if not found:
+        raise checks.InputError(f"no member looked at has {search.missing}")
+    found.sort(key=lambda pair: pair[1][names[0]])
+    units = zip(search.family.names, search.family.box.units, strict=True)
+    data: dict[str, Any] = {
+        name: ("member", [values[name] for values, _ in found], {"units": unit, "long_name": name})
+        for name, unit in units
+    }
+    data |= {name: ("member", [got[name] for _, got in found], {"long_name": name}) for name in names}
+    return xr.Dataset(data, attrs={f"target {name}": search.wanted[name] for name in names})
+
+
+def _objectives(search: Search, got: Mapping[str, float]) -> Array:
+    """All of them to be made small; a member that lacks one property is beaten by every member that has all."""
+    if any(np.isnan(value) for value in got.values()):
+        return np.full(len(got), NONE)
+    signs = {"smallest": 1.0, "largest": -1.0}
+    pairs = ((value, search.wanted[name]) for name, value in got.items())
+    return np.array([signs[w] * value if isinstance(w, str) else abs(value / w - 1) for value, w in pairs])

@@ -51,19 +51,25 @@ class Optics:
         for number, each in self.slopes.items():
             for name, slope in each.items():
                 checks.choice(f"optics: slopes of {number}: parameter", name, family.names)
-                _slope(number, slope)
+                if not isinstance(slope, tuple):
+                    checks.finite(f"optics: slope of {number}", slope)
+                    continue
+                x, y = (checks.numbers(f"optics: table of {number}", column) for column in slope)
+                if x.shape != y.shape or not np.all(np.diff(x) > 0):
+                    raise checks.InputError(f"optics: table of {number} must be two arrays of one length, first rising")
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every number at a member."""
         middle = dict(zip(family.names, family.box.middle, strict=True))
-        found = {}
-        for number, each in self.slopes.items():
-            parts = (
-                _change(f"{number} over {name}", slope, float(self.at.get(name, middle[name])), values[name])
-                for name, slope in each.items()
+        return {
+            number: float(
+                sum(
+                    _change(f"{number} over {name}", slope, self.at.get(name, middle[name]), values[name])
+                    for name, slope in each.items()
+                )
             )
-            found[number] = float(sum(parts))
-        return found
+            for number, each in self.slopes.items()
+        }
 
 
 class Follows(Protocol):
@@ -78,37 +84,25 @@ class Follows(Protocol):
         ...
 
 
-def _slope(number: str, slope: Slope) -> float | tuple[Array, Array]:
-    """A slope, or both columns of a table; InputError for anything else."""
-    if not isinstance(slope, tuple):
-        return checks.finite(f"optics: slope of {number}", slope)
-    columns = [checks.numbers(f"optics: table of {number}", column) for column in slope]
-    if len(columns) != 2 or columns[0].shape != columns[1].shape or not np.all(np.diff(columns[0]) > 0):
-        raise checks.InputError(f"optics: table of {number} must be two arrays of one length, the first rising")
-    return columns[0], columns[1]
-
-
 def _change(number: str, slope: Slope, start: float, end: float) -> float:
     """Change of a number from one parameter to another; InputError where a table does not reach."""
-    found = _slope(number, slope)
-    if isinstance(found, float):
-        return found * (end - start)
-    x, y = found
+    if not isinstance(slope, tuple):
+        return slope * (end - start)
+    x, y = (np.asarray(column, dtype=float) for column in slope)
     slack = 1e-9 * (x[-1] - x[0])
     for at in (start, end):
-        if not x[0] - slack <= at <= x[-1] + slack:
-            raise checks.InputError(f"optics: table of {number} is from {x[0]:g} to {x[-1]:g}, and {at:g} is needed")
+        checks.between(f"optics: table of {number}: parameter", at, x[0] - slack, x[-1] + slack)
     return float(np.interp(end, x, y) - np.interp(start, x, y))
 
 
 def rise_time(model: Model) -> float:
-    """Time from 10 to 90 % of the static rise after a step, in s."""
-    return _reaches(model, 0.9) - _reaches(model, 0.1)
+    """Time from 10 to 90 % of the static rise after a step, in s; of an output map at small power."""
+    return _rise_time(*_poles(model))
 
 
 def time_constant(model: Model) -> float:
-    """Time in s after which a step has reached 1 - 1/e of its static rise."""
-    return _reaches(model, -np.expm1(-1.0))
+    """Time in s after which a step has reached 1 - 1/e of its static rise; of an output map at small power."""
+    return _after(-np.expm1(-1.0), *_poles(model))
 
 
 def channel_steps(model: Any) -> list[dict[str, Any]] | None:
@@ -121,17 +115,21 @@ def channel_steps(model: Any) -> list[dict[str, Any]] | None:
     except checks.InputError:
         return None
     rows = []
-    for read, C in zip(model.outputs, np.atleast_2d(found.C), strict=True):
+    for read, C in zip(model.outputs, found.C, strict=True):
         for heated, B in zip(model.inputs, found.B.T, strict=True):
-            R, tau = C * B / found.rate, 1 / found.rate
-            rise = _after(0.9, R, tau) - _after(0.1, R, tau)
-            rows.append({"heated": heated, "read": read, "thermal_resistance": float(R.sum()), "rise_time": rise})
+            R = C * B / found.rate
+            step = {"thermal_resistance": float(R.sum()), "rise_time": _rise_time(R, 1 / found.rate)}
+            rows.append({"heated": heated, "read": read, **step})
     return rows
 
 
-def _reaches(model: Model, share: float) -> float:
-    linear = model.linear if isinstance(model, OutputMap) else model  # at small power
-    return _after(share, np.asarray(linear.R), np.asarray(linear.tau))
+def _poles(model: Model) -> tuple[Array, Array]:
+    linear = model.linear if isinstance(model, OutputMap) else model
+    return np.asarray(linear.R), np.asarray(linear.tau)
+
+
+def _rise_time(R: Array, tau: Array) -> float:
+    return _after(0.9, R, tau) - _after(0.1, R, tau)
 
 
 def _after(share: float, R: Array, tau: Array) -> float:
@@ -190,31 +188,17 @@ class Property:
         try:
             if isinstance(self.quantity, str):
                 return QUANTITIES[self.quantity](model)
-            if self.optics is None:
-                found = self.quantity(model)
-            else:
-                found = self.quantity(model, self.optics.changes(self.family, values))
+            changes = () if self.optics is None else (self.optics.changes(self.family, values),)
+            return self.quantity(model, *changes)
         except checks.InputError as error:
             self.reason = str(error)
             return np.nan
-        return _real(found)
 
 
 def _piece(one: Property, members: Sequence[Mapping[str, float]]) -> tuple[list[Any], str]:
     """The property of some members, in a worker, and why the last one without it has none."""
     one.reason = ""
     return [one(values) for values in members], one.reason
-
-
-def _real(found: Any) -> Any:
-    """Value that a quantity returned; InputError unless it is a number or an array of them, nan where there is none."""
-    try:
-        kind = np.asarray(found).dtype.kind
-    except ValueError:  # lists of different lengths
-        kind = "O"
-    if kind not in "biuf" or np.isinf(found).any():
-        raise checks.InputError(f"quantity returned {checks.shown(found)}; give a finite number, or nan where none is")
-    return found
 
 
 Ranges = Mapping[str, tuple[float, float]]
@@ -295,24 +279,30 @@ def search_of(
     optics: Follows | None,
 ) -> Search:
     """Check targets, ranges and fixed values, and make the search."""
-    wanted = wanted_of(target)
-    low, high, held = _ranges(
-        family, None if free is None else checks.mapping("free", free), checks.mapping("fixed", fixed)
-    )
+    fixed = checks.mapping("fixed", fixed)
+    low, high, held = family.box.low.copy(), family.box.high.copy(), family.box.middle.copy()
+    for name in (*(free or {}), *fixed):
+        checks.choice("parameter", name, family.names)
+    checks.unique("free and fixed", [*(free or {}), *fixed], hint="a parameter is one of them")
+    for k, name in enumerate(family.names):
+        if free is not None and name in free:
+            low[k], high[k] = inside(family, name, free[name])
+        elif free is not None or name in fixed:
+            held[k] = checks.between(name, fixed.get(name, held[k]), low[k], high[k], unit=family.box.units[k])
+            low[k] = high[k] = held[k]
+    if not np.any(high > low):
+        raise checks.InputError("nothing is free; name a parameter in free, or fix fewer")
     properties = {word(quantity): Property(family, quantity, optics) for quantity in target}
-    return Search(family, low, high, held, properties, wanted)
+    return Search(family, low, high, held, properties, wanted_of(target))
 
 
 def wanted_of(target: Mapping[Quantity, Any]) -> dict[str, float | str]:
     """Targets by the name of their quantity; InputError for what is none."""
-    wanted: dict[str, float | str] = {}
-    for quantity, value in target.items():
-        text = isinstance(value, str)
-        wanted[word(quantity)] = value if text else checks.finite(f"target {word(quantity)}", value)
-    if 0.0 in wanted.values():
-        raise checks.InputError("a target of 0 has no relative misfit; give another value")
-    if len(wanted) < len(target):
-        raise checks.InputError(f"two targets have the same name ({', '.join(map(word, target))}); name the functions")
+    checks.unique("target", list(map(word, target)), hint="name the functions")
+    wanted = {word(quantity): value for quantity, value in target.items()}
+    for name, value in wanted.items():
+        if not isinstance(value, str) and checks.finite(f"target {name}", value) == 0:
+            raise checks.InputError("a target of 0 has no relative misfit; give another value")
     return wanted
 
 
@@ -322,45 +312,17 @@ def family_over(
     """A family as it is, or one trained over ranges of the parameters of a geometry."""
     if isinstance(given, Family):
         return given
-    variations = []
-    for path, pair in checks.mapping("free", free).items():
-        low, high = ends(path, pair)
-        variations.append(Variation(path, (path,), change(given, path).unit, low=low, high=high))
-    return train_family(Campaign(given.to_toml(), tuple(variations), samples=1), tolerance, executor=executor)
+    variations = tuple(
+        Variation(path, (path,), change(given, path).unit, low=low, high=high)
+        for path, (low, high) in checks.mapping("free", free).items()
+    )
+    return train_family(Campaign(given.to_toml(), variations, samples=1), tolerance, executor=executor)
 
 
-def ends(name: str, pair: Any) -> tuple[float, float]:
-    """Both ends of a range."""
-    low, high = pair
-    return checks.finite(f"{name}: low", low), checks.finite(f"{name}: high", high)
-
-
-def inside(family: Family, name: str, pair: Any) -> tuple[float, float]:
-    """Both ends of a range that lies in the family's."""
-    k = family.names.index(checks.choice("parameter", name, family.names))
-    low, high = family.box.low[k], family.box.high[k]
-    a, b = ends(name, pair)
+def inside(family: Family, name: str, pair: tuple[float, float]) -> tuple[float, float]:
+    """Both ends of a range, the first one smaller; InputError unless they lie in the family's."""
+    low, high = family.ranges[checks.choice("parameter", name, family.names)]
     slack = 1e-9 * (high - low)
-    if not low - slack <= a < b <= high + slack:
-        raise checks.InputError(
-            f"{name} = ({a:g}, {b:g}) must lie inside the family's {low:g} .. {high:g} {family.box.units[k]}"
-        )
+    a = checks.between(f"{name}: low", pair[0], low - slack, high)
+    b = checks.between(f"{name}: high", pair[1], a, high + slack)
     return max(a, low), min(b, high)
-
-
-def _ranges(family: Family, free: Ranges | None, fixed: Mapping[str, float]) -> tuple[Array, Array, Array]:
-    """Low and high ends of all parameters, equal where one is fixed; and the values to begin from."""
-    low, high, held = family.box.low.copy(), family.box.high.copy(), family.box.middle.copy()
-    for name in (*(free or {}), *fixed):
-        checks.choice("parameter", name, family.names)
-    for k, name in enumerate(family.names):
-        if free is not None and name in free:
-            if name in fixed:
-                raise checks.InputError(f"{name} is in fixed and in free; give it in one of them")
-            low[k], high[k] = inside(family, name, free[name])
-        elif free is not None or name in fixed:
-            held[k] = checks.between(name, fixed.get(name, held[k]), low[k], high[k], unit=family.box.units[k])
-            low[k] = high[k] = held[k]
-    if not np.any(high > low):
-        raise checks.InputError("nothing is free; name a parameter in free, or fix fewer")
-    return low, high, held

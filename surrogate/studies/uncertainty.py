@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from scipy.stats import qmc
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.data import quantity
+from thermofem.data import quantity as quantities
 
 from ..family import Family
-from ..family.interpolation import interpolate_members
+from ..family.interpolation import TAIL, interpolate_members
 from .inverse_search import Follows, Property, Quantity, word
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MOST = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
 RESAMPLES = 200  # of the members, for the intervals of the indices
-NEEDED = "a distribution of scipy.stats with its numbers is needed"
 ONE_DEVIATION = 0.158655, 0.841345  # shares of a normal distribution below its mean minus and plus one deviation
+KINDS = "first_order", "total_order"
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
@@ -83,28 +82,44 @@ def uncertainty(
         a parameter that the family does not have, or that is fixed and varied at once; more than 0.1 % of the samples
         outside its box; samples that are no power of two.
 
-    Source: I. M. Sobol, Math. Comput. Simul. 55, 271 (2001); estimators of `scipy.stats.sobol_indices`.
+    Source: I. M. Sobol, Math. Comput. Simul. 55, 271 (2001); estimators in `_indices`.
     """
     fixed = checks.mapping("fixed", fixed)
-    names = _checked(family, checks.mapping("distributions", distributions), fixed, samples)
-    dists = [_Distribution(name, distributions[name]) for name in names]
-    one = Property(family, quantity, optics)
-    sampled = _Sampled(_many(one, names, fixed, executor), _clip(family, names), lambda: one.reason)
+    _check(family, distributions, fixed, samples)
+    study = _Study(Property(family, quantity, optics), distributions, fixed, executor)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
+    values = study.values
     if interpolate is not None:
-        low, high = np.array(_box(family, names)).T
-        made = interpolate_members(sampled.scalars, dists, (low, high), interpolate, sampled.reason)
+        tails = np.tile([TAIL, 1 - TAIL], (len(distributions), 1))
+        span = np.clip(study.quantiles(tails), *(ends[:, None] for ends in study.box))
+        values = made = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
         attrs |= {"interpolate": interpolate, "interpolation_error": made.error, "interpolation_worst": made.worst}
-        sampled.values = made
-    indices = _sobol(sampled, dists, samples, seed)
-    if sampled.like is not None:
-        return _map(sampled, indices, names, attrs)
-    found = _scalar(sampled, indices, names, attrs)
-    per = {"per_deviation": _per_deviation(one, dists, fixed)}
-    if optics is not None:
-        rest = Property(family, quantity, _Still(optics, _values(family, dists, fixed)))
-        per["per_deviation_heat"] = _per_deviation(rest, dists, fixed)
-    return found.assign({name: ("parameter", values) for name, values in per.items()})
+    found: list[Any] = []
+    for x in study.sets(samples, seed):
+        found.extend(values(x))
+        if all(np.isnan(value).all() for value in found):
+            raise checks.InputError(f"no sample has the property: {study.one.reason}")
+    like = next((value for value in found if np.ndim(value)), None)
+    if like is None:
+        data = _of_numbers(np.reshape(found, (-1, samples)), list(distributions), attrs)
+        per = {"per_deviation": study.per_deviation()}
+        if optics is not None:
+            still = Property(family, quantity, _Still(optics, study.medians))
+            per["per_deviation_heat"] = replace(study, one=still).per_deviation()
+        return data.assign({name: ("parameter", change) for name, change in per.items()})
+    table = [np.ravel(value) if np.ndim(value) else np.full(np.size(like), np.nan) for value in found]
+    return _of_maps(np.reshape(table, (-1, samples, np.size(like))), xr.DataArray(like), list(distributions), attrs)
+
+
+def _check(family: Family, distributions: Mapping[str, Any], fixed: Mapping[str, float], samples: int) -> None:
+    checks.instance("family", family, Family, hint="surrogate.train_family gives one")
+    for name in (*distributions, *fixed):
+        checks.choice("parameter", name, family.names)
+    checks.unique("distributions and fixed", [*distributions, *fixed], hint="a parameter varies or is fixed")
+    for name, one in distributions.items():
+        checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
+    if not isinstance(samples, int) or not 2 <= samples <= MOST or samples & (samples - 1):
+        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
 
 
 @dataclass(frozen=True)
@@ -121,201 +136,130 @@ class _Still:
         return self.optics.changes(family, self.at)
 
 
-def _values(family: Family, dists: Sequence[Any], fixed: Mapping[str, float]) -> dict[str, float]:
-    """The member at the medians."""
-    middle = dict(zip(family.names, family.box.middle.tolist(), strict=True))
-    return {**middle, **fixed, **{d.name: float(d.ppf(np.array(0.5))) for d in dists}}
+@dataclass(frozen=True, eq=False)
+class _Study:
+    """A property, the distributions of the p parameters that vary, and the values of others."""
 
-
-def _per_deviation(one: Property, dists: Sequence[Any], fixed: Mapping[str, float]) -> Array:
-    """Half the change of the property from 16 to 84 % of one parameter, the others at their medians, shape (p,)."""
-    at, found = _values(one.family, dists, fixed), []
-    for d in dists:
-        low, high = (float(d.ppf(np.array(q))) for q in ONE_DEVIATION)
-        found.append(float(one({**at, d.name: high}) - one({**at, d.name: low})) / 2)
-    return np.array(found)
-
-
-def _checked(
-    family: Family, distributions: Mapping[str, Any], fixed: Mapping[str, float], samples: int
-) -> tuple[str, ...]:
-    checks.instance("family", family, Family, hint="surrogate.train_family gives one")
-    names = tuple(distributions)
-    if not names:
-        raise checks.InputError("distributions is empty; give one for at least one parameter")
-    for name in (*names, *fixed):
-        checks.choice("parameter", name, family.names)
-    for name in fixed:
-        if name in distributions:
-            raise checks.InputError(f"{name} is fixed and has a distribution, too; give one of the two")
-    for name, one in distributions.items():
-        checks.has(name, one, "ppf", hint=NEEDED)
-    if not isinstance(samples, int) or not 2 <= samples <= MOST or samples & (samples - 1):
-        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
-    return names
-
-
-class _Distribution(NamedTuple):
-    """A distribution whose samples are numbers."""
-
-    name: str
-    given: Any
-
-    def ppf(self, q: Array) -> Array:
-        """Values at the shares ``q``."""
-        found = checks.numbers(f"{self.name}: the distribution", self.given.ppf(q), hint="are its numbers in range?")
-        return np.broadcast_to(found, np.shape(q))
-
-
-class _Sampled:
-    """The property of samples; values are kept as they are computed.
-
-    values: from parameters of shape (p, n), inside the box, to shape (n,) or (n, *shape of a map).
-    clip, reason: holds samples inside the box; says why members lack the property.
-    """
-
-    def __init__(
-        self, values: Callable[[Array], Any], clip: Callable[[Array], Array], reason: Callable[[], str]
-    ) -> None:
-        self.values, self.clip, self.reason = values, clip, reason
-        self.seen: list[Array] = []
-        self.like: Any = None  # a member's map, where the property is one
-
-    def scalars(self, x: Array) -> Array:
-        found = self.values(self.clip(x))
-        if np.ndim(found[0]):
-            raise checks.InputError("interpolate is for one number, and the quantity returns an array")
-        return np.asarray(found, dtype=float)
-
-    def __call__(self, x: Array) -> Array:
-        """As `scipy.stats.sobol_indices` wants it, shape (points, n)."""
-        found = self.values(self.clip(x))
-        if isinstance(found, np.ndarray):
-            table = found[:, None].astype(float)
-        else:
-            maps = [one for one in found if np.ndim(one)]
-            if maps:
-                self.like = maps[0]
-                found = [one if np.ndim(one) else np.full(np.shape(self.like), np.nan) for one in found]
-            table = np.array([np.ravel(one) for one in found], dtype=float)
-        self.seen.append(table)
-        if np.isnan(table).all():
-            raise checks.InputError(f"no sample has the property: {self.reason()}")
-        whole = np.where(np.isnan(table), np.nanmean(table, axis=0), table).T
-        return np.tile(whole, (2, 1)) if len(whole) == 1 else whole  # SciPy fails on one property of one parameter
+    one: Property
+    distributions: Mapping[str, Any]
+    fixed: Mapping[str, float]
+    executor: Executor | None
 
     @property
-    def every(self) -> Array:
-        """The two independent sets of samples, shape (2 n, points)."""
-        return np.concatenate(self.seen[:2])
+    def box(self) -> tuple[Array, Array]:
+        """Both ends of the family's ranges, shape (p,)."""
+        low, high = np.array([self.one.family.ranges[name] for name in self.distributions]).T
+        return low, high
 
+    @property
+    def held(self) -> dict[str, float]:
+        """The parameters that do not vary."""
+        family = self.one.family
+        middle = dict(zip(family.names, family.box.middle.tolist(), strict=True)) | dict(self.fixed)
+        return {name: checks.finite(name, x) for name, x in middle.items() if name not in self.distributions}
 
-def _sobol(sampled: _Sampled, dists: list[Any], samples: int, seed: int) -> Any:
-    from scipy.stats import sobol_indices
+    @property
+    def medians(self) -> dict[str, float]:
+        """The member at the medians."""
+        halves = self.quantiles(np.full((len(self.distributions), 1), 0.5))
+        return self.held | dict(zip(self.distributions, halves[:, 0].tolist(), strict=True))
 
-    with np.errstate(divide="ignore", invalid="ignore"):  # points of a map where nothing varies
-        return sobol_indices(func=sampled, n=samples, dists=dists, rng=np.random.default_rng(checks.seed(seed)))
+    def quantiles(self, shares: Array) -> Array:
+        """Values of the distributions at shares of shape (p, n)."""
+        pairs = zip(self.distributions.items(), shares, strict=True)
+        found = [(name, one.ppf(q)) for (name, one), q in pairs]
+        each = [checks.numbers(f"{name}: the distribution", x, hint="are its numbers in range?") for name, x in found]
+        return np.array([np.broadcast_to(x, shares.shape[1:]) for x in each])
 
+    def sets(self, samples: int, seed: int) -> list[Array]:
+        """Two independent sets of members A and B, and A with one parameter of B for each; shape (p, samples).
 
-def _scalar(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict[str, Any]) -> xr.Dataset:
-    import xarray as xr
-
-    every = sampled.every[:, 0]
-    there = every[~np.isnan(every)]
-    data = {}
-    intervals = _intervals(sampled, len(names), attrs["samples"])
-    for kind in ("first_order", "total_order"):
-        column = np.reshape(getattr(indices, kind), (2, len(names)))[0]
-        low, high = intervals[kind]
-        for suffix, array in (("", column), ("_low", low), ("_high", high)):
-            data[kind + suffix] = ("parameter", array, {"long_name": f"Sobol index, {kind}", "units": "1"})
-    low, half, high = np.quantile(there, (0.05, 0.5, 0.95))
-    attrs |= {
-        "mean": float(there.mean()),
-        "standard_deviation": float(there.std(ddof=1)),
-        "quantile_05": float(low),
-        "quantile_50": float(half),
-        "quantile_95": float(high),
-        "missing": float(np.isnan(every).mean()),
-    }
-    value = ("sample", every, {"long_name": attrs["quantity"]})
-    return xr.Dataset({**data, "value": value}, coords={"parameter": list(names)}, attrs=attrs)
-
-
-def _intervals(sampled: _Sampled, parameters: int, n: int) -> dict[str, tuple[Array, Array]]:
-    """95 % of the indices of resampled members; SciPy's own bootstrap takes a time that grows with n^2."""
-    A, B, AB = (np.where(np.isnan(f), np.nanmean(f), f) for f in (table[:, 0] for table in sampled.seen))
-    middle = np.concatenate([A, B]).mean()
-    A, B, AB = A - middle, B - middle, AB.reshape(n, parameters).T - middle
-    rng, found = np.random.default_rng(0), []
-    for _ in range(RESAMPLES):
-        k = rng.integers(n, size=n)
-        a, b, ab = A[k], B[k], AB[:, k]
-        variance = max(np.concatenate([a, b]).var(), 1e-300)
-        found.append([(b * (ab - a)).mean(axis=1) / variance, ((a - ab) ** 2).mean(axis=1) / 2 / variance])
-    low, high = np.quantile(found, (0.025, 0.975), axis=0)
-    return {"first_order": (low[0], high[0]), "total_order": (low[1], high[1])}
-
-
-def _map(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict[str, Any]) -> xr.Dataset:
-    import xarray as xr
-
-    like = xr.DataArray(sampled.like)
-    boolean, shape = like.dtype == bool, like.shape
-    every = sampled.every
-    spread = np.nanstd(every, axis=0, ddof=1)
-    quiet = spread == 0
-    words = "probability" if boolean else f"mean of {attrs['quantity']}"
-    data: dict[str, Any] = {
-        "mean": (like.dims, np.nanmean(every, axis=0).reshape(shape), {"long_name": words}),
-        "standard_deviation": (like.dims, spread.reshape(shape), {"long_name": "standard deviation"}),
-    }
-    for kind in ("first_order", "total_order"):
-        table = np.reshape(getattr(indices, kind), (-1, len(names)))[: quiet.size]
-        table = np.where(quiet[:, None], np.nan, table).T.reshape(len(names), *shape)
-        data[kind] = (("parameter", *like.dims), table, {"long_name": f"Sobol index, {kind}", "units": "1"})
-    coords = {name: one for name, one in like.coords.items() if set(one.dims) <= set(like.dims)}
-    attrs |= {"missing": float(np.isnan(every).any(axis=1).mean())}
-    return xr.Dataset(data, coords={"parameter": list(names), **coords}, attrs=attrs)
-
-
-def _box(family: Family, names: tuple[str, ...]) -> list[tuple[float, float]]:
-    places = [family.names.index(name) for name in names]
-    return [(float(family.box.low[k]), float(family.box.high[k])) for k in places]
-
-
-def _clip(family: Family, names: tuple[str, ...]) -> Callable[[Array], Array]:
-    """Samples held inside the box, or InputError where more than a few leave it."""
-
-    def clip(x: Array) -> Array:
-        rows = []
-        for name, column, (low, high) in zip(names, x, _box(family, names), strict=True):
-            out = float(((column < low) | (column > high)).mean())
+        InputError where more than a few leave the box; those are held at its edge.
+        """
+        p, (low, high) = len(self.distributions), self.box
+        random = qmc.Sobol(2 * p, bits=64, seed=np.random.default_rng(checks.seed(seed))).random(samples)
+        A, B = map(self.quantiles, random.T.reshape(2, p, samples))
+        for name, a, b, *ends in zip(self.distributions, A, B, low, high, strict=True):
+            out = max(float(((x < ends[0]) | (x > ends[1])).mean()) for x in (a, b))
             if out > OUTSIDE:
-                unit = family.box.units[family.names.index(name)]
-                ends = " to ".join(quantity.rounded(end, unit, 6) for end in (low, high))
+                unit = self.one.family.box.units[self.one.family.names.index(name)]
                 raise checks.InputError(
-                    f"{name}: {out:.1%} of the samples lie outside the family's {ends}; "
+                    f"{name}: {out:.1%} of the samples lie outside the family's "
+                    f"{' to '.join(quantities.rounded(end, unit, 6) for end in ends)}; "
                     "train one that reaches four standard deviations beyond the mean"
                 )
-            rows.append(np.clip(column, low, high))
-        return np.array(rows)
+        A, B = (np.clip(x, low[:, None], high[:, None]) for x in (A, B))
+        return [A, B, *(np.where(np.arange(p)[:, None] == k, B, A) for k in range(p))]
 
-    return clip
+    def values(self, x: Array) -> Any:
+        """The property of members of shape (p, n); the resistance of all of them in one call."""
+        if self.one.quantity == "thermal_resistance":
+            columns: dict[str, Any] = {**self.held, **dict(zip(self.distributions, x, strict=True))}
+            return self.one.family.thermal_resistance(**columns)
+        held = self.held
+        members = [{**held, **dict(zip(self.distributions, row, strict=True))} for row in x.T.tolist()]
+        return self.one.many(members, self.executor)
+
+    def per_deviation(self) -> Array:
+        """Half the change of the property from 16 to 84 % of one parameter, the others at their medians, shape (p,)."""
+        ends, found = self.quantiles(np.tile(ONE_DEVIATION, (len(self.distributions), 1))), []
+        for name, (low, high) in zip(self.distributions, ends.tolist(), strict=True):
+            found.append((self.one(self.medians | {name: high}) - self.one(self.medians | {name: low})) / 2)
+        return np.array(found, dtype=float)
 
 
-def _many(
-    one: Property, names: tuple[str, ...], fixed: Mapping[str, float], executor: Executor | None
-) -> Callable[[Array], Any]:
-    """The property of many members from parameters of shape (p, n); the resistance of all members in one call."""
-    family = one.family
-    middle = dict(zip(family.names, family.box.middle, strict=True))
-    rest = {name: checks.finite(name, fixed.get(name, middle[name])) for name in family.names if name not in names}
+def _centred(f: Array) -> Array:
+    """Values (p + 2, n, ...) of all sets minus the mean of A and B; the mean of their set in the place of nan."""
+    parts = (np.where(np.isnan(x), np.nanmean(x, axis=(0, 1)), x) for x in (f[:1], f[1:2], f[2:]))
+    filled = np.concatenate(list(parts))
+    return np.asarray(filled - filled[:2].mean(axis=(0, 1)))
 
-    def values(x: Array) -> Any:
-        if one.quantity == "thermal_resistance":
-            columns: dict[str, Any] = {**dict(zip(names, x, strict=True)), **rest}
-            return family.thermal_resistance(**columns)
-        return one.many([{**rest, **dict(zip(names, column, strict=True))} for column in x.T.tolist()], executor)
 
-    return values
+def _indices(f: Array) -> Array:
+    """First-order and total Sobol indices, shape (2, p, ...), of centred values; 0 where nothing varies.
+
+        S_i = mean(f_B (f_i - f_A))/V,    T_i = mean((f_A - f_i)^2)/(2 V),    V = variance of f_A and f_B
+
+    f [shape (p + 2, n, ...)]: of the members A and B, and of A with parameter i of B.
+
+    Source: Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), Table 2 (b) and (f).
+    """
+    (A, B), AB, V = f[:2], f[2:], f[:2].var(axis=(0, 1))
+    both = np.array([(B * (AB - A)).mean(axis=1), ((A - AB) ** 2).mean(axis=1) / 2])
+    return np.divide(both, V, out=np.zeros_like(both), where=V > 0)
+
+
+def _of_numbers(f: Array, names: list[str], attrs: dict[str, Any]) -> xr.Dataset:
+    """Statistics of a number with values f (p + 2, n); indices with the intervals of resampled members."""
+    every, centred = f[:2].ravel(), _centred(f)
+    there, rng = every[~np.isnan(every)], np.random.default_rng(0)
+    n = f.shape[1]
+    again = [_indices(centred[:, rng.integers(n, size=n)]) for _ in range(RESAMPLES)]
+    low, high = np.quantile(again, (0.025, 0.975), axis=0)
+    data = {}
+    for suffix, pair in (("", _indices(centred)), ("_low", low), ("_high", high)):
+        for kind, column in zip(KINDS, pair, strict=True):
+            data[kind + suffix] = ("parameter", column, {"long_name": f"Sobol index, {kind}", "units": "1"})
+    quantiles = np.quantile(there, (0.05, 0.5, 0.95)).tolist()
+    attrs |= {"mean": float(there.mean()), "standard_deviation": float(there.std(ddof=1))}
+    attrs |= dict(zip(("quantile_05", "quantile_50", "quantile_95"), quantiles, strict=True))
+    attrs["missing"] = float(np.isnan(every).mean())
+    value = ("sample", every, {"long_name": attrs["quantity"]})
+    return xr.Dataset({**data, "value": value}, coords={"parameter": names}, attrs=attrs)
+
+
+def _of_maps(f: Array, like: xr.DataArray, names: list[str], attrs: dict[str, Any]) -> xr.Dataset:
+    """Statistics of a map with values f (p + 2, n, points), at each of its points."""
+    every = f[:2].reshape(-1, f.shape[2])
+    spread = np.nanstd(every, axis=0, ddof=1)
+    words = "probability" if like.dtype == bool else f"mean of {attrs['quantity']}"
+    data: dict[str, Any] = {
+        "mean": (like.dims, np.nanmean(every, axis=0).reshape(like.shape), {"long_name": words}),
+        "standard_deviation": (like.dims, spread.reshape(like.shape), {"long_name": "standard deviation"}),
+    }
+    for kind, table in zip(KINDS, np.where(spread == 0, np.nan, _indices(_centred(f))), strict=True):
+        about = {"long_name": f"Sobol index, {kind}", "units": "1"}
+        data[kind] = (("parameter", *like.dims), table.reshape(-1, *like.shape), about)
+    coords = {name: one for name, one in like.coords.items() if set(one.dims) <= set(like.dims)}
+    attrs |= {"missing": float(np.isnan(every).any(axis=1).mean())}
+    return xr.Dataset(data, coords={"parameter": names, **coords}, attrs=attrs)

@@ -111,7 +111,7 @@ def test_rings_on_different_layers_are_refused(ring):
 
 def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
     """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
-    monkeypatch.setattr(domain_truncation, "_reported", {})
+    monkeypatch.setattr(domain_truncation, "_reported", set())
     strip = th.strip_ring(outer_radius=120e-6)
     strip = replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))
     exact = replace(Stack(), substrate=1e-2).impedance(48e-6)

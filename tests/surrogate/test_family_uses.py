@@ -142,7 +142,7 @@ def test_what_the_data_cannot_tell_apart_is_named(family):
 
 
 def test_calibration_needs_data(family):
-    with pytest.raises(th.InputError, match="data is empty"):
+    with pytest.raises(th.InputError, match="data has 0 Datasets"):
         surrogate.calibrate(family, [])
 
 
@@ -181,7 +181,7 @@ def test_a_parameter_is_given_once_and_as_a_number(family):
             lambda: surrogate.design(
                 family, {"width": (4e-7, 6e-7)}, target={"rise_time": 1e-6}, fixed={"width": 5e-7}
             ),
-            "width is in fixed and in free",
+            "free and fixed holds .width. twice",
         ),
         (lambda: family.derivatives([-1e-6], radius=7e-6, width=5e-7, box=2e-6), "times holds -1e-06 s"),
     ):
@@ -247,13 +247,12 @@ def test_optics_follow_the_geometry(family):
     for optics, words in (
         (surrogate.Optics({"a": {"width": ([1.0, 0.0], [1.0, 2.0])}}), "two arrays of one length"),
         (surrogate.Optics({"a": {"width": ("a", "b")}}), "table of a"),
-        (surrogate.Optics({"a": {"width": (1.0, 2.0, 3.0)}}), "two arrays of one length"),
         (surrogate.Optics({}, at={"width": "500 nm"}), "at width = '500 nm' is not a number"),
     ):
         with pytest.raises(th.InputError, match=words):
             optics.check(family)
     short = surrogate.Optics({"a": {"width": ([450e-9, 550e-9], [1e9, 2e9])}})
-    with pytest.raises(th.InputError, match=r"table of a over width is from 4\.5e-07 to 5\.5e-07, and 6e-07"):
+    with pytest.raises(th.InputError, match=r"a over width: parameter = 6e-07 must lie between 4\.5e-07"):
         short.changes(family, {"radius": 7e-6, "width": 600e-9, "box": 2e-6})
 
 
@@ -278,7 +277,7 @@ def test_an_interpolated_property_states_its_error(family):
 
 
 def test_no_member_beats_the_pareto_front(family):
-    front = surrogate.studies.pareto.pareto_front(
+    front = surrogate.studies.design.pareto_front(
         family, target={"thermal_resistance": "smallest", "rise_time": "smallest"}, generations=8
     )
     R, t = front["thermal_resistance"].values, front["rise_time"].values
@@ -299,10 +298,10 @@ def test_targets_that_exclude_each_other_come_with_a_front(family):
     assert found.front.sizes["member"] > 3
     with pytest.raises(th.InputError, match="words are for"):
         surrogate.design(family, target={"rise_time": "smallest"})
-    with pytest.raises(th.InputError, match="two targets or more"):
-        surrogate.studies.pareto.pareto_front(family, target={"rise_time": "smallest"})
+    with pytest.raises(th.InputError, match="number of targets = 1"):
+        surrogate.studies.design.pareto_front(family, target={"rise_time": "smallest"})
     with pytest.raises(th.InputError, match="did you mean 'smallest'"):
-        surrogate.studies.pareto.pareto_front(family, target={"rise_time": "smalest", "thermal_resistance": 1e4})
+        surrogate.studies.design.pareto_front(family, target={"rise_time": "smalest", "thermal_resistance": 1e4})
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -376,8 +375,8 @@ def test_a_family_and_a_held_one_are_what_identify_takes(family):
 def test_a_front_holds_what_is_far_from_its_target(family):
     """Misfits above 10 counted as equal: one member was left of the front."""
     target = {"thermal_resistance": 300.0, "rise_time": "largest"}
-    near = surrogate.studies.pareto.pareto_front(family, target=target, generations=8)
-    small = surrogate.studies.pareto.pareto_front(
+    near = surrogate.studies.design.pareto_front(family, target=target, generations=8)
+    small = surrogate.studies.design.pareto_front(
         family, target=target | {"thermal_resistance": "smallest"}, generations=8
     )
     assert near.sizes["member"] > 20

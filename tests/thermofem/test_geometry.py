@@ -196,7 +196,7 @@ def test_contradictions_name_what_contradicts(parts, words):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"inner_radius": 2e-6}, ["inner_radius = 2e-06 must lie between 0 and 1.9999e-06"]),
+        ({"inner_radius": 2e-6}, ["inner_radius = 2e-06 must be below outer_radius = 2e-06"]),
         ({"inner_radius": -1e-6}, ["inner_radius = -1e-06"]),
         ({"outer_radius": 1.1e-6, "height": 1e-6, "sidewall_angle": 1.0}, ["the sidewalls cross"]),
         ({"bottom": math.inf}, ["bottom = inf is not finite"]),

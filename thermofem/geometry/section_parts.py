@@ -83,7 +83,8 @@ class Part:
         check_name("part", self.name)
         if self.x is None and self.width is None:
             outer, hint = length(f"{of}outer_radius", self.outer_radius, typical=8e-6), slip(self.inner_radius, 5e-6)
-            checks.between(f"{of}inner_radius", self.inner_radius, 0, outer - THINNEST, unit="m", hint=hint)
+            checks.between(f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=hint)
+            checks.ordered(f"{of}inner_radius", self.inner_radius, "outer_radius", outer, unit="m")
         else:
             x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=slip(self.x, 5e-6))
             half = length(f"{of}width", self.width, typical=450e-9) / 2
