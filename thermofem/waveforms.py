@@ -393,7 +393,7 @@ class Samples(Waveform, stored=False):
     def _check(self, values: Array) -> None:
         """Keep ``times`` as an array; InputError where it does not increase or does not belong to ``values``."""
         times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
-        checks.same_size(times=times, values=values)
+        checks.shape("values at times", values, times.shape)
         checks.enough("times", np.unique(times).size, 2, "different times")
         object.__setattr__(self, "times", times)
 

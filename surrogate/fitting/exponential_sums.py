@@ -22,7 +22,7 @@ from thermofem.data import quantity
 
 from .fit import Fit, Training
 from .fit_result import EXPLAINED, cancelling, unseen_times
-from .pole_projection import CUT, noise_along
+from .pole_projection import covariance
 
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
 FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
@@ -73,11 +73,8 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     """
     t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
     order = checks.integer("order", order, 1, 5)
-    if t.size != y.size or t.size <= 2 * order:
-        raise checks.InputError(
-            f"times has {t.size} samples and rise {y.size}; both need the same, more than {2 * order}"
-        )
-
+    checks.same_size(times=t, rise=y)
+    checks.integer("number of samples", t.size, 2 * order + 1, np.inf)
     span, size = np.ptp(t), float(np.abs(y).max()) or 1.0
     if abs(t[0]) > LATEST * span:
         raise checks.InputError(
@@ -97,10 +94,8 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     high = np.log(SLOWER * span)
     grid = np.linspace(low, high, GRID + 2)[1:-1]
     ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))
-    spread = np.log(np.geomspace(span / 40, span / 3, order) if order > 1 else [span / 5])
-    starts = np.clip([spread, *ways[:BEST]], low, high)
     exactly: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
-    best = min((least_squares(misfit, start, **exactly) for start in starts), key=lambda end: float(end.cost))
+    best = min((least_squares(misfit, way, **exactly) for way in ways[:BEST]), key=lambda end: float(end.cost))
     tau = np.exp(np.sort(best.x))
     columns = np.exp(-t[:, None] / tau)
     amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
@@ -123,13 +118,9 @@ def _notes(t: Array, tau: Array, amplitude: Array, left: Array, size: float) -> 
     """
     columns = np.exp(-t[:, None] / tau)
     jacobian = np.hstack([-t[:, None] / tau * columns * amplitude, columns])
-    length = np.linalg.norm(jacobian, axis=0)
-    length[length == 0] = 1.0
-    U, s, Vt = np.linalg.svd(jacobian / length, full_matrices=False)
-    back = Vt.T / np.maximum(s, CUT * s[0]) / length[:, None]
-    noise = noise_along([left], U, float(left @ left) / max(t.size - 2 * tau.size, 1))
+    found = covariance(jacobian, [left], float(left @ left) / max(t.size - 2 * tau.size, 1))
+    deviation = np.sqrt(np.maximum(found.diagonal()[: tau.size], 0))
     span = float(np.diff(t).min()), float(np.ptp(t))
-    deviation = np.sqrt(np.maximum((back @ noise @ back.T).diagonal()[: tau.size], 0))
     said = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
     return (*said, *cancelling(amplitude * size, "K"))
 

@@ -226,7 +226,6 @@ def mismatch(response: Response) -> list[str]:
     low, high = shortest / BEYOND[0], longest * BEYOND[1]
     # 2: time constants of the grid: with gains of either sign their sums follow a pole in between to 1e-3
     phi = problem.columns(-np.log(np.geomspace(low, high, int(2 * np.log10(high / low)) + 2)))
-    phi = phi[:, np.any(phi != 0, axis=0)]
     left = problem.target - phi @ problem.gains(phi)
     # at least 2 samples in a lag: the noise of neighbouring samples may be one
     lag = max(2, _between_edges(response) // 16)  # 16 lags in the shortest time between two breakpoints

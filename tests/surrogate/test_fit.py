@@ -345,7 +345,7 @@ def noise(data):
     [
         (lambda d: surrogate.fit_foster(d, 0), "order"),
         (lambda d: surrogate.fit_foster(d, 13), "order"),
-        (lambda d: surrogate.fit_foster([], 2), "data is empty"),
+        (lambda d: surrogate.fit_foster([], 2), "data has 0 Datasets"),
         (lambda d: surrogate.fit_foster(d, 2, method="pos"), "did you mean 'pso'"),
         (lambda d: surrogate.fit_foster(d, 2, thermal_resistance=-1), "thermal_resistance"),
         (lambda d: surrogate.fit_foster(d.isel(time=slice(0, 5)), 4), "at least 8"),
