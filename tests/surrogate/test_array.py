@@ -225,7 +225,7 @@ def test_the_array_itself_is_saved_and_exported(array, tmp_path):
     ("positions", "words"),
     [
         ([(0, 0), (10e-6, 0)], r"positions\[0\] and positions\[1\] are 1e-05 m apart.*overlap below"),
-        ([(0, 0), (20, 0)], "outer_radius must be at least 20"),
+        ([(0, 0), (20, 0)], "distance = 20 must lie between"),
         ([(0, 0), (0, 0)], "are 0 m apart"),
         ([0, 1, 2], r"positions has shape \(3,\)"),
         ([(0, 0), (np.nan, 0)], "positions = nan"),
