@@ -34,6 +34,7 @@ from ..resonator import RingResonator
 from ..thermal import check_geometry
 from ..unknowns import SPAN, check_counts, number_of, optical_names, span_of, varied
 from .forced_filters import noise_of
+from .levenberg import at_bound
 
 log = logging.getLogger("thermofem")
 
@@ -349,7 +350,7 @@ def _result(search: _Search, x: Array, r: Array, J: Array, doubts: tuple[str, ..
         deviations[name] = (s * (search.linewidth if name == "frequency" else value)) if known else np.inf
         if not known and name in names:
             notes.append(f"the sweeps do not determine {name} alone: other values fit as well; free fewer")
-    for k in np.flatnonzero((x < search.low + 1e-3) | (x > search.high - 1e-3)):
+    for k in np.flatnonzero(at_bound(x, search.low, search.high)):
         name = names[k] if k < len(names) else "the scale"
         notes.append(f"{name} ended on a bound of its search: the others hold for this value only; widen bounds")
     if misfit > WORSE:

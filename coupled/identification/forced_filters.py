@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
@@ -26,7 +26,7 @@ from thermofem.errors import InputError
 from ..kernel import units
 from ..kernel.integrator import PoleHeat
 from ..kernel.units import FJ, NS, Rates
-from .levenberg import Residuals, least_squares
+from .levenberg import Prior, Residuals, least_squares
 
 if TYPE_CHECKING:
     from ..resonator import RingResonator
@@ -134,14 +134,7 @@ def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
     return N
 
 
-class Start(NamedTuple):
-    """An end of the search in the box; ``precision`` is the inverse covariance of the logarithms ``x``."""
-
-    x: Array
-    precision: Array
-
-
-def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Start]:
+def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Prior]:
     """Minima of the forced misfit in the box, the best first.
 
     1024 Sobol points, Levenberg-Marquardt from the best 8 on ln((U_model + 3 sigma)/(U + 3 sigma)), then on plain
@@ -190,5 +183,5 @@ def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Start
     for end in fine:
         found = end.J.T @ end.J * end.r.size / len(traces)  # 1/deviations^2: each residual was divided by sqrt(samples)
         C = np.linalg.inv(found + OPEN * np.eye(low.size))[:n, :n]
-        starts.append(Start(end.x[:n], np.asarray(np.linalg.inv(INFLATED**2 * C + BIAS**2 * np.eye(n)), dtype=float)))
+        starts.append(Prior(end.x[:n], np.asarray(np.linalg.inv(INFLATED**2 * C + BIAS**2 * np.eye(n)), dtype=float)))
     return starts

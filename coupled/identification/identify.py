@@ -18,7 +18,7 @@ from ..resonator import RingResonator
 from ..thermal import Compact, check_geometry
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .cycles import Target, targets_of
-from .forced_filters import Start, forced_starts
+from .forced_filters import forced_starts
 from .levenberg import End, Prior, at_bound, central_slopes, least_squares
 from .settled_cycles import SOFT, STAGES, comparison, doubts, residuals
 
@@ -154,15 +154,15 @@ def identify(
     return replace(result, notes=contradicted + result.notes)
 
 
-def _followed(what: Unknowns, targets: list[Target], start: Start, seed: int) -> Iterator[End]:
+def _followed(what: Unknowns, targets: list[Target], start: Prior, seed: int) -> Iterator[End]:
     """Ends of free runs from points about a forced fit, the most promising first.
 
     A forced fit is off along its weakest direction most, so points lie on both sides of it; others are drawn.
     """
-    centre, (weights, directions) = start.x, np.linalg.eigh(start.precision)
+    weights, directions = np.linalg.eigh(start.precision)
     weak = directions[:, 0] / np.abs(directions[:, 0]).max()
-    drawn = np.random.default_rng(seed).standard_normal((DRAWN, centre.size)) / np.sqrt(weights)
-    points = centre + np.vstack([np.outer(ALONG, weak), drawn @ directions.T])
+    drawn = np.random.default_rng(seed).standard_normal((DRAWN, start.centre.size)) / np.sqrt(weights)
+    points = start.centre + np.vstack([np.outer(ALONG, weak), drawn @ directions.T])
     points = np.clip(points, what.low, what.high)
     first, last = residuals(what, targets, STAGES[0]), residuals(what, targets, STAGES[-1])
     costs = [np.inf if (r := first(x)) is None else float(r @ r) for x in points]
@@ -173,7 +173,7 @@ def _followed(what: Unknowns, targets: list[Target], start: Start, seed: int) ->
         for stage in STAGES:
             end = least_squares(
                 residuals(what, targets, stage), x, what.low, what.high, steps=stage.steps, traces=len(targets),
-                prior=Prior(centre, start.precision),
+                prior=start,
             )  # fmt: skip
             x = end.x
             if _rms(end.r, x.size) > ASTRAY:
@@ -189,9 +189,9 @@ def _rms(r: Array, unknowns: int) -> float:
 
 def _searched(
     what: Unknowns, targets: list[Target], runs: int, seed: int, advance: Callable[[], None]
-) -> list[tuple[float, End, Start]]:
+) -> list[tuple[float, End, Prior]]:
     """Misfit, end and start of all that was followed, the best first; stops at the noise, or at an end found twice."""
-    found: list[tuple[float, End, Start]] = []
+    found: list[tuple[float, End, Prior]] = []
     starts = forced_starts(what, [target.forced for target in targets], seed)
     for start in starts[:runs]:
         advance()
@@ -222,7 +222,7 @@ def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, hig
     return (directions * variances * factors**2) @ directions.T, float(factors.max())
 
 
-def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Start) -> tuple[Array, float]:
+def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Prior) -> tuple[Array, float]:
     """Standard deviations of the logarithms, nan of those on a bound, and by what factor the profile widened them."""
     found, free = np.full(x.size, np.nan), np.flatnonzero(~at_bound(x, what.low, what.high))
     if not free.size:
@@ -235,7 +235,7 @@ def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Start) -
     def cost(part: Array) -> float:
         y = x.copy()
         y[free] = part
-        left, off = last(y), part - start.x[free]
+        left, off = last(y), part - start.centre[free]
         return np.inf if left is None else float(left @ left + off @ L @ off)
 
     C, factor = _widened(
@@ -247,7 +247,7 @@ def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Start) -
     return found, factor
 
 
-def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Start]]) -> Identification:
+def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Identification:
     """Test the best end against the noise, and put the result together."""
     (misfit, end, start), others = found[0], found[1:]
     x, failed, notes, n = end.x, misfit > NOISE, [], end.x.size
@@ -262,7 +262,7 @@ def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End,
         spread = np.full(n, np.nan)
     else:
         spread, factor = _deviations(what, targets, x, start)
-        off = float(np.sqrt((x - start.x) @ start.precision @ (x - start.x) / n))
+        off = float(np.sqrt((x - start.centre) @ start.precision @ (x - start.centre) / n))
         notes += doubts(what, targets, spread, np.exp(x), factor, off)
         size = np.maximum(np.nan_to_num(spread, posinf=1.0), 1e-3)
         if any(m < 1.05 * misfit and np.abs((e.x - x) / size).max() > 10 for m, e, _ in others):

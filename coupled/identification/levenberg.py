@@ -35,7 +35,7 @@ class End(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Adds (x - centre)^T precision (x - centre) to the sum of squares."""
+    """What is known before a fit: it adds (x - centre)^T precision (x - centre) to the sum of squares."""
 
     centre: Array
     precision: Array

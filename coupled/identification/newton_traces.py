@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.optimize import least_squares
 
 from thermofem import checks
 from thermofem.arrays import Array
+from thermofem.data import dataset
 
 from ..arguments import bar, check_ring
 from ..resonator import RingResonator
@@ -21,9 +23,6 @@ from ..unknowns import Unknowns, unknowns
 from .cycles import HARMONICS, MOST, Cycle, Seen, Target, cycle_of, targets_of
 from .levenberg import at_bound
 from .settled_cycles import Stage, compared
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 log = logging.getLogger("thermofem")
 
@@ -35,7 +34,6 @@ STEPS = 5e-9  # s at most between two samples of the carriers, so that their spi
 IMPOSSIBLE = 1e3  # residual where the parameters make no model
 EVALUATIONS = 15  # steps of least squares in each
 PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
-START = 2  # harmonics in the search from them
 
 
 def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
@@ -51,14 +49,15 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     return cycle_of(run, at=at, near=target.cycle.period)
 
 
-def residuals(what: Unknowns, target: Target, harmonics: int) -> Callable[[Array], Array]:
+def residuals(what: Unknowns, target: Target) -> Callable[[Array], Array]:
     """The residuals of a trace, shape (66,), as a function of the logarithms of the unknowns.
 
-    They are ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the measured swing: the sum of
-    their squares is the mean square over the cycle, |c|^2/2 of each Re c exp(i phi).
+    They are ln(T_model/T)/0.01, and the differences of the mean and of two harmonics over 0.03 of the measured swing:
+    the sum of their squares is the mean square over the cycle, |c|^2/2 of each Re c exp(i phi). One pole cannot follow
+    the steep parts of a cycle, and to ask it for them splits the best pairs into two families.
     """
     aim = Seen(target.cycle, 0.0, np.zeros(HARMONICS + 1))
-    stage = Stage(harmonics, PERIOD_ERROR, np.sqrt(2) * SHAPE_ERROR, EVALUATIONS)
+    stage = Stage(2, PERIOD_ERROR, np.sqrt(2) * SHAPE_ERROR, EVALUATIONS)
     mean = np.where(np.arange(2 * HARMONICS + 2) == 1, np.sqrt(2), 1.0)
 
     def of(x: Array) -> Array:
@@ -71,28 +70,11 @@ def residuals(what: Unknowns, target: Target, harmonics: int) -> Callable[[Array
     return of
 
 
-def polished(what: Unknowns, target: Target, x: Array, stages: tuple[int, ...]) -> tuple[Array, float]:
-    """Least squares from ``x`` with more harmonics in each stage; the logarithms and the sum of squares.
-
-    A steep edge of a cycle that is out of place by more than its own length gives no direction, and with all harmonics
-    at once the way leads through a narrow, bent valley: 40 steps do not reach an end that 11 in stages do (measured).
-    """
-    cost = np.inf
-    for harmonics in stages:
-        best = least_squares(
-            residuals(what, target, harmonics), x, bounds=(what.low - 1e-9, what.high + 1e-9), xtol=1e-5, ftol=1e-5,
-            diff_step=STEP / np.maximum(np.abs(what.start), 1e-3), max_nfev=EVALUATIONS,
-        )  # fmt: skip
-        x, cost = np.clip(best.x, what.low, what.high), float(2 * best.cost)
-    return x, cost
-
-
 def fit_newton_per_trace(
     ring: RingResonator,
     traces: Sequence[xr.Dataset],
     *,
     bounds: dict[str, tuple[float, float]] | None = None,
-    harmonics: int = 2,
     show_bar: bool = False,
 ) -> xr.Dataset:
     """Fit (tau_th, m c_p) of Newton's law to every drop trace on its own.
@@ -110,9 +92,6 @@ def fit_newton_per_trace(
         as for `identify`.
     bounds : mapping, optional
         of "tau_th" (s) and "heat_capacity" (J/K); by default within a factor of 4 of the paper's 417 ns, 6.9 c_p.
-    harmonics : int
-        of the cycle that count beside period and mean, 1 to 32. One pole cannot follow the steep parts of a cycle, and
-        to ask it for them splits the best pairs into two families.
     show_bar : bool
 
     Returns
@@ -127,62 +106,54 @@ def fit_newton_per_trace(
     Raises
     ------
     InputError
-        as `identify`; harmonics out of range.
+        as `identify`.
 
     Measured on 12 traces of the finite-element model of the reference ring: tau_th 315 to 540 ns, m c_p 4.8 to 7.3
     times that of the core, tau_th longer for longer periods. The paper's traces say 350 to 650 ns and 7 to 10 times.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4 and Fig. 4(d).
     """
-    import xarray as xr
-
-    from thermofem.data import dataset
-
     check_ring(ring)
     what = unknowns(ring, ["tau_th", "heat_capacity"], bounds=bounds)
     targets = targets_of(traces)
-    harmonics = checks.integer("harmonics", harmonics, 1, HARMONICS)
-    stages = (harmonics,) if harmonics <= START else (START, harmonics)
     axes = [np.linspace(a, b, GRID + 2)[1:-1] for a, b in zip(what.low, what.high, strict=True)]
     grid = np.array(np.meshgrid(*axes)).reshape(2, -1).T
     rows: list[list[float]] = []
-    bounded: list[bool] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
-        for target in targets:
-            f = residuals(what, target, stages[0])
+        for k, target in enumerate(targets):
+            f, period = residuals(what, target), target.cycle.period
             costs = [np.sum(f(x) ** 2) for x in grid]
-            ends = [polished(what, target, grid[k], stages) for k in np.argsort(costs)[:STARTS]]
-            best, cost = min(ends, key=lambda end: end[1])
-            bounded.append(bool(np.any(at_bound(best, what.low, what.high))))
-            tau, capacity = np.exp(best)
-            model_period = simulated(*what.build(best), target).period
-            rows.append(
-                [target.power, target.detuning, tau, capacity, target.cycle.period, model_period, np.sqrt(cost)]
-            )
+            ends = [
+                least_squares(
+                    f, grid[k], bounds=(what.low - 1e-9, what.high + 1e-9), xtol=1e-5, ftol=1e-5,
+                    diff_step=STEP / np.abs(what.start), max_nfev=EVALUATIONS,
+                )
+                for k in np.argsort(costs)[:STARTS]
+            ]  # fmt: skip
+            end = min(ends, key=lambda end: float(end.cost))
+            best = np.clip(end.x, what.low, what.high)
+            pair = np.exp(best)
+            if np.isnan(period):
+                log.warning("a trace at rest shows tau_th/(m c_p) = R_th alone; both are nan for trace %d", k)
+                pair = np.full(2, np.nan)
+            elif at_bound(best, what.low, what.high).any():
+                log.warning("tau_th or heat_capacity ended on the bound of its search for trace %d; widen bounds", k)
+            own_period = simulated(*what.build(best), target).period
+            rows.append([target.power, target.detuning, *pair, period, own_period, np.sqrt(2 * end.cost)])
             advance()
-    columns = np.array(rows).T
-    names = ("power", "detuning", "tau_th", "heat_capacity", "period", "period_model", "misfit")
-    about: dict[str, Any] = {
+    abouts: dict[str, Any] = {
         "power": dataset.describe("input_power"),
+        "detuning": dataset.describe("detuning"),
         "tau_th": {"units": "s", "long_name": "thermal lifetime"},
         "heat_capacity": {"units": "J/K", "long_name": "heat capacity m c_p"},
+        "period": dataset.describe("period"),
         "period_model": dataset.describe("period"),
         "misfit": {"units": "1", "long_name": "root of the sum of squared residuals"},
     }
-    rests = np.isnan(columns[4])
-    columns[2:4, rests] = np.nan
-    if rests.any():
-        which = ", ".join(str(k) for k in np.flatnonzero(rests))
-        log.warning("traces that do not pulse show tau_th/(m c_p) = R_th alone; both are nan for trace %s", which)
-    if which := ", ".join(str(k) for k in np.flatnonzero(np.array(bounded) & ~rests)):
-        log.warning("tau_th or heat_capacity ended on the bound of its search for trace %s; widen bounds", which)
-    pulses = np.isfinite(columns[4]) & np.isfinite(columns[5])
-    line = {"correlation": np.nan, "slope": np.nan, "intercept": np.nan}
-    if pulses.sum() >= 3:
-        x, y = columns[2:4, pulses]
-        slope, intercept = np.polyfit(x / 1e-9, y, 1)
-        line = {"correlation": np.corrcoef(x, y)[0, 1], "slope": slope / 1e-9, "intercept": intercept}
-    return xr.Dataset(
-        {n: ("trace", v, about[n] if n in about else dataset.describe(n)) for n, v in zip(names, columns, strict=True)},
-        attrs={name: float(value) for name, value in line.items()},
-    )
+    columns = zip(abouts.items(), np.transpose(rows), strict=True)
+    found = xr.Dataset({name: ("trace", column, about) for (name, about), column in columns})
+    pulses = np.isfinite((found["tau_th"] * found["period_model"]).values)
+    x, y = found["tau_th"].values[pulses], found["heat_capacity"].values[pulses]
+    slope, intercept = np.polyfit(x / 1e-9, y, 1) if x.size >= 3 else (np.nan, np.nan)
+    correlation = float(np.corrcoef(x, y)[0, 1]) if x.size >= 3 else np.nan
+    return found.assign_attrs(correlation=correlation, slope=float(slope / 1e-9), intercept=float(intercept))

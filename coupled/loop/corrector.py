@@ -33,7 +33,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from thermofem import checks
-from thermofem.algebra.krylov import CYCLES, krylov
+from thermofem.algebra.krylov import krylov
 from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import contents
@@ -80,8 +80,6 @@ class FEM:
         of the co-simulation; the FEM's steps keep to a third of it.
     field_times : array, s
         when the whole temperature field is kept.
-    cycles : int
-        size of the Krylov basis (`thermofem.transient.krylov`); it changes the work, not the result.
     """
 
     def __init__(
@@ -92,7 +90,6 @@ class FEM:
         heaters: Mapping[str, Waveform] | None = None,
         max_discrepancy: float = 1e-3,
         field_times: ArrayLike = (),
-        cycles: int = CYCLES,
     ) -> None:
         hint = "th.assemble(geometry) makes the HeatProblem"
         checks.instance("heat", heat, HeatProblem, StateSpace, NonlinearSystem, hint=hint)
@@ -113,7 +110,7 @@ class FEM:
         system = heat.model(inputs, self.heated) if isinstance(heat, HeatProblem) else _channels(heat, inputs)
         self.nonlinear = system if isinstance(system, NonlinearSystem) else None
         self.linear = system.linear if isinstance(system, NonlinearSystem) else system
-        self.basis = krylov(self.linear, checks.integer("cycles", cycles, 0, 100))
+        self.basis = krylov(self.linear)
         self.field = FieldIntegrator(
             system,
             self.basis,
