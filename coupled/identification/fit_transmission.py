@@ -33,8 +33,8 @@ from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
 from ..thermal import check_geometry
 from ..unknowns import SPAN, check_counts, number_of, optical_names, span_of, varied
+from .box_search import at_bound
 from .forced_filters import noise_of
-from .levenberg import at_bound
 
 log = logging.getLogger("thermofem")
 

@@ -26,7 +26,7 @@ from thermofem.errors import InputError
 from ..kernel import units
 from ..kernel.integrator import PoleHeat
 from ..kernel.units import FJ, NS, Rates
-from .levenberg import Prior, Residuals, least_squares
+from .box_search import Prior, Residuals, least_squares
 
 if TYPE_CHECKING:
     from ..resonator import RingResonator
@@ -137,7 +137,7 @@ def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
 def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Prior]:
     """Minima of the forced misfit in the box, the best first.
 
-    1024 Sobol points, Levenberg-Marquardt from the best 8 on ln((U_model + 3 sigma)/(U + 3 sigma)), then on plain
+    1024 Sobol points, least squares from the best 8 on ln((U_model + 3 sigma)/(U + 3 sigma)), then on plain
     differences over the samples' deviations. The scale of a trace in another unit than W is one more unknown.
     """
     from scipy.stats import qmc

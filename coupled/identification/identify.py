@@ -17,9 +17,9 @@ from ..arguments import bar, check_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, check_geometry
 from ..unknowns import ThermalFamily, Unknowns, unknowns
+from .box_search import End, Prior, at_bound, central_slopes, least_squares
 from .cycles import Target, targets_of
 from .forced_filters import forced_starts
-from .levenberg import End, Prior, at_bound, central_slopes, least_squares
 from .settled_cycles import SOFT, STAGES, comparison, doubts, residuals
 
 log = logging.getLogger("thermofem")

@@ -20,8 +20,8 @@ from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..thermal import Compact, without_origin
 from ..unknowns import Unknowns, unknowns
+from .box_search import at_bound
 from .cycles import HARMONICS, MOST, Cycle, Seen, Target, cycle_of, targets_of
-from .levenberg import at_bound
 from .settled_cycles import Stage, compared
 
 log = logging.getLogger("thermofem")

@@ -18,8 +18,8 @@ from ..runs.repetition import LONGEST_PATTERN, miss
 from ..runs.simulate import simulate
 from ..thermal import Compact, without_origin
 from ..unknowns import Unknowns
+from .box_search import Residuals, at_bound
 from .cycles import HARMONICS, NEAR, Cycle, Seen, Target, cycle_of, lag
-from .levenberg import Residuals, at_bound
 
 EARLY, LATE = 5e-9, 1e-9  # s between samples of a free run in its first and second half, or
 MOST = 50_000  # so many samples in a half

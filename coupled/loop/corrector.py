@@ -119,7 +119,7 @@ class FEM:
             direct=[self.problem.audit(name).direct for name in inputs] if self.problem else (),
             factors=self.problem.discretization.factors if self.problem else None,
         )
-        self.field_times = kept if kept.size else None
+        self.field_times = kept
         self.fields: list[Array] = []
         self.state, self.stored_before, self.max_discrepancy = self.field.start(), 0.0, max_discrepancy
         self._tried: Any = None  # FieldState and fields
@@ -146,7 +146,7 @@ class FEM:
 
     def _kept(self, times: Array) -> Array:
         """The field times of a window."""
-        wanted = np.empty(0) if self.field_times is None else self.field_times
+        wanted = self.field_times
         return wanted[((wanted > times[0]) | (times[0] == 0)) & (wanted <= times[-1] * (1 + 1e-12))]
 
     def begin(self, rise: Array) -> None:

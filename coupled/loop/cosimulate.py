@@ -115,7 +115,7 @@ def cosimulate(
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
         known = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
         known = {name: _over(name, power, duration) for name, power in known.items()}
-        corrector: Any = FEM(heat, heaters=known, max_discrepancy=max_discrepancy, field_times=field_times)
+        corrector: Any = FEM(heat, heaters=known, max_discrepancy=max_discrepancy, field_times=kept)
     elif heaters or np.size(field_times):
         raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
     elif isinstance(heat, type) or not all(callable(getattr(heat, name, None)) for name in ("advance", "accept")):
@@ -128,8 +128,7 @@ def cosimulate(
     chosen = getattr(corrector, "predictor", NO_PREDICTOR) if predictor is None else predictor
     if isinstance(chosen, StateSpace) and len(chosen.inputs) > 1 and isinstance(corrector, FEM):
         chosen = chosen.channel(corrector.heated, corrector.heated)
-    nothing = isinstance(chosen, Foster) and not np.any(chosen.R)  # NO_PREDICTOR, or a copy of it
-    model = NO_PREDICTOR if nothing else compact(chosen)
+    model = NO_PREDICTOR if chosen is NO_PREDICTOR else compact(chosen)
     begin = beginning(initial, corrector, model)
     loop = Relaxation(
         ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
@@ -179,6 +178,8 @@ def _dataset(
     from thermofem.solving import fields
 
     run = _joined(parts, lights_of(ring, [Laser(light["input_power"], light["detuning"])], 0.0, float(duration)))
+    fem, heaters = loop.corrector, getattr(loop.corrector, "heaters", {})
+    inputs = {"the power": light["input_power"], "the detuning": light["detuning"]}
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
     starts = np.array([part.run.time[0] for part in parts])
     data = xr.Dataset(
@@ -186,7 +187,7 @@ def _dataset(
             **traces(run, light),
             "passes": ("window", [part.passes for part in parts], {"units": "1", "long_name": "passes of the window"}),
             "discrepancy": ("window", [part.discrepancy for part in parts], kelvin),
-            **heater_powers(getattr(loop.corrector, "heaters", {}), run.time),
+            **heater_powers(heaters, run.time),
         },
         coords={
             "time": ("time", run.time, dataset.describe("time")),
@@ -194,16 +195,12 @@ def _dataset(
         },
         attrs={
             **provenance(ring, light, duration),
-            **attribute(
-                spans(
-                    {"the power": light["input_power"], "the detuning": light["detuning"]}
-                    | {f"the power of {name}": wave for name, wave in getattr(loop.corrector, "heaters", {}).items()},
-                    float(duration),
-                )
-            ),
+            **attribute(spans(inputs | {f"the power of {name}": wave for name, wave in heaters.items()}, duration)),
             "rtol": loop.rtol,
             "max_discrepancy": loop.max_discrepancy,
-            "predictor": _named(loop.model),
+            "predictor": "none"
+            if loop.model is NO_PREDICTOR
+            else f"{type(loop.model).__name__} with {loop.model.order} states",
             "steps": int(run.counts[0]),
             "windows": len(parts),
             "windows_abandoned": loop.abandoned,
@@ -214,16 +211,14 @@ def _dataset(
             "cpu_corrector": loop.seconds["corrector"],
         },
     )
-    data.attrs = dict(getattr(loop.corrector, "summary", dict)()) | data.attrs
-    fem = loop.corrector
-    if isinstance(fem, FEM):
-        end = loop.state
-        data.attrs["final_light"] = np.array([end.field.real, end.field.imag, end.carriers])
-        about = {"units": "K", "long_name": "rise of every unknown at the end"}
-        data["final_rise"] = ("unknown", fem.field.temperature(fem.state), about)
-    if isinstance(fem, FEM) and fem.problem and fem.field_times is not None:
-        kept = fields(fem.problem, np.array(fem.fields), fem.field_times)
-        data = data.merge(kept, combine_attrs="override")
+    data.attrs = dict(getattr(fem, "summary", dict)()) | data.attrs
+    if not isinstance(fem, FEM):
+        return data
+    data.attrs["final_light"] = loop.state.as_array()[:3]
+    about = {"units": "K", "long_name": "rise of every unknown at the end"}
+    data["final_rise"] = ("unknown", fem.field.temperature(fem.state), about)
+    if fem.problem and fem.field_times.size:
+        data = data.merge(fields(fem.problem, np.array(fem.fields), fem.field_times), combine_attrs="override")
     return data
 
 
@@ -239,9 +234,3 @@ def _joined(parts: list[Passed], lights: Lights) -> Window:
     counts = np.sum([part.run.counts for part in parts], axis=0)
     last = parts[-1].run
     return last._replace(**joined, incoming=incoming, input_power=power, delta_T=rise, counts=counts, lights=lights)
-
-
-def _named(model: Compact) -> str:
-    if model is NO_PREDICTOR:
-        return "none"
-    return f"{type(model).__name__} with {model.order} states"

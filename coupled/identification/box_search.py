@@ -1,4 +1,4 @@
-"""Least squares in a box by Levenberg-Marquardt, for residuals that jump here and there."""
+"""Least squares in a box for residuals that jump here and there."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy import optimize
 
 from thermofem.arrays import Array, NDArray
 
 STEP = 1e-3  # of a logarithm, for forward differences
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # for central ones, of which the largest is taken about which a trace is straight
-WIDE = (1e-2, 5e-3)  # where those lead nowhere
 STRAIGHT, JUMP = 0.25, 0.5  # second over first difference: a trace is straight below, and has a jump above
 SMALL = 0.5  # change of all residuals of a trace that is less than their noise
 AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound has not ended before it
-FARTHEST = 0.5  # of a logarithm, in one step
+IMPOSSIBLE = 1e3  # a residual where a point makes no model
 
 Residuals = Callable[[Array], "Array | None"]  # None where a point makes no model
 
@@ -44,47 +44,29 @@ class Prior(NamedTuple):
 def least_squares(
     f: Residuals, x: Array, low: Array, high: Array, *, steps: int, traces: int = 0, prior: Prior | None = None
 ) -> End:
-    """Minimise |f|^2 (and the prior) from ``x``, where f must be defined.
+    """Minimise |f|^2 (and the prior) from ``x``, where f must be defined, in twice ``steps`` evaluations at most.
 
     traces: residuals are those of so many traces, and slopes are by `central_slopes`; 0 for forward differences.
     """
-    about = prior or Prior(x, np.zeros((x.size, x.size)))
+    first = f(x)
+    assert first is not None
+    size, (centre, precision) = first.size, prior or Prior(x, np.zeros((x.size, x.size)))
+    values, vectors = np.linalg.eigh(precision)
+    known = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 
-    def cost_of(x: Array, r: Array) -> float:
-        return float(r @ r + (x - about.centre) @ about.precision @ (x - about.centre))
+    def residuals(x: Array) -> Array:
+        r = f(x)
+        return np.append(np.full(size, IMPOSSIBLE) if r is None else r, known @ (x - centre))
 
-    def slopes(x: Array, r: Array, wide: bool) -> Array:
-        return central_slopes(f, x, r, traces, WIDE if wide else STEPS) if traces else _forward(f, x, r)
+    def slopes(x: Array) -> Array:
+        r = residuals(x)[:size]
+        return np.vstack([central_slopes(f, x, r, traces) if traces else _forward(f, x, r), known])
 
-    r = f(x)
-    assert r is not None
-    cost, damping, wide = cost_of(x, r), 1e-3, False
-    J = np.zeros((r.size, x.size))
-    for _ in range(steps):
-        J = slopes(x, r, wide)
-        A = J.T @ J + about.precision
-        g = J.T @ r + about.precision @ (x - about.centre)
-        for _ in range(8):
-            free = ~(((x <= low + 1e-12) & (g > 0)) | ((x >= high - 1e-12) & (g < 0)))
-            move, at = np.zeros(x.size), np.ix_(free, free)
-            move[free] = -np.linalg.solve(A[at] + damping * np.diag(np.diag(A)[free] + 1e-12), g[free])
-            move *= min(1.0, FARTHEST / max(float(np.abs(move).max()), 1e-300))
-            y = np.clip(x + move, low, high)
-            s = f(y)
-            if s is not None and cost_of(y, s) < cost:
-                break
-            damping = max(damping, 1e-4) * 6
-        else:
-            if not traces or wide:
-                break
-            wide, damping = True, 1e-3
-            continue
-        wide, gain = False, cost - cost_of(y, s)
-        moved, x, r, damping = float(np.abs(y - x).max()), y, s, max(damping / 8, 1e-7)
-        cost -= gain
-        if moved < (1e-5 if traces else 1e-4) or gain < 1e-4 * cost:
-            break
-    return End(x, r, J, cost)
+    best = optimize.least_squares(
+        residuals, np.clip(x, low + 1e-9, high - 1e-9), jac=slopes, bounds=(low, high), max_nfev=2 * steps, xtol=1e-6,
+        ftol=1e-4, gtol=1e-10,
+    )  # fmt: skip
+    return End(best.x, best.fun[:size], best.jac[:size], 2 * float(best.cost))
 
 
 def _forward(f: Residuals, x: Array, r: Array) -> Array:
@@ -98,7 +80,7 @@ def _forward(f: Residuals, x: Array, r: Array) -> Array:
     return np.array(columns).T
 
 
-def central_slopes(f: Residuals, x: Array, r: Array, traces: int, steps: tuple[float, ...] = STEPS) -> Array:
+def central_slopes(f: Residuals, x: Array, r: Array, traces: int) -> Array:
     """df/dx by central differences, of each trace with the largest step about which its residuals are straight.
 
     Across a jump, as where a trace ends to pulse, the smaller of the slopes of both sides, or 0 where they differ in
@@ -107,7 +89,7 @@ def central_slopes(f: Residuals, x: Array, r: Array, traces: int, steps: tuple[f
     J, middle = np.zeros((traces, r.size // traces, x.size)), r.reshape(traces, -1)
     for k, unit in enumerate(np.eye(x.size)):
         left, best = list(range(traces)), np.full(traces, np.inf)
-        for h in steps:
+        for h in STEPS:
             above, below = f(x + h * unit), f(x - h * unit)
             if above is None or below is None:
                 continue
