@@ -98,7 +98,7 @@ def main() -> None:
         steps = int(steps * 1.25)
     whole, solved, stepped, peer = [], [], [], []
     for _ in range(RUNS):
-        seconds, _ = cpu(lambda: th.fem.discretize(make(geometry, 1e-4), 1.0, 1.0, held=np.empty(0, dtype=int)))
+        seconds, _ = cpu(lambda: th.fem.discretize(make(geometry, 1e-4), 1.0, 1.0, th.fem.Surfaces()))
         took, run = cpu(lambda: Modal(heat.system).run(heat.system.C, PULSE, TIMES, rtol=1e-3))
         whole.append(seconds + took)
         solved.append(took)

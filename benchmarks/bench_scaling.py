@@ -46,7 +46,7 @@ def refined(accuracy: float, times: int) -> th.StateSpace:
     materials = [section.material_of(name) for name in mesh.region_names]
     held = grid.facets_satisfying(lambda x: np.isclose(x[1], section.bottom_z))
     k, c = (np.array([getattr(m, name) for m in materials])[region] for name in ("conductivity", "heat_capacity"))
-    return th.fem.discretize(fine, k, c, held=held).state_space(("core",), ("core",))
+    return th.fem.discretize(fine, k, c, th.fem.Surfaces(held=held)).state_space(("core",), ("core",))
 
 
 def unknowns(most: float) -> dict[str, list[tuple[float, float]]]:

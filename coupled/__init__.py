@@ -19,7 +19,7 @@ from .equilibria import onset  # noqa: F401 - as coupled.equilibria.onset
 from .equilibria.bifurcation_curves import fold_curves, hopf_curves
 from .equilibria.steady_states import steady_states
 from .equilibria.transmission import transmission
-from .explore.page import explore
+from .explore import explore
 from .identification import newton_traces  # noqa: F401 - as coupled.identification.newton_traces
 from .identification.fit_transmission import fit_transmission
 from .identification.identify import identify

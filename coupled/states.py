@@ -59,8 +59,7 @@ class State:
     @classmethod
     def from_array(cls, values: Array) -> State:
         """Inverse of `as_array`; a carrier density that round-off left below 0 becomes 0."""
-        if values.size < 4:
-            raise checks.InputError(f"final_state has {values.size} numbers; at least 4 are needed")
+        checks.enough("final_state", values.size, 4, "numbers")
         return cls(complex(values[0], values[1]), max(float(values[2]), 0.0), values[3:])
 
     @property

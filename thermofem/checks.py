@@ -1,7 +1,6 @@
 """Checks of arguments; their errors name argument, value, rule and hint in one line."""
 
-from __future__ import annotations
-
+import contextlib
 import difflib
 import math
 import os
@@ -10,12 +9,12 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import Hint, InputError, MissingLibraryError, one_line, shown  # noqa: F401 - as checks.InputError
+from .errors import Hint, InputError, MissingLibraryError, one_line, prefixed, shown  # noqa: F401 - as checks.InputError
 
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
 LARGEST = 1e100  # of any number: products of three are floats
@@ -27,14 +26,13 @@ _NAME = re.compile(r"\w[\w .+-]*")
 
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
-    try:
-        if isinstance(value, str | bytes | bool | np.bool_):  # float() would take them
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(_rule(f"{name} = {shown(value)} is not a number", unit), hint) from None
+    number, rule = math.nan, f"{shown(value)} is not a number"
+    if not isinstance(value, str | bytes | bool | np.bool_):  # float() would take them
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            number = float(value)
+            rule = f"{number:g} is not finite"
     if not abs(number) <= LARGEST:
-        raise InputError(_rule(f"{name} = {number:g} is not finite", unit), hint)
+        raise InputError(_rule(f"{name} = {rule}", unit), hint)
     return number
 
 
@@ -104,13 +102,13 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGES
 
     Raises InputError: text, complex or Boolean values, one that is not finite or beyond ``most``.
     """
-    try:
+    result = None
+    with contextlib.suppress(TypeError, ValueError, OverflowError):
         found = np.asarray(value)
-        if found.dtype.kind not in "fiuO":  # float() would take them
-            raise TypeError
-        result = np.array(found, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is not an array of real numbers", hint) from None
+        if found.dtype.kind in "fiuO":  # float() would take others, too
+            result = np.array(found, dtype=float)
+    if result is None:
+        raise InputError(f"{name} is not an array of real numbers", hint)
     bad = np.flatnonzero(~(np.isfinite(result) & (np.abs(result) <= most)))
     if bad.size:
         where = f"[{bad[0]}]" if result.ndim == 1 else ""
@@ -125,10 +123,10 @@ def shape(name: str, value: Any, wanted: tuple[int, ...]) -> None:
 
 
 def same_size(**arrays: Any) -> None:
-    """Raise InputError unless all these arrays have as many entries."""
-    if len({np.size(array) for array in arrays.values()}) > 1:
-        sizes = ", ".join(f"{name} has {np.size(array)}" for name, array in arrays.items())
-        raise InputError(f"{sizes} entries; each needs the same")
+    """Raise InputError unless all these arrays have as many entries as the first."""
+    (_, first), *others = arrays.items()
+    for name, array in others:
+        shape(name, array, first.shape)
 
 
 def plain(one: Any) -> None:
@@ -150,6 +148,18 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
     """Raise InputError unless ``value`` has the attributes and is no class."""
     if isinstance(value, type) or not all(hasattr(value, attribute) for attribute in attributes):
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
+
+
+def ordered(first: str, low: float, second: str, high: float, *, unit: str = "", hint: str = "") -> None:
+    """Raise InputError unless ``low``, the value of ``first``, is below ``high``, that of ``second``."""
+    if not low < high:
+        raise InputError(_rule(f"{first} = {low:g} must be below {second} = {high:g}", unit), hint)
+
+
+def enough(name: str, count: int, least: int, what: str = "samples", *, hint: str = "") -> None:
+    """Raise InputError unless there are at least so many of something."""
+    if count < least:
+        raise InputError(f"{name} has {count} {what}; at least {least} are needed", hint)
 
 
 def instance(name: str, value: Any, *kinds: type, hint: str) -> None:
@@ -212,7 +222,7 @@ class Words(StrEnum):
     """Words of a choice. One that is none of them raises InputError."""
 
     @classmethod
-    def _missing_(cls, value: object) -> Words:
+    def _missing_(cls, value: object) -> Self:
         return cls(choice(cls.__name__.lower(), value, map(str, cls)))
 
 
@@ -237,20 +247,13 @@ def check_name(what: str, name: Any) -> str:
     return str(name)  # of an array, too: np.str_ has another repr
 
 
-def check_names(what: str, names: Any) -> tuple[str, ...]:
-    """Return a list of names as a tuple, each checked by `check_name` and given once."""
-    if not isinstance(names, list | tuple) or not names:
-        raise InputError(f"{what} = {shown(names)} must be a list of names")
+def check_names(what: str, names: Any, *, single: bool = False) -> tuple[str, ...]:
+    """Return a list of names as a tuple, each checked by `check_name` and given once; ``single``: a list of one."""
+    if not isinstance(names, list | tuple) or not names or (single and len(names) > 1):
+        rule = "this kind of model has one of each, a StateSpace takes several" if single else ""
+        raise InputError(f"{what} = {shown(names)} must be a list of {'one name' if single else 'names'}", rule)
     unique(what, names, hint="a name tells one from the other")
     return tuple(check_name(what, name) for name in names)
-
-
-def check_one(what: str, names: Any) -> tuple[str, ...]:
-    """Return a list of one name as a tuple, for a model with one input and one output."""
-    found = check_names(what, names)
-    if len(found) != 1:
-        raise InputError(f"{what} = {shown(names)}; this kind of model has one of each, a StateSpace takes several")
-    return found
 
 
 def _rule(rule: str, unit: str) -> str:

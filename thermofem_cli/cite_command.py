@@ -13,7 +13,7 @@ import surrogate
 import thermofem
 from thermofem import __version__
 from thermofem.data import files
-from thermofem.errors import InputError, one_line
+from thermofem.errors import InputError, one_line, prefixed
 
 from . import options
 from .command_files import expect
@@ -73,11 +73,8 @@ def cite(
     bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
 ) -> dict[str, Any]:
     """Print what to cite for a result: the software, the paper, and the sources of its materials."""
-    try:
+    with prefixed(str(file)):
         works = references(_provenance(file) if file else {})
-    except InputError as error:
-        named = str(error).startswith(str(file))
-        raise (error if named else InputError(f"{file}: {error}")) from None
     for work in works:
         for line in (work.bibtex() if bibtex else work.text()).splitlines():
             say(line)

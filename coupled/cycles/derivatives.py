@@ -29,7 +29,7 @@ from ..runs.pulsing import DUTY_LEVEL
 from ..thermal import provenance, trusted
 from .cycle_problem import CycleProblem, differences, parameter_names, unit_of, value_of
 from .limit_cycle import cycle_near
-from .multiple_shooting import Family, Nodes, corrected, flow, weights
+from .multiple_shooting import Family, Nodes, corrected, flow, linearised, newton, weights
 from .return_map import Orbit, measure
 
 FINEST = 1e-11  # rtol of the traces: light, which follows heat and carriers, has derivatives that err by 1e4 times it
@@ -130,14 +130,18 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     at, y, slopes = _polished(p, at, y)
     order = np.argsort(at)
     family = Family(p, tuple(names), np.array([value_of(p, name) or 1.0 for name in names]))
-    nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), family.start())
-    q, n = len(names), orbit.start.size
-    found = corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], weights(family, orbit.trace), rtol=FINEST)
-    if found is None:
+    nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), np.empty(0))
+    q, n, alone = len(names), orbit.start.size, Family(p, (), np.empty(0))
+    closed = corrected(alone, nodes, np.empty((0, n + 1)), weights(alone, orbit.trace), rtol=FINEST)
+    there = nodes if closed is None else closed.nodes._replace(values=family.start())
+    known = linearised(family, there, FINEST)
+    planes, unit = np.eye(n + 1 + q)[n + 1 :], weights(family, orbit.trace)
+    step = closed and known and newton(there, known, planes, np.zeros(q), unit)
+    if not step:
         raise checks.InputError(
             f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
         )
-    moves = found.moves / family.ranges[:, None, None]
+    moves = step[2] / family.ranges[:, None, None]
     turns, places = moves[:, :, n].sum(axis=1), np.argsort(order)
     dy, dt = moves[:, places, :n], (np.cumsum(moves[:, :, n], axis=1) - moves[:, :, n])[:, places]
     dU = np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])

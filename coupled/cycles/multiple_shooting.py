@@ -28,12 +28,12 @@ from ..kernel.tableaus import Method
 from .cycle_problem import CycleProblem, changed, differences, value_of
 from .return_map import FINE, PER_STEP, Orbit, Trace
 
-COARSE = 1e-7  # rtol of the traces that are differentiated: multipliers to 1e-6
 GROWTH = 100.0  # of a deviation between two nodes
 STRIDE = 6  # coarse steps between two places where a node may stand
 CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
 SMALLEST = 0.01  # range of an orbit, of its largest values, to which they are compared at least
 FARTHEST = 0.5  # of the largest values, the first step
+COARSE = 1e-7  # rtol of the traces that are differentiated: multipliers to 1e-6
 MOST_STEPS = 7  # of Newton's method
 
 

@@ -4,8 +4,9 @@
     M = V - f(y_T) (w . V)/(w . f(y_T)),     V = d(flow)/dy,   w = d(N or U)/dy,   f = dy/dt
     (1 - M) dy = y(T) - y_0,   w . dy = 0
 
-The kernel follows V along the very steps of a trace. Rough traces (Rodas4) lead near the orbit, chord steps on precise
-ones (Rodas5P) close it. The eigenvalues of V are the Floquet multipliers; one of them, that of a shift in time, is 1.
+The kernel follows V along the very steps of a trace. Rough traces (Rodas4) lead near the orbit; chord steps on precise
+ones (Rodas5P), with the V of rough ones, close it. The eigenvalues of V are the Floquet multipliers; one of them, that
+of a shift in time, is 1.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
 """
@@ -22,8 +23,7 @@ from ..kernel.integrator import CARRIERS, Crossing, Problem, Run
 from ..runs.pulsing import DUTY_LEVEL
 
 ROUGH, MIDDLE, FINE = 1e-5, 1e-6, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P
-CLOSED = 3e-10  # relative size of the last step of Newton's method
-NEAR, NEAR_ENOUGH = 1e-2, 3e-4  # step from which traces are at MIDDLE, and at FINE
+CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, FINE: 3e-10}  # relative step of Newton's method that is enough at each
 LARGEST = 0.3  # relative step of Newton's method
 CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
 TURNS = 30  # of Newton's method
@@ -142,12 +142,13 @@ class Flow:
             at, T = run.y, T + run.t
         return Trace(y, at, T, np.concatenate(rows), parts)
 
-    def derivative(self, trace: Trace, rtol: float) -> tuple[Array, Array]:
-        """V of a trace, and M of its return map."""
+    def derivative(self, trace: Trace, rtol: float) -> Array:
+        """V of a trace. Every two steps of a precise one are taken as one, which errs by 5e-8."""
         problem, V = self.rough if rtol >= MIDDLE else self.fine, np.eye(trace.end.size)
         for start, steps in trace.parts:
-            _, V = problem.follow(start, steps, V)
-        return V, self.projected(V, trace.end)
+            every = 1 if rtol >= MIDDLE else 2
+            _, V = problem.follow(start, np.add.reduceat(steps, np.arange(0, steps.size, every)), V)
+        return V
 
     def projected(self, columns: Array, end: Array) -> Array:
         """Changes of the end of a trace for which time is free, so that the end stays in the section."""
@@ -165,37 +166,41 @@ class Flow:
         return np.array(sizes + heat)
 
 
-def close(flow: Flow, y: Array, pulses: int, longest: float, *, rtol: float = FINE) -> Orbit | None:
+def close(
+    flow: Flow, y: Array, pulses: int, longest: float, *, rtol: float = FINE, beside: Orbit | None = None
+) -> Orbit | None:
     """Return the orbit of ``pulses`` pulses near the state ``y``, which is in the section; None where there is none.
 
     longest [ns]: within which each pulse comes.
     rtol: of the traces at the end; at MIDDLE the orbit is rough: its period is known to 1e-6.
+    beside: an orbit so near that its V and precise traces lead to this one.
     """
-    tolerance, before, A = ROUGH, np.inf, np.empty((0, 0))
-    V = A
+    tolerances = [each for each in CLOSED if each >= rtol]
+    tolerance, before, V = tolerances.pop(0), np.inf, np.empty((0, 0))
+    A, row = V, 0
+    if beside is not None:
+        tolerance, before, tolerances = rtol, 1.0, []
+        A, row = _bordered(flow.projected(beside.V, beside.trace.end), flow.normal(beside.start))
     for _ in range(TURNS):
         trace = flow.trace(y, tolerance, pulses, longest)
         if trace is None or np.ptp(flow.seen(trace.rows)) <= FLAT * np.abs(flow.seen(trace.rows)).max():
             return None
-        fresh = tolerance > FINE or not before < np.inf
+        fresh = tolerance > FINE or before == np.inf
         if fresh:
-            V, M = flow.derivative(trace, tolerance)
-            A, row = _bordered(M, flow.normal(y))
+            V = flow.derivative(trace, tolerance)
+            A, row = _bordered(flow.projected(V, trace.end), flow.normal(y))
         missed = trace.end - y
         missed[row] = 0.0
         dy = np.linalg.solve(A, missed)
         size = float(np.abs(dy / flow.scale(trace.rows)).max())
         if not np.isfinite(size):
             return None
-        if tolerance <= rtol and size < (CLOSED if rtol < MIDDLE else NEAR_ENOUGH):
-            return Orbit(trace, V if fresh else flow.derivative(trace, tolerance)[0], size, pulses)
-        if tolerance <= MIDDLE and rtol < MIDDLE and size < NEAR_ENOUGH and tolerance > rtol:
-            tolerance, before = rtol, 1.0
-        elif tolerance == ROUGH and size < NEAR:
-            tolerance = MIDDLE
-        elif tolerance == rtol and rtol < MIDDLE:
-            if fresh and size > 0.5 * before and size < 1e-7:  # round-off of the traces
-                return Orbit(trace, V, size, pulses)
+        rounded = fresh and 0.5 * before < size < 1e-7  # round-off of the traces
+        if (size < CLOSED[tolerance] or (rounded and tolerance == FINE)) and not tolerances:
+            return Orbit(trace, V if fresh else flow.derivative(trace, tolerance), size, pulses)
+        if size < CLOSED[tolerance]:
+            tolerance, before = tolerances.pop(0), 1.0
+        elif tolerance == FINE:
             before = np.inf if size > CONTRACTION * before and not fresh else size
         y = y + dy * min(1.0, LARGEST / size)
     return None
@@ -236,8 +241,8 @@ def measure(orbit: Orbit) -> Measures:
     t, re, im, _, dT = orbit.trace.rows[np.append(True, np.diff(orbit.trace.rows[:, 0]) > 1e-13 * orbit.T)].T
     energy = re**2 + im**2
     U, heat = CubicSpline(t, energy), CubicSpline(t, dT)
-    low_at, low, high_at, high = _extremes(U, t)
-    cold_at, cold, hot_at, hot = _extremes(heat, t)
+    low_at, low, high_at, high = _extremes(U, t, energy)
+    cold_at, cold, hot_at, hot = _extremes(heat, t, dT)
     crossings = _crossings(U, t, energy, low + DUTY_LEVEL * (high - low))
     rising = U(crossings, 1) > 0
     above = float(energy[0] > low + DUTY_LEVEL * (high - low))
@@ -248,9 +253,9 @@ def measure(orbit: Orbit) -> Measures:
     )  # fmt: skip
 
 
-def _extremes(curve: CubicSpline, t: Array) -> tuple[float, float, float, float]:
+def _extremes(curve: CubicSpline, t: Array, values: Array) -> tuple[float, float, float, float]:
     """Place and value of the minimum of a spline, then of its maximum: beside its smallest and largest node."""
-    values, slope, found = curve(t), curve.derivative(), []
+    slope, found = curve.derivative(), []
     for k in (int(values.argmin()), int(values.argmax())):
         first, last = max(k - 2, 0), min(k + 2, t.size - 1)
         near = PPoly(slope.c[:, first:last], t[first : last + 1]).roots(extrapolate=False)

@@ -43,10 +43,10 @@ class Part(NamedTuple):
     longest: float  # ns between two of them
     moved: float  # relative range in the whole part
 
-    def pulses(self, still: bool) -> bool:
-        """Whether there are pulses that do not die away, which they may where a fixed point is stable (``still``)."""
-        dies = still and self.fourth < FALLING * self.third
-        return self.rises >= 3 and self.high - self.low > FLAT * self.high and not dies
+    def pulses(self, points: Callable[[], Array]) -> bool:
+        """Whether there are pulses that do not die away, which they may where there are stable fixed points."""
+        moves = self.rises >= 3 and self.high - self.low > FLAT * self.high
+        return moves and (self.fourth >= FALLING * self.third or not len(points()))
 
     @property
     def rests(self) -> bool:
@@ -77,8 +77,8 @@ def measured(t: Array, q: Array, duration: float) -> Part:
 
 
 def transient(
-    run: Callable[[Array, float, float], tuple[Array, float, Array, Array]], y: Array, points: Array, longest: float,
-    look: Callable[[], None],
+    run: Callable[[Array, float, float], tuple[Array, float, Array, Array]], y: Array, points: Callable[[], Array],
+    longest: float, look: Callable[[], None],
 ) -> Iterator[tuple[Array, Part, Array | None, float]]:  # fmt: skip
     """Yield the parts of a transient: its end, what it does, the stable fixed point it is at, and the ns passed.
 
@@ -92,36 +92,36 @@ def transient(
         y, step, rows, q = run(y, duration, min(step, FIRST_STEP))
         passed += duration
         seen = measured(rows[:, 0], q, duration)
-        yield y, seen, resting(rows[-1], points) if seen.rests else None, passed
+        yield y, seen, resting(rows[-1], points()) if seen.rests else None, passed
         duration = seen.following(duration, longest)
 
 
 def settled(
-    flow: Flow, y: Array, points: Array, longest: float, *, begin: str = "a cold ring", where: str = "",
+    flow: Flow, y: Array, points: Callable[[], Array], longest: float, *, begin: str = "a cold ring", where: str = "",
     slow: bool = False, rtol: float = FINE, look: Callable[[], None] = lambda: None,
 ) -> Orbit:  # fmt: skip
     """Return the cycle on which the state ``y`` settles.
 
-    points [shape (k, 3)]: stable fixed points, rows (U, N, dT), as of `steady_states.stable_points`.
+    points: returns the stable fixed points, rows (U, N, dT); most cycles are found without them.
     longest [ns]: of the transient; ``slow`` says that it is short for the system's heat.
     where: the power and detuning, for messages.
     look: called between the parts of the transient; it may raise.
 
     Raises InputError: it comes to rest (RestError), or does not repeat itself within ``longest``.
     """
-    passed, said, wary, still = 0.0, "no pulse", False, len(points) > 0
+    passed, said, wary = 0.0, "no pulse", False
 
     def run(y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
         part = flow.run(y, duration, first_step=first_step)
         return part.y, part.step, part.rows, flow.seen(part.rows)
 
     for end, seen, at, passed in transient(run, y, points, longest, look):
-        if seen.pulses(still):
+        if seen.pulses(points):
             found, said, unstable = pulse_train(flow, end, seen, wary, passed >= longest, rtol)
             wary = wary or unstable
             if found is not None:
                 swing = float(np.ptp(flow.seen(found.trace.rows)))
-                if not still or abs(swing - (seen.high - seen.low)) <= AGREE * (seen.high - seen.low):
+                if abs(swing - (seen.high - seen.low)) <= AGREE * (seen.high - seen.low) or not len(points()):
                     return found
                 said = "the pulses still change"
         if at is not None:
@@ -166,7 +166,7 @@ def pulse_train(
             if comes_nearer(flow, met, shortest, reach):
                 closed: Orbit | None = shortest
                 if rtol < MIDDLE and not (precisely and shortest is found):
-                    closed = close(flow, shortest.start, shortest.pulses, reach, rtol=rtol)
+                    closed = close(flow, shortest.start, shortest.pulses, reach, rtol=rtol, beside=shortest)
                 if closed is not None:
                     return closed, "", False
         said, unstable = why or said, unstable or bool(why)

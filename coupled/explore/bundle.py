@@ -1,11 +1,15 @@
-"""The page's JavaScript modules as one script, its style, and the tables that it shares with Python."""
+"""The files of the page: its modules as one script, and its kernel as WebAssembly with the coefficients of the methods.
 
-from __future__ import annotations
+page/kernel.wasm is committed, so that a page is written without a compiler for WebAssembly, and the same for everyone.
+After a change of coupled/kernel: ``python -c "from coupled.explore import bundle; bundle.compile_kernel()"``.
+"""
 
 import base64
 import re
+import subprocess
+import sys
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from ..kernel.tableaus import Method, tableau
@@ -16,13 +20,20 @@ MODULES = (
     "plot", "view", "thermal", "state", "script", "figures", "section", "paint", "fields", "pointer", "take", "main",
 )  # fmt: skip
 LIBRARY = "vendor/d3-scale.min.js"
+HERE = Path(__file__).parent
+COMPILER = (
+    "-m", "ziglang", "c++", "-target", "wasm32-wasi", "-mcpu=generic+simd128", "-mexec-model=reactor", "-O3",
+    "-std=c++17", "-ffast-math", "-fno-finite-math-only", "-fno-exceptions", "-fno-rtti", "-fvisibility=hidden",
+    "-nostdlib++", "-s", "-Wl,--export=ring_integrate", "-Wl,--export=ring_follow", "-Wl,--export=ring_slopes",
+    "-Wl,--export=realloc",
+)  # fmt: skip
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
 _EXPORTS = re.compile(r"^export \{[^}]*\};\n", re.MULTILINE)
 
 
 def text_of(name: str) -> str:
     """Return a file of the page."""
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return (HERE / name).read_text(encoding="utf-8")
 
 
 @cache
@@ -43,5 +54,10 @@ def kernel() -> dict[str, Any]:
         table = tableau(method)
         arrays = {name: getattr(table, name).tolist() for name in ("a", "c", "dense", "at", "slope")}
         found[method.value] = {"order": table.order, "gamma": table.gamma} | arrays
-    code = files(__package__).joinpath("page/kernel.wasm").read_bytes()
+    code = (HERE / "page/kernel.wasm").read_bytes()
     return {"bytes": base64.b64encode(code).decode(), "tableaus": found}
+
+
+def compile_kernel(target: Path = HERE / "page/kernel.wasm") -> None:
+    """Compile page/kernel.cpp; needs ziglang, and half a minute of CPU time for its C library at the first time."""
+    subprocess.run([sys.executable, *COMPILER, "kernel.cpp", "-o", str(target)], cwd=HERE / "page", check=True)

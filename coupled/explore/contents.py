@@ -1,34 +1,45 @@
 """Content of the page: rings, thermal models, presets, as JSON of plain numbers in SI."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from thermofem import checks
-from thermofem.models import Foster, OutputMap, Quadratic, StateSpace, ThermalModel
+from thermofem.models import OutputMap, Quadratic, StateSpace, ThermalModel
 from thermofem.models.contract import bare
+from thermofem.models.foster import newton, second_order
 
 from .. import parameters
+from ..arguments import check_ring
 from ..cycles.cycle_folds import cycle_fold_curves
 from ..equilibria.bifurcation_curves import subcritical
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..resonator import RingResonator
+from ..ring_toml import write_text
 from .bundle import text_of
-from .rings import OF_MAPS, Window, place_of
 
+Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in GHz
+
+ROUND_OFF = 1e-12  # relative; a ring file writes a temperature for kT and may change its last digit
+OF_MAPS: Window = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # the maps of Borghi et al.
+OF_SMALL: Window = {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}
+RESISTANCE = 8e3  # K/W of the strips of the papers
+LABELS = ("name", "window", "python", "toml")  # of a ring on the page; everything else is its numbers
 LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
 HEATERS = 3
 TRAINED_LAW = "second order, experiment (Borghi 2021)"
 NEWTON_LAW = "Newton's law, 275 ns (Borghi 2021)"
 SMALL_LAW = "Newton's law, 65 ns (Van Vaerenbergh 2012)"
-# folds of cycles of the preset (Newton's law of Borghi et al.); `stored` says how they were made, a test compares them
+# the preset's folds of cycles: `curves_of` LUMPED with Newton's law of its maps in the window OF_MAPS
 STORED = "cycle_folds.json"
 POINTS = 80  # of a curve
+LUMPED = parameters.borghi2021().with_lumped_fcd()
+# rings of the papers, each with the window of its plane
+PUBLISHED = (parameters.borghi2021(), OF_MAPS), (LUMPED, OF_MAPS), (parameters.vanvaerenbergh2012(), OF_SMALL)
 SERIES = 6  # models that a figure can tell apart by colour
 
 
@@ -57,11 +68,11 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
 
     Raises InputError: a model of a kind that the page cannot run, too large, or not passive.
     """
-    hint = "the page runs Foster networks, small linear models and OutputMap over one"
     small, transfers = channels_of(model, parts)
     if isinstance(small, Quadratic):
         raise checks.InputError(
-            f"model {name!r} is quadratic; {hint}: give a linear reduction (surrogate.reduce) or surrogate.output_map"
+            f"model {name!r} is quadratic; the page runs Foster networks, small linear models and OutputMap over one: "
+            "give a linear reduction (surrogate.reduce) or surrogate.output_map"
         )
     linear = small.linear if isinstance(small, OutputMap) else small
     if linear.order > LARGEST:
@@ -69,8 +80,6 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
             f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
             "reduce it first (surrogate.reduce)"
         )
-    if len(transfers) > HEATERS:
-        raise checks.InputError(f"model {name!r} has {len(transfers)} heaters, at most {HEATERS} fit in the page; reduce fewer inputs")  # fmt: skip  # noqa: E501
     heaters = {
         "heated": small.inputs[0],
         "read": small.outputs[0],
@@ -84,11 +93,8 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
     }
 
 
-def models_of(models: ThermalModel | Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[dict[str, Any]]:
+def models_of(models: Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[dict[str, Any]]:
     """Return the models that were given, each with its name."""
-    if not isinstance(models, Mapping):
-        order = getattr(models, "order", None)
-        models = {f"{type(models).__name__}{f', {order} poles' if order else ''}": models}
     if not 1 <= len(models) <= SERIES:
         raise checks.InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
     for word, given, ports in zip(Parts._fields, parts, ("inputs", "outputs"), strict=True):
@@ -108,7 +114,8 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
         for name, R in model.get("heaters", {}).items():
             found[name] = max(found.get(name, 0.0), abs(sum(R)))
     if len(found) > HEATERS:
-        raise checks.InputError(f"the models have the heaters {', '.join(found)}; at most {HEATERS} fit in the page")
+        rule = f"at most {HEATERS} fit in the page; reduce fewer inputs"
+        raise checks.InputError(f"the models have the heaters {', '.join(found)}; {rule}")
     low, high = ring["window"]["detuning"]
     wanted = {name: 2 * (high - low) * 1e9 * 2 * math.pi / max(shift * R, 1.0) for name, R in found.items()}  # W
     return [{"name": name, "span": float(f"{1e3 * min(P, LARGEST_POWER):.1g}")} for name, P in wanted.items()]
@@ -117,10 +124,10 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
 def paper_models() -> list[dict[str, Any]]:
     """Return the thermal laws of the papers, which belong to the presets."""
     laws = {
-        "second order, FEM-trained (Borghi 2021)": _second_order(parameters.SECOND_ORDER_FEM),
-        TRAINED_LAW: _second_order(parameters.SECOND_ORDER_EXPERIMENT),
-        NEWTON_LAW: newton(parameters.NEWTON_MAPS),
-        SMALL_LAW: newton(parameters.VAN_VAERENBERGH),
+        "second order, FEM-trained (Borghi 2021)": second_order(**asdict(parameters.SECOND_ORDER_FEM)),
+        TRAINED_LAW: second_order(**asdict(parameters.SECOND_ORDER_EXPERIMENT)),
+        NEWTON_LAW: newton(**asdict(parameters.NEWTON_MAPS)),
+        SMALL_LAW: newton(**asdict(parameters.VAN_VAERENBERGH)),
     }
     return [model_of(name, law) | {"hidden": True} for name, law in laws.items()]
 
@@ -128,19 +135,6 @@ def paper_models() -> list[dict[str, Any]]:
 def place_of_law(name: str, models: list[dict[str, Any]]) -> int:
     """Return the place of a law of the papers among the models; a model that was given may have the same name."""
     return next(k for k, model in enumerate(models) if model.get("hidden") and model["name"] == name)
-
-
-def newton(law: parameters.NewtonParameters) -> Foster:
-    """Return the pole of Newton's law."""
-    return Foster(R=[law.tau_th / law.heat_capacity], tau=[law.tau_th])
-
-
-def _second_order(law: parameters.SecondOrderParameters) -> Foster:
-    """Two poles of Eq. 3: c_f = (eta/tau_f - kappa)/(1/tau_f - 1/tau_s), c_s = (kappa - eta/tau_s)/(same)."""
-    fast, slow = 1 / law.tau_f, 1 / law.tau_s
-    c_f = (law.eta * fast - law.kappa) / (fast - slow)
-    c_s = (law.kappa - law.eta * slow) / (fast - slow)
-    return Foster(R=[c_f * law.tau_f / law.heat_capacity, c_s * law.tau_s / law.heat_capacity], tau=[law.tau_f, law.tau_s])  # fmt: skip  # noqa: E501
 
 
 def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: dict[str, Any]) -> list[dict[str, Any]]:
@@ -151,7 +145,7 @@ def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: di
 
     own = {"ring": 0, "model": start["model"]}
     paper = at(parameters.borghi2021(), TRAINED_LAW)
-    lumped = at(parameters.borghi2021().with_lumped_fcd(), NEWTON_LAW)
+    lumped = at(LUMPED, NEWTON_LAW)
     small = at(parameters.vanvaerenbergh2012(), SMALL_LAW)
     cold = {"view": "cold"}
     rows: Iterable[tuple[str, dict[str, Any], str]] = [
@@ -177,7 +171,7 @@ def borders(
 
     With the places of ring and model among those of the page; points (W, Hz).
     """
-    place = {"ring": place_of(preset_ring(), rings), "model": place_of_law(NEWTON_LAW, models)}
+    place = {"ring": place_of(LUMPED, rings), "model": place_of_law(NEWTON_LAW, models)}
     out = [place | {"curves": json.loads(text_of(STORED))}]
     if model is not None:
         out.append({"ring": 0, "model": 0, "curves": curves_of(ring, model, rings[0]["window"])})
@@ -193,20 +187,66 @@ def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[
         found = cycle_fold_curves(ring, model, *axes)
     except checks.InputError:  # a window that the steady states of this ring do not reach
         return []
-    return [_thinned(curve["power"].values, curve["detuning"].values) for curve in found]
+    out = []
+    for curve in found:  # at most POINTS points, with the digits that a figure needs
+        kept = curve.isel(point=np.unique(np.linspace(0, curve.sizes["point"] - 1, POINTS).astype(int)))
+        pairs = np.column_stack([kept["power"].values, kept["detuning"].values])
+        out.append([[float(f"{x:.7g}") for x in pair] for pair in pairs])
+    return out
 
 
-def _thinned(power: np.ndarray, detuning: np.ndarray) -> list[list[float]]:
-    """At most `POINTS` points of a curve, with the digits that a figure needs."""
-    k = np.unique(np.linspace(0, power.size - 1, POINTS).astype(int))
-    return [[float(f"{P:.7g}"), float(f"{nu:.7g}")] for P, nu in zip(power[k], detuning[k], strict=True)]
+def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
+    """Return the rings of the page, fields in SI: the given one first, then the published ones that it is not.
+
+    A ring that bears the name of a published one but has other numbers is called "(changed)". resistance [K/W]: of the
+    model that is shown first; far from that of the papers, a published ring gets a window of its own.
+    """
+    check_ring(ring)
+    given, *known = (
+        asdict(one) | {"python": repr(one), "toml": write_text(one, {}), "window": window}
+        for one, window in ((ring, window_of(ring, resistance)), *PUBLISHED)
+    )
+    usual = 0.3 < resistance / RESISTANCE < 3
+    others = [other for other in known if not same_numbers(given, other)]
+    if usual:
+        given["window"] = next((other["window"] for other in known if other not in others), given["window"])
+    if ring.name in {other["name"] for other in others}:
+        given["name"] = f"{ring.name} (changed)"
+    return [given, *others]
 
 
-def preset_ring() -> RingResonator:
-    """Return the ring of the stored curves."""
-    return parameters.borghi2021().with_lumped_fcd()
+def place_of(ring: RingResonator, rings: list[dict[str, Any]]) -> int:
+    """Return the place of a ring among those of the page."""
+    return next(k for k, other in enumerate(rings) if same_numbers(asdict(ring), other))
 
 
-def stored() -> str:
-    """Return the text of the file of the preset's curves, computed anew."""
-    return json.dumps(curves_of(preset_ring(), newton(parameters.NEWTON_MAPS), OF_MAPS)) + "\n"
+def same_numbers(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether the fields of two rings have the same values; names and windows do not count."""
+    first, second = ({key: value for key, value in ring.items() if key not in LABELS} for ring in (one, other))
+    return _same(first, second)
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two values are equal, numbers within round-off."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple | list) and isinstance(b, tuple | list):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return math.isclose(a, b, rel_tol=ROUND_OFF)
+    return bool(a == b)
+
+
+def window_of(ring: RingResonator, resistance: float) -> Window:
+    """Return where the plane of an unknown ring is likely to be of interest, in dBm and GHz.
+
+    From the power P1 at which its heat moves the resonance by half a width, to twenty times that;
+    from two and a half widths below the cold resonance to one above.
+    """
+    width = ring.linear_rate / math.pi
+    share = 4 * ring.bus_rate * max(ring.loss_rate, 1e-3 * ring.linear_rate) / ring.linear_rate**2
+    moved = max(abs(ring.thermal_shift), 1.0) * resistance * share  # rad/s per W
+    first = 10 * math.log10(ring.linear_rate / moved / 1e-3)
+    first = min(max(round(first), -38), 8)
+    span = max(float(f"{width / 1e9:.2g}"), 0.1)
+    return {"power": (first, first + 13.0), "detuning": (-2.5 * span, span)}

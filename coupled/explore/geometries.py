@@ -1,11 +1,11 @@
 """A family of geometries for the page: members on a grid, on common time constants."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
+from scipy.optimize import nnls
 
 from thermofem import checks
 from thermofem.arrays import Array
@@ -21,8 +21,8 @@ def family_of(family: Any) -> dict[str, Any]:
 
     Every point is fitted to the step response of its member by nonnegative least squares with its R_th, so what lies
     between is a mixture of steps: passive, and as far off as steps are from linear in the parameters. ``error`` is the
-    largest deviation found on random members, relative to R_th. More than three parameters: the others stay at the
-    middle of their range.
+    largest deviation found on random members, relative to R_th; ``scale`` leads from SI to the displayed unit. More
+    than three parameters: the others stay at the middle of their range.
     """
     checks.has("family", family, "names", "box", "model", hint="surrogate.train_family or load_family makes one")
     low, high = (np.asarray(getattr(family.box, name), dtype=float) for name in ("low", "high"))
@@ -34,18 +34,23 @@ def family_of(family: Any) -> dict[str, Any]:
     spaced = [np.geomspace if log else np.linspace for log in logs]
     axes = [spaced[k](low[k], high[k], points) for k in range(moved)]
     rows = np.array([_shares(family.model(**(middle | dict(zip(names, at, strict=False))))) for at in product(*axes)])
+    grid = [np.linspace(0, 1, points)] * moved
+    between = RegularGridInterpolator(grid, rows.reshape(*(points,) * moved, TAU.size))
     draw = np.random.default_rng(1)
     error = 0.0
     for _ in range(CHECKED):
         share = draw.uniform(0, 1, moved)
         values = {names[k]: _at(share[k], low[k], high[k], logs[k]) for k in range(moved)}
         exact = family.model(**(middle | values))
-        found = -np.expm1(-TIMES[:, None] / TAU) @ interpolated(rows, share, points)
+        found = -np.expm1(-TIMES[:, None] / TAU) @ between(share)[0]
         error = max(error, float(np.abs(found - exact.step_response(TIMES)).max() / exact.thermal_resistance))
     parameters = [
-        {"name": names[k], "unit": units[k], "low": low[k], "high": high[k], "moved": k < moved, "log": logs[k]}
+        {
+            "name": names[k], "low": low[k], "high": high[k], "moved": k < moved, "log": logs[k],
+            "unit": "µm" if units[k] == "m" else units[k], "scale": 1e6 if units[k] == "m" else 1.0,
+        }
         for k in range(len(names))
-    ]
+    ]  # fmt: skip
     return {
         "parameters": parameters,
         "points": points,
@@ -60,22 +65,8 @@ def _at(share: float, low: float, high: float, log: bool) -> float:
     return float(low * (high / low) ** share if log else low + share * (high - low))
 
 
-def interpolated(rows: Array, share: Array, points: int) -> Array:
-    """Return the R_i at fractions ``share`` of the ranges, multilinear between the points of the grid."""
-    out = np.zeros(rows.shape[1])
-    at = share * (points - 1)
-    base = np.minimum(np.floor(at).astype(int), points - 2)
-    for corner in product((0, 1), repeat=share.size):
-        weight = np.prod(np.where(corner, at - base, 1 - (at - base)))
-        index = int(np.ravel_multi_index(tuple(base + corner), (points,) * share.size))
-        out += weight * rows[index]
-    return out
-
-
 def _shares(model: Any) -> Array:
     """R_i >= 0 on the common time constants, with the member's R_th."""
-    from scipy.optimize import nnls
-
     total = model.thermal_resistance
     A = np.vstack([-np.expm1(-TIMES[:, None] / TAU), 100 * np.ones(TAU.size)])
     found, _ = nnls(A, np.append(model.step_response(TIMES), 100 * total) / total)

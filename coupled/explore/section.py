@@ -1,19 +1,15 @@
 """The cross-section as the page draws it: outlines, and a few modes of the field on a grid of pixels, 8 bit each."""
 
-from __future__ import annotations
-
 import base64
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from thermofem.arrays import Array, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.models import Foster
 
-if TYPE_CHECKING:
-    from thermofem.fem import HeatProblem
-
-    from .contents import Parts
+from .contents import Parts
 
 WIDTH, HEIGHT = 132, 88  # pixels
 SPAN = 6e-6  # m, of the picture, unless the parts are wider

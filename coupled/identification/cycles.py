@@ -125,8 +125,8 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     clock_of = in_si(name, trace[["time"]]) if hasattr(trace, "assign") else trace
     t = checks.array(f"{name}.time", clock_of["time"].values, increasing=True, hint="times are in s")
     drop = checks.array(f"{name}.drop", trace["drop"].values)
-    if t.size < 64 or t.size != drop.size:
-        raise checks.InputError(f"{name} has {drop.size} values at {t.size} times; at least 64 of both are needed")
+    checks.shape(f"{name}.drop", drop, t.shape)
+    checks.enough(name, t.size, 64)
     if not drop.any():
         raise checks.InputError(f"{name}.drop is zero throughout: no light reaches the drop port")
     unit = str(trace["drop"].attrs.get("units", "W"))

@@ -169,8 +169,7 @@ def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
     moves = [bool(np.ptp(value) > 0) for value in (power, nu)]
     if sum(moves) != 1 or (power if moves[0] else nu).shape != y.shape:
         raise InputError(f"{name}: one of power and {'detuning' if wavelength is None else 'wavelength'} must be swept")
-    if y.size < 8:
-        raise InputError(f"{name} has {y.size} samples; at least 8 are needed")
+    checks.enough(name, y.size, 8)
     for value in np.atleast_1d(power):
         check_power(float(value), f"{name}.power")
     x = np.log(power) if moves[0] else nu

@@ -39,14 +39,12 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
 
     Without the factor 2 pi; the weight is 1 or the radius.
     """
-    J, r = maps(basis.mesh)
-    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
-    inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    inverse, det, r = maps(basis.mesh)
     integrals, t, n = reference(basis), basis.nelems, basis.Nbfun
     weights = np.ones_like(r), r
-    metrics = [np.abs(det) * inverse[:, None, along] * inverse[None, :, along] for along in (0, 1)]
+    metrics = [det * inverse[:, None, along] * inverse[None, :, along] for along in (0, 1)]
     stiffness = [(m[:, :, None] * w).reshape(-1, t).T @ integrals.stiffness for m in metrics for w in weights]
-    shares = [(np.abs(det) * w).T for w in weights]
+    shares = [(det * w).T for w in weights]
     capacity, load = [share @ integrals.mass for share in shares], [share @ integrals.load for share in shares]
     return np.reshape(stiffness, (4, t, n, n)), np.reshape(capacity, (2, t, n, n)), np.array(load)
 

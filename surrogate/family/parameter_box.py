@@ -43,11 +43,8 @@ class Box:
         low, high = np.array([_range(v) for v in campaign.variations]).T
         box = cls(campaign, low, high)
         for corner in box.corners():
-            try:
+            with checks.prefixed(f"the ranges contradict each other: at {box.words(corner)}"):
                 box.geometry(corner)
-            except checks.InputError as error:
-                where = box.words(corner)
-                raise checks.InputError(f"the ranges contradict each other: at {where}: {error}") from None
         return box
 
     @cached_property

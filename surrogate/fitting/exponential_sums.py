@@ -21,8 +21,8 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.data import quantity
 
 from .fit import Fit, Training
-from .fit_result import EXPLAINED, cancelling, unseen_times
-from .pole_projection import CUT, noise_along
+from .fit_result import cancelling, check_explained, unseen_times
+from .pole_projection import covariance
 
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
 FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
@@ -73,19 +73,14 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     """
     t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
     order = checks.integer("order", order, 1, 5)
-    if t.size != y.size or t.size <= 2 * order:
-        raise checks.InputError(
-            f"times has {t.size} samples and rise {y.size}; both need the same, more than {2 * order}"
-        )
-
+    checks.same_size(times=t, rise=y)
+    checks.enough("rise", t.size, 2 * order + 1)
     span, size = np.ptp(t), float(np.abs(y).max()) or 1.0
-    if abs(t[0]) > LATEST * span:
-        raise checks.InputError(
-            f"times begins at {t[0]:g} s and lasts {span:g} s; 0 is the end of the power: subtract that moment"
-        )
+    hint = "0 is the end of the power: subtract that moment"
+    checks.between("times[0]", t[0], -LATEST * span, LATEST * span, unit="s", hint=hint)
     y = y / size  # SciPy's tolerance of the gradient is absolute
-    if np.abs(y[-1]) > 0.99:  # 0.99 of the largest rise: what does not end below is no cooling curve
-        raise checks.InputError(f"rise ends at {size * y[-1]:.3g} K of at most {size:.3g} K; a cooling curve falls")
+    # 0.99 of the largest rise: what does not end below is no cooling curve
+    checks.between("the last over the largest rise", abs(y[-1]), 0, 0.99, hint="a cooling curve falls")
 
     def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
         columns = np.exp(-t[few, None] / np.exp(log_tau))
@@ -97,21 +92,13 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     high = np.log(SLOWER * span)
     grid = np.linspace(low, high, GRID + 2)[1:-1]
     ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))
-    spread = np.log(np.geomspace(span / 40, span / 3, order) if order > 1 else [span / 5])
-    starts = np.clip([spread, *ways[:BEST]], low, high)
     exactly: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
-    best = min((least_squares(misfit, start, **exactly) for start in starts), key=lambda end: float(end.cost))
+    best = min((least_squares(misfit, way, **exactly) for way in ways[:BEST]), key=lambda end: float(end.cost))
     tau = np.exp(np.sort(best.x))
     columns = np.exp(-t[:, None] / tau)
     amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
     left = y - columns @ amplitude
-    variation = float(np.var(y))
-    explained = 1 - float(np.mean(left**2)) / variation if variation else 1.0
-    if explained < EXPLAINED:
-        raise checks.InputError(
-            f"{order} exponentials explain {max(explained, 0):.0%} of the variation of rise: it is noise, "
-            "no cooling curve"
-        )
+    check_explained(float(np.mean(left**2)), float(np.var(y)), f"a sum of {order} exponentials", "rise")
     notes = _notes(t, tau, amplitude, left, size)
     return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean(left**2))), notes)
 
@@ -123,13 +110,9 @@ def _notes(t: Array, tau: Array, amplitude: Array, left: Array, size: float) -> 
     """
     columns = np.exp(-t[:, None] / tau)
     jacobian = np.hstack([-t[:, None] / tau * columns * amplitude, columns])
-    length = np.linalg.norm(jacobian, axis=0)
-    length[length == 0] = 1.0
-    U, s, Vt = np.linalg.svd(jacobian / length, full_matrices=False)
-    back = Vt.T / np.maximum(s, CUT * s[0]) / length[:, None]
-    noise = noise_along([left], U, float(left @ left) / max(t.size - 2 * tau.size, 1))
+    found = covariance(jacobian, [left], float(left @ left) / max(t.size - 2 * tau.size, 1))
+    deviation = np.sqrt(np.maximum(found.diagonal()[: tau.size], 0))
     span = float(np.diff(t).min()), float(np.ptp(t))
-    deviation = np.sqrt(np.maximum((back @ noise @ back.T).diagonal()[: tau.size], 0))
     said = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
     return (*said, *cancelling(amplitude * size, "K"))
 
@@ -174,13 +157,11 @@ def fit_spectrum(
     phi = problem.columns(-np.log(tau))
     gain = problem.gains(phi)
     kept = gain > 0
-    if not kept.any():
-        raise checks.InputError("no pole of the spectrum heats; do power and delta_T belong together?")
+    misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    training.check(gain, float(np.sqrt(np.mean(misfit**2))))
     R = (gain * tau)[kept]
     if problem.thermal_resistance is not None:
         R = R * problem.thermal_resistance / R.sum()
-    misfit = (problem.target - phi @ gain)[: problem.weight.size]
-    training.check_explained(float(np.sqrt(np.mean(misfit**2))))
     count = R.size
     names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
     return Fit(

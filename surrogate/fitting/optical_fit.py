@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import least_squares
+from scipy.optimize import approx_fprime, least_squares
 
 from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array
@@ -21,7 +21,7 @@ from thermofem.data.dataset import Response, responses_of
 from thermofem.waveforms import period_times
 
 from .fit_result import Fit
-from .pole_projection import noise_along
+from .pole_projection import covariance
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
@@ -122,41 +122,25 @@ def _search(problem: Optical, order: int) -> Array:
 
 def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
     """Parameters, their errors and what the trace cannot tell apart."""
-
     names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)] + ["visibility", "bias", "half_power"]
-    steps = 1e-5 * np.maximum(np.abs(end), 1.0)
-    J = np.column_stack([_slope(problem, end, k, step) for k, step in enumerate(steps)])
-    U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    free = max(left.size - end.size, 1)
-    ends = np.cumsum([one.size for one in problem.light])[:-1]
-    noise = noise_along(np.split(left, ends), U, float(left @ left) / free)
-    inverse = Vt.T / np.maximum(s, s[0] * 1e-12)
-    covariance = inverse @ noise @ inverse.T
+    traces = np.split(left, np.cumsum([one.size for one in problem.light])[:-1])
+    variance = float(left @ left) / max(left.size - end.size, 1)
+    found = covariance(approx_fprime(end, problem.model), traces, variance)
+    deviation = np.sqrt(np.maximum(found.diagonal(), 0))
+    safe = np.maximum(deviation, np.finfo(float).tiny)
     scale = np.concatenate([np.exp(end[:-3]), [1.0, 1.0, 1.0]])
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0)) * scale
     values = np.concatenate([np.exp(end[:-3]), end[-3:]])
-    safe = np.maximum(deviation / scale, np.finfo(float).tiny)
-    correlations = covariance / np.outer(safe, safe)
-    values[-2] = float(np.mod(values[-2] + np.pi, 2 * np.pi) - np.pi)
     rms = float(np.sqrt(np.mean(left**2)))
     return Fit(
         model=Foster(R=values[:order], tau=values[order : 2 * order]),
-        parameters=dict(zip(names, map(float, values), strict=True)),
-        standard_errors=dict(zip(names, map(float, deviation), strict=True)),
-        correlations=correlations,
+        parameters=dict(zip(names, values.tolist(), strict=True)),
+        standard_errors=dict(zip(names, (scale * deviation).tolist(), strict=True)),
+        correlations=found / np.outer(safe, safe),
         residual=rms,
         relative_residual=rms / float(np.ptp(problem.target)),
         training=tuple(one.name for one in problem.responses),
-        notes=tuple(_apart(names, covariance, np.append(np.ones(end.size - 1), abs(end[-1])))),
+        notes=tuple(_apart(names, found, np.append(np.ones(end.size - 1), abs(end[-1])))),
     ).recorded()
-
-
-def _slope(problem: Optical, end: Array, k: int, step: float) -> Array:
-    """Derivative of the trace with respect to one parameter, central difference."""
-    high, low = end.copy(), end.copy()
-    high[k] += step
-    low[k] -= step
-    return np.asarray((problem.model(high) - problem.model(low)) / (2 * step))
 
 
 def _apart(names: Sequence[str], covariance: Array, size: Array) -> list[str]:

@@ -35,9 +35,23 @@ from scipy.optimize import least_squares, nnls
 
 from thermofem import checks
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import FEWEST, Array, autocorrelation, independent
-from thermofem.data import quantity
+from thermofem.arrays import FEWEST, Array, ArrayLike, autocorrelation, independent
 from thermofem.data.dataset import Response
+
+
+def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, rest: Sequence[int] = ()) -> Array:
+    """Covariance of parameters, as in the module, shape (p, p).
+
+    Of a direction that the samples do not show the variance is finite, but very large.
+
+    jacobian [shape (rows, p)]
+    residuals, variance, rest: as of `noise_along`.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0  # as of the rate of a pole without gain
+    U, size, Vt = np.linalg.svd(jacobian / scale, full_matrices=False)
+    back = Vt.T / np.maximum(size, CUT * size[0]) / scale[:, None]
+    return np.asarray(back @ noise_along(residuals, U, variance, rest=rest) @ back.T)
 
 
 def noise_along(
@@ -51,19 +65,19 @@ def noise_along(
     alike: whether every trace has this variance.
     rest: the trace to which each of the rows after the samples belongs; rows beyond them belong to none.
     """
-    ends = np.cumsum([left.size for left in residuals])
-    parts = np.split(U[: ends[-1]], ends[:-1])
+    sizes = [left.size for left in residuals]
+    *parts, _ = np.split(U, np.cumsum(sizes))
     each = np.full(len(parts), variance)
     if len(parts) > 1:
         residuals, shown, freedom = zip(*map(_own, residuals, parts), strict=True)
         # 5 samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
         least = np.where(np.array(freedom) < 5, variance, 0.0)
         each = each if alike else np.maximum(shown, least)
-    other = np.append(each[list(rest)], np.full(len(U) - ends[-1] - len(rest), variance))
-    scaled = U * np.sqrt(np.append(np.repeat(each, [left.size for left in residuals]), other))[:, None]
+    of_row = np.full(len(U), variance)
+    of_row[: sum(sizes) + len(rest)] = np.append(np.repeat(each, sizes), each[list(rest)])
     total = sum(own * _lags(left, part) for own, left, part in zip(each, residuals, parts, strict=True))
     value, vector = np.linalg.eigh((total + total.T) / 2)
-    return np.asarray(scaled.T @ scaled + (vector * np.maximum(value, 0)) @ vector.T)
+    return np.asarray((U.T * of_row) @ U + (vector * np.maximum(value, 0)) @ vector.T)
 
 
 def _own(left: Array, part: Array) -> tuple[Array, float, int]:
@@ -78,18 +92,16 @@ def _own(left: Array, part: Array) -> tuple[Array, float, int]:
 
 def _lags(left: Array, part: Array) -> Array:
     """U_k^T (R - 1) U_k, shape (p, p), with the correlations R between the samples of one trace."""
-    rho = autocorrelation(left)
-    if not rho.size:
-        return np.zeros((part.shape[1], part.shape[1]))
-    size = next_fast_len(2 * left.size, real=True)
-    circle = np.zeros((size, 1))  # R - 1, a Toeplitz matrix, as a circulant one of twice the size or a little more
-    circle[1 : rho.size + 1, 0], circle[-rho.size :, 0] = rho, rho[::-1]
-    spectrum = rfft(circle, axis=0) * rfft(part, size, axis=0)
-    return np.asarray(part.T @ irfft(spectrum, size, axis=0)[: left.size])
+    rho, n = autocorrelation(left), left.size
+    size = next_fast_len(2 * n, real=True)
+    circle = np.zeros(size)  # R - 1, a Toeplitz matrix, as a circulant one of twice the size or a little more
+    circle[1 : rho.size + 1], circle[size - rho.size :] = rho, rho[::-1]
+    spectrum = rfft(circle)
+    columns = [irfft(spectrum * rfft(column, size), size)[:n] for column in part.T]
+    return part.T @ np.stack(columns, axis=1)
 
 
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
-UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
 CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
 AT_END = 0.999  # of the range of a shift, from which on it counts as held there
 ROUND_OFF, SIGMAS = 1e-9, 3.0  # of the swing; of the noise: below these a misfit counts as noise
@@ -142,26 +154,17 @@ class FitProblem:
     target: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.responses])
-        target = self._off_baseline(np.concatenate([d.rise / d.swing for d in self.responses])[:, None])[:, 0]
-        if self.thermal_resistance is not None:
-            # 1e3: weight of the static-gain row over all samples together; the last 1e-6 are rescaled away
-            target = np.append(target, 1e3 * np.sqrt(target.size))
-        object.__setattr__(self, "weight", weight)
-        object.__setattr__(self, "target", target)
-        shortest, longest = self.span
-        if shortest > UNSEEN * longest:
-            raise checks.InputError(
-                f"the samples span {quantity.rounded(longest, 's')} and begin {quantity.rounded(shortest, 's')} after "
-                "the power changed, when nothing that they could show moves; is a time shifted, or in another unit?"
-            )
-        slowest = np.array([-np.log(longest)])
-        for response in self.responses:
-            if not np.any(pole_responses(np.exp(slowest), response.wave, response.times, periodic=response.periodic)):
+        slowest = np.array([1 / self.span[1]])
+        for d in self.responses:
+            off = d.wave.mean(*d.times[[0, -1]]) == d.wave.before(d.times[0]) == 0
+            if off or not np.ptp(pole_responses(slowest, d.wave, d.times, periodic=d.periodic)):
                 raise checks.InputError(
-                    f"the power of the {response.name} heats nothing that the samples can show; "
-                    "is a time in another unit?"
+                    f"the power of the {d.name} moves nothing that the samples show: is it zero throughout, or is a "
+                    "time shifted or in another unit?"
                 )
+        weight = np.repeat([1 / d.swing for d in self.responses], [d.rise.size for d in self.responses])
+        object.__setattr__(self, "weight", weight)
+        object.__setattr__(self, "target", self._rows([d.rise[:, None] / d.swing for d in self.responses])[:, 0])
 
     @property
     def within(self) -> Array:
@@ -176,15 +179,32 @@ class FitProblem:
         rate = np.exp(log_rate)
         shifts = np.zeros(len(self.responses)) if shift is None else shift
         answers = [_answers(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
-        phi = self._off_baseline(np.concatenate(answers) * self.weight[:, None])
-        if self.thermal_resistance is None:
-            return phi
-        return np.vstack([phi, self.target[-1] / (rate * self.thermal_resistance)])
+        for d, answer in zip(self.responses, answers, strict=True):
+            answer *= 1 / d.swing
+        return self._rows(answers, 1 / (rate * (self.thermal_resistance or 1.0)))
+
+    def _rows(self, parts: Sequence[Array], gain: ArrayLike = 1.0) -> Array:
+        """Rows of `columns`, from those of the samples of each response, which are written over.
+
+        From each column goes the multiple of every estimated baseline that explains it best.
+
+        gain: static gains of the columns over that which is imposed.
+        """
+        rest = []
+        for d, part in zip(self.responses, parts, strict=True):
+            level = part.sum(axis=0) / (len(part) + d.rest_rows)
+            part -= level
+            if 0 < d.rest_rows < np.inf:
+                rest.append(-np.sqrt(d.rest_rows) * level)
+        if self.thermal_resistance is not None:
+            # 1e3: weight of the static-gain row over all samples together; the last 1e-6 are rescaled away
+            rest.append(1e3 * np.sqrt(self.weight.size + len(rest)) * np.broadcast_to(gain, parts[0].shape[1]))
+        return np.vstack([*parts, *rest])
 
     def gains(self, phi: Array) -> Array:
         """Linear least squares, with gains >= 0 where asked."""
         norm = np.linalg.norm(phi, axis=0)
-        norm = np.where(norm > 0, norm, 1.0)  # a pole too fast for any sample
+        norm[norm == 0] = 1.0  # a pole too fast for any sample
         if self.positive:
             return np.asarray(nnls(phi / norm, self.target, maxiter=30 * norm.size)[0] / norm)
         return np.asarray(np.linalg.lstsq(phi / norm, self.target, rcond=None)[0] / norm)
@@ -193,18 +213,6 @@ class FitProblem:
     def rested(self) -> list[int]:
         """The response of each row at rest."""
         return [k for k, d in enumerate(self.responses) if 0 < d.rest_rows < np.inf]
-
-    def _off_baseline(self, columns: Array) -> Array:
-        """Columns less the multiple of every estimated baseline that explains them best, and its rows at rest."""
-        ends = np.cumsum([d.rise.size for d in self.responses])[:-1]
-        left, rest = [], []
-        rested = self.rested
-        for k, (d, part) in enumerate(zip(self.responses, np.split(columns, ends), strict=True)):
-            level = part.sum(axis=0) / (part.shape[0] + d.rest_rows)
-            left.append(part - level)
-            if k in rested:
-                rest.append(-np.sqrt(d.rest_rows) * level[None])
-        return np.concatenate([*left, *rest])
 
     @property
     def span(self) -> tuple[float, float]:
@@ -223,9 +231,7 @@ def optimum(problem: FitProblem, order: int) -> Optimum:
 
     Raises InputError: fewer samples than unknowns.
     """
-    samples = problem.weight.size
-    if samples < 2 * order:
-        raise checks.InputError(f"data has {samples} samples; {order} poles need at least {2 * order}")
+    checks.enough("data", problem.weight.size, 2 * order, hint=f"or take fewer than {order} poles")
     ends = [_descend(problem, start) for start in _starts(problem, order)]
     return _conclude(problem, min(ends, key=lambda end: end[1])[0])
 
@@ -304,13 +310,14 @@ def _starts(problem: FitProblem, order: int) -> list[Array]:
 
 def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
     """The ``count`` columns that together explain the target best, by trying all."""
-    phi = columns / np.linalg.norm(columns, axis=0)
-    gram, right = phi.T @ phi, phi.T @ target
+    gram = columns.T @ columns
+    norm = np.sqrt(gram.diagonal())
+    gram, right = gram / np.outer(norm, norm), columns.T @ target / norm
 
     def explained(pick: list[int]) -> float:
         return float(right[pick] @ np.linalg.lstsq(gram[np.ix_(pick, pick)], right[pick], rcond=1e-12)[0])
 
-    return max((list(pick) for pick in combinations(range(phi.shape[1]), count)), key=explained)
+    return max((list(pick) for pick in combinations(range(norm.size), count)), key=explained)
 
 
 def _conclude(problem: FitProblem, end: Array) -> Optimum:
@@ -324,33 +331,22 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
     if problem.thermal_resistance is not None and np.any(gain):
         gain = gain * problem.thermal_resistance / np.sum(gain / np.exp(log_rate))
     misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    parts = np.split(misfit, np.cumsum([d.rise.size for d in problem.responses])[:-1])
     moved = _moved(problem, end, phi, gain)
-    inside = free[np.abs(end[n:]) < AT_END]
-    jacobian = np.hstack([moved[:, :n], phi, moved[:, n:][:, np.abs(end[n:]) < AT_END]])
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = 1.0  # a pole without gain: its rate has no effect
-    unknowns = 2 * n + inside.size - (problem.thermal_resistance is not None)
-    freedom = max(misfit.size - unknowns, 1)
-    U, size, Vt = np.linalg.svd(jacobian / scale, full_matrices=False)
-    seen = size > CUT * size[0]
-    back = Vt[seen].T / size[seen] / scale[:, None]
-    ends = np.cumsum([d.rise.size for d in problem.responses])[:-1]
-    variance = float(misfit @ misfit) / freedom
-    noise = noise_along(np.split(misfit, ends), U[:, seen], variance, rest=problem.rested)
-    covariance = back @ noise @ back.T
+    seen = np.abs(end[n:]) < AT_END
+    jacobian = np.hstack([moved[:, :n], phi, moved[:, n:][:, seen]])
+    unknowns = jacobian.shape[1] - (problem.thermal_resistance is not None)
+    variance = float(misfit @ misfit) / max(misfit.size - unknowns, 1)
+    found = covariance(jacobian, parts, variance, rest=problem.rested)
+    of_poles = found[: 2 * n, : 2 * n]
     shift_error = np.where(problem.within > 0, np.inf, 0.0)
-    parts = np.split(misfit, ends)
-    offset = np.array(
-        [
-            _offset(d, log_rate, gain, late, covariance[: 2 * n, : 2 * n])
-            for d, late in zip(problem.responses, shift, strict=True)
-        ]
-    )
-    shift_error[inside] = np.sqrt(covariance.diagonal()[2 * n :]) * problem.within[inside]
+    shift_error[free[seen]] = np.sqrt(found.diagonal()[2 * n :]) * problem.within[free[seen]]
+    each = zip(problem.responses, shift, strict=True)
+    offset = np.array([_offset(d, log_rate, gain, late, of_poles) for d, late in each])
     return Optimum(
         log_rate=log_rate,
         gain=gain,
-        covariance=covariance[: 2 * n, : 2 * n],
+        covariance=of_poles,
         residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
         relative_residual=float(np.sqrt(np.mean(misfit**2))),
         shift=shift,

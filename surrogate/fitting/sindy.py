@@ -165,8 +165,8 @@ class Probed:
     def each(self, name: str, values: ArrayLike) -> Array:
         """One positive number for each probe; InputError for others."""
         found = checks.array(name, values)
-        if found.size != len(self.names) or found.min() <= 0:
-            raise checks.InputError(f"{name} has {found.size} values for {len(self.names)} probes; all positive")
+        checks.shape(name, found, (len(self.names),))
+        checks.positive(f"smallest {name}", found.min())
         return found
 
 
@@ -260,8 +260,7 @@ def read_probes(data: xr.Dataset) -> Probed:
     responses = [response_of(data.isel(probe=k)) for k in range(data.sizes["probe"])]
     times, rise = responses[0].times, np.stack([response.rise for response in responses], axis=1)
     warn_of(responses)
-    if times.size < 1000:
-        raise checks.InputError(f"data has {times.size} samples; identification needs at least 1000")
+    checks.enough("data", times.size, 1000)
     steps = np.diff(times)
     if np.ptp(steps) > 1e-6 * steps.mean():
         raise checks.InputError("data.time is not evenly spaced; the weak form needs even samples")

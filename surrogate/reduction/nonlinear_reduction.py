@@ -43,7 +43,7 @@ from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import other_geometry, responses_of, warn_of
 from thermofem.models import HasModel, NonlinearSystem, check_single
-from thermofem.transient.nonlinear import cubic_form, operators
+from thermofem.transient.nonlinear import cubic_form
 
 from .reduce import Reduction, reduce
 
@@ -255,7 +255,7 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
 def _flow_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     """Q: each law by its x^2 term, of the cubic through the law at the hottest of its nodes and at half of that."""
     Q, T0 = np.zeros((V.shape[1],) * 3), system.flow.ambient
-    for law, at, block in operators(system.flow):
+    for law, at, block in system.flow.parts():
         hottest = float(np.abs(steady[at]).max())
         half, whole = law.integral(T0, hottest * np.array([0.5, 1.0])) / law.factor(T0) / hottest - [0.5, 1.0]
         Q += (8 * half - whole) / hottest * cubic_form(block.T @ V, V[at])
@@ -266,7 +266,7 @@ def _content_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     """m: each law by its chord at the steady field, weighted with the adjoint of the read-out."""
     m, T0 = np.zeros((V.shape[1],) * 3), system.content.ambient
     adjoint = factorize(-system.linear.A.tocsc())(system.linear.C[0])
-    for law, at, block in operators(system.content):
+    for law, at, block in system.content.parts():
         x, weight = steady[at], block.T @ adjoint
         gamma = weight @ ((1 - law.factor(T0) / law.factor(T0 + x)) * x) / (weight @ (x * x))
         m += gamma * cubic_form(block.T @ V, V[at])

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 import thermofem as th
 from thermofem.algebra.krylov import Rounds, rates
+from thermofem.fem.assembly import on_mesh
 from thermofem.fem.heat_problem import HeatProblem
 from thermofem.fem.mesh_division import refined, resistances, split
-from thermofem.fem.probe_means import probe_mean
-from thermofem.fem.surfaces import surfaces_of
-from thermofem.fem.weak_forms import build, properties
 from thermofem.mesh.triangles import Mesh
 
 TIMES = np.geomspace(1e-9, 1e-2, 57)  # s, eight a decade
@@ -24,21 +20,17 @@ AT_CORNERS = 6  # more divisions there: with r^(2/3) cubics leave 0.4 of the err
 def finer(mesh: Mesh, geometry: th.CrossSection, times: int) -> Mesh:
     """Every triangle in four ``times`` times, and those at the corners of the geometry's faces `AT_CORNERS` more."""
     for _ in range(times):
-        mesh = refined(mesh, np.ones(len(mesh.triangles), dtype=bool))[0]
+        mesh = refined(mesh, np.ones(len(mesh.triangles), dtype=bool))
     corners = np.unique(np.concatenate([ring for face in geometry.subdivision.faces for ring in face.rings]), axis=0)
     for _ in range(AT_CORNERS):
         distance = np.abs(mesh.points[:, None] - corners).max(axis=-1).min(axis=1)
-        mesh = refined(mesh, (distance < 1e-13)[mesh.triangles].any(axis=1))[0]
+        mesh = refined(mesh, (distance < 1e-13)[mesh.triangles].any(axis=1))
     return mesh
 
 
 def cubic(geometry: th.CrossSection, mesh: Mesh) -> HeatProblem:
     """The heat problem with cubic elements on a mesh without doubled nodes."""
-    resistance = resistances(geometry)
-    mesh = split(mesh, resistance)
-    d = build(mesh, *properties(geometry, mesh), surfaces_of(geometry, mesh, resistance), degree=3)
-    probes = {probe.name: probe_mean(geometry, mesh, d.basis, probe) for probe in geometry.probes}
-    return HeatProblem(geometry, mesh, replace(d, means={**d.means, **probes}), 1e-9)
+    return on_mesh(geometry, split(mesh, resistances(geometry)), 1e-9, degree=3)
 
 
 def step(heat: HeatProblem, names: tuple[str, ...]) -> NDArray[np.float64]:

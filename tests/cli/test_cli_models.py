@@ -210,7 +210,7 @@ def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
     assert found["models"]["certified reduction (0.0001)"]["largest_error"] < 1e-2
     assert "SINDy" in found["refused"]
     for command, words in {
-        fitted: "several probes",
+        fitted: "--read core",
         (*fitted, "--heated", "core"): "says that 'heater' was heated",
         (*fitted, "--read", "near"): "'near'",
         judged: "--heated and --read",

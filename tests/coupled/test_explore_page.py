@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 from browser import opened, run_in_a_shell, settled
 
 import coupled
+import surrogate
 import thermofem as th
-from coupled.explore import bundle, contents
+from coupled.explore import bundle
 from coupled.explore.contents import STORED
 from coupled.parameters import NEWTON_MAPS
 
@@ -270,7 +272,7 @@ def test_the_plane_shows_where_cycles_fold(page):
 def test_the_stored_folds_of_cycles_are_those_of_the_ring():
     """Against branches in the detuning, which know nothing of the curve."""
     (curve,) = json.loads(bundle.text_of(STORED))
-    ring, newton = coupled.borghi2021().with_lumped_fcd(), contents.newton(NEWTON_MAPS)
+    ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(**asdict(NEWTON_MAPS))
     for power, detuning in (curve[5], curve[-5]):
         branch = coupled.continue_cycle(
             ring, newton, "detuning", (detuning + 3e9, detuning - 6e9), power=power, detuning=detuning - 5e9

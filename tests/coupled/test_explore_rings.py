@@ -10,8 +10,7 @@ import pytest
 import coupled
 import thermofem as th
 from coupled.explore.bundle import text_of
-from coupled.explore.contents import STORED
-from coupled.explore.rings import published, same_numbers, window_of
+from coupled.explore.contents import PUBLISHED, STORED, same_numbers, window_of
 
 MODEL = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 LUMPED = coupled.borghi2021().with_lumped_fcd()
@@ -28,7 +27,7 @@ def data_of(ring, models):
 def ring_at(place, data):
     """The name of the published ring that stands at a place of the page, or None."""
     found = data["rings"][place["ring"]]
-    return next((ring.name for ring, _ in published() if same_numbers(asdict(ring), found)), None)
+    return next((ring.name for ring, _ in PUBLISHED if same_numbers(asdict(ring), found)), None)
 
 
 def test_a_changed_ring_under_a_published_name_is_a_ring_of_its_own():
@@ -52,12 +51,12 @@ def test_presets_and_stored_curves_are_those_of_the_published_ring():
     assert ring_at(stored, data) == LUMPED.name
 
 
-@pytest.mark.parametrize("ring", [ring for ring, _ in published()], ids=lambda ring: ring.name)
+@pytest.mark.parametrize("ring", [ring for ring, _ in PUBLISHED], ids=lambda ring: ring.name)
 def test_a_published_ring_under_another_name_is_that_ring(ring):
     data = data_of(replace(ring, name="mine"), {"m": MODEL})
     others = [name for name in NAMES if name != ring.name]
     assert [one["name"] for one in data["rings"]] == ["mine", *others]
-    window = {one.name: window for one, window in published()}[ring.name]
+    window = {one.name: window for one, window in PUBLISHED}[ring.name]
     assert data["rings"][0]["window"] == {name: list(ends) for name, ends in window.items()}
     assert {ring_at(preset["state"], data) for preset in data["presets"][1:]} == set(NAMES)
 

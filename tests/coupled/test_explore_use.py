@@ -14,7 +14,7 @@ from browser import opened, run_in_a_shell, settled
 import coupled
 import surrogate
 import thermofem as th
-from coupled.explore.page import MOVED
+from coupled.explore import MOVED
 from thermofem_cli.light.explore_command import models_of_geometry
 
 pytestmark = pytest.mark.slow

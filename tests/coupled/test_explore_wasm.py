@@ -6,7 +6,7 @@ from importlib import metadata
 
 import pytest
 
-from coupled.explore import wasm
+from coupled.explore import bundle
 
 ZIG = "0.17.1"  # that compiled the committed file; others order its functions differently
 
@@ -16,5 +16,5 @@ def test_the_committed_module_is_that_of_the_sources(tmp_path):
     versions = [each.version for each in metadata.distributions(name="ziglang")]
     if versions != [ZIG]:
         pytest.skip(f"needs ziglang {ZIG}")
-    wasm.build(tmp_path / "kernel.wasm")
-    assert (tmp_path / "kernel.wasm").read_bytes() == (wasm.PAGE / "kernel.wasm").read_bytes()
+    bundle.compile_kernel(tmp_path / "kernel.wasm")
+    assert (tmp_path / "kernel.wasm").read_bytes() == (bundle.HERE / "page/kernel.wasm").read_bytes()

@@ -9,7 +9,7 @@ from scipy.constants import c
 import coupled
 import thermofem as th
 from coupled.explore import contents
-from coupled.explore.rings import rings_of
+from coupled.explore.contents import rings_of
 from coupled.parameters import VAN_VAERENBERGH as LAW
 
 RING = coupled.vanvaerenbergh2012()

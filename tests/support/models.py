@@ -28,7 +28,7 @@ def coarse(growth: float = 20) -> tuple[th.mesh.Mesh, th.fem.Discretization]:
     )
     k, c = np.array([130, 1.38, 130])[mesh.region], np.array([2330 * 700, 2203 * 703, 2330 * 700])[mesh.region]
     held = facets_where(mesh, lambda r, z: np.isclose(z, -32 * um))
-    return mesh, th.fem.discretize(mesh, k, c, held=held)
+    return mesh, th.fem.discretize(mesh, k, c, th.fem.Surfaces(held=held))
 
 
 @cache

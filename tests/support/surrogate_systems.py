@@ -54,7 +54,7 @@ def discretized(
     k = np.array([130.0, k_oxide, k_oxide, 130.0, 25.0])[region]
     rho_c = np.array([2330 * 700.0, 2203 * 703.0, 2203 * 703.0, 2330 * 700.0, 5400 * 600.0])[region]
     held = mesh.skfem.facets_satisfying(lambda p: np.isclose(p[1], -(box + 30) * UM))
-    return th.fem.discretize(mesh, k, rho_c, held=held)
+    return th.fem.discretize(mesh, k, rho_c, th.fem.Surfaces(held=held))
 
 
 @cache

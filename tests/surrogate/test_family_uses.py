@@ -142,7 +142,7 @@ def test_what_the_data_cannot_tell_apart_is_named(family):
 
 
 def test_calibration_needs_data(family):
-    with pytest.raises(th.InputError, match="data is empty"):
+    with pytest.raises(th.InputError, match="data has 0 Datasets"):
         surrogate.calibrate(family, [])
 
 

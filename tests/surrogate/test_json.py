@@ -89,7 +89,7 @@ def test_a_transfer_between_two_parts_may_have_a_negative_R(tmp_path):
         ({"poles": [{"R": -1.0, "tau": 1e-6}], "thermal_resistance": None}, "not passive"),
         ({"poles": [{"R": 0.0, "tau": 1e-6}], "thermal_resistance": None}, "never warms up"),
         ({"thermal_resistance": 7784.3}, "was a number edited"),
-        ({"inputs": "core"}, "list of names"),
+        ({"inputs": "core"}, "list of one name"),
     ],
 )
 def test_an_unusable_file_is_refused_with_the_reason(saved, fields, reason):
@@ -111,7 +111,7 @@ def test_provenance_that_is_no_object_is_refused(saved):
         ({"E": [[0.0]]}, "E is not positive definite"),
         ({"A": [[-1.0, 0.0]]}, "shape"),
         ({"A": "abc"}, "A is not an array"),
-        ({"B": [1.0]}, "B has 1 dimensions"),
+        ({"B": [1.0]}, "B has shape"),
     ],
 )
 def test_unphysical_matrices_are_refused(tmp_path, matrices, reason):
@@ -141,8 +141,7 @@ def test_the_parts_of_a_network_are_those_of_its_file(tmp_path):
     content = json.loads(path.read_text())
     for which, name in (("inputs", "heater"), ("outputs", "far")):
         path.write_text(json.dumps({**content, which: [name]}))
-        with pytest.raises(th.InputError, match=rf"{which} = \['{name}'\]; a Network is heated and read at 'core'"):
-            surrogate.load_model(path)
+        assert getattr(surrogate.load_model(path), which) == (name,)
         path.write_text(json.dumps({key: value for key, value in content.items() if key != which}))
         with pytest.raises(th.InputError, match=f"no '{which}'"):
             surrogate.load_model(path)

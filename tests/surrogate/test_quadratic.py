@@ -153,7 +153,7 @@ def test_what_cannot_be_reduced_is_named(warm):
     two = replace(system, linear=replace(system.linear, C=np.vstack([system.linear.C] * 2), outputs=("core", "shell")))
     with pytest.raises(th.InputError, match="inputs"):
         surrogate.output_map(two, POWER)
-    with pytest.raises(th.InputError, match="data is empty"):
+    with pytest.raises(th.InputError, match="data has 0 Datasets"):
         surrogate.reduction.nonlinear_reduction.fit_output_map(th.Foster(R=[1.0], tau=[1e-6]), [])
 
 

@@ -101,7 +101,7 @@ def test_a_mesh_that_stays_above_the_accuracy_says_so(fresh_log, monkeypatch):
 
 @pytest.fixture
 def fresh_log(caplog, monkeypatch):
-    monkeypatch.setattr(domain_truncation, "_reported", {})
+    monkeypatch.setattr(domain_truncation, "_reported", set())
     with caplog.at_level(logging.INFO, "thermofem"):
         yield caplog
 

@@ -19,7 +19,7 @@ import thermofem as th
 from thermofem.algebra.factor import factorize
 from thermofem.fem import HeatProblem
 from thermofem.fem.surfaces import Surfaces, surface_terms
-from thermofem.fem.weak_forms import build
+from thermofem.fem.weak_forms import discretize
 from thermofem.transient import integrate
 
 SERIES = "infinite series (Carslaw and Jaeger)"
@@ -30,8 +30,8 @@ def cooling(mesh, where, place, *, convection=False):
     """Temperature at ``place`` at Fo = 0.2 of a body at 1 whose faces ``where`` go to 0, or lose heat with Bi = 1."""
     faces = facets_where(mesh, where)
     none = np.empty(0, dtype=int)
-    held, losing = (none, {1.0: faces}) if convection else (faces, None)
-    d = th.fem.discretize(mesh, 1.0, 1.0, held=held, convection=losing)
+    held, losing = (none, {1.0: faces}) if convection else (faces, {})
+    d = th.fem.discretize(mesh, 1.0, 1.0, th.fem.Surfaces(held=held, convection=losing))
     at = np.asarray(d.basis.probes(np.array([[place[0]], [place[1]]])).todense())[:, d.free]
     n = d.free.size
     system = th.StateSpace(d.mass[d.free][:, d.free], -d.stiffness[d.free][:, d.free], np.zeros((n, 1)), at)
@@ -94,7 +94,7 @@ def test_anisotropic_manufactured_solution_converges_with_order_three():
     for n in (4, 8, 16):
         mesh = tensor_mesh(np.linspace(0, a, 2 * n + 1), np.linspace(0, H, n + 1))
         k = np.array([k_r, k_z])[:, None] * np.ones(len(mesh.triangles))
-        d = th.fem.discretize(mesh, k, 1.0, held=facets_where(mesh, lambda r, z: np.isclose(z % H, 0)))
+        d = th.fem.discretize(mesh, k, 1.0, th.fem.Surfaces(held=facets_where(mesh, lambda r, z: np.isclose(z % H, 0))))
         fine = skfem.Basis(d.basis.mesh, skfem.ElementTriP2(), intorder=8)
         load = skfem.LinearForm(lambda v, w: 2 * np.pi * w.x[0] * source(*w.x) * v).assemble(fine)
         T = np.zeros(d.mass.shape[0])
@@ -111,7 +111,7 @@ def test_all_heat_of_a_distant_source_leaves_through_open_sides(k):
     mesh = tensor_mesh(np.linspace(0, 3, 61), np.linspace(-2, 0, 41))
     cut = facets_where(mesh, lambda r, z: np.isclose(r, 3) | np.isclose(z, -2))
     conductivity = np.array([k_r, k_z])[:, None] * np.ones(len(mesh.triangles))
-    d = build(mesh, conductivity, 1.0, Surfaces(open=cut))
+    d = discretize(mesh, conductivity, 1.0, Surfaces(open=cut))
     r, z = d.basis.doflocs
     T = 1 / (4 * np.pi * k_r * np.sqrt(k_z) * np.sqrt(np.maximum(r**2 / k_r + z**2 / k_z, 0.01)))
     outflow = surface_terms(d.basis, conductivity, d.surfaces) @ T

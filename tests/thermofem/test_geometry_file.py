@@ -101,9 +101,9 @@ BAD_FILES = [
     ("heated = true", 'sidewall_angle = "1.5 um"\nheated = true', ["sidewall_angle = '1.5 um'", "an angle"]),
     (", datum = true", "", ["0 layers have datum = true"]),
     ('"Si", thickness', '"void", thickness', ["layer 'substrate' is void"]),
-    ('name = "core"', 'name = "box"', ["part 'box' has the same name as layer 'box'"]),
+    ('name = "core"', 'name = "box"', ["layers, parts and probes holds 'box' twice"]),
     ('name = "core"', 'name = "a/b"', ["part name = 'a/b' is not usable"]),
-    ("[[part]]", "[part]", ["part must be tables, each opened by a line [[part]]"]),
+    ("[[part]]", "[part]", ["must be tables, each opened by its name"]),
     ("[[part]]", "[[part]", ["not valid TOML", "line 8"]),
     ("[[part]]", '[boundary]\nbottom = "isotermal"\n[[part]]', ["boundary bottom = 'isotermal'", "'isothermal'"]),
     ("[[part]]", '[boundary]\nbottom = "insulated"\n[[part]]', ["all insulated", "no steady state"]),
@@ -135,7 +135,7 @@ def test_missing_unreadable_and_empty_files(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         CrossSection.from_toml(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="not UTF-8"):
+    with pytest.raises(InputError, match="must be UTF-8"):
         CrossSection.from_toml(tmp_path / "binary.toml")
     with pytest.raises(InputError, match="outer_radius is missing"):
         CrossSection.from_toml_text("")

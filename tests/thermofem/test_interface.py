@@ -14,7 +14,7 @@ from thermofem.algebra.factor import factorize
 from thermofem.fem.mesh_division import contacts, split
 from thermofem.fem.probe_means import shell_integral
 from thermofem.fem.surfaces import Surfaces
-from thermofem.fem.weak_forms import build
+from thermofem.fem.weak_forms import discretize
 
 ROD, SHELL, LENGTH = 1e-3, 5e-3, 2e-3  # m
 
@@ -25,7 +25,7 @@ def composite_cylinder(resistance, conductivity=20.0):
     mesh = tensor_mesh(r, [0, LENGTH / 3, LENGTH], lambda r, z: r > ROD, ("core", "shell"))
     mesh = split(mesh, resistance)
     held = facets_where(mesh, lambda r, z: np.isclose(r, SHELL))
-    return build(mesh, conductivity, 1e6, Surfaces(held=held, contacts=contacts(mesh, resistance)))
+    return discretize(mesh, conductivity, 1e6, Surfaces(held=held, contacts=contacts(mesh, resistance)))
 
 
 def resistance_of(discretization):

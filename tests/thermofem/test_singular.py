@@ -16,7 +16,7 @@ from thermofem.fem.error_estimate import strong
 
 
 def exponents(mesh, conductivity, held=()):
-    d = th.fem.discretize(mesh, conductivity, 1.0, held=np.array(held, dtype=int))
+    d = th.fem.discretize(mesh, conductivity, 1.0, th.fem.Surfaces(held=np.array(held, dtype=int)))
     return strong(d, np.broadcast_to(conductivity, (2, len(mesh.triangles))), mesh.region)
 
 
@@ -51,7 +51,7 @@ def test_different_conductivities_along_r_and_z_are_stretched():
     """k_r = 4 k_z: angles stay right, and what counts is the geometric mean."""
     mesh = checkerboard(*CHECKERS)
     k = np.where(mesh.region < 2, 100.0, 1.0) * np.array([[2.0], [0.5]])
-    d = th.fem.discretize(mesh, k, 1.0, held=np.empty(0, dtype=int))
+    d = th.fem.discretize(mesh, k, 1.0, th.fem.Surfaces())
     (found,) = strong(d, k, mesh.region).values()
     assert found == pytest.approx(4 / math.pi * math.atan(0.1), rel=1e-4)
 

@@ -14,7 +14,7 @@ import thermofem as th
 import thermofem.transient.integration
 from thermofem.models import foster
 from thermofem.transient.esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
-from thermofem.transient.integration import _march, _Plan, _Record, integrate, integrate_periodic
+from thermofem.transient.integration import _march, _Record, integrate, integrate_periodic
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ def test_tableau_satisfies_the_order_conditions():
 def fixed_steps(wave, edges, rung):
     """March with steps (piece length)/4^rung; the state at the end."""
     stepper = Stepper(three_poles(), wave)
-    plan = [_Plan(a, b, (rung,) * 4**rung) for a, b in itertools.pairwise(edges)]
+    plan = [(a, b, [rung] * 4**rung) for a, b in itertools.pairwise(edges)]
     nothing = np.empty(0)
-    return float(_march(stepper, plan, np.zeros(3), _Record(stepper, nothing, nothing, None, np.zeros(3))).sum())
+    return float(_march(plan, np.zeros(3), _Record(stepper, nothing, nothing, None, np.zeros(3))).sum())
 
 
 def observed_orders(errors):

@@ -63,8 +63,7 @@ class Variation:
         if self.values:
             return
         low, high = checks.finite(f"{self.name}: from", self.low), checks.finite(f"{self.name}: to", self.high)
-        if not low < high:
-            raise InputError(f"{self.name}: from = {low:g} must be below to = {high:g}")
+        checks.ordered(f"{self.name}: from", low, "to", high)
         if self.logarithmic and low <= 0:
             raise InputError(f"{self.name}: from = {low:g} must be positive where the spacing is logarithmic")
 

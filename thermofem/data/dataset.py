@@ -24,13 +24,14 @@ from ..arrays import Array, ArrayLike
 from .column_units import unit_of
 from .data_doubts import clipping, contradictions, static_gain
 from .netcdf import SCHEMA, load, save
-from .variables import describe, in_si
+from .variables import contents, describe
 
 __all__ = ["Response", "at_probe", "build", "describe", "load", "response_of", "responses_of", "save"]
 
 log = logging.getLogger("thermofem")
 
 KINDS = ("transient", "periodic")
+TRAINING = "a Dataset of time, delta_T, and power or the waveform that heated"
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
@@ -153,22 +154,14 @@ def response_of(data: xr.Dataset) -> Response:
         heating at all; a time that stands twice with two temperatures; a temperature that contradicts the
         ``thermal_resistance``.
     """
-    for name in ("time", "delta_T"):
-        if name not in getattr(data, "variables", {}):
-            raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
-    data = in_si("data", data)
-    data = at_probe(data)
+    drive = () if "waveform" in getattr(data, "attrs", ()) else ("power",)
+    data = at_probe(contents("data", data, ("time", "delta_T", *drive), what=TRAINING))
     times = checks.array("data.time", data["time"].values, increasing=True)
-    if odd := [str(dim) for dim in data["delta_T"].dims if dim not in ("time", "probe")]:
-        pick = f"pick one with data.isel({odd[0]}=0), and give that"
-        raise checks.InputError(f"data.delta_T has a dimension {odd[0]!r} beside time; {pick}")
-    if data["delta_T"].ndim != 1:
-        raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core'), or --read core")
+    if more := [str(dim) for dim in data["delta_T"].dims if dim != "time"]:
+        pick = "data.sel(probe='core'), or --read core" if more == ["probe"] else f"data.isel({more[0]}=0)"
+        raise checks.InputError(f"data.delta_T has a dimension {more[0]!r} beside time", f"pick one with {pick}")
     rise = checks.array("data.delta_T", data["delta_T"].values)
-    if times.size < FEWEST:
-        raise checks.InputError(f"data has {times.size} samples; at least {FEWEST} are needed to train anything")
-    if np.ptp(rise) <= 0:
-        raise checks.InputError("data.delta_T is constant; training needs a temperature that varies")
+    checks.enough("data", times.size, FEWEST)
     checks.between("the span of data.time", np.ptp(times), *POSSIBLE, unit="s", hint="is time in another unit?")
     checks.between("the largest of data.delta_T", np.max(np.abs(rise)), *POSSIBLE, unit="K")
     checks.between("the swing of data.delta_T", np.ptp(rise), *POSSIBLE, unit="K")
@@ -177,10 +170,6 @@ def response_of(data: xr.Dataset) -> Response:
         times = _on_edges(times, wave)
         _check_power(data, wave, times)
     else:
-        if "power" not in data:
-            raise checks.InputError(
-                "data has neither power nor a waveform attribute; a model needs to know what heated it"
-            )
         wave = waveforms.Sampled(times, data["power"].values)
     _check_times(wave, times, rise)
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
@@ -224,9 +213,11 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
         channels.
     """
     datasets: Any = data if isinstance(data, list | tuple) else [data]
-    responses = [_response(k, datasets) for k in range(len(datasets))]
-    if not responses:
-        raise checks.InputError("data is empty; give at least one Dataset")
+    responses: list[Response] = []
+    for k, one in enumerate(datasets):
+        with checks.prefixed(f"data[{k}]" if len(datasets) > 1 else ""):
+            responses.append(response_of(one))
+    checks.enough("data", len(responses), 1, "Datasets")
     seen: dict[bytes, int] = {}
     for k, response in enumerate(responses):
         first = seen.setdefault(response.times.tobytes() + response.rise.tobytes(), k)
@@ -234,15 +225,6 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
             raise checks.InputError(f"data[{k}] is the same trace as data[{first}]; give every trace once")
     doubts = check_together([at_probe(one) for one in datasets])
     return [replace(one, doubts=(*one.doubts, *doubts)) for one in responses]
-
-
-def _response(k: int, datasets: Sequence[Any]) -> Response:
-    """`response_of` of one Dataset of a list; the error says which one, as ``data[1]``."""
-    try:
-        return response_of(datasets[k])
-    except checks.InputError as error:
-        place = f"data[{k}]: " if len(datasets) > 1 else ""
-        raise checks.InputError(place + error.rule, error.hint) from None
 
 
 def warn_of(responses: Sequence[Response]) -> None:

@@ -24,7 +24,7 @@ import filelock
 import tomli_w
 
 from .. import checks
-from ..checks import InputError, shown
+from ..checks import InputError, prefixed, shown
 from . import quantity
 
 T = TypeVar("T")
@@ -38,58 +38,49 @@ _WORD = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 _DOTTED = re.compile(rf"(?<![\w\\-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{DEPTH}}}")  # tomllib's memory is its square
 
 # kinds of the values of a table beside SI units, see `read_table`
-TEXT, FLAG, NUMBER, TABLE, TABLES, ANY = "text", "true or false", "a number", "a table", "tables", "anything"
-_TYPES: dict[str, type] = {TEXT: str, FLAG: bool, TABLE: dict}
+TEXT, FLAG, NUMBER, TABLE, ANY = "text", "true or false", "a number", "a table", "anything"
+TABLES = "tables, each opened by its name in double brackets, [[name]]"
+_KINDS: dict[str, Any] = {TEXT: str, FLAG: bool, NUMBER: float, TABLE: dict, TABLES: list, ANY: object}
 
 
 def regular(path: str | Path, kind: str = "") -> Path:
     """The path of a regular file; InputError for what does not exist, a folder, a pipe or a device."""
     path = checks.path("path", path)
     what = f"{kind} file {str(path)!r}" if kind else str(path)
-    try:
+    with prefixed(f"{what} cannot be read", OSError):
+        there = path.exists()
         if path.is_file():
             return path
-        rule = "cannot be read: it is a folder or a device" if path.exists() else "does not exist"
-    except OSError as error:
-        rule = f"cannot be read: {error.strerror}"
-    raise InputError(f"{what} {rule}")
+    raise InputError(f"{what} {'cannot be read: it is a folder or a device' if there else 'does not exist'}")
 
 
 def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
     """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
     path = regular(path, kind)
-    if path.stat().st_size > most:
-        raise InputError(f"{kind} file {str(path)!r} has more than {most} bytes")
-    try:
+    with prefixed(f"{kind} file {str(path)!r} cannot be read", OSError):
+        checks.integer("its number of bytes", path.stat().st_size, 0, most)
         return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{kind} file {str(path)!r} cannot be read: {error.strerror}") from None
 
 
 def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
     """Text of a UTF-8 file, with or without a byte order mark; raises as `read_bytes`."""
-    try:
-        return read_bytes(path, kind, most=most).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{kind} file {str(path)!r} cannot be read: it is not UTF-8 text") from None
+    content = read_bytes(path, kind, most=most)
+    with prefixed(f"{kind} file {str(path)!r} cannot be read", UnicodeDecodeError, hint="it must be UTF-8"):
+        return content.decode("utf-8-sig")
 
 
 def read_json(path: str | Path, kind: str) -> Any:
     """Tree of a JSON file, see `from_json`; the error begins with the file."""
     text = read_text(path, kind)
-    try:
+    with prefixed(f"{path} cannot be read"):
         return from_json(text)
-    except InputError as error:
-        raise InputError(f"{path} cannot be read: {error}; is it complete?") from None
 
 
 def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
     """``read`` of the text of a TOML file; an InputError of it begins with the file."""
     text = read_text(path, kind)
-    try:
+    with prefixed(str(path), text=True):
         return read(text)
-    except InputError as error:
-        raise InputError(f"{path}: {error.for_text()}") from None
 
 
 def from_json(text: str) -> Any:
@@ -100,35 +91,31 @@ def from_json(text: str) -> Any:
     >>> from_json('{"R": [1e3, 2]}')
     {'R': [1000.0, 2]}
     """
-    try:
+    with prefixed("it is not JSON", ValueError, RecursionError, hint="is it complete?"):
         tree = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"it is not JSON ({error})") from None
     _check_tree(tree)
     return tree
 
 
 def from_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text; raises as `from_json`, with line and column where it is no TOML."""
-    if len(text) > LARGEST_TOML or _DOTTED.search(text):
-        raise InputError(f"not valid TOML: more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
-    try:
+    with prefixed("not valid TOML", ValueError, RecursionError):
+        if len(text) > LARGEST_TOML or _DOTTED.search(text):
+            raise InputError(f"more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
         tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"not valid TOML: {error}") from None
     _check_tree(tables)
     return tables
 
 
 def _check_tree(tree: Any, where: str = "", depth: int = 0) -> None:
     """InputError where a tree is too deep, or holds anything but text, finite numbers, true, false and null."""
-    if depth > DEPTH:
-        raise InputError(f"it is nested more than {DEPTH} deep")
     for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
-        if isinstance(value, dict | list):
+        nested = isinstance(value, dict | list)
+        if nested and depth < DEPTH:
             _check_tree(value, f"{where}{key}.", depth + 1)
         elif not isinstance(value, str | int | float | None) or (isinstance(value, float) and not math.isfinite(value)):
-            raise InputError(f"{where}{key}: {shown(value)} is neither text, finite number, true nor false")
+            rule = f"more than {DEPTH} deep" if nested else "neither text, finite number, true nor false"
+            raise InputError(f"{where}{key}: {shown(value)} is {rule}")
 
 
 def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Sequence[str] = ()) -> dict[str, Any]:
@@ -141,23 +128,18 @@ def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Seq
         checks.choice(f"{where}: key", key, keys)
     for key in required:
         if key not in table:
-            raise InputError(f"{where}: {key} is missing" + (f"; add [[{key}]] tables" if keys[key] == TABLES else ""))
-    return {key: _value(value, keys[key], key, where) for key, value in table.items()}
+            raise InputError(f"{where}: {key} is missing", f"add [[{key}]] tables" if keys[key] == TABLES else "")
+    return {key: _value(f"{where}: {key}", value, keys[key]) for key, value in table.items()}
 
 
-def _value(value: Any, kind: str, key: str, where: str) -> Any:
-    name = f"{where}: {key}"
-    if kind == ANY:
-        return value
-    if kind in _TYPES:
-        if not isinstance(value, _TYPES[kind]):
-            raise InputError(f"{name} = {shown(value)} must be {kind}")
-        return value
-    if kind == TABLES:
-        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            raise InputError(f"{name} must be tables, each opened by a line [[{key}]]")
-        return value
-    return checks.finite(name, value) if kind == NUMBER else quantity.parse(value, kind, name=name)
+def _value(name: str, value: Any, kind: str) -> Any:
+    if kind not in _KINDS:
+        return quantity.parse(value, kind, name=name)
+    if kind == NUMBER:
+        return checks.finite(name, value)
+    if not isinstance(value, _KINDS[kind]) or (kind == TABLES and not all(isinstance(one, dict) for one in value)):
+        raise InputError(f"{name} = {shown(value)} must be {kind}")
+    return value
 
 
 def to_toml(tables: Mapping[str, Any]) -> str:
@@ -202,10 +184,10 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
 def check_target(path: str | Path) -> Path:
     """Where a file will be written, links followed; InputError without a folder, or where no file can be written."""
     path = Path(os.path.realpath(checks.path("path", path)))
-    if not path.parent.is_dir():
-        raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
-    if (path.exists() and not path.is_file()) or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise InputError(f"{path} is a folder or a device, or write-protected; give the name of a file")
+    folder, there = path.parent.is_dir(), path.exists()
+    if not folder or (there and not path.is_file()) or not os.access(path if there else path.parent, os.W_OK):
+        rule = f"{path} is a folder or a device, or write-protected; give the name of a file"
+        raise InputError(rule if folder else f"{path.parent} is not a folder; make it first to write {path.name}")
     return path
 
 
@@ -222,13 +204,12 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     path = check_target(path)
     temporary = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(8)}{path.suffix}")
     try:
-        temporary.touch(exist_ok=False)
-        write(temporary)
-        if path.exists():
-            shutil.copymode(path, temporary)
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+        with prefixed(f"{path} cannot be written", OSError):
+            temporary.touch(exist_ok=False)
+            write(temporary)
+            if path.exists():
+                shutil.copymode(path, temporary)
+            temporary.replace(path)
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -238,10 +219,8 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
 def make_folder(path: str | Path) -> Path:
     """Make a folder to write into where it does not exist; InputError when that is not possible."""
     path = checks.path("path", path)
-    try:
+    with prefixed(f"folder {path} cannot be made", OSError):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
     return path
 
 
@@ -251,12 +230,12 @@ def locked(path: Path, what: str) -> Iterator[None]:
 
     A killed process gives its lock back.
     """
-    try:
-        lock = filelock.FileLock(path, timeout=0).acquire()
-    except filelock.Timeout:
-        raise InputError(f"{what} is in use by another run; wait for it, or take another one") from None
-    except OSError as error:
-        raise InputError(f"{what} cannot be written: {error.strerror}") from None
+    lock = filelock.FileLock(path, timeout=0)
+    with prefixed(f"{what} cannot be written", OSError):
+        try:
+            lock.acquire()
+        except filelock.Timeout:
+            raise InputError("it is in use by another run", "wait for it, or take another one") from None
     with lock:
         yield
 

@@ -88,8 +88,7 @@ def rise_of(
         the power is that of a column.
     """
     t, wave = rows.t, rows.wave
-    if t.size < dataset.FEWEST:
-        raise InputError(f"{t.size} rows; at least {dataset.FEWEST} are needed")
+    checks.enough("table", t.size, dataset.FEWEST, "rows")
     if fall is None:
         fall = isinstance(wave, Constant) and start is None and level is None and _falls(rows)
     sign, length, what = 1.0, 0.0, "heating"
@@ -112,9 +111,8 @@ def rise_of(
     kept = t >= t0
     if clipped := clipping(rows.y[~kept], rows.unit):  # what is kept is judged with its drive, by `response_of`
         rows.said.append(f"warning: before the heating {clipped}")
-    if kept.sum() < dataset.FEWEST:
-        count = int(kept.sum())
-        raise InputError(f"{count} rows after the start at {t0:g} s; at least {dataset.FEWEST} are needed", "--start")
+    after = f"rows after the start at {t0:g} s"
+    checks.enough("table", int(kept.sum()), dataset.FEWEST, after, hint="--start sets another")
     about: dict[str, Any] = {"start": t0 + length, "baseline": sign * off}
     if start is None and not kept.all():
         about[dataset.START] = _within(rows, t0)

@@ -16,7 +16,7 @@ import xarray as xr
 
 from .. import checks
 from ..arrays import Array
-from ..checks import InputError
+from ..checks import InputError, prefixed
 from ..waveforms import Constant, Waveform
 from . import column_units as units_of
 from . import dataset, files, heating_start, quantity
@@ -86,7 +86,7 @@ def read_trace(
     path = checks.path("path", path)
     content = files.read_bytes(path, "table", most=LARGEST)
     digest = hashlib.sha256(content).hexdigest()
-    try:
+    with prefixed(str(path)):
         table = number_table(content)
         del content
         said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
@@ -109,8 +109,6 @@ def read_trace(
         rows = heating_start.Rows(t, y, wave, units_of.unit_of(said), said)
         sampled = watts is not None
         times, rise, found = heating_start.rise_of(rows, first, level, False if sampled else fall, sampled)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     about = {
         "source": path.name,
         "source_sha256": digest,

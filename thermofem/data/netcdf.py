@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..checks import InputError, one_line, shown
+from ..checks import InputError, one_line, prefixed, shown
 from .files import regular, write_whole
 from .variables import in_si
 
@@ -39,10 +39,8 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
         data = data.assign_attrs(signed(data.variables, data.attrs))
     # 1000: values above which a variable is written deflated
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
-    try:
+    with prefixed("data cannot be written as netCDF", TypeError, ValueError, OverflowError):
         content = data.to_netcdf(engine="h5netcdf", encoding=encoding)
-    except (TypeError, ValueError, OverflowError) as error:  # of objects that are neither numbers nor text
-        raise InputError(f"data cannot be written as netCDF: {error}") from None
     return write_whole(path, lambda p: p.write_bytes(content))
 
 
@@ -64,15 +62,10 @@ def load(path: str | Path) -> xr.Dataset:
     the file cannot hold; a unit of a known variable that is unknown or of another dimension.
     """
     path = regular(path)
-    try:
+    with prefixed(f"{path} cannot be read as netCDF", *DAMAGE, hint="is it complete?"):
         check(path)
         with xr.open_dataset(path, engine="h5netcdf", **OPEN) as opened:
             data = opened.load()
-    except InputError as error:
-        raise InputError(f"{path} {error}") from None
-    except DAMAGE as error:
-        what = error or type(error).__name__
-        raise InputError(f"{path} cannot be read as netCDF ({what}); is it complete?") from None
     schema = data.attrs.get("schema", SCHEMA)
     if not np.isscalar(schema) or schema not in range(SCHEMA + 1):
         what = f"{path} has schema {one_line(str(schema), most=80)}"
@@ -93,12 +86,12 @@ def check(path: Path) -> None:
     size = path.stat().st_size
     with path.open("rb") as raw:
         if raw.read(3) == b"CDF":
-            raise InputError("is netCDF-3; save it as netCDF-4, such as with nccopy -k nc4 OLD NEW")
+            raise InputError("it is netCDF-3", "save it as netCDF-4, such as with nccopy -k nc4 OLD NEW")
     with h5py.File(path, "r") as file:
         declared = _declared(file)
     # 1100: values a byte of a file can stand for: deflate reaches 1032 to 1
     if declared > min(LARGEST, 64_000_000 + 1100 * size):  # 64_000_000: bytes that any file may declare
-        raise InputError(f"cannot be read: its {size} bytes declare {float(declared):.2g} bytes, more than fit")
+        raise InputError(f"its {size} bytes declare {float(declared):.2g} bytes, more than fit")
 
 
 def _declared(file: Any) -> int:
@@ -114,7 +107,7 @@ def _declared(file: Any) -> int:
                 link = not isinstance(group.get(name, getlink=True), h5py.HardLink)
                 if link or seen > MOST_OBJECTS or depth > DEPTH:
                     rule = f"is a link, more than {MOST_OBJECTS} variables or {DEPTH} groups deep"
-                    raise InputError(f"cannot be read: {shown(name)} {rule}")
+                    raise InputError(f"{shown(name)} {rule}")
                 item = group[name]
                 if isinstance(item, h5py.Group):
                     below.append(item)
@@ -126,14 +119,13 @@ def _declared(file: Any) -> int:
 
 def _values(name: str, item: Any) -> int:
     """Bytes of one variable; none for a dimension without coordinates, which is never loaded."""
-    if item.external or item.is_virtual:
-        raise InputError(f"cannot be read: the values of {shown(name)} lie in another file")
     label = item.attrs.get("NAME", b"")
     if isinstance(label, bytes) and b"This is a netCDF dimension but not a netCDF variable." in label:
         return 0
-    for scales, length in zip(item.dims, item.shape or (), strict=False):
-        if len(scales) and scales[0].shape[:1] != (length,):  # h5netcdf would add zeros
-            raise InputError(f"cannot be read: {shown(name)} has {length} values, its dimension {scales[0].shape}")
+    sizes = zip(item.dims, item.shape or (), strict=False)
+    short = any(len(scales) and scales[0].shape[:1] != (length,) for scales, length in sizes)  # h5netcdf adds zeros
+    if short or item.external or item.is_virtual:
+        raise InputError(f"values of {shown(name)} lie in another file, or are not as many as its dimensions say")
     return int(np.prod(item.shape, dtype=object) if item.shape else 1) * max(1, item.dtype.itemsize)
 
 

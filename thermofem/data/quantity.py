@@ -15,8 +15,7 @@ from ..checks import SMALLEST, InputError, shown
 # digits of ASCII only, none grouped by "_": Python's float() takes more
 _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*({_DIGITS})\s*(.*?)\s*$", re.DOTALL)
-_BARE = re.compile(_DIGITS)
-LONGEST = 400  # characters of a number or a quantity: 309 digits are the largest float
+LONGEST = 400  # characters of a quantity: 309 digits are the largest float
 # names, products, quotients and brackets, powers of one digit: pint computes larger powers, of any size
 _UNIT = re.compile(r"(?:[^\W\d_]|(?<=\w)_(?=\w)|[\s*/()%°]|1(?!\d)|(?<![\s)^*])\^[+-]?[1-9](?![\d^]))*")
 _SUPERSCRIPTS = str.maketrans({"²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "·": "*", "⋅": "*"})
@@ -75,25 +74,27 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
     (4.5e-07, 0.0063096, -10000000000.0)
     """
-    what = f"{name} = {shown(text)}"
     match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:LONGEST])
-    if match is None:
-        raise InputError(f"{what} does not begin with a number", _wanted(unit))
-    number, given = match[1], match[2]
-    if (not given and unit) or given.startswith(","):
-        rule = "has a comma in its number; decimals follow a point" if given else "has no unit"
-        raise InputError(f"{what} {rule}", _wanted(unit))
-    value = _convert(number, given, unit, what) if math.isfinite(float(number)) else math.inf
+    value, fault = _convert(match[1], match[2], unit) if match else (math.nan, "does not begin with a number")
     if not math.isfinite(value):
-        raise InputError(f"{what} is not finite", _wanted(unit))
+        raise InputError(f"{name} = {shown(text)} {fault or 'is not finite'}", _wanted(unit))
     return value
 
 
 def positive(text: Any, unit: str, *, name: str = "value") -> float:
     """`parse`, and InputError unless the quantity is larger than zero."""
+    return _from(SMALLEST, "must be larger than zero", text, unit, name)
+
+
+def not_negative(text: Any, unit: str, *, name: str = "value") -> float:
+    """`parse`, and InputError where the quantity is below zero."""
+    return _from(0.0, "must not be negative", text, unit, name)
+
+
+def _from(least: float, rule: str, text: Any, unit: str, name: str) -> float:
     value = parse(text, unit, name=name)
-    if value < SMALLEST:
-        raise InputError(f"{name} = {shown(text)} must be larger than zero", _wanted(unit))
+    if value < least:
+        raise InputError(f"{name} = {shown(text)} {rule}", _wanted(unit))
     return value
 
 
@@ -103,41 +104,6 @@ def positive_rise(text: Any, *, name: str = "value") -> float:
     if str(text).rstrip().endswith(("degC", "°C")):
         raise InputError(f"{name} = {shown(text)} is a difference of temperatures; write it in K")
     return value
-
-
-def not_negative(text: Any, unit: str, *, name: str = "value") -> float:
-    """`parse`, and InputError where the quantity is below zero."""
-    value = parse(text, unit, name=name)
-    if value < 0:
-        raise InputError(f"{name} = {shown(text)} must not be negative", _wanted(unit))
-    return value
-
-
-def number(text: str) -> float:
-    """A plain number written in ASCII digits, or nan for "nan"; ValueError for anything else.
-
-    Python's ``float`` also takes "1_0" and the digits of other scripts, which no table of numbers holds.
-
-    >>> number("-1.5e3")
-    -1500.0
-    """
-    if len(text) <= LONGEST and _BARE.fullmatch(text):
-        return float(text)
-    if text.strip("+-").lower() in ("nan", "inf", "infinity"):
-        return math.nan
-    raise ValueError(shown(text))
-
-
-def line(unit: str, si: str, *, name: str) -> tuple[float, float]:
-    """Offset and factor that turn numbers in ``unit`` into SI; InputError where the scale is not straight (dBm).
-
-    >>> line("us", "s", name="time")
-    (0.0, 1e-06)
-    """
-    at = [parse(f"{k} {unit}", si, name=name) for k in (0, 1, 2)]
-    if abs(at[2] - 2 * at[1] + at[0]) > 1e-9 * abs(at[1]):
-        raise InputError(f"{name}: the unit {shown(unit)} is no straight scale; write the numbers in {si}")
-    return at[0], at[1] - at[0]
 
 
 def write(value: float, unit: str) -> str:
@@ -163,48 +129,51 @@ def rounded(value: float, unit: str, digits: int = 3) -> str:
     return write(number, unit) if math.isfinite(number) else f"{number} {unit}"
 
 
-def _convert(digits: str, given: str, unit: str, what: str) -> float:
-    """The number ``digits`` of unit ``given`` in ``unit``; the digits are kept where the unit is a power of ten."""
+def _convert(digits: str, given: str, unit: str) -> tuple[float, str]:
+    """The number ``digits`` of unit ``given`` in ``unit``, and what is wrong with it where it is not finite.
+
+    The digits are kept where the unit is a power of ten.
+    """
     if given == "dBm" and unit == "W":
-        return 1e-3 * 10 ** (float(digits) / 10) if float(digits) < 3000 else math.inf
+        return 1e-3 * 10 ** (float(digits) / 10) if float(digits) < 3000 else math.inf, ""
     if given in ("degC", "°C") and unit == "K":
-        return float(digits) + 273.15
-    try:
-        factor = _factor(given, unit)
-    except InputError as error:
-        raise InputError(f"{what} {error.rule}", _wanted(unit)) from None
+        return float(digits) + 273.15, ""
+    factor, fault = _factor(given, unit)
     decades = round(math.log10(factor)) if factor > 0 else 0
-    if abs(factor / 10.0**decades - 1) > 1e-12:
-        return float(digits) * factor
+    if fault or abs(factor / 10.0**decades - 1) > 1e-12:
+        return float(digits) * factor, fault
     mantissa, _, exponent = digits.lower().partition("e")
-    return float(f"{mantissa}e{int(exponent or 0) + decades}")
+    return float(f"{mantissa}e{int(exponent or 0) + decades}"), ""
 
 
 @lru_cache(maxsize=1024)
-def _factor(given: str, unit: str) -> float:
-    """One ``given`` in ``unit``; InputError for no unit, an unknown one, or another dimension."""
+def _factor(given: str, unit: str) -> tuple[float, str]:
+    """One ``given`` in ``unit``, or nan and why: no unit, an unknown one, or another dimension."""
     text = given.translate(_SUPERSCRIPTS).replace("**", "^")
     if unit == "1/m" and text.startswith("dB/"):
         # math.log(10) / 10: natural attenuation of power for 1 dB
-        return (math.log(10) / 10) * _factor(f"1{text[2:]}", unit)
-    if len(text) > 80 or not _UNIT.fullmatch(text):  # 80: characters
-        raise InputError(f": {shown(given)} is not a unit")
-    import pint
+        factor, fault = _factor(f"1{text[2:]}", unit)
+        return (math.log(10) / 10) * factor, fault
+    if unit and not given:
+        return math.nan, "has no unit"
+    comma = "has a comma in its number; decimals follow a point"
+    fault = comma if given.startswith(",") else f"has no known unit: {shown(given)} is not a unit"
+    if len(text) <= 80 and _UNIT.fullmatch(text):  # 80: characters
+        import pint
 
-    try:
-        found, wanted = (registry().Quantity(1.0, registry().parse_units(one)) for one in (text, unit))
-        # in root units angles are kept: rad/s is not Hz
-        same = found.to_root_units().units == wanted.to_root_units().units
-        factor = float((found / wanted).to_base_units().magnitude) if same else 0.0
-    except pint.errors.UndefinedUnitError as error:
-        unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
-        near = _nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
-        raise InputError(f": the unit {unknown!r} is unknown" + (f", did you mean {near!r}?" if near else "")) from None
-    except Exception:  # pint's parser raises whatever its tokeniser meets, AssertionError included
-        raise InputError(f": {shown(given)} is not a unit") from None
-    if not same:
-        raise InputError("has the wrong dimension")
-    return factor
+        try:
+            found, wanted = (registry().Quantity(1.0, registry().parse_units(one)) for one in (text, unit))
+            # in root units angles are kept: rad/s is not Hz
+            if found.to_root_units().units == wanted.to_root_units().units:
+                return float((found / wanted).to_base_units().magnitude), ""
+            fault = "has the wrong dimension"
+        except pint.errors.UndefinedUnitError as error:
+            unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
+            near = _nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
+            fault = f"has no known unit: {unknown!r} is unknown" + (f", did you mean {near!r}?" if near else "")
+        except Exception:
+            pass
+    return math.nan, fault
 
 
 _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"), "rad": ("mrad",), "J": ("nJ",)}

@@ -101,13 +101,11 @@ def in_si(name: str, data: xr.Dataset) -> xr.Dataset:
         if field is None or _is_derivative(str(key), variable, field.unit):
             continue
         _check_valid(f"{what} {key!r}", variable)
-        if given is None or given == field.unit:
+        if given is None or str(given) == field.unit or (str(given) in ("", "1") and field.unit in ("", "1")):
             continue
-        if not isinstance(given, str) or (given in ("", "1") and field.unit not in ("", "1")):
-            raise InputError(f"{what} {key!r} states the unit {shown(given)}; {field.unit} is needed")
-        if variable.dtype.kind not in "fiu" or given in ("", "1"):
+        if variable.dtype.kind not in "fiu":
             continue
-        offset, factor = _line(given, field, f"{what} {key!r}")
+        offset, factor = _line(given, field, f"{what} {key!r}: unit")
         attributes = {**variable.attrs, "units": field.unit}
         changed[key] = (variable.dims, offset + factor * np.asarray(variable.values, dtype=float), attributes)
     return data.assign(changed) if changed else data
@@ -130,11 +128,13 @@ def _check_valid(name: str, variable: Any) -> None:
         raise InputError(f"{name} holds {values[missing][0]:g}, which its attributes call missing; leave it out")
 
 
-def _line(given: str, field: Variable, name: str) -> tuple[float, float]:
-    """Offset and factor of a unit; a rise in degrees Celsius has no offset."""
+def _line(given: Any, field: Variable, name: str) -> tuple[float, float]:
+    """Offset and factor of a unit; a rise in degrees Celsius has no offset. InputError for one without, such as dBm."""
     unit = "" if field.unit == "1" else field.unit
-    offset, factor = quantity.line(given, unit, name=name)
-    return (0.0 if "rise" in field.long_name else offset), factor
+    zero, one, two = (quantity.parse(f"{k} {given}", unit, name=name) for k in (0, 1, 2))
+    if abs(two - 2 * one + zero) > 1e-9 * abs(one):
+        raise InputError(f"{name} = {shown(given)} is no straight scale; write the numbers in {unit}")
+    return (0.0 if "rise" in field.long_name else zero), one - zero
 
 
 def contents(name: str, data: Any, needed: Iterable[str], *, what: str) -> Any:

@@ -2,6 +2,7 @@
 
 from .assembly import assemble, light
 from .heat_problem import HeatProblem
+from .surfaces import Surfaces
 from .weak_forms import Discretization, discretize
 
-__all__ = ["Discretization", "HeatProblem", "assemble", "discretize", "light"]
+__all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize", "light"]

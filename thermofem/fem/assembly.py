@@ -30,9 +30,8 @@ from ..optics.modes import Light
 from .error_estimate import Estimate
 from .heat_problem import HeatProblem
 from .mesh_division import divided, resistances, split
-from .probe_means import probe_mean
 from .surfaces import surfaces_of
-from .weak_forms import Discretization, build, properties
+from .weak_forms import Discretization, discretize, properties
 
 ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
 LARGEST = 400_000  # unknowns; a mesh with more is not refined
@@ -88,14 +87,12 @@ def _corner(heat: HeatProblem, estimate: Estimate) -> str:
     )
 
 
-def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
+def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int = 2) -> HeatProblem:
     """The heat problem of a geometry on a given mesh, cut open along its interfaces (`mesh_division.split`)."""
     mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
-    conductivity, heat_capacity = properties(geometry, mesh)
-    discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))
-    probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
-    discretization = replace(discretization, means={**discretization.means, **probes})
-    return HeatProblem(geometry, mesh, discretization, accuracy)
+    surfaces = surfaces_of(geometry, mesh, resistances(geometry))
+    heat = HeatProblem(geometry, mesh, discretize(mesh, *properties(geometry, mesh), surfaces, degree=degree), accuracy)
+    return heat.reading(*(probe.name for probe in geometry.probes))
 
 
 class Leader:

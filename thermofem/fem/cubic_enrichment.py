@@ -10,8 +10,7 @@ the energy that they add together with it (measured on 12 random cross-sections 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from skfem import ElementTriP2
@@ -19,10 +18,8 @@ from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
 from ..arrays import Array, NDArray
-from ..geometry.section_parts import LIGHT
-from .probe_means import probe_integral
 from .surfaces import surface_terms
-from .weak_forms import element_capacity, element_conduction, volume
+from .weak_forms import element_capacity, element_conduction
 
 if TYPE_CHECKING:
     from .heat_problem import HeatProblem
@@ -62,8 +59,10 @@ class ElementTriP2Enriched(ElementH1):
 class Functions:
     """The quadratic functions of a mesh in the order of its basis, then the cubic ones: edges, triangles.
 
-    It has what `matrices` asks of a scikit-fem basis.
+    It has what `weak_forms` and `surfaces` ask of a scikit-fem basis.
     """
+
+    Nbfun: ClassVar[int] = 10  # on each triangle
 
     mesh: Any
     elem: Any
@@ -75,11 +74,6 @@ class Functions:
     def nelems(self) -> int:
         """Number of triangles."""
         return int(self.element_dofs.shape[1])
-
-    @property
-    def Nbfun(self) -> int:
-        """Functions on each triangle."""
-        return 10
 
     @classmethod
     def of(cls, basis: Any) -> Functions:
@@ -96,8 +90,9 @@ class Functions:
 class Enrichment:
     """The cubic functions of a mesh: their matrices with themselves and with the quadratic ones, triangle by triangle.
 
-    K, M [shape (triangles, 4, 10); W/K and J/K]: rows of the cubic functions of each triangle; columns first of the
-        quadratic, then of the cubic ones.
+    across [shapes (triangles, 4, 6); W/K and J/K]: K and M of the cubic functions of each triangle (rows) with its
+        quadratic ones.
+    own [shapes (4, 4, triangles)]: K and M between the cubic functions of each triangle, numbers side by side.
     quadratic, cubic [shapes (triangles, 6) and (triangles, 4)]: numbers of these functions; the cubic ones counted from
         0.
     surface [sparse, shape (cubic functions, all functions), or None]: what convection, open sides and contacts add to
@@ -106,8 +101,8 @@ class Enrichment:
     """
 
     functions: Functions
-    K: Array
-    M: Array
+    across: tuple[Array, Array]
+    own: tuple[Array, Array]
     quadratic: NDArray[np.intp]
     cubic: NDArray[np.intp]
     surface: Any
@@ -117,27 +112,20 @@ class Enrichment:
     def of(cls, d: Discretization, conductivity: Array, heat_capacity: Array) -> Enrichment:
         """Assemble it for k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), shape (triangles,)."""
         functions = Functions.of(d.basis)
-        columns = [*_QUADRATIC, *_CUBIC]
-        K, M = (
-            elements[:, _CUBIC][:, :, columns]
-            for elements in (element_conduction(functions, conductivity), element_capacity(functions, heat_capacity))
-        )
-        dofs, count = functions.element_dofs.T, functions.quadratic
+        both = element_conduction(functions, conductivity), element_capacity(functions, heat_capacity)
+        rows = [each[:, _CUBIC] for each in both]
+        across = rows[0][:, :, _QUADRATIC], rows[1][:, :, _QUADRATIC]
+        K, M = (np.ascontiguousarray(each[:, :, _CUBIC].transpose(1, 2, 0)) for each in rows)
+        dofs, count, surface = functions.element_dofs.T, functions.quadratic, None
+        if d.surfaces.any:
+            surface = surface_terms(functions, conductivity, d.surfaces).tocsr()[count:]
         held = np.asarray(d.surfaces.held, dtype=np.intp)
-        surface = _surface(functions, d, conductivity)
-        return cls(functions, K, M, dofs[:, _QUADRATIC], dofs[:, _CUBIC] - count, surface, held)
+        return cls(functions, across, (K, M), dofs[:, _QUADRATIC], dofs[:, _CUBIC] - count, surface, held)
 
     def mean(self, heat: HeatProblem, name: str) -> Array:
         """Functional of the mean over a region, a probe or the light, for the cubic functions."""
-        functions, geometry, mesh = self.functions, heat.geometry, heat.mesh
-        if name == LIGHT and heat.light is not None:
-            integral = heat.light.light_integral(functions)
-        elif name in mesh.region_names:
-            integral = volume(functions, mesh.region == mesh.region_names.index(name))
-        else:
-            probe = next(probe for probe in geometry.probes if probe.name == name)
-            integral = probe_integral(geometry, mesh, functions, probe)
-        return np.asarray(integral[functions.quadratic :] / integral[: functions.quadratic].sum())
+        integral, count = heat.integral(name, self.functions), self.functions.quadratic
+        return np.asarray(integral[count:] / integral[:count].sum())
 
     def added(self, shifts: Array, quadratic: Array, load: Array) -> tuple[Array, Array]:
         """Correction of quadratic solutions by the cubic functions, and its energy in every triangle.
@@ -150,17 +138,14 @@ class Enrichment:
         """
         count, s = load.shape[1], np.asarray(np.repeat(shifts, load.shape[1]), dtype=float)
         u = quadratic.reshape(len(quadratic), -1)[self.quadratic]
-        lacking = self.K[:, :, :6] @ u + (self.M[:, :, :6] @ u) * s
+        lacking = self.across[0] @ u + (self.across[1] @ u) * s
         rest = np.tile(load, len(shifts)) - self._sum(lacking.transpose(1, 0, 2))
-        on_diagonal = [
-            np.bincount(self.cubic.ravel(), np.einsum("tii->ti", A[:, :, 6:]).ravel()) for A in (self.K, self.M)
-        ]
+        on_diagonal = [np.bincount(self.cubic.ravel(), np.einsum("iit->ti", each).ravel()) for each in self.own]
         diagonal = on_diagonal[0][:, None] + np.multiply.outer(on_diagonal[1], s)
         if self.surface is not None:
             rest -= self.surface[:, : self.functions.quadratic] @ quadratic.reshape(len(quadratic), -1)
             diagonal = diagonal + self.surface.diagonal(self.functions.quadratic)[:, None]
-        K, M = self._blocks
-        blocks = K[..., None] + M[..., None] * s
+        blocks = self.own[0][..., None] + self.own[1][..., None] * s
         found = self._gradients(blocks, rest, diagonal)
         each = found[self.cubic.T]
         split = (*each.shape[:2], len(shifts), count)
@@ -171,12 +156,6 @@ class Enrichment:
             out = self.surface[:, self.functions.quadratic :] @ found
             total += np.einsum("isa,isb->sab", *(x.reshape(len(x), len(shifts), count) for x in (found, out)))
         return total, np.einsum("itsa,itsa->sat", each, image)
-
-    @cached_property
-    def _blocks(self) -> tuple[Array, Array]:
-        """K and M between the cubic functions of each triangle, shape (4, 4, triangles): numbers side by side."""
-        K, M = (np.ascontiguousarray(A[:, :, 6:].transpose(1, 2, 0)) for A in (self.K, self.M))
-        return K, M
 
     def _gradients(self, blocks: Array, rest: Array, diagonal: Array) -> Array:
         """A few conjugate gradients for each column, scaled by the diagonal.
@@ -208,10 +187,3 @@ class Enrichment:
         return np.stack(
             [np.bincount(places, column, minlength=count) for column in each.reshape(-1, each.shape[-1]).T], 1
         )
-
-
-def _surface(functions: Functions, d: Discretization, conductivity: Array) -> Any:
-    """Rows of the cubic functions in the surface terms of the stiffness; None without such terms."""
-    if not d.surfaces.any:
-        return None
-    return surface_terms(functions, conductivity, d.surfaces).tocsr()[functions.quadratic :]

@@ -17,7 +17,6 @@ which the wider domain has everywhere, and the far ends follow 1/d as those of a
 from __future__ import annotations
 
 import logging
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,7 @@ from ..arrays import Array, NDArray
 from ..mesh import Mesh
 from .mesh_division import resistances
 from .surfaces import Surfaces, line_source, surface_terms, surfaces_of
-from .weak_forms import build, capacity, properties
+from .weak_forms import capacity, discretize, properties
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -75,23 +74,23 @@ def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
     source = heat.discretization.surfaces.source[1]
     R, depth = geometry.outer_radius, source - geometry.bottom_z
     far = sizes * max(R, depth)
-    grown = _Grown(heat.mesh.points, heat.mesh.triangles, np.arange(len(heat.mesh.triangles)))
+    grown, slack = (heat.mesh.points, heat.mesh.triangles, np.arange(len(heat.mesh.triangles))), 1e-9 * R
     if "outer" in sides:
-        grown = grown.beyond(heat, 0, R, R * _steps(far / R))
+        grown = _extended(*grown, 0, R, R * _steps(far / R), slack)
         if geometry.inner_end < 0:
-            grown = grown.beyond(heat, 0, -R, -R * _steps(far / R))
+            grown = _extended(*grown, 0, -R, -R * _steps(far / R), slack)
     if "bottom" in sides:
-        grown = grown.beyond(heat, 1, geometry.bottom_z, source - depth * _steps(far / depth))
-    mesh = Mesh(grown.points, grown.triangles, heat.mesh.region[grown.owner], heat.mesh.region_names, geometry.depth)
-    k = properties(geometry, heat.mesh)[0][:, grown.owner]
-    count = len(heat.mesh.triangles)
+        grown = _extended(*grown, 1, geometry.bottom_z, source - depth * _steps(far / depth), slack)
+    points, triangles, owner = grown
+    mesh = Mesh(points, triangles, heat.mesh.region[owner], heat.mesh.region_names, geometry.depth)
+    k = properties(geometry, heat.mesh)[0][:, owner]
     surfaces = _surfaces(geometry, mesh, sides, far, source - far)
-    d = build(mesh, k, np.ones(len(mesh.triangles)), surfaces)
+    d = discretize(mesh, k, np.ones(len(mesh.triangles)), surfaces)
     if geometry.length is not None:
         d = replace(d, stiffness=(d.stiffness + capacity(d.basis, k[1] * _sink(heat, mesh))).tocsr())
     beyond = surface_terms(d.basis, k, Surfaces(open=surfaces.open, source=surfaces.source)).tocsr()
     place = np.zeros(heat.discretization.basis.N, dtype=np.intp)
-    place[heat.discretization.basis.element_dofs] = d.basis.element_dofs[:, :count]
+    place[heat.discretization.basis.element_dofs] = d.basis.element_dofs[:, : len(heat.mesh.triangles)]
     return Wider(d, place, beyond[d.free][:, d.free])
 
 
@@ -108,37 +107,35 @@ def _steps(ratio: float) -> Array:
     return np.asarray(np.geomspace(1, ratio, int(np.ceil(np.log(ratio) / np.log(STEP))) + 1)[1:])
 
 
-@dataclass(frozen=True, eq=False)
-class _Grown:
-    """Points, triangles, and the triangle of the domain whose material each has."""
+def _extended(
+    points: Array,
+    triangles: NDArray[np.int64],
+    owner: NDArray[np.intp],
+    axis: int,
+    at: float,
+    levels: Array,
+    slack: float,
+) -> tuple[Array, NDArray[np.int64], NDArray[np.intp]]:
+    """Points and triangles with more layers from the side r = ``at`` (axis 0) or z = ``at`` (1) to each of ``levels``.
 
-    points: Array
-    triangles: NDArray[np.int64]
-    owner: NDArray[np.intp]
-
-    def beyond(self, heat: HeatProblem, axis: int, at: float, levels: Array) -> _Grown:
-        """Add layers of triangles from the side r = ``at`` (axis 0) or z = ``at`` (1) out to each of ``levels``."""
-        grid = skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
-        facets = grid.boundary_facets()
-        there = np.abs(grid.p[axis, grid.facets[:, facets]] - at).max(axis=0) <= 1e-9 * heat.geometry.outer_radius
-        facets = facets[there]
-        if facets.size == 0:  # a void there
-            return self
-        ends, beside = grid.facets[:, facets], self.owner[grid.f2t[0, facets]]
-        vertices, local = np.unique(ends, return_inverse=True)
-        local = local.reshape(ends.shape)
-        layers = np.repeat(self.points[vertices][None], len(levels), axis=0)
-        layers[:, :, axis] = levels[:, None]
-        number = np.arange(layers[..., 0].size).reshape(len(levels), -1) + len(self.points)
-        number = np.vstack([vertices, number])
-        (a, b), (c, e) = number[:-1, local].swapaxes(0, 1), number[1:, local].swapaxes(0, 1)
-        points = np.concatenate([self.points, layers.reshape(-1, 2)])
-        new = np.stack([np.stack([a, b, e], axis=-1), np.stack([a, e, c], axis=-1)]).reshape(-1, 3)
-        p, q = points[new[:, 1]] - points[new[:, 0]], points[new[:, 2]] - points[new[:, 0]]
-        clockwise = p[:, 0] * q[:, 1] < p[:, 1] * q[:, 0]
-        new[clockwise] = new[clockwise][:, ::-1]
-        owner = np.tile(beside, 2 * len(levels))
-        return _Grown(points, np.concatenate([self.triangles, new]), np.concatenate([self.owner, owner]))
+    owner: the triangle of the domain whose material each has.
+    """
+    grid = skfem.MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(triangles.T))
+    facets = grid.boundary_facets()
+    facets = facets[np.abs(grid.p[axis, grid.facets[:, facets]] - at).max(axis=0) <= slack]
+    if facets.size == 0:  # a void there
+        return points, triangles, owner
+    ends, beside = grid.facets[:, facets], owner[grid.f2t[0, facets]]
+    vertices, local = np.unique(ends, return_inverse=True)
+    local = local.reshape(ends.shape)
+    layers = np.repeat(points[vertices][None], len(levels), axis=0)
+    layers[:, :, axis] = levels[:, None]
+    number = np.arange(layers[..., 0].size).reshape(len(levels), -1) + len(points)
+    number = np.vstack([vertices, number])
+    (a, b), (c, e) = number[:-1, local].swapaxes(0, 1), number[1:, local].swapaxes(0, 1)
+    new = np.stack([np.stack([a, b, e], axis=-1), np.stack([a, e, c], axis=-1)]).reshape(-1, 3)
+    points = np.concatenate([points, layers.reshape(-1, 2)])
+    return points, np.concatenate([triangles, new]), np.concatenate([owner, np.tile(beside, 2 * len(levels))])
 
 
 def _surfaces(geometry: CrossSection, mesh: Mesh, moved: list[str], reach: float, depth: float) -> Surfaces:
@@ -168,8 +165,7 @@ CLOSED = 'if the chip goes on there, say bottom = "open", outer = "open" in [bou
 OPEN = "heat that runs along a layer or one axis of a material is still felt at its open sides: move them outwards"
 ENDS = "heat also leaves through the ends of the guide, which a section lacks: at most by this R_th is too large"
 NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by less a line of information
-AGAIN = 2.0  # times the largest error that was logged for a domain: one larger by this factor is logged again
-_reported: dict[tuple[str, str, float, float], float] = {}
+_reported: set[tuple[str, str, float, float, int]] = set()
 
 
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
@@ -194,16 +190,16 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
 def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what: str = "R_th") -> None:
     """Log that the end of the domain changes R_th, or ``what``, by more than the accuracy, and the remedy.
 
-    A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Of geometries of
-    one name and size the first is logged, then what errs `AGAIN` times as much or is the first above `NOTABLE`.
+    A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Either is logged
+    once for geometries of one name and size.
     """
-    size = geometry.name, what, geometry.outer_radius, geometry.bottom_z
-    reported = _reported.get(size, 0.0)
-    if domain <= min(AGAIN * reported, NOTABLE if reported <= NOTABLE else math.inf):
+    level = logging.WARNING if domain > NOTABLE else logging.INFO
+    key = geometry.name, what, geometry.outer_radius, geometry.bottom_z, level
+    if key in _reported:
         return
-    _reported[size] = domain
+    _reported.add(key)
     log.log(
-        logging.WARNING if domain > NOTABLE else logging.INFO,
+        level,
         "%s: the domain ends %.3g um below and %.3g um beside the axis, which moves %s by %.1e (accuracy = %g); %s",
         geometry.name,
         -geometry.bottom_z * 1e6,

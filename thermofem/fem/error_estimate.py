@@ -32,10 +32,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from ..arrays import Array, NDArray
+from .cubic_enrichment import Enrichment
 from .weak_forms import properties
 
 if TYPE_CHECKING:
-    from .cubic_enrichment import Enrichment
     from .heat_problem import HeatProblem
     from .weak_forms import Discretization
 
@@ -60,8 +60,8 @@ def strong(d: Discretization, conductivity: Array, region: NDArray[np.int64]) ->
     conductivity [shape (2, triangles), W/(m K)]: k_r and k_z.
     region [shape (triangles,)]
     """
-    held = _ends(d, d.surfaces.held)
-    found = {int(v): _exponent(d, conductivity, int(v), held) for v in _candidates(d, region, held)}
+    held = d.basis.mesh.facets[:, d.surfaces.held]
+    found = {vertex: _exponent(d, conductivity, vertex, held) for vertex in _candidates(d, region, held).tolist()}
     return {vertex: exponent for vertex, exponent in found.items() if exponent < STRONG}
 
 
@@ -75,11 +75,6 @@ def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.i
     outside = np.bincount(grid.facets[:, ~inner].ravel(), minlength=count) > 0
     on_held = np.bincount(held.ravel(), minlength=count) == 1
     return np.flatnonzero(np.where(outside, meeting + on_held >= 2, meeting >= 3))
-
-
-def _ends(d: Discretization, facets: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Vertices of some facets, shape (2, n)."""
-    return np.asarray(d.basis.mesh.facets[:, facets])
 
 
 def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray[np.int64]) -> float:
@@ -157,8 +152,6 @@ class MeshError:
     @cached_property
     def enrichment(self) -> Enrichment:
         """The cubic functions on the mesh."""
-        from .cubic_enrichment import Enrichment
-
         return Enrichment.of(self.heat.discretization, *properties(self.heat.geometry, self.heat.mesh))
 
     @cached_property

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from .domain_truncation import Wider, domain_error, warn_of_domain, wider
 from .error_estimate import Estimate, MeshError
-from .weak_forms import Discretization, capacity, conduction, properties
+from .probe_means import probe_integral
+from .weak_forms import Discretization, capacity, conduction, properties, volume
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -101,11 +102,24 @@ class HeatProblem:
         >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 2)
         1.0
         """
-        if LIGHT in self.regions or any(probe.name == LIGHT for probe in self.geometry.probes):
-            raise checks.InputError(f"{self.geometry.name!r} has a region or probe called 'light'; rename it")
-        integral = mode.light_integral(self.discretization.basis)
-        means = {**self.discretization.means, LIGHT: integral / integral.sum()}
-        return replace(self, light=mode, discretization=replace(self.discretization, means=means))
+        names = (*self.regions, *(probe.name for probe in self.geometry.probes), LIGHT)
+        checks.unique("what can be read", names, hint="rename the region or probe")
+        return replace(self, light=mode).reading(LIGHT)
+
+    def reading(self, *names: str) -> HeatProblem:
+        """The same problem with the means over probes or the light among those of its `Discretization`."""
+        integrals = {name: self.integral(name, self.discretization.basis) for name in names}
+        means = {**self.discretization.means, **{name: one / one.sum() for name, one in integrals.items()}}
+        return replace(self, discretization=replace(self.discretization, means=means))
+
+    def integral(self, name: str, basis: Any) -> Array:
+        """Integral of 2 pi r times each function of a basis over a region or probe, or as the light sees it."""
+        if name == LIGHT and self.light is not None:
+            return self.light.light_integral(basis)
+        if name in self.regions:
+            return np.asarray(volume(basis, self.mesh.region == self.regions.index(name)))
+        probe = next(probe for probe in self.geometry.probes if probe.name == name)
+        return probe_integral(self.geometry, self.mesh, basis, probe)
 
     @cached_property
     def lit(self) -> HeatProblem:
@@ -150,14 +164,16 @@ class HeatProblem:
         """
         inputs = _names("heated", heated, self.heated, self.heated)
         outputs = _names("read", read, self.readable, inputs)
-        if (inputs, outputs) not in self._channels:
+        if (inputs, outputs) not in self._kept:
             origin = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
             system = replace(self.discretization.state_space(inputs, outputs), origin=origin)
-            self._channels[inputs, outputs] = system
-        return self._channels[inputs, outputs]
+            self._kept[inputs, outputs] = system
+        kept: StateSpace = self._kept[inputs, outputs]
+        return kept
 
     @cached_property
-    def _channels(self) -> dict[tuple[tuple[str, ...], tuple[str, ...]], StateSpace]:
+    def _kept(self) -> dict[Any, Any]:
+        """Systems, transients and errors that were asked for before."""
         return {}
 
     @cached_property
@@ -170,9 +186,7 @@ class HeatProblem:
     ) -> StateSpace | NonlinearSystem:
         """As `channels`, with k(T) and c_p(T) where materials have them."""
         linear = self.channels(heated, read)
-        return (
-            NonlinearSystem(linear, self._flow_and_content[0], self._flow_and_content[1]) if self.nonlinear else linear
-        )
+        return NonlinearSystem(linear, *self._flow_and_content) if self.nonlinear else linear
 
     def modal(self, heated: str) -> Modal:
         """Transients in closed form with ``heated`` carrying the power, at small power; one for all runs.
@@ -182,15 +196,12 @@ class HeatProblem:
         InputError
             a name that is no heated part.
         """
-        if checks.choice("heated", heated, self.heated) not in self._modal:
+        if checks.choice("heated", heated, self.heated) not in self._kept:
             known, contents = self._mesh_error.known(heated), self._mesh_error.contents
             others = np.column_stack(contents) if contents else None
-            self._modal[heated] = Modal(self.channels(heated), self.discretization.factors, known, others)
-        return self._modal[heated]
-
-    @cached_property
-    def _modal(self) -> dict[str, Modal]:
-        return {}
+            self._kept[heated] = Modal(self.channels(heated), self.discretization.factors, known, others)
+        kept: Modal = self._kept[heated]
+        return kept
 
     @cached_property
     def wider(self) -> Wider | None:
@@ -249,9 +260,9 @@ class HeatProblem:
         >>> round(th.assemble(th.strip_ring()).thermal_resistance("core") / 1e3, 2)  # K/mW
         7.86
         """
-        heated = self.heated[0] if heated is None else checks.choice("heated", heated, self.heated)
-        channel = self.channels(heated, heated if read is None else read)
-        return float(channel.C[0] @ self._mesh_error.static(heated))
+        heated, read = self._channel(heated, read)
+        d = self.discretization
+        return float(d.means[read][d.free] @ self._mesh_error.static(heated))
 
     def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.
@@ -272,10 +283,6 @@ class HeatProblem:
     def _mesh_error(self) -> MeshError:
         return MeshError(self)
 
-    @cached_property
-    def _estimated(self) -> dict[tuple[str, str, str], float]:
-        return {}
-
     def estimate(self, *channels: tuple[str, str]) -> Estimate:
         """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`.
 
@@ -284,32 +291,32 @@ class HeatProblem:
         for heated, read in channels:
             self._channel(heated, read)
         found = self._mesh_error.estimate(channels or self.judged)
-        self._estimated.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
+        self._kept.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
         return found
 
     def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
         """Relative mesh error of R_th and of the step response from 1 ns on, see `thermofem.fem.error_estimate`."""
         key = "mesh", *self._channel(heated, read)
-        if key not in self._estimated:
+        if key not in self._kept:
             self.estimate(key[1:])
-        return self._estimated[key]
+        return float(self._kept[key])
 
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
         """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.fem.domain_truncation`.
 
         Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for geometries of one
-        name and size that err alike.
+        name and size.
         """
         return self.mesh_error(heated, read), self.domain_error(heated, read)
 
     def domain_error(self, heated: str | None = None, read: str | None = None, *, what: str = "R_th") -> float:
         """Relative error of R_th by the finite domain, see `errors`; the log calls it ``what``."""
         key = "domain", *self._channel(heated, read)
-        if key not in self._estimated:
-            self._estimated[key] = domain_error(self, *key[1:])
-        if self._estimated[key] > self.accuracy:
-            warn_of_domain(self.geometry, self._estimated[key], self.accuracy, what)
-        return self._estimated[key]
+        if key not in self._kept:
+            self._kept[key] = domain_error(self, *key[1:])
+        if self._kept[key] > self.accuracy:
+            warn_of_domain(self.geometry, self._kept[key], self.accuracy, what)
+        return float(self._kept[key])
 
     def _channel(self, heated: str | None, read: str | None) -> tuple[str, str]:
         heated = checks.choice("heated", heated, self.heated, default=self.heated[0])
@@ -318,8 +325,7 @@ class HeatProblem:
     def field(self, state: ArrayLike) -> Array:
         """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
         state = checks.numbers("state", state)
-        if state.shape[-1:] != (self.unknowns,):
-            raise checks.InputError(f"state has shape {state.shape}; the last dimension has {self.unknowns} unknowns")
+        checks.shape("state", state, (*state.shape[:-1], self.unknowns))
         everywhere = np.zeros((*state.shape[:-1], self.discretization.mass.shape[0]))
         everywhere[..., self.discretization.free] = state
         return everywhere[..., self.discretization.basis.nodal_dofs[0]]
@@ -330,8 +336,4 @@ def _names(
 ) -> tuple[str, ...]:
     """One or several names, each checked against the known ones."""
     each = default if given is None else (given,) if isinstance(given, str) else given
-    names = checks.instances(argument, each, str)
-    if not names:
-        raise checks.InputError(f"{argument} is empty; give at least one of {', '.join(known)}")
-    checks.unique(argument, names)  # data.sel(probe=...) could not tell them apart
-    return tuple(checks.choice(argument, name, known) for name in names)
+    return tuple(checks.choice(argument, name, known) for name in checks.check_names(argument, tuple(each)))

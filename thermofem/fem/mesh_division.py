@@ -51,12 +51,12 @@ def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
     if not chosen.any():
         return None
     deeper = [point for point, there in at.items() if (there & chosen).any()]
-    mesh = refined(mesh, chosen)[0]
+    mesh = refined(mesh, chosen)
     for point in deeper:
         # 2 / 3: exponent of the field at the corner of a good conductor
         for _ in range(round((2 / 3) / estimate.corners[point]) - 1):
             there = _touching(mesh, point) & (_longest(mesh) >= 2 * finest)
-            mesh = refined(mesh, there)[0] if there.any() else mesh
+            mesh = refined(mesh, there) if there.any() else mesh
     return mesh
 
 
@@ -102,59 +102,18 @@ def _largest(share: Array, wanted: float) -> NDArray[np.bool_]:
     return chosen
 
 
-def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, NDArray[np.intp]]:
-    """Divide the marked triangles in four equal ones and neighbours as needed.
+def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> Mesh:
+    """The mesh with the marked triangles divided in four equal ones, and neighbours as needed.
 
-    mesh: without nodes that are doubled along contacts.
+    mesh: without nodes that are doubled along contacts. Its points are the first ones of the result.
     marked [shape (triangles,)]
-    Returns: its first points are those of ``mesh``, new ones are midpoints of edges.
-    Returns: for each new triangle the one that it lies in.
     """
-    count = len(mesh.points)
-    ends = np.sort(np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=-1), axis=-1)
-    edges, of = np.unique((ends[..., 0] * count + ends[..., 1]).ravel(), return_inverse=True)
-    of = of.reshape(-1, 3)  # edge from each corner to the next one
-    start, stop = edges // count, edges % count
-    length = np.sum((mesh.points[stop] - mesh.points[start]) ** 2, axis=1)
-    longest = length[of].argmax(axis=1)
-    divided = _closed(of, longest, marked)
-    middle = np.full(len(edges), -1)
-    middle[divided] = count + np.arange(divided.sum())
-    points = np.concatenate([mesh.points, (mesh.points[start[divided]] + mesh.points[stop[divided]]) / 2])
-    turn = (longest[:, None] + np.arange(3)) % 3  # the longest edge first
-    corners, halves = np.take_along_axis(mesh.triangles, turn, 1), np.take_along_axis(middle[of], turn, 1)
-    triangles, parent = _children(corners, halves)
-    return replace(mesh, points=points, triangles=triangles, region=mesh.region[parent]), parent
-
-
-def _closed(of: NDArray[np.intp], longest: NDArray[np.intp], marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Edges to divide: all of the marked triangles, and the longest one wherever another is divided."""
-    divided = np.zeros(of.max() + 1, dtype=bool)
-    divided[of[marked]] = True
-    base = of[np.arange(len(of)), longest]
-    while True:
-        missing = divided[of].any(axis=1) & ~divided[base]
-        if not missing.any():
-            return divided
-        divided[base[missing]] = True
-
-
-def _children(corners: NDArray[np.intp], halves: NDArray[np.intp]) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
-    """Triangles that replace each one, and which they replace; the first edge is divided where any is."""
-    (p, q, r), (a, b, c) = corners.T, halves.T
-    first, second, third = halves.T >= 0
-    patterns = [
-        (~first, [(p, q, r)]),
-        (first & ~second & ~third, [(p, a, r), (a, q, r)]),
-        (first & second & ~third, [(p, a, r), (a, b, r), (a, q, b)]),
-        (first & ~second & third, [(p, a, c), (c, a, r), (a, q, r)]),
-        (first & second & third, [(p, a, c), (a, q, b), (c, b, r), (a, b, c)]),
-    ]
-    triangles = [np.stack(corner, axis=1)[where] for where, children in patterns for corner in children]
-    parents = [np.flatnonzero(where) for where, children in patterns for _ in children]
-    parent = np.concatenate(parents)
-    order = np.argsort(parent, kind="stable")  # children stay where their parent was
-    return np.concatenate(triangles)[order].astype(np.int64), parent[order]
+    regions = {name: np.flatnonzero(mesh.region == k) for k, name in enumerate(mesh.region_names)}
+    grid = mesh.skfem.with_subdomains(regions).refined(np.flatnonzero(marked))
+    region = np.empty(grid.t.shape[1], dtype=np.int64)
+    for k, name in enumerate(mesh.region_names):
+        region[grid.subdomains[name]] = k
+    return replace(mesh, points=grid.p.T, triangles=grid.t.T.astype(np.int64), region=region)
 
 
 PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a smaller resistance, such as 0, counts as this one

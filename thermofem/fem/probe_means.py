@@ -144,13 +144,7 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
 
 
 def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Volume integral of each basis function over what a probe reads, in m^3."""
+    """Integral of 2 pi r times each basis function over what a probe reads, in m^3."""
     if probe.shell is None:
         return off_axis_integral(geometry, basis, probe)
     return shell_integral(geometry, mesh, basis, probe)
-
-
-def probe_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Functional of the volume mean over what a probe reads; its entries sum to one."""
-    integral = probe_integral(geometry, mesh, basis, probe)
-    return integral / integral.sum()

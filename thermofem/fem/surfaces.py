@@ -33,7 +33,7 @@ class Side:
     """Facets, each from its first to its second vertex, with m functions and q Gauss points.
 
     basis [anything with mesh, elem, element_dofs and N]
-    facets, cells [shape (f,)]: numbers, and the triangle beside each.
+    cells [shape (f,)]: the triangle beside each.
     dofs [shape (f, m)]
     shape [shape (f, m, q)]: the functions at the points.
     at, weight [shape (q,)]: positions 0 to 1 and weights of the Gauss points.
@@ -42,7 +42,6 @@ class Side:
     """
 
     basis: Any
-    facets: NDArray[np.intp]
     cells: NDArray[np.intp]
     dofs: NDArray[np.intp]
     shape: Array
@@ -60,14 +59,14 @@ class Side:
         local = (grid.t2f[:, cells] == facets).argmax(axis=0)
         vertices = grid.facets[:, facets]
         corners, ends = p[:, grid.t[:, cells]], p[:, vertices]
-        first = grid.t[_edges(basis)[local, 0], cells]
+        first = grid.t[np.array(basis.elem.refdom.facets)[local, 0], cells]
         turned = (first != vertices[0]).astype(np.intp)
         kind: Any = type(basis.elem)
         numbers, shapes, at, weight = _tables(kind)
         along, inward = ends[:, 1] - ends[:, 0], corners.mean(axis=1) - ends.mean(axis=1)
         outward = np.sign((along[0] * inward[1] - along[1] * inward[0]).real)
         dofs = basis.element_dofs[numbers[local].T, cells].T
-        return cls(basis, facets, cells, dofs, shapes[local, turned], at, weight, ends, outward)
+        return cls(basis, cells, dofs, shapes[local, turned], at, weight, ends, outward)
 
     @property
     def radius(self) -> Array:
@@ -84,11 +83,6 @@ class Side:
         rows = np.broadcast_to(other.dofs[:, :, None], local.shape).ravel()
         columns = np.broadcast_to(self.dofs[:, None, :], local.shape).ravel()
         return csr_matrix((local.ravel(), (rows, columns)), shape=(self.basis.N,) * 2)
-
-
-def _edges(basis: Any) -> NDArray[np.intp]:
-    """Corners of the three edges of the reference triangle, shape (3, 2)."""
-    return np.array(basis.elem.refdom.facets)
 
 
 @cache

@@ -12,7 +12,6 @@ import skfem
 from scipy.sparse import csr_matrix
 from skfem.quadrature import get_quadrature
 
-from .. import checks
 from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, NDArray
 from ..materials.property_laws import Law, check_positive
@@ -73,22 +72,9 @@ class Discretization:
         return Pencil(self.E, self.K)
 
     def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
-        """E = M, A = -K on the free unknowns; B and C from the volume means.
-
-        InputError: a name that the mesh does not have.
-        """
-        free = self.free
-        for what, names in (("heated", heated), ("read", read)):
-            for name in names:
-                checks.choice(what, name, self.means)
-        return StateSpace(
-            E=self.E,
-            A=-self.K,
-            B=np.column_stack([self.means[name][free] for name in heated]),
-            C=np.vstack([self.means[name][free] for name in read]),
-            inputs=heated,
-            outputs=read,
-        )
+        """E = M, A = -K on the free unknowns; B and C from the volume means."""
+        B, C = (np.array([self.means[name][self.free] for name in names]) for names in (heated, read))
+        return StateSpace(E=self.E, A=-self.K, B=B.T, C=C, inputs=heated, outputs=read)
 
     @cached_property
     def ledger(self) -> Ledger:
@@ -108,33 +94,21 @@ class Discretization:
 
 
 def discretize(
-    mesh: Mesh,
-    conductivity: ArrayLike,
-    heat_capacity: ArrayLike,
-    *,
-    held: NDArray[np.intp],
-    convection: Mapping[float, NDArray[np.intp]] | None = None,
+    mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
 ) -> Discretization:
-    """Assemble M, K and the volume means with quadratic elements.
+    """Assemble M, K and the volume means.
 
-        M_ij = int 2 pi r rho c_p u_i u_j dA,   K_ij = int 2 pi r k grad u_i . grad u_j dA + int 2 pi r h u_i u_j ds
+        M_ij = int 2 pi r rho c_p u_i u_j dA,   K_ij = int 2 pi r k grad u_i . grad u_j dA + terms of the surfaces
 
     Parameters
     ----------
     mesh : Mesh
     conductivity : array, shape (triangles,) or (2, triangles) for k_r and k_z, or scalar; W/(m K)
     heat_capacity : array, shape (triangles,), or scalar; J/(m^3 K)
-    held : array of int
-        boundary facets at the ambient temperature (numbered as `facets` does).
-    convection : dict from h in W/(m^2 K) to an array of facets
+    surfaces : Surfaces
+    degree : int
+        of the polynomials: 2, or 3 for references.
     """
-    return build(mesh, conductivity, heat_capacity, Surfaces(held=held, convection=convection or {}))
-
-
-def build(
-    mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
-) -> Discretization:
-    """As `discretize`, with every term of `surfaces` and polynomials up to ``degree`` 2 or 3 (for references)."""
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
     basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
     both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
@@ -187,20 +161,17 @@ def element_conduction(basis: Any, conductivity: ArrayLike, points: Any = None) 
 
         K = 2 pi sum_mni (J^-1 diag(k_r, k_z) J^-T)_mn |det J| r_i S_mni,   S_mni = int l_i d_m u d_n u^T
     """
-    J, r = maps(basis.mesh, points)
-    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
-    inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    inverse, det, r = maps(basis.mesh, points)
     k = np.broadcast_to(np.asarray(conductivity), (2, basis.nelems))
-    metric = 2 * np.pi * magnitude(det) * np.einsum("mde,de,nde->mne", inverse, k, inverse)
+    metric = 2 * np.pi * det * np.einsum("mde,de,nde->mne", inverse, k, inverse)
     weights = (metric[:, :, None] * r).reshape(-1, basis.nelems)
     return (weights.T @ reference(basis).stiffness).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
 def element_capacity(basis: Any, heat_capacity: ArrayLike, points: Any = None) -> Array:
     """M of every triangle, shape (triangles, b, b): 2 pi rho c_p |det J| sum_i r_i int l_i u u^T."""
-    J, r = maps(basis.mesh, points)
-    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
-    weights = 2 * np.pi * magnitude(det) * np.broadcast_to(np.asarray(heat_capacity), basis.nelems) * r
+    _, det, r = maps(basis.mesh, points)
+    weights = 2 * np.pi * det * np.broadcast_to(np.asarray(heat_capacity), basis.nelems) * r
     return (weights.T @ reference(basis).mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
@@ -211,15 +182,17 @@ def assembled(basis: Any, elements: Array) -> Any:
     return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
 
 
-def maps(grid: Grid, points: Any = None) -> tuple[Array, Array]:
-    """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and `radii` of the corners, shape (3, triangles).
+def maps(grid: Grid, points: Any = None) -> tuple[Array, Array, Array]:
+    """Maps of the triangles from the reference triangle: J^-1, |det J| and `radii` of the corners.
+
+    Their shapes are (2, 2, triangles), (triangles,) and (3, triangles), with J = d(r, z)/d(reference).
 
     points [shape (2, vertices), m]: default those of the grid; complex where a derivative is taken by a complex step.
     """
     corners = (grid.p if points is None else points)[:, grid.t]
-    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), radii(
-        corners[0], grid.depth
-    )
+    (a, c), (b, d) = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    det = a * d - b * c
+    return np.array([[d, -b], [-c, a]]) / det, magnitude(det), radii(corners[0], grid.depth)
 
 
 def magnitude(det: Any) -> Any:
@@ -272,6 +245,6 @@ def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
 
 def volume(basis: Any, inside: NDArray[np.bool_], points: Any = None) -> Any:
     """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3; ``points`` as of `maps`."""
-    J, r = maps(basis.mesh, points)
-    weights = 2 * np.pi * magnitude(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
+    _, det, r = maps(basis.mesh, points)
+    weights = 2 * np.pi * det[inside] * r[:, inside]
     return summed(basis.element_dofs.T[inside], weights.T @ reference(basis).load, basis.N)

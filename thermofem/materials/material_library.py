@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import checks
-from ..checks import InputError, finite
+from ..checks import InputError, finite, prefixed
 from ..data import quantity
 from .index_laws import INDEX_LAWS, IndexLaw
 from .property_laws import CONSTANT, Law, Polynomial, PowerLaw, Table, is_constant
@@ -285,10 +285,8 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
     of = f"{where} {key}"
     if {"value", "r"} <= given.keys():
         raise InputError(f"{of}: value and r are the same; give one of them")
-    try:
+    with prefixed(of):
         law = _law(given, unit, of)
-    except InputError as error:
-        raise InputError(str(error) if str(error).startswith(of) else f"{of}: {error}") from None
     if "r" in given and "z" not in given:
         raise InputError(f"{of}: z is missing; r is along the layers alone: add z, or call r value to have it in both")
     value = given.get("value", given.get("r"))

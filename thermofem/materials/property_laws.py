@@ -140,7 +140,7 @@ class Table:
         checks.plain(self)
         T = checks.array("temperature", self.temperatures)
         values = checks.array("values", self.values)
-        checks.same_size(temperature=T, values=values)
+        checks.shape("values", values, T.shape)
         if T.size < 2 or np.any(np.diff(T) <= 0) or T[0] < COLDEST or np.any(values <= 0):
             raise checks.InputError("a table needs two or more increasing temperatures above 1 K, and positive values")
         object.__setattr__(self, "temperatures", tuple(map(float, T)))

@@ -55,10 +55,10 @@ class Cauer(Delegates):
 
     def __post_init__(self) -> None:
         R, C = checks.array("R", self.R), checks.array("C", self.C)
-        checks.same_size(R=R, C=C)
+        checks.shape("C", C, R.shape)
         checks.positive("R of the ladder", R.min(), unit="K/W")
         checks.positive("C of the ladder", C.min(), unit="J/K")
-        keep_names(self, checks.check_one)
+        keep_names(self)
         checks.keep(self, R=R, C=C)
 
     @property

@@ -30,7 +30,6 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray
-from ..checks import check_names
 
 
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
@@ -200,18 +199,17 @@ def reader(read: Callable[[type[Kind], Mapping[str, Any]], Kind]) -> Callable[[t
     def checked(cls: type[Kind], content: Mapping[str, Any]) -> Kind:
         try:
             return read(cls, content)
-        except KeyError as error:
-            raise checks.InputError(f"there is no {error.args[0]!r}; docs/models.md lists the fields") from None
-        except (TypeError, AttributeError, IndexError) as error:
-            raise checks.InputError(f"it is not laid out as docs/models.md says: {error}") from None
+        except (KeyError, TypeError, AttributeError, IndexError) as error:
+            what = f"there is no {error}" if isinstance(error, KeyError) else error
+            raise checks.InputError(f"it is not laid out as docs/models.md says: {what}") from None
 
     return checked
 
 
-def keep_names(model: Any, check: Callable[[str, Any], tuple[str, ...]]) -> None:
-    """Set ``inputs`` and ``outputs`` of a frozen model as tuples of checked names."""
+def keep_names(model: Any, *, single: bool = True) -> None:
+    """Set ``inputs`` and ``outputs`` of a frozen model as tuples of checked names; ``single``: of one each."""
     for which in ("inputs", "outputs"):
-        object.__setattr__(model, which, check(which, getattr(model, which)))
+        object.__setattr__(model, which, checks.check_names(which, getattr(model, which), single=single))
 
 
 def names(model: Any) -> dict[str, list[str]]:
@@ -221,7 +219,7 @@ def names(model: Any) -> dict[str, list[str]]:
 
 def parts(content: Mapping[str, Any]) -> dict[str, Any]:
     """``inputs`` and ``outputs`` of a model file, as keyword arguments of a model."""
-    return {which: check_names(which, content[which]) for which in ("inputs", "outputs")}
+    return {which: content[which] for which in ("inputs", "outputs")}
 
 
 def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[dict[str, float]]:
@@ -236,11 +234,3 @@ def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, A
         name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(content[which])]
         for name, unit in units.items()
     }
-
-
-def table(content: Mapping[str, Any], which: str, dimensions: int) -> NDArray[np.float64]:
-    """An array of numbers with the given number of dimensions, written as nested lists."""
-    found = checks.numbers(which, content[which])
-    if found.ndim != dimensions:
-        raise checks.InputError(f"{which} has {found.ndim} dimensions; {dimensions} are needed")
-    return found

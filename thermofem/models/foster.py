@@ -54,10 +54,10 @@ class Foster:
 
     def __post_init__(self) -> None:
         R, tau = checks.array("R", self.R), checks.array("tau", self.tau)
-        checks.same_size(R=R, tau=tau)
+        checks.shape("tau", tau, R.shape)
         for end in (tau.min(), tau.max()):
             checks.between("tau", end, SHORTEST, LONGEST, unit="s", hint="a negative time constant grows without bound")
-        keep_names(self, checks.check_one)
+        keep_names(self)
         order = np.argsort(tau)
         checks.keep(self, R=R[order], tau=tau[order])
 
@@ -215,14 +215,10 @@ def second_order(
     tau_s = checks.positive("tau_s", tau_s, unit="s", at_most=1e6, hint=hint)
     kappa = checks.positive("kappa", kappa, unit="1/s", at_most=1e12, hint="8.87e-4 /ns is 8.87e5 1/s")
     eta = checks.positive("eta", eta, at_most=100, hint="eta has no unit")
-    if tau_f >= tau_s:
-        raise checks.InputError(f"tau_f = {tau_f:g} s must be below tau_s = {tau_s:g} s; are they swapped?")
+    checks.ordered("tau_f", tau_f, "tau_s", tau_s, unit="s", hint="are they swapped?")
     fast, slow = 1 / tau_f, 1 / tau_s
-    if not eta * slow <= kappa <= eta * fast:
-        raise checks.InputError(
-            f"kappa = {kappa:g} 1/s must lie between eta/tau_s = {eta * slow:g} and eta/tau_f = {eta * fast:g} 1/s, "
-            "or one of the poles cools when heated; is it in 1/s (8.87e-4 /ns is 8.87e5)?"
-        )
+    hint = "outside eta/tau_s to eta/tau_f one of the poles cools when heated; 8.87e-4 /ns is 8.87e5 1/s"
+    checks.between("kappa", kappa, eta * slow, eta * fast, unit="1/s", hint=hint)
     return second_order_poles(kappa, tau_f, tau_s, eta, check_heat_capacity(heat_capacity))
 
 

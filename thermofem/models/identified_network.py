@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from .. import checks
 from ..arrays import Array, ArrayLike
 from ..checks import check_names
 from ..waveforms import Waveform
-from .contract import Delegates, names, parts, reader, table, warn_beyond
+from .contract import Delegates, names, parts, reader, warn_beyond
 from .foster import Foster
 
 STATIC = 1e-3  # largest error of the static gain that passes
@@ -48,6 +48,7 @@ class Network(Delegates):
         object.__setattr__(self, "names", check_names("states", self.names))
         checks.positive("largest_rise", self.largest_rise, unit="K")
         checks.keep(self, A=checks.numbers("A", self.A), b=checks.numbers("b", self.b))
+        checks.shape("b", self.b, (len(self.names),))
 
     @property
     def _other(self) -> Foster:
@@ -67,8 +68,7 @@ class Network(Delegates):
         return warn_beyond(self.poles.periodic_response(wave, samples), self.largest_rise)
 
     def to_json(self) -> dict[str, Any]:
-        """Fields of the model file; InputError where the poles are not those of the first state."""
-        _check_parts(self.names, names(self))
+        """Fields of the model file."""
         units = {"A": "1/s", "b": "K/J", "thermal_resistance": "K/W", "largest_rise": "K"}
         return {
             **names(self),
@@ -84,21 +84,9 @@ class Network(Delegates):
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Network:
         """The network of a model file; it passes the `gate` again."""
-        states, A, b = check_names("states", content["states"]), table(content, "A", 2), table(content, "b", 1)
-        _check_parts(states, parts(content))
-        checks.shape("b", b, (len(states),))
-        stated = checks.positive("thermal_resistance", content["thermal_resistance"], unit="K/W")
-        poles = gate(A, b, stated, name=states[0])
-        return cls(A, b, states, poles, checks.positive("largest_rise", content["largest_rise"], unit="K"))
-
-
-def _check_parts(states: tuple[str, ...], found: Mapping[str, Any]) -> None:
-    """Raise InputError unless the first state is the part that is heated and the one that is read."""
-    for which, given in found.items():
-        if tuple(given) != states[:1]:
-            raise checks.InputError(
-                f"{which} = {list(given)}; a Network is heated and read at {states[0]!r}, its first state"
-            )
+        A, b, states = content["A"], content["b"], content["states"]
+        poles = replace(gate(A, b, content["thermal_resistance"]), **parts(content))
+        return cls(A, b, states, poles, content["largest_rise"])
 
 
 def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:
@@ -127,12 +115,15 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
     checks.shape("A", A, (b.size, b.size))
     rate, modes = np.linalg.eig(A)
     tau = np.divide(-1.0, rate.real, where=rate.real != 0, out=np.full(rate.size, np.inf))
-    said = "the identified network is refused: "
+    R, fault = tau, ""
     if np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate)) or np.any(rate.real >= 0):
-        raise checks.InputError(said + f"it oscillates or is not stable, with the poles {rate} 1/s")
-    R = np.real(modes[0] * np.linalg.solve(modes, b)) * tau
-    if np.any(R < 0):
-        raise checks.InputError(said + f"it is not passive (R = {R.min():.3g} K/W at tau = {tau[np.argmin(R)]:.3g} s)")
-    if abs(R.sum() - static) > STATIC * static:
-        raise checks.InputError(said + f"its static gain is {R.sum():.5g} K/W, not {static:.5g}")
+        fault = f"it oscillates or is not stable, with the poles {rate} 1/s"
+    else:
+        R = np.real(modes[0] * np.linalg.solve(modes, b)) * tau
+        if np.any(R < 0):
+            fault = f"it is not passive (R = {R.min():.3g} K/W at tau = {tau[np.argmin(R)]:.3g} s)"
+        elif abs(R.sum() - static) > STATIC * static:
+            fault = f"its static gain is {R.sum():.5g} K/W, not {static:.5g}"
+    if fault:
+        raise checks.InputError(f"the identified network is refused: {fault}")
     return Foster(R=R, tau=tau, inputs=(name,), outputs=(name,))

@@ -14,12 +14,12 @@ import json
 import logging
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .. import checks
+from ..checks import prefixed
 from ..data import files
 from ..data.files import digest_tree, write_whole
 from .cauer import Cauer
@@ -78,13 +78,11 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
         **kind.to_json(),
         "provenance": provenance,
     }
-    try:
-        text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-        read = files.from_json(text)  # raises where the file could not be read back
+    with prefixed("provenance cannot be written as JSON", AttributeError, TypeError, ValueError, RecursionError):
+        # NumPy's numbers and arrays have tolist; what is written is read, which raises where it could not be read back
+        read = files.from_json(json.dumps(content, allow_nan=False, default=methodcaller("tolist")))
         provenance[HASH] = _signature(read, sorted(read["provenance"]))
-        text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise checks.InputError(f"provenance cannot be written as JSON: {error}") from None
+        text = json.dumps(content, indent=2, default=methodcaller("tolist"))
     return write_whole(path, lambda p: p.write_text(text + "\n", encoding="utf-8"))
 
 
@@ -100,7 +98,7 @@ def load_model(path: str | Path) -> Any:
         no such file, not JSON, not a model, of a newer version, incomplete, or unphysical.
     """
     content, changed = _content(path)
-    try:
+    with prefixed(str(path)):
         kind = checks.choice("kind", str(content.get("kind")), KINDS)
         model = KINDS[kind].from_json(content)
         written = model.to_json()
@@ -108,8 +106,6 @@ def load_model(path: str | Path) -> Any:
         for name, unit in written["units"].items():
             checks.choice(f"unit of {name}", units.get(name), (unit,), default=unit, hint="model files hold SI")
         _check_static(content.get("thermal_resistance"), written.get("thermal_resistance"), kind)
-    except checks.InputError as error:
-        raise checks.InputError(f"{path}: {error}") from None
     if changed:
         _log.warning(
             "%s was changed after thermofem wrote it: values or provenance are not those of then; error unknown",
@@ -174,12 +170,11 @@ def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
 
     It comes without its hash, and without its claims where they were those of other numbers.
     """
-    content = files.read_json(path, "model")
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise checks.InputError(f'{path} is not a thermal model; its "format" must be "{FORMAT}"')
-    if content.get("schema") not in range(1, SCHEMA + 1):
-        what = f"{path} has schema {checks.shown(content.get('schema'))}"
-        raise checks.InputError(f"{what}; this version reads 1 to {SCHEMA}, update thermofem")
+    tree = files.read_json(path, "model")
+    with prefixed(f"{path} is not a thermal model that this version reads"):
+        content = checks.mapping("the file", tree)
+        checks.choice("format", content.get("format"), (FORMAT,))
+        checks.integer("schema", content.get("schema"), 1, SCHEMA, hint="update thermofem")
     found = content.get("provenance")
     provenance: dict[str, Any] = found if isinstance(found, dict) else {}
     written = provenance.pop(HASH, None)
@@ -187,10 +182,3 @@ def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
     for claim in CLAIMS if changed else ():
         provenance.pop(claim, None)
     return content, changed
-
-
-def _plain(value: Any) -> Any:
-    """NumPy numbers and arrays as JSON holds them."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    raise TypeError(f"a {type(value).__name__} is not JSON")

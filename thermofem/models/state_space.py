@@ -19,7 +19,7 @@ from ..arrays import Array, ArrayLike, NDArray
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
-from .contract import at_times, check_single, keep_names, names, parts, reader, table
+from .contract import at_times, check_single, keep_names, names, parts, reader
 from .foster import Foster, check_residues
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
@@ -55,7 +55,7 @@ class StateSpace:
     def __post_init__(self) -> None:
         for name in ("E", "A", "B", "C"):
             checks.keep(self, **{name: _matrix(name, getattr(self, name), sparse=name in ("E", "A"))})
-        keep_names(self, checks.check_names)
+        keep_names(self, single=False)
         n = self.A.shape[0]
         shapes = {"E": (n, n), "A": (n, n), "B": (n, len(self.inputs)), "C": (len(self.outputs), n)}
         for name, shape in shapes.items():
@@ -190,7 +190,7 @@ class StateSpace:
     def from_json(cls, content: Mapping[str, Any]) -> StateSpace:
         """The system of a model file."""
         E, A = (_square(content, name) for name in ("E", "A"))
-        model = cls(E, A, table(content, "B", 2), table(content, "C", 2), **parts(content))
+        model = cls(E, A, content["B"], content["C"], **parts(content))
         model.check_passive()
         return model
 
@@ -209,12 +209,9 @@ class StateSpace:
 
 def _square(content: Mapping[str, Any], name: str) -> Array:
     """E or A of a model file, which holds it in full or as its diagonal."""
-    rows = content[name]
-    if not (isinstance(rows, list) and rows and isinstance(rows[0], int | float)):
-        return table(content, name, 2)
-    diagonal = table(content, name, 1)
-    checks.integer(f"states of {name}", diagonal.size, 1, SAVED)
-    return np.diag(diagonal)
+    found = checks.numbers(name, content[name])
+    checks.integer(f"states of {name}", len(found), 1, SAVED)
+    return np.diag(found) if found.ndim == 1 else found
 
 
 def _matrix(name: str, value: Any, *, sparse: bool) -> Any:

@@ -12,7 +12,7 @@ import skfem
 from shapely.geometry.polygon import orient
 
 from ..arrays import Array, NDArray
-from ..checks import InputError
+from ..checks import InputError, prefixed
 from ..geometry.regions import Face, outlines
 from ..materials.material_library import VOID, Material, find
 from ..mesh.element_sizes import size_function, sizes
@@ -183,7 +183,5 @@ def index_of(material: Material, wavelength: float, region: str) -> float:
             f"{region!r}: material {material.name!r} has no refractive index and lies within the mode's reach",
             f'give it in [material.{material.name}] index = 1.444, or "Si, Salzberg 1957", or move it away',
         )
-    try:
+    with prefixed(f"index of {material.name!r}, the material of {region!r}"):
         return material.index.index(wavelength)
-    except InputError as error:
-        raise InputError(f"index of {material.name!r}, the material of {region!r}: {error}") from None

@@ -91,7 +91,7 @@ class FieldIntegrator:
         self.direct = np.array(direct) if len(direct) else np.zeros(len(linear.inputs))
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
         self._missed: dict[float, float] = {}
-        self._passed: Advanced | None = None
+        self._passed: Advanced  # the last window
 
     def start(self, time: float = 0.0) -> FieldState:
         """The field at ambient temperature."""
@@ -137,10 +137,8 @@ class FieldIntegrator:
         if window <= 0 or abs(times[0] - state.time) > 1e-9 * window:
             raise checks.InputError(f"times run from {times[0]:g} to {times[-1]:g} s, the field is at {state.time:g} s")
         self.unit = self.unit or window
-        C, first, taken = self.linear.C, state, []
-        fast = self._fast(state, waves, times)
-        outputs, fields = fast.z(times) @ (C @ self.basis.vectors).T, fast.z(keep) @ self.basis.vectors.T
-        outputs[0] += C @ state.r
+        first, taken, fast = state, [], self._fast(state, waves, times)
+        fields = fast.z(keep) @ self.basis.vectors.T
         fields[keep <= state.time] += state.r
         begin, done, count = state.time, 0, self._steps(window, state.step)
         while done < count:
@@ -157,16 +155,25 @@ class FieldIntegrator:
                 done, count = 4 * done, 4 * count
                 continue
             state, error, inside, whole = step
-            read, kept = between(times, t, t + h), between(keep, t, t + h)
-            outputs[read] += inside((times[read] - t) / h)
             taken.append((t, h, inside))
+            kept = between(keep, t, t + h)
             if kept.size:
                 fields[kept] += whole()((keep[kept] - t) / h)
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
                 done, count = done // 4, count // 4
         self._passed = Advanced(first, fast, taken, state, fields)
-        return outputs, state, fields
+        return self._outputs(fast, times), state, fields
+
+    def _outputs(self, fast: FastPart, times: Array) -> Array:
+        """Outputs of the last window in K, with these amplitudes, shape (times, outputs)."""
+        C = self.linear.C
+        outputs = fast.z(times) @ (C @ self.basis.vectors).T
+        outputs[0] += C @ self._passed.begin.r
+        for t, h, inside in self._passed.steps:
+            read = between(times, t, t + h)
+            outputs[read] += inside((times[read] - t) / h)
+        return outputs
 
     def revised(
         self, waves: Sequence[Waveform], times: ArrayLike, *, keep: ArrayLike = ()
@@ -176,16 +183,9 @@ class FieldIntegrator:
         The result is off by |H - H_V| times the change of the power, which is the share of the rise that V leaves to r
         (`remainder`). Parameters and result are those of `advance`, without the state.
         """
-        if self._passed is None:
-            raise checks.InputError("revised() comes after advance()")
-        (first, old, steps, end, fields), V, C = self._passed, self.basis.vectors, self.linear.C
+        first, old, _, end, fields = self._passed
         times, keep, length = np.asarray(times, dtype=float), np.asarray(keep, dtype=float), end.time - first.time
         new = self._fast(first, waves, times)
-        outputs = new.z(times) @ (C @ V).T
-        outputs[0] += C @ first.r
-        for t, h, inside in steps:
-            read = between(times, t, t + h)
-            outputs[read] += inside((times[read] - t) / h)
         gained = new.energy() - old.energy()
         z, r, slope = self._moved(end, new, old, gained, length)
         out = float(self.direct @ gained)
@@ -195,7 +195,7 @@ class FieldIntegrator:
         state = replace(
             end, z=z, r=r, slope=slope, heat_in=end.heat_in + float(gained.sum()), heat_out=end.heat_out + out
         )
-        return outputs, state, fields + (new.z(keep) - old.z(keep)) @ V.T
+        return self._outputs(new, times), state, fields + (new.z(keep) - old.z(keep)) @ self.basis.vectors.T
 
     def _moved(
         self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float
@@ -221,15 +221,13 @@ class FieldIntegrator:
     @property
     def remainder(self) -> float:
         """Largest change of the outputs' part in r in the last window of `advance`, K."""
-        if self._passed is None or not self._passed.steps:
-            return 0.0
         begin = self.linear.C @ self._passed.begin.r
         return max(float(np.abs(inside(STAGE_TIMES) - begin).max()) for _, _, inside in self._passed.steps)
 
     def _holding(self, s: NewtonStepper, x: Array, target: Array) -> Array:
         """The rise with the enthalpy H(x) = target in J, close to the one given."""
         for _ in range(ROUNDS):
-            change = s.solve(0.0, target - s.system.content(x)) / s.nodal(x)
+            change = s.solve(0.0, target - s.system.content(x)) / s.nodal.slope(x)
             x = x + change
             if s.norm(change) <= SETTLED * self.tolerance * self.per_kelvin:
                 break
@@ -264,23 +262,24 @@ class FieldIntegrator:
         if missed > 1:
             return None
         s, C, V = self.stepper, self.linear.C, self.basis.vectors
-        slopes, rests, correction = np.empty((6, state.r.size)), np.empty((6, state.r.size)), np.zeros(6)
-        rests[0], jump = state.r, piece.stages[0] - state.source
+        correction, jump = np.zeros(6), piece.stages[0] - state.source
         z = fast.z(t + h * STAGE_TIMES)
         z[4] = piece.stages[4, piece.energy.size :]  # the fifth stage lies beyond the step
         if self.newton is None:
-            slopes[0] = state.slope + self.jump @ jump
-            self._linear(piece, h, slopes, rests)
-            rate = slopes[-1]
-            read, estimate = C @ rate, h * ((WEIGHTS - EMBEDDED) @ slopes)
+            done = s.step(state.r, state.slope + self.jump @ jump, h, piece.stages @ self.forcing.T)
         else:
             correction = self._correction(fast, z, t, h)
-            slopes[0] = state.slope + self.forcing @ jump + (correction[0] - state.correction)
-            if not self._nonlinear(self.newton, piece, z, h, slopes, rests, correction):
-                return None
-            rate = self._load(self.newton, piece, z[-1], rests[-1], slopes[-1])
-            read, estimate = self.readers @ rate, s.solve(0.0, h * ((WEIGHTS - EMBEDDED) @ slopes))
-        s.steps += 1
+            slope = state.slope + self.forcing @ jump + (correction[0] - state.correction)
+            done = self._nonlinear(self.newton, piece, z, h, slope, state.r, correction)
+        if done is None:
+            return None
+        slopes, rests = done
+        rate, estimate = slopes[-1], h * ((WEIGHTS - EMBEDDED) @ slopes)
+        if self.newton is None:
+            read = C @ rate
+        else:
+            rate = self._load(self.newton, piece, z[-1], rests[-1], rate)
+            read, estimate = self.readers @ rate, s.solve(0.0, estimate)
         at = rests @ C.T
         inside = Inside(at[0], at[3], at[5], h * read)
         step, apart = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
@@ -289,12 +288,9 @@ class FieldIntegrator:
         # 1 / 8: with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
         error = max(missed, step, apart * (1.0 if self.newton is None else (1 / 8)))
         out = float(self.direct @ piece.energy)
-        if self.newton is not None and self.ledger:
-            out += self.ledger.outflow(h, WEIGHTS, z @ V.T + rests, slopes)
-        elif isinstance(self.ledger, Ledger):
-            out += self.ledger.outflow(h, WEIGHTS, rests, slopes)
-            out += float(self.ledger.drain_A @ (V @ (h * (WEIGHTS @ piece.stages[:, piece.energy.size :]))))
-            out += float(self.ledger.drain_E @ (V @ (z[-1] - z[0])))
+        if self.ledger:
+            amplitudes = z if self.newton else piece.stages[:, piece.energy.size :]
+            out += self.ledger.outflow(h, WEIGHTS, amplitudes @ V.T + rests, slopes + V @ (z[-1] - z[0]) / h)
         new = FieldState(
             t + h, z[-1], rests[-1], slopes[-1], piece.stages[-1], h,
             state.heat_in + float(piece.energy.sum()), state.heat_out + out, correction[-1],
@@ -305,18 +301,15 @@ class FieldIntegrator:
 
         return new, error, inside, whole
 
-    def _linear(self, piece: Piece, h: float, slopes: Array, rests: Array) -> None:
-        """Stages E s = forcing [P, z] - K r."""
-        s = self.stepper
-        for i in range(1, 6):
-            known = rests[0] + h * (STAGES[i, :i] @ slopes[:i])
-            slopes[i] = s.solve(GAMMA * h, s.A @ known + self.forcing @ piece.stages[i])
-            rests[i] = known + GAMMA * h * slopes[i]
-
     def _nonlinear(
-        self, s: NewtonStepper, piece: Piece, z: Array, h: float, slopes: Array, rests: Array, correction: Array
-    ) -> bool:  # fmt: skip
-        """Stages with k(T) and c_p(T), in the unknown x = V z + r; False where one does not converge. Slopes in W."""
+        self, s: NewtonStepper, piece: Piece, z: Array, h: float, slope: Array, r: Array, correction: Array
+    ) -> tuple[Array, Array] | None:
+        """Slopes in W and r at the stages with k(T) and c_p(T); None where one does not converge.
+
+        The unknown is x = V z + r.
+        """
+        slopes, rests = np.empty((6, r.size)), np.empty((6, r.size))
+        slopes[0], rests[0] = slope, r
         shift, fields = GAMMA * h, z @ self.basis.vectors.T
         flow, held = self.curved(z)
         follows = (z + held) @ self.EV.T
@@ -327,10 +320,11 @@ class FieldIntegrator:
             known = start + h * (STAGES[i, :i] @ slopes[:i])
             x = s.stage(fields[i] + GUESS[i, :i] @ rests[:i], known + targets[i], shift)
             if x is None:
-                return False
+                return None
             rests[i] = x - fields[i]
             slopes[i] = (s.system.content(x) - follows[i] - known) / shift
-        return True
+        s.steps += 1
+        return slopes, rests
 
     def _correction(self, fast: FastPart, z: Array, t: float, h: float) -> Array:
         """Error of the stages in E V f - [F(V z) - K V z] in a step, W, shape (6, n), to second order in z.
@@ -343,15 +337,12 @@ class FieldIntegrator:
 
     def _load(self, s: NewtonStepper, piece: Piece, z: Array, r: Array, slope: Array) -> Array:
         """E dr/dt at the end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt, its inverse taken node by node."""
-        content = s.system.content
-        if not content.laws:
-            return slope
         x, curved, one = self.basis.vectors @ z + r, self.curved, z[None]
         moving = self.basis.heating @ piece.stages[-1, : piece.energy.size] - self.basis.rate * z - curved(one)[0][0]
         rate = moving
         for _ in range(ROUNDS):
             rate = moving - curved.along(one, rate[None])[1][0]
-        return (slope + self.EV @ moving - content.derivative(x)(self.basis.vectors @ rate)) / s.nodal(x)
+        return (slope + self.EV @ moving - s.system.content.derivative(x)(self.basis.vectors @ rate)) / s.nodal.slope(x)
 
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:
         """Errors of a step over the tolerance: outputs and field at its end, and outputs inside."""
@@ -361,11 +352,11 @@ class FieldIntegrator:
 
     def missed(self, h: float) -> Array:
         """|H - H_V| of the worst output by each input at the scale of a step and below, K/W, shape (inputs,)."""
-        for step in GAMMA * h * FINER:
-            key = float(f"{step:.8e}")
-            if key not in self._missed:
+        steps = [float(f"{step:.8e}") for step in GAMMA * h * FINER]
+        for step in steps:
+            if step not in self._missed:
                 s, C = self.stepper, self.linear.C
                 full = C @ np.column_stack([s.solve(step, step * b) for b in s.B.T])
                 kept = (C @ self.basis.vectors) @ (step * self.basis.heating / (1 + step * self.basis.rate[:, None]))
-                self._missed[key] = np.abs(full - kept).max(axis=0)
-        return np.max([self._missed[float(f"{step:.8e}")] for step in GAMMA * h * FINER], axis=0)
+                self._missed[step] = np.abs(full - kept).max(axis=0)
+        return np.max([self._missed[step] for step in steps], axis=0)

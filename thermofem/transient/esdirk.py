@@ -78,17 +78,25 @@ class Stepper:
         self.E, self.A = csr_matrix(system.E), csr_matrix(system.A)
         self.B, self.C = np.asarray(system.B), np.asarray(system.C)
         self.factors = Pencil(self.E, -self.A) if factors is None else factors
-        self.steps = self.rejected = self.factorizations = self.solves = 0
+        self.steps = self.rejected = self.solves = 0
+        self._factorized_before = self.factors.factorizations
         self._knots, self.smooth_peak = np.empty(0), 0.0
         self.least = 0.0  # W: errors of smaller rises than this power makes in the steady state are measured against it
 
     def solve(self, shift: float, rhs: Array) -> Array:
         """(E - shift A)^-1 rhs; shifts equal to 9 digits share a factorization."""
-        return self._counted(1.0, shift, rhs)
+        self.solves += 1
+        return self.factors.solve(1.0, shift, rhs)
 
     def static(self, rhs: Array) -> Array:
         """(-A)^-1 rhs."""
-        return self._counted(0.0, 1.0, rhs)
+        self.solves += 1
+        return self.factors.solve(0.0, 1.0, rhs)
+
+    @property
+    def factorizations(self) -> int:
+        """Factorizations so far."""
+        return self.factors.factorizations - self._factorized_before
 
     @cached_property
     def steady(self) -> Array:
@@ -100,16 +108,9 @@ class Stepper:
         """`FAR` of the steady outputs, relative to the norm of the steady field."""
         return np.asarray(FAR * np.abs(self.C @ self.steady) / max(self.norm(self.steady), np.finfo(float).tiny))
 
-    def _counted(self, a: float, b: float, rhs: Array) -> Array:
-        before = self.factors.factorizations
-        found = self.factors.solve(a, b, rhs)
-        self.factorizations += self.factors.factorizations - before
-        self.solves += 1
-        return found
-
     def edges(self, stop: float, rtol: float) -> Array:
         """0, every breakpoint of every waveform, ``stop``; finds the time scales of smooth powers (`resolves`)."""
-        smooth = [wave for wave in self.waves if not getattr(wave, "piecewise_linear", False)]
+        smooth = [wave for wave in self.waves if not wave.piecewise_linear]
         # 1e-8 of a smooth power by a cubic, relative to its peak
         fits = [wave.pieces(0.0, stop, tolerance=max(rtol, 1e-8)).edges for wave in smooth] if stop else []
         self._knots = np.unique(np.concatenate(fits)) if fits else np.empty(0)
@@ -132,28 +133,27 @@ class Stepper:
         last = int(np.searchsorted(self._knots, t + h * (1 - 1e-9), side="left"))
         return h <= 2.001 * float(np.diff(self._knots[first : last + 1]).min(initial=np.inf))
 
-    def powers(self, t: float, h: float, stop: float) -> Array:
-        """Input powers at the six stages, shape (6, inputs).
+    def sources(self, t: float, h: float, stop: float) -> Array:
+        """B P in W at the six stages, shape (6, n).
 
         The fifth stage lies 4 % beyond the step; where that crosses the end of the smooth piece the cubic through four
         points of the step continues it, which keeps the order and is exact for straight pieces.
         """
         last = t + h >= stop * (1 - 1e-12)
         at = t + STAGE_TIMES * h
-        result = np.empty((6, len(self.waves)))
-        for j, wave in enumerate(self.waves):
-            result[:4, j] = wave(at[:4])
-            if not last:
-                result[4:, j] = wave(at[4:])
-                continue
-            end = float(wave.before(stop))
-            cubic = np.append(wave(t + h * _THIRDS), end) @ _EXTRAPOLATE
-            result[4:, j] = cubic, end
-        return result
+        powers = np.empty((len(self.waves), 6))
+        for wave, power in zip(self.waves, powers, strict=True):
+            power[:4] = wave(at[:4])
+            if last:
+                end = float(wave.before(stop))
+                power[4:] = np.append(wave(t + h * _THIRDS), end) @ _EXTRAPOLATE, end
+            else:
+                power[4:] = wave(at[4:])
+        return powers.T @ self.B.T
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
         """dx/dt at the start of a smooth piece."""
-        return self.solve(0.0, self.A @ x + self.B @ self.powers(t, h, stop)[0])
+        return self.solve(0.0, self.A @ x + self.sources(t, h, stop)[0])
 
     def rate(self, x: Array, slope: Array) -> Array:
         """dx/dt at the state ``x`` from a slope of `step`: the slope itself, as the system is linear."""
@@ -163,13 +163,12 @@ class Stepper:
         """Energy norm sqrt(x^T E x)."""
         return math.sqrt(max(x @ (self.E @ x), 0.0))
 
-    def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
+    def step(self, x: Array, slope: Array, h: float, sources: Array) -> tuple[Array, Array] | None:
         """One ESDIRK step: slopes and states of the six stages, each (6, n); the last state is the new x."""
         slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
         slopes[0], states[0] = slope, x
-        weights, sources = h * STAGES, powers @ self.B.T
         for i in range(1, 6):
-            known = x + weights[i, :i] @ slopes[:i]
+            known = x + h * (STAGES[i, :i] @ slopes[:i])
             slopes[i] = self.solve(GAMMA * h, self.A @ known + sources[i])
             states[i] = known + GAMMA * h * slopes[i]
         self.steps += 1

@@ -25,7 +25,7 @@ from .. import checks
 from ..algebra.krylov import Basis
 from ..algebra.pole_responses import phi
 from ..arrays import Array, ArrayLike
-from ..waveforms import Cubic, Waveform, check_wave
+from ..waveforms import Cubic, Waveform
 from .esdirk import STAGE_TIMES
 from .nonlinear import Curvature
 
@@ -78,12 +78,12 @@ class FastPart:
     ) -> None:
         self.waves, self.rate = waves, basis.rate
         self.grid = _grid(waves, start, times)
-        h = np.diff(self.grid)
-        nodes = self.powers(self.grid[:-1, None] + h[:, None] * NODES)
-        powers = nodes.transpose(0, 2, 1) @ _POWERS  # coefficients, (intervals, inputs, 4)
-        gains = h[:, None] * phi(h[:, None] * self.rate)
+        h = np.diff(self.grid)[:, None]
+        self.nodes, self.weights = self.grid[:-1, None] + h * NODES, h * WEIGHTS  # of Gauss's rule on every interval, s
+        powers = self.powers(self.nodes).transpose(0, 2, 1) @ _POWERS  # coefficients, (intervals, inputs, 4)
+        gains = h * phi(h * self.rate)
         forcing = np.einsum("tim,mtk,ki->tk", powers, gains, basis.heating)
-        decay = np.exp(-h[:, None] * self.rate)
+        decay = np.exp(-h * self.rate)
         ends = np.stack([powers[..., 0], powers.sum(axis=-1)])  # not from the waves: round-off may hit their edges
         heat = ends @ basis.heating.T
         self.values = _followed(z, decay, forcing)
@@ -101,9 +101,7 @@ class FastPart:
             g = self.rate * held - flow
             turns = [curved.along(*pair) for pair in zip(_ends(z), self.slopes, strict=True)]
             along = np.stack([turn[1] for turn in turns])
-            d0, d1 = (h[:, None] * (self.rate * turn[1] - turn[0]) for turn in turns)
-            rise = np.diff(g, axis=0)
-            cubics = np.stack([g[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
+            cubics = _coefficients(g, *(h * (self.rate * turn[1] - turn[0]) for turn in turns))
             w = _followed(w0, decay, forcing + (cubics * gains).sum(axis=0))
             self.values = w - held
             self.values[0] = z[0]
@@ -119,9 +117,7 @@ class FastPart:
     @cached_property
     def _cubics(self) -> Array:
         """Coefficients of u^m on every interval, shape (4, intervals, k)."""
-        h = np.diff(self.grid)[:, None]
-        rise, d0, d1 = np.diff(self.values, axis=0), h * self.slopes[0], h * self.slopes[1]
-        return np.stack([self.values[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
+        return _coefficients(self.values, *(np.diff(self.grid)[:, None] * self.slopes))
 
     def z(self, t: ArrayLike) -> Array:
         """z at any times of the window, shape (*t.shape, k)."""
@@ -133,20 +129,16 @@ class FastPart:
 
     def mean(self) -> Array:
         """z averaged over the window, shape (k,)."""
-        h = np.diff(self.grid)
-        return np.asarray((h @ np.tensordot(1 / np.arange(1, 5), self._cubics, axes=1)) / h.sum())
+        return np.tensordot(self.weights, self.z(self.nodes)) / self.weights.sum()
 
     def mean_products(self) -> Array:
         """z_j z_k averaged over the window, shape (k, k)."""
-        h = np.diff(self.grid)
-        z = self.z(self.grid[:-1, None] + h[:, None] * NODES).reshape(-1, self.rate.size)
-        return np.asarray(z.T @ (z * (h[:, None] * WEIGHTS).reshape(-1, 1)) / h.sum())
+        z = self.z(self.nodes)
+        return np.tensordot(z, self.weights[..., None] * z, ((0, 1), (0, 1))) / self.weights.sum()
 
     def energy(self) -> Array:
         """Energy in J that each input delivers in the window."""
-        return np.asarray(
-            (h := np.diff(self.grid)) @ (WEIGHTS @ self.powers(self.grid[:-1, None] + h[:, None] * NODES))
-        )
+        return np.tensordot(self.weights, self.powers(self.nodes))
 
     def piece(self, t: float, h: float) -> Piece:
         """The step from ``t`` to ``t + h``."""
@@ -182,6 +174,12 @@ def _followed(z: Array, decay: Array, forcing: Array) -> Array:
     return values
 
 
+def _coefficients(values: Array, d0: Array, d1: Array) -> Array:
+    """Coefficients of u^m, shape (4, intervals, k), of cubics through values and slopes times the interval."""
+    rise = np.diff(values, axis=0)
+    return np.stack([values[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
+
+
 def _ends(values: Array) -> Array:
     """Values at the start and at the end of every interval, shape (2, intervals, ...)."""
     return np.stack([values[:-1], values[1:]])
@@ -192,10 +190,9 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
     stop = float(times[-1])
     parts = [np.array([start]), times]
     for wave in waves:
-        check_wave("power", wave)
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
-        if not getattr(wave, "piecewise_linear", False) and not isinstance(wave, Cubic):
+        if not wave.piecewise_linear and not isinstance(wave, Cubic):
             # 1e-6 of a smooth power by one cubic between grid times, relative to its peak
             parts.append(wave.pieces(start, stop, tolerance=1e-6).edges)  # between two knots the power is one cubic
         parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]

@@ -120,10 +120,8 @@ def integrate(
     stepper = _stepper(system, waves, rtol, factors)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x, progress)
-    edges = stepper.edges(max(times[-1], kept[-1] if kept.size else 0.0), rtol)
-    control = _Control(stepper, rtol, x)
-    for start, stop in pairwise(edges.tolist()):
-        x, _ = _cross(stepper, control, record, x, start, stop)
+    edges = stepper.edges(max(times[-1], *kept[-1:], 0.0), rtol)
+    x, _ = _crossed(_Control(stepper, rtol, x), record, x, edges)
     return record.trajectory(x)
 
 
@@ -163,21 +161,19 @@ def integrate_periodic(
     rtol = checks.between("rtol", rtol, 1e-10, 0.1)
     period = float(times[-1])
     stepper = _stepper(system, wave, rtol, factors)
-    x = (
-        stepper.static(stepper.B.sum(axis=1) * wave.mean(0.0, period))
-        if initial is None
-        else np.array(initial, dtype=float)
-    )
+    if initial is None:
+        initial = stepper.static(stepper.B.sum(axis=1) * wave.mean(0.0, period))
+    x = np.array(initial, dtype=float)
     edges = stepper.edges(period, rtol)
     control = _Control(stepper, rtol, x)
-    plan, end = _plan(stepper, control, edges, times, x, progress)
+    end, plan = _crossed(control, _Record(stepper, times, np.empty(0), None, x, progress), x, edges)
     for k in range(1, PASSES + 1):
         defect = end - x
         # 1 / 1.149: middle of the interval 1..1.298 of the corrected period map
         correction = (1 / 1.149) * (defect + stepper.static(stepper.E @ defect) / period)
         x = x + correction
         record = _Record(stepper, times, np.empty(0), ledger, x, progress, k * period)
-        end = _march(stepper, plan, x, record)
+        end = _march(plan, x, record)
         if control.error(correction, x) <= 1:
             return record.trajectory(end)
     raise checks.InputError(
@@ -193,19 +189,22 @@ def _stepper(
     return Stepper(system, waves, factors)
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """The steps taken along one smooth piece: at level k a step is (stop - start)/4^k long."""
-
-    start: float
-    stop: float
-    levels: tuple[int, ...]
+# of one smooth piece: start, stop, and the level k of every step, which is (stop - start)/4^k long
+Plan = tuple[float, float, list[int]]
 
 
-def _cross(
-    stepper: Stepper, control: _Control, record: _Record, x: Array, start: float, stop: float
-) -> tuple[Array, _Plan]:
+def _crossed(control: _Control, record: _Record, x: Array, edges: Array) -> tuple[Array, list[Plan]]:
+    """Cross all smooth pieces with error control; the state at the end and the steps taken."""
+    plan = []
+    for start, stop in pairwise(edges.tolist()):
+        x, levels = _cross(control, record, x, start, stop)
+        plan.append((start, stop, levels))
+    return x, plan
+
+
+def _cross(control: _Control, record: _Record, x: Array, start: float, stop: float) -> tuple[Array, list[int]]:
     """Cross one smooth piece with error control."""
+    stepper = control.stepper
     length = stop - start
     level = control.first_level(length, record.first_wanted(start, stop))
     slope = stepper.start_slope(x, start, length, stop)
@@ -216,7 +215,7 @@ def _cross(
             done, level = 4 * done, level + 1
         h = length / 4**level
         t = start + done * h
-        tried = stepper.step(x, slope, h, stepper.powers(t, h, stop))
+        tried = stepper.step(x, slope, h, stepper.sources(t, h, stop))
         error = np.inf
         if tried is not None:
             slopes, states = tried
@@ -240,37 +239,25 @@ def _cross(
             done, level = done // 4, level - 1
     control.first_step = length / 4 ** taken[0]
     record.deliver(start, stop)
-    return x, _Plan(start, stop, tuple(taken))
+    return x, taken
 
 
-def _plan(
-    stepper: Stepper, control: _Control, edges: Array, times: Array, x: Array, progress: Callable[[float], None] | None
-) -> tuple[list[_Plan], Array]:
-    """Steps of one period found with error control, and the state at its end."""
-    plan = []
-    record = _Record(stepper, times, np.empty(0), None, x, progress)
-    for start, stop in pairwise(edges.tolist()):
-        x, steps = _cross(stepper, control, record, x, start, stop)
-        plan.append(steps)
-    return plan, x
-
-
-def _march(stepper: Stepper, plan: Sequence[_Plan], x: Array, record: _Record) -> Array:
+def _march(plan: Sequence[Plan], x: Array, record: _Record) -> Array:
     """Repeat planned steps from another state."""
-    for piece in plan:
-        length, t = piece.stop - piece.start, piece.start
-        slope = stepper.start_slope(x, t, length, piece.stop)
-        for level in piece.levels:
-            h = length / 4**level
-            done = stepper.step(x, slope, h, stepper.powers(t, h, piece.stop))
+    stepper = record.stepper
+    for start, stop, levels in plan:
+        t, slope = start, stepper.start_slope(x, start, stop - start, stop)
+        for level in levels:
+            h = (stop - start) / 4**level
+            done = stepper.step(x, slope, h, stepper.sources(t, h, stop))
             if done is None:
                 raise checks.InputError(
                     f"the step at t = {t:g} s does not converge; take a smaller rtol", stepper.doubt(x)
                 )
+            record.add(t, h, *done)
             slopes, states = done
-            record.add(t, h, slopes, states)
             x, slope, t = states[-1], slopes[-1], t + h
-        record.deliver(piece.start, piece.stop)
+        record.deliver(start, stop)
     return x
 
 
@@ -331,7 +318,8 @@ class _Record:
         self.progress, self.before = progress, before  # time covered by earlier passes, s
         self.outputs = np.tile(stepper.C @ x, (times.size, 1))  # right where times are 0, overwritten elsewhere
         self.snapshots = np.tile(x, (kept.size, 1))
-        self.start, self.heat_in, self.heat_out = x, 0.0, 0.0
+        self.start = x
+        self.heat_in = self.heat_out = 0.0 if ledger else np.nan
 
     def first_wanted(self, start: float, stop: float) -> float:
         """Time from ``start`` to the first output or snapshot of the piece, or to its end."""
@@ -356,21 +344,22 @@ class _Record:
 
     def deliver(self, start: float, stop: float) -> None:
         """Count the exact energy of one piece."""
-        energy = (stop - start) * sum(wave.mean(start, stop) for wave in self.stepper.waves)
-        self.heat_in += energy
-        self.heat_out += energy * (self.ledger.direct if self.ledger else 0.0)
+        if self.ledger:
+            energy = (stop - start) * sum(wave.mean(start, stop) for wave in self.stepper.waves)
+            self.heat_in += energy
+            self.heat_out += energy * self.ledger.direct
 
     def trajectory(self, x: Array) -> Trajectory:
         """Return the trajectory with its energy balance."""
-        s, audited = self.stepper, self.ledger is not None
+        s = self.stepper
         return Trajectory(
             times=self.times,
             outputs=self.outputs,
             final=x,
             snapshots=self.snapshots,
-            heat_in=self.heat_in if audited else np.nan,
+            heat_in=self.heat_in,
             heat_stored=self.ledger.content(x) - self.ledger.content(self.start) if self.ledger else np.nan,
-            heat_out=self.heat_out if audited else np.nan,
+            heat_out=self.heat_out,
             steps=s.steps,
             rejected=s.rejected,
             factorizations=s.factorizations,

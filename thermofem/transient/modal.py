@@ -28,7 +28,7 @@ from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis, Rounds, rates
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray
-from ..waveforms import Waveform, check_wave
+from ..waveforms import Waveform
 from .esdirk import FAR
 from .integration import Ledger, Trajectory, check_run
 from .nonlinear import NonlinearLedger
@@ -118,35 +118,32 @@ class Modal:
             the space cannot grow, or the answer has not converged after `ROUNDS` rounds.
         Raises InputError: times not increasing or negative, rtol out of range.
         """
-        waves = tuple(waves) if isinstance(waves, Sequence) and not isinstance(waves, range | str) else (waves,)
-        for wave in waves:
-            check_wave("wave", wave)
+        waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         times, kept = check_run(times, snapshots, rtol)
-        if len(waves) != len(self.system.inputs) or not all(getattr(wave, "piecewise_linear", False) for wave in waves):
-            return None  # the integrator raises the error
-        wanted = _thinned(np.unique(np.concatenate([[0.0], times, kept])), kept, _pieces(waves, times, kept))
+        if not all(wave.piecewise_linear for wave in waves):
+            return None
+        every = np.unique(np.concatenate([[0.0], times, kept]))
+        edges = _edges(waves, every[-1])
+        wanted = _thinned(every, kept, edges)
         shown = wanted.searchsorted(kept)
         first, answers, last = _first(waves, wanted), list[Answer](), np.inf
         short = self.known is not None and not shown.size and all(np.array_equal(c, self.system.B[:, 0]) for c in C)
         content = ledger.storage[None] if short and isinstance(ledger, Ledger) else np.empty((0, self.system.order))
         watched = np.vstack([C, content])
         back = -2 if short else -3  # the known fields bring the core alone nearer in every round
-        grown: set[int] = set()
+        size = 0
         for rounds in range(FEWEST, ROUNDS):
+            smaller = size
             try:
                 space, size = self._grown(rounds, first, short=short)
             except checks.InputError:  # E or -A is not definite
                 return None
-            if size in grown and size < self.system.order:
+            if smaller == size < self.system.order:
                 return None  # the space cannot grow, so convergence cannot be checked
-            grown.add(size)
             basis = space.basis(size, others=ledger is not None)
             if basis.rate[0] <= 0:  # a growing mode: -A is not positive definite
                 return None
-            z = sum(
-                pole_responses(basis.rate, wave, wanted, periodic=periodic) * column
-                for wave, column in zip(waves, basis.heating.T, strict=True)
-            )
+            z = _amplitudes(basis, waves, wanted, periodic=periodic)
             answers = [*answers[-2:], Answer(basis, z, z @ basis.read(watched).T)]
             if len(answers) >= -back:
                 before, last = last, _moved(answers[back], answers[-1], watched, space, shown, len(content)) / rtol
@@ -156,16 +153,21 @@ class Modal:
         else:
             return None
         found = answers[-1]
+        if wanted is every:
+            outputs = found.outputs[wanted.searchsorted(times), : len(C)]
+        else:  # in chunks; each begins at t = 0 again
+            chunks, rows = np.array_split(times, 1 + times.size // max(WATCHED, edges.size)), found.basis.read(C).T
+            outputs = np.concatenate([_amplitudes(found.basis, waves, t, periodic=periodic) @ rows for t in chunks])
         heat = _balance(found, ledger, waves, float(wanted[-1])) if isinstance(ledger, Ledger) else [np.nan] * 3
         return Trajectory(
             times=times,
-            outputs=_outputs(found, C, waves, times, wanted, periodic=periodic),
+            outputs=outputs,
             final=found.basis.vectors @ found.z[-1],
             snapshots=found.z[shown] @ found.basis.vectors.T if shown.size else np.empty((0, self.system.order)),
             heat_in=heat[0],
             heat_stored=heat[1],
             heat_out=heat[2],
-            steps=sum(wave.breakpoints(0.0, float(wanted[-1])).size + 1 for wave in waves),
+            steps=edges.size + len(waves),
             rejected=0,
             factorizations=space.shifts.size,
             solves=size,
@@ -217,13 +219,18 @@ def _decade(shift: float) -> float:
     return ten if ten / 2 < shift < 2 * ten else shift
 
 
-def _pieces(waves: Sequence[Waveform], times: Array, kept: Array) -> NDArray[np.float64]:
+def _amplitudes(basis: Basis, waves: Sequence[Waveform], times: Array, *, periodic: bool) -> Array:
+    """z at all times, shape (times, k)."""
+    each = (pole_responses(basis.rate, wave, times, periodic=periodic) for wave in waves)
+    return np.asarray(sum(answers * column for answers, column in zip(each, basis.heating.T, strict=True)))
+
+
+def _edges(waves: Sequence[Waveform], end: float) -> NDArray[np.float64]:
     """Breakpoints of the waveforms in s.
 
     Raises InputError: more of them than fit into memory.
     """
-    end = float(max(times.max(initial=0.0), kept.max(initial=0.0)))
-    edges = np.concatenate([wave.breakpoints(0.0, end) for wave in waves])
+    edges = np.concatenate([wave.breakpoints(0.0, float(end)) for wave in waves])
     if edges.size > MOST:
         raise checks.InputError(
             f"the power has {edges.size} straight pieces until {end:g} s, which would take about "
@@ -244,27 +251,6 @@ def _thinned(wanted: Array, kept: Array, edges: Array) -> Array:
     after = np.minimum(wanted.searchsorted(edges, side="right"), last)
     chosen = np.unique(np.concatenate([even.astype(int), early.astype(int), after, wanted.searchsorted(kept)]))
     return np.asarray(wanted[chosen])
-
-
-def _outputs(
-    found: Answer, C: Array, waves: Sequence[Waveform], times: Array, watched: Array, *, periodic: bool
-) -> Array:
-    """Outputs at all times, shape (times, outputs); times that were not watched are computed piece by piece."""
-    place = np.minimum(watched.searchsorted(times), watched.size - 1)
-    if np.array_equal(watched[place], times):
-        return np.asarray(found.outputs[place][:, : len(C)])
-    rows, basis = found.basis.read(C), found.basis
-    outputs = np.empty((times.size, len(C)))
-    edges = sum(wave.breakpoints(0.0, float(times[-1])).size for wave in waves)
-    length = max(WATCHED, edges)  # every piece begins at t = 0 again
-    for start in range(0, times.size, length):
-        piece = slice(start, start + length)
-        z = sum(
-            pole_responses(basis.rate, wave, times[piece], periodic=periodic) * column
-            for wave, column in zip(waves, basis.heating.T, strict=True)
-        )
-        outputs[piece] = z @ rows.T
-    return outputs
 
 
 def _first(waves: Sequence[Waveform], wanted: Array) -> float:

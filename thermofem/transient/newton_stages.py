@@ -6,8 +6,8 @@ is sum_l M_l D_l + gamma h sum_l K_l D'_l with diagonal D, the laws' derivatives
     sum_l sqrt(D_l) M_l sqrt(D_l) + gamma h sum_l sqrt(D'_l) K_l sqrt(D'_l)
 
 is symmetric and has the ordering of the linear factors. It follows the state where a derivative has moved by `DRIFT`,
-or by `SLIGHT_DRIFT` when another step length asks for factors anyway. Each iteration costs one solve; where they stall,
-the factors are made from the full Jacobian.
+or by `SLIGHT_DRIFT` when another step length asks for factors anyway. Each iteration costs one solve. A stage whose
+iterations stall is solved with factors of the Jacobian itself.
 """
 
 from collections.abc import Sequence
@@ -17,15 +17,15 @@ import numpy as np
 from scipy.sparse import csr_matrix, hstack
 
 from ..algebra.factor import Pencil, Solve
-from ..arrays import Array, NDArray
+from ..arrays import Array
 from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper
 from .nonlinear import NodalOperator, NonlinearEquations, factorize_general
 
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
-ITERATIONS = 10  # per stage, before the factors are renewed
-STALLED = 0.95  # ratio of successive corrections above which they are renewed at once
+ITERATIONS = 10  # per stage, before factors of the Jacobian itself are made
+STALLED = 0.95  # ratio of successive corrections above which they are made at once
 SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
 # value at each stage of the polynomial through the stages before it
@@ -62,14 +62,13 @@ class NewtonStepper(Stepper):
         self.system = system
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
         self._weight = self.E.diagonal()
+        self._renewed = 0  # stages that took factors of the Jacobian itself
         steady = self._measure(self.steady)
         # 1e-12 K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
         self.least = 1e-12 / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
         self._scale = self.least * steady
         self._rate = 0.0  # of convergence, per K of the largest rise: it grows with the rise
-        self._at: Array | None = None  # where the renewed factors belong; None: the linear ones serve
-        self._renewed: dict[float, Solve] = {}
-        self._stored = _Nodal(system.content, self.E.diagonal())
+        self.nodal = _Nodal(system.content, self.E.diagonal())
         self._both = hstack([system.content.matrix, system.flow.matrix], format="csr")
         self._near = Pencil(self.E, -self.A)
         self._neighbours = [_Neighbour(operator, self._near) for operator in (system.content, system.flow)]
@@ -81,13 +80,13 @@ class NewtonStepper(Stepper):
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
         """E^-1 dH/dt at the start of a smooth piece."""
-        return self.solve(0.0, self.B @ self.powers(t, h, stop)[0] - self.system.flow(x))
+        return self.solve(0.0, self.sources(t, h, stop)[0] - self.system.flow(x))
 
     def rate(self, x: Array, slope: Array) -> Array:
         """dx/dt from a slope: solves H'(x) dx/dt = E s by iteration with E, from the same node by node."""
         if not self.system.content.laws:
             return slope
-        nodal = self._stored.slope(x)
+        nodal = self.nodal.slope(x)
         rate = slope / nodal
         capacity, target = self.system.content.derivative(x), self.E @ slope
         for _ in range(ITERATIONS):
@@ -98,116 +97,88 @@ class NewtonStepper(Stepper):
             rate = rate + self.solve(0.0, rest) / nodal
         return rate
 
-    def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
-        """One step as `Stepper.step`; None where even renewed factors do not converge: the step is too long."""
-        self.follow(x, GAMMA * h)
-        step = self._with_content if self.system.content.laws else self._without
-        done = step(x, slope, h, powers)
-        self.steps += done is not None
-        return done
-
-    def _without(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
-        """A step where no capacity depends on temperature: dH/dt = E dx/dt."""
-        slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
-        slopes[0], states[0] = slope, x
-        shift = GAMMA * h
-        for i in range(1, 6):
-            known = x + h * (STAGES[i, :i] @ slopes[:i])
-            found = self.stage(_predicted(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
-            if found is None:
-                return None
-            states[i] = found
-            slopes[i] = (found - known) / shift  # not from F: that would blow up what the iteration left
-        return slopes, states
-
-    def _with_content(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
-        """A step in the heat content H: exact in dH/dt; slopes E^-1 dH/dt node by node, for the error estimate."""
-        slopes, states, flows = (np.empty((6, x.size)) for _ in range(3))
-        if self._last is not None and np.array_equal(self._last[0], slope):
-            flows[0] = self._last[1]
-        else:
-            flows[0] = self.E @ slope
-        slopes[0], states[0] = slope, x
-        extended, matrix = self.system.content.extended(x), self.system.content.matrix
-        shift, nodal, start = GAMMA * h, self._stored.integral(extended), matrix @ extended
-        per_slope = h / self._stored.slope(x)
-        for i in range(1, 6):
-            known = start + h * (STAGES[i, :i] @ flows[:i])
-            target = known + shift * (self.B @ powers[i])
-            found = self.stage(_predicted(i, states, slopes, per_slope), target, shift)
-            if found is None:
-                return None
-            states[i], extended = found, self.system.content.extended(found)
-            flows[i] = (matrix @ extended - known) / shift
-            slopes[i] = (self._stored.integral(extended) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
-        self._last = slopes[5], flows[5]
-        return slopes, states
-
-    def follow(self, x: Array, shift: float) -> None:
-        """Make the neighbour of the Jacobian again where a derivative has moved too far since it was made."""
-        allowed = DRIFT if self._near.ready(1.0, shift) else SLIGHT_DRIFT
+    def step(self, x: Array, slope: Array, h: float, sources: Array) -> tuple[Array, Array] | None:
+        """One step as `Stepper.step`; None where a stage does not converge: the step is too long."""
+        allowed = DRIFT if self._near.ready(1.0, GAMMA * h) else SLIGHT_DRIFT
         if max(one.drift(x) for one in self._neighbours) > allowed:
             self._near.replace(*(one.at(x) for one in self._neighbours))
+        slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
+        slopes[0], states[0] = slope, x
+        stages = self._with_content if self.system.content.laws else self._without
+        done = stages(slopes, states, h, sources)
+        self.steps += done
+        return (slopes, states) if done else None
 
-    def nodal(self, x: Array) -> Array:
-        """The slope of H at each node over that of E, where neighbours have the same."""
-        return self._stored.slope(x)
+    def _without(self, slopes: Array, states: Array, h: float, sources: Array) -> bool:
+        """Stages where no capacity depends on temperature: dH/dt = E dx/dt."""
+        shift = GAMMA * h
+        for i in range(1, 6):
+            known = states[0] + h * (STAGES[i, :i] @ slopes[:i])
+            found = self.stage(_predicted(i, states, slopes, h), shift * sources[i], shift, known)
+            if found is None:
+                return False
+            states[i] = found
+            slopes[i] = (found - known) / shift  # not from F: that would blow up what the iteration left
+        return True
+
+    def _with_content(self, slopes: Array, states: Array, h: float, sources: Array) -> bool:
+        """Stages in the heat content H: exact in dH/dt; slopes E^-1 dH/dt node by node, for the error estimate."""
+        x, slope, flows = states[0], slopes[0], np.empty_like(states)
+        flows[0] = self._last[1] if self._last and np.array_equal(self._last[0], slope) else self.E @ slope
+        extended, matrix = self.system.content.extended(x), self.system.content.matrix
+        shift, nodal, start = GAMMA * h, self.nodal.integral(extended), matrix @ extended
+        per_slope = h / self.nodal.slope(x)
+        for i in range(1, 6):
+            known = start + h * (STAGES[i, :i] @ flows[:i])
+            found = self.stage(_predicted(i, states, slopes, per_slope), known + shift * sources[i], shift)
+            if found is None:
+                return False
+            states[i], extended = found, self.system.content.extended(found)
+            flows[i] = (matrix @ extended - known) / shift
+            slopes[i] = (self.nodal.integral(extended) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
+        self._last = slopes[5], flows[5]
+        return True
 
     @np.errstate(over="ignore", invalid="ignore")  # a size that is not finite ends the iteration
     def stage(self, x: Array, target: Array, shift: float, known: Array | float = 0.0) -> Array | None:
-        """Solve H(x) + shift F(x) = target from the guess ``x``; renew the factors once where they stall.
+        """Solve H(x) + shift F(x) = target from the guess ``x``; None where the iterations do not converge.
 
-        ``known`` is taken from x in H, where that is linear. None where even renewed factors do not converge.
+        ``known`` is taken from x in H, where that is linear.
         """
-        start, flow, content = x, self.system.flow, self.system.content
-        for renewed in (False, True):
-            if renewed:
-                self._renew(start)
-                x = start
-            rate, last = 0.0, np.inf
-            for k in range(ITERATIONS):
-                change = self._correct(
-                    shift,
-                    target - self._both @ np.concatenate([content.extended(x) - known, shift * flow.extended(x)]),
-                )
-                x = x + change
-                if not k:
-                    self._scale = np.maximum(self._scale, self._measure(x))
-                size = self._size(change)
-                if not np.isfinite(size):
-                    break
-                rate = size / last if k else min(self._rate * self.rise, STALLED)
-                last = size
-                # 3: iterations before their rate is judged: a good guess makes the first ratios large
-                if k >= 3 and rate > STALLED:
-                    break
-                if size * rate <= self.tolerance * (1 - rate) and (k or rate > 0 or size <= self.tolerance):
-                    if k and self.rise:
-                        self._rate = max(rate / self.rise, 0.9 * self._rate)
-                    return x
+        found = self._iterated(x, target, shift, known, lambda rest: self._near.solve(1.0, shift, rest))
+        if found is None:
+            self._renewed += 1
+            jacobian = self.system.content.jacobian(x) + shift * self.system.flow.jacobian(x)
+            found = self._iterated(x, target, shift, known, factorize_general(jacobian))
+        return found
+
+    def _iterated(self, x: Array, target: Array, shift: float, known: Array | float, solve: Solve) -> Array | None:
+        """`stage` with one approximation of the Jacobian."""
+        flow, content = self.system.flow, self.system.content
+        rate, last = 0.0, np.inf
+        for k in range(ITERATIONS):
+            both = np.concatenate([content.extended(x) - known, shift * flow.extended(x)])
+            change = solve(target - self._both @ both)
+            self.solves += 1
+            x = x + change
+            if not k:
+                self._scale = np.maximum(self._scale, self._measure(x))
+            size = float(np.max(self._measure(change) / np.maximum(self._scale, np.finfo(float).tiny)))
+            rate = size / last if k else min(self._rate * self.rise, STALLED)
+            last = size
+            # 3: iterations before their rate is judged: a good guess makes the first ratios large
+            if not np.isfinite(size) or (k >= 3 and rate > STALLED):
+                return None
+            if size * rate <= self.tolerance * (1 - rate) and (k or rate > 0 or size <= self.tolerance):
+                if k and self.rise:
+                    self._rate = max(rate / self.rise, 0.9 * self._rate)
+                return x
         return None
 
-    def _correct(self, shift: float, rest: Array) -> Array:
-        if self._at is None:
-            before = self._near.factorizations
-            change = self._near.solve(1.0, shift, rest)
-            self.factorizations += self._near.factorizations - before
-            self.solves += 1
-            return change
-        key = float(f"{shift:.8e}")
-        if key not in self._renewed:
-            matrix = self.system.content.jacobian(self._at) + shift * self.system.flow.jacobian(self._at)
-            self._renewed[key] = factorize_general(matrix)
-            self.factorizations += 1
-        self.solves += 1
-        return self._renewed[key](rest)
-
-    def _renew(self, x: Array) -> None:
-        self._at, self._renewed = x, {}
-
-    def _size(self, change: Array) -> float:
-        """Largest of the changes of field and outputs, each relative to the largest value it has had."""
-        return float(np.max(self._measure(change) / np.maximum(self._scale, np.finfo(float).tiny)))
+    @property
+    def factorizations(self) -> int:
+        """Factorizations so far."""
+        return super().factorizations + self._near.factorizations + self._renewed
 
     @property
     def rise(self) -> float:
@@ -215,6 +186,7 @@ class NewtonStepper(Stepper):
         return float(self._scale[:-1].max())
 
     def _measure(self, x: Array) -> Any:
+        """Sizes of the outputs and of the field, K."""
         return np.append(np.abs(self.C @ x), np.sqrt(self._weight @ (x * x)))
 
 
@@ -223,12 +195,8 @@ class _Nodal:
 
     def __init__(self, operator: NodalOperator, diagonal: Array) -> None:
         self.operator, self.size = operator, diagonal.size
-        self.laws = []
-        start = diagonal.size
-        for _, at in operator.laws:
-            block = operator.matrix[:, start : start + at.size].tocsr()
-            self.laws.append((at, np.asarray(block[at, np.arange(at.size)]).ravel() / diagonal[at]))
-            start += at.size
+        own = [(at, block.tocsr()[at, np.arange(at.size)]) for _, at, block in operator.parts()]
+        self.laws = [(at, np.asarray(weight).ravel() / diagonal[at]) for at, weight in own]
 
     def slope(self, x: Array) -> Array:
         """Derivative at each node."""
@@ -239,11 +207,11 @@ class _Nodal:
 
     def integral(self, extended: Array) -> Array:
         """Its integral from ambient in K, from what `NodalOperator.extended` gives."""
-        x, start = extended[: self.size], self.size
+        ends = np.cumsum([self.size, *(at.size for at, _ in self.laws)])
+        x, *laws = np.split(extended, ends[:-1])
         total = x.copy()
-        for at, weight in self.laws:
-            total[at] += weight * (extended[start : start + at.size] - x[at])
-            start += at.size
+        for (at, weight), law in zip(self.laws, laws, strict=True):
+            total[at] += weight * (law - x[at])
         return total
 
 
@@ -251,41 +219,28 @@ class _Neighbour:
     """Symmetric approximation of the Jacobian of a `NodalOperator`, on the sparsity pattern of a `Pencil`."""
 
     def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
-        self.operator, self.laws = operator, []
-        n, start = operator.matrix.shape[0], operator.matrix.shape[0]
-        rows, columns = pencil.rows_and_columns
-        self.rest = np.zeros(rows.size)
-        self._add(pencil, operator.matrix[:, :n], self.rest)
-        for _, at in operator.laws:
-            block = operator.matrix[:, start : start + at.size].tocsc()
-            start += at.size
-            where, values = pencil.entries(_spread(block, at, n))
-            local = np.zeros(n, dtype=np.intp)
-            local[at] = np.arange(at.size)
-            self.laws.append((where, values, local[rows[where]], local[columns[where]]))
-        self.slopes = [np.ones(at.size) for _, at in operator.laws]
-
-    @staticmethod
-    def _add(pencil: Pencil, matrix: Any, total: Array) -> None:
-        where, values = pencil.entries(matrix)
-        total[where] += values
+        self.operator, n = operator, operator.matrix.shape[0]
+        self.places = pencil.rows_and_columns
+        self.rest, self.laws = np.zeros(self.places[0].size), []
+        where, values = pencil.entries(operator.matrix[:, :n])
+        self.rest[where] = values
+        for _, at, block in operator.parts():
+            block = block.tocoo()
+            spread = csr_matrix((block.data, (block.row, at[block.col])), shape=(n, n))
+            self.laws.append((at, *pencil.entries(spread)))
+        self.slopes = [np.ones(at.size) for at, *_ in self.laws]
 
     def drift(self, x: Array) -> float:
         """Largest relative change of a derivative since `at`; InputError for a law that is not positive."""
-        new = self.operator.positive_slopes(x)
+        new = self.operator.slopes(x, positive=True)
         return max((float(np.abs(a / b - 1).max()) for a, b in zip(new, self.slopes, strict=True)), default=0.0)
 
     def at(self, x: Array) -> Array:
         """The values at ``x``."""
         self.slopes = self.operator.slopes(x)
-        total = self.rest.copy()
-        for (where, values, i, j), slope in zip(self.laws, self.slopes, strict=True):
-            root = np.sqrt(slope)
-            total[where] += values * root[i] * root[j]
+        total, (rows, columns) = self.rest.copy(), self.places
+        for (at, where, values), slope in zip(self.laws, self.slopes, strict=True):
+            root = np.zeros(x.size)
+            root[at] = np.sqrt(slope)
+            total[where] += values * root[rows[where]] * root[columns[where]]
         return total
-
-
-def _spread(block: Any, at: NDArray[np.intp], n: int) -> Any:
-    """Columns ``at`` of an n by n matrix."""
-    coo = block.tocoo()
-    return csr_matrix((coo.data, (coo.row, at[coo.col])), shape=(n, n))

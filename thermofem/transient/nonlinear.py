@@ -16,8 +16,8 @@ ambient and the rise `HOT`:
     f(z) = V^T [F(x) - K x] = flow[z, z],    e(z) = V^T [H(x) - E x] = content[z, z],
 
 with Q[y, z]_i = sum_jk Q_ijk y_j z_k. Where the enthalpy is no parabola, as of a table with a kink, its difference from
-the parabola is added to e(z) at the mean fields of `GROUPS` groups of nodes. The inverse of the enthalpy's
-slope is 1 - inverse[z, .], by the parabola of the rise over the enthalpy.
+the parabola is added to e(z) at the mean fields of `GROUPS` groups of nodes. The inverse of the enthalpy's slope is
+1 - inverse[z, .], by the parabola of the rise over the enthalpy.
 
 Sources: I. Christie et al., IMA J. Numer. Anal. 1, 253 (1981) (laws at the nodes: product approximation); G. Kirchhoff,
 Vorlesungen ueber die Theorie der Waerme (Teubner, 1894).
@@ -26,10 +26,10 @@ Vorlesungen ueber die Theorie der Waerme (Teubner, 1894).
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
+from scipy.cluster.vq import kmeans2
 from scipy.sparse import csc_matrix, csr_matrix, hstack, identity, vstack
 from scipy.sparse.linalg import splu
 
@@ -57,17 +57,16 @@ class NodalOperator:
         """Every law at the ambient temperature."""
         return [float(law.factor(self.ambient)) for law, _ in self.laws]
 
-    def slopes(self, x: Array) -> list[Array]:
-        """Derivative of every g at its nodes, from x of shape (n,)."""
-        both = zip(self.laws, self.references, strict=True)
-        return [law.factor(self.ambient + x[at]) / reference for (law, at), reference in both]
+    def slopes(self, x: Array, *, positive: bool = False) -> list[Array]:
+        """Derivative of every g at its nodes, from x of shape (n,).
 
-    def positive_slopes(self, x: Array) -> list[Array]:
-        """`slopes` at a state that was reached; InputError where a law is not positive there."""
-        found = self.slopes(x)
-        for ((law, at), reference), slope in zip(zip(self.laws, self.references, strict=True), found, strict=True):
-            check_positive(law, self.ambient + x[at], slope * reference)
-        return found
+        Raises InputError: where ``positive``, a law that is not.
+        """
+        factors = [law.factor(self.ambient + x[at]) for law, at in self.laws]
+        if positive:
+            for (law, at), factor in zip(self.laws, factors, strict=True):
+                check_positive(law, self.ambient + x[at], factor)
+        return [factor / reference for factor, reference in zip(factors, self.references, strict=True)]
 
     def extreme(self, x: Array) -> tuple[float, str]:
         """The largest change of a law since ambient, as a logarithm, and in words."""
@@ -92,15 +91,21 @@ class NodalOperator:
 
     def jacobian(self, x: Array) -> Any:
         """d/dx at ``x``, sparse."""
-        blocks = [identity(x.size, format="csr")]
-        for (_, at), slope in zip(self.laws, self.slopes(x), strict=True):
-            blocks.append(csr_matrix((slope, (np.arange(at.size), at)), shape=(at.size, x.size)))
-        return self.matrix @ vstack(blocks, format="csr")
+        both = zip(self.laws, self.slopes(x), strict=True)
+        blocks = [csr_matrix((slope, at, np.arange(at.size + 1)), shape=(at.size, x.size)) for (_, at), slope in both]
+        return self.matrix @ vstack([identity(x.size), *blocks], format="csr")
 
     def derivative(self, x: Array) -> Callable[[Array], Array]:
         """The derivative at ``x`` as a function of the direction, without its matrix."""
         slopes = [(slope, at) for (_, at), slope in zip(self.laws, self.slopes(x), strict=True)]
         return lambda v: np.asarray(self.matrix @ np.concatenate([v, *(slope * v[at] for slope, at in slopes)]))
+
+    def parts(self) -> Iterator[tuple[Law, NDArray[np.intp], Any]]:
+        """Every law with its nodes and its columns of the matrix."""
+        start = self.matrix.shape[1] - sum(at.size for _, at in self.laws)
+        for law, at in self.laws:
+            yield law, at, self.matrix[:, start : start + at.size]
+            start += at.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +210,6 @@ def rows(operator: NodalOperator, matrix: Any) -> NodalOperator:
 # K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone
 HOT = 10.0
 GROUPS = 32  # 16 take a third more steps where pulses cross a kink of c_p, 64 the same (measured); they change the work
-ROWS = 4096  # of amplitudes whose products are held at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,14 +268,9 @@ class Curvature:
 
     def _forms(self, y: Array, z: Array) -> tuple[Array, Array]:
         """flow[y, z] and content[y, z]."""
-        k = self.flow.shape[0]
-        flat = np.concatenate([self.flow, self.content]).reshape(2 * k, k * k).T
-        parts = []
-        for at in range(0, len(y), ROWS):
-            products = y[at : at + ROWS, :, None] * z[at : at + ROWS, None, :]
-            parts.append(products.reshape(len(products), k * k) @ flat)
-        both = np.concatenate(parts)
-        return both[:, :k], both[:, k:]
+        products = y[:, :, None] * z[:, None, :]
+        flow, content = (np.tensordot(products, form, ((1, 2), (1, 2))) for form in (self.flow, self.content))
+        return flow, content
 
 
 def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
@@ -279,9 +278,9 @@ def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
     V = basis.vectors
     flow, content, inverse = (np.zeros((V.shape[1],) * 3) for _ in range(3))
     T0, departures = system.flow.ambient, []
-    for law, at, block in operators(system.flow):
+    for law, at, block in system.flow.parts():
         flow += _chord(law, T0) * cubic_form(block.T @ V, V[at])
-    for law, at, block in operators(system.content):
+    for law, at, block in system.content.parts():
         loads, reference, chord = block.T @ V, float(law.factor(T0)), _chord(law, T0)
         form = cubic_form(loads, V[at])
         content += chord * form
@@ -297,30 +296,16 @@ def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
 
 
 def _groups(points: Array) -> list[NDArray[np.intp]]:
-    """Parts of the points, at most `GROUPS`: again and again the widest is cut across its longest axis.
-
-    Source: P. Heckbert, Computer Graphics 16(3), 297 (1982) (median cut).
-    """
-
-    def cut(part: NDArray[np.intp]) -> tuple[float, Array, NDArray[np.intp]]:
-        apart = points[part] - points[part].mean(axis=0)
-        width, axes = np.linalg.eigh(apart.T @ apart)
-        return float(width[-1]), apart @ axes[:, -1], part
-
-    cuts = [cut(np.arange(len(points)))] if points.size else []
-    while cuts and len(cuts) < GROUPS:
-        cuts.sort(key=itemgetter(0))
-        _, along, part = cuts[-1]
-        if np.all(along < 0) or np.all(along >= 0):  # equal points are left
-            break
-        cuts[-1:] = [cut(part[along < 0]), cut(part[along >= 0])]
-    return [part for *_, part in cuts]
+    """Parts of the points, shape (nodes, k), that lie close together, at most `GROUPS` (k-means)."""
+    count = min(GROUPS, len(points) // 4) if points.size else 0
+    label = kmeans2(points, count, minit="++", seed=0)[1] if count else np.empty(0)
+    return [np.flatnonzero(label == k) for k in np.unique(label)]
 
 
 def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
     """Return the quadratic part of F(V z) - K V z as a function of products z z^T, (m, k, k) to (m, n)."""
     n, k = V.shape
-    parts = [(_chord(law, system.flow.ambient) * block, at) for law, at, block in operators(system.flow)]
+    parts = [(_chord(law, system.flow.ambient) * block, at) for law, at, block in system.flow.parts()]
 
     def flow(products: Array) -> Array:
         m = len(products)
@@ -334,14 +319,6 @@ def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
 def _chord(law: Law, T0: float) -> float:
     """a of x + a x^2, which the integral of the law is at no rise and at `HOT`."""
     return float((law.integral(T0, HOT) / law.factor(T0) - HOT) / HOT**2)
-
-
-def operators(operator: NodalOperator) -> Iterator[tuple[Law, NDArray[np.intp], Any]]:
-    """Every law with its nodes and its part of the matrix."""
-    start = operator.matrix.shape[1] - sum(at.size for _, at in operator.laws)
-    for law, at in operator.laws:
-        yield law, at, operator.matrix[:, start : start + at.size]
-        start += at.size
 
 
 def cubic_form(left: Array, right: Array) -> Array:

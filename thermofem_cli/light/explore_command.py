@@ -8,7 +8,7 @@ import typer
 import coupled
 import surrogate
 import thermofem as th
-from coupled.explore.page import Page
+from coupled.explore import Page
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.errors import InputError

@@ -1,6 +1,6 @@
 // coupled/kernel as WebAssembly, and the loop around it that coupled/kernel/integrator.py has: the equations stand there.
 //
-// kernel.wasm is compiled from kernel.cpp by coupled/explore/wasm.py. It is committed, so that a page can be written on a
+// kernel.wasm is compiled from kernel.cpp by coupled/explore/bundle.py. It is committed, so that a page can be written on a
 // machine without zig, which brings the C library of WebAssembly; a test compiles it again and compares.
 
 import { eigenvalues } from "./eigen.mjs";

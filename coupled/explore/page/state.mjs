@@ -105,7 +105,7 @@ export function planeWindow(state, data) {
 /** Fields for the parameters of a family that the page moves, p0, p1, p2, and for the powers of heaters, h0, h1, .. */
 export function addFields({ family, heaters }) {
   const moved = family ? family.parameters.filter((p) => p.moved) : [];
-  moved.forEach((p, k) => (FIELDS[`p${k}`] = { group: "geometry", label: p.name, unit: family.units[k], low: p.low * family.scale[k], high: p.high * family.scale[k] }));
+  moved.forEach((p, k) => (FIELDS[`p${k}`] = { group: "geometry", label: p.name, unit: p.unit, low: p.low * p.scale, high: p.high * p.scale }));
   heaters.forEach(({ name }, k) => (FIELDS[`h${k}`] = { group: "heaters", label: `Power in ${name}`, unit: "mW", low: 0, high: 10000 }));
 }
 
@@ -122,10 +122,10 @@ export function modelOf(state, data, index = state.model) {
 function bareModelOf(state, data, index) {
   const given = data.models[index];
   if (!given.family) return given;
-  const { parameters, points, R, scale } = data.family;
+  const { parameters, points, R } = data.family;
   const moved = parameters.filter((p) => p.moved);
   const share = (value, p) => (p.log ? Math.log(value / p.low) / Math.log(p.high / p.low) : (value - p.low) / (p.high - p.low));
-  const at = moved.map((p, k) => share(state[`p${k}`] / scale[k], p) * (points - 1));
+  const at = moved.map((p, k) => share(state[`p${k}`] / p.scale, p) * (points - 1));
   const base = at.map((x) => Math.min(Math.max(Math.floor(x), 0), points - 2));
   const out = new Array(data.family.tau.length).fill(0);
   for (let corner = 0; corner < 2 ** moved.length; corner++) {
