@@ -83,10 +83,11 @@ def autonomous(
     return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6)
 
 
-def _newton(system: System, problem: Problem, y: Array) -> Array | None:
-    """Newton's method, damped until the next correction is smaller; None where that does not converge."""
-    n = problem.rings
-    least = np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
+def at_rest(problem: Problem, y: Array, least: Array) -> Array | None:
+    """The fixed point that Newton's method finds from ``y``, damped until the next correction is smaller, or None.
+
+    least: sizes of the states below which corrections are not relative.
+    """
     try:
         for _ in range(ITERATIONS):
             rate, J = problem.slopes(y)
@@ -95,8 +96,7 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
             size = float(np.linalg.norm(step / scale))
             # the last correction is below 1e-11
             if size < 1e-11 * np.sqrt(y.size):
-                y = y + step
-                return y if np.all(y[2 : 3 * n : 3] >= -least[2]) else None
+                return np.asarray(y + step)
             damping = 1.0
             while damping > 1e-4:
                 following = np.linalg.solve(J, -problem.slopes(y + damping * step)[0])
@@ -107,6 +107,14 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
     except np.linalg.LinAlgError:
         return None
     return None
+
+
+def _newton(system: System, problem: Problem, y: Array) -> Array | None:
+    """The fixed point of a circuit near a state, with no carriers below 0."""
+    n = problem.rings
+    least = np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
+    found = at_rest(problem, y, least)
+    return None if found is None or np.any(found[2 : 3 * n : 3] < -least[2]) else found
 
 
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:

@@ -12,7 +12,7 @@ from thermofem.checks import InputError
 
 from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
-from ..equilibria.steady_states import stable_points
+from ..equilibria.steady_states import survey
 from ..heaters import turned_by
 from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat, Problem
 from ..kernel.tableaus import Method
@@ -75,7 +75,8 @@ class CycleProblem:
             at = self.internal
         except InputError:
             return np.empty((0, 3))
-        return stable_points(*self.laser, at)
+        found = survey(*self.laser, at)
+        return found.states[found.growth <= 0]
 
     @property
     def slowest(self) -> float:

@@ -102,8 +102,7 @@ def settled(
 ) -> Orbit:  # fmt: skip
     """Return the cycle on which the state ``y`` settles.
 
-    points: returns the stable fixed points, rows (U, N, dT), as `steady_states.stable_points` does; most cycles are
-        found without them.
+    points: returns the stable fixed points, rows (U, N, dT); most cycles are found without them.
     longest [ns]: of the transient; ``slow`` says that it is short for the system's heat.
     where: the power and detuning, for messages.
     look: called between the parts of the transient; it may raise.

@@ -3,11 +3,14 @@
 Energy U and detuned D fix a fixed point, and with it power and detuning (`balance`). Its eigenvalues obey
 
     A(lambda, U) + D^2 - D B(lambda, U) = 0
-    A = (lambda + gamma) [lambda + gamma + 2 tpa U + alpha/(lambda + rho)]
+    A = (lambda + gamma) [lambda + gamma_2 + alpha/(lambda + rho)]
     B = kerr + [beta + Z(lambda) (heat (lambda + rho) + cross)]/(lambda + rho)
+    gamma_2 = gamma + 2 tpa U,     made = 4 g U^2,   alpha = fca made,   beta = S'(N) made,   rho = d(N/tau)/dN
+    heat = 4 thermal_shift (absorbed + fca N + 2 tpa U) U,     cross = 2 thermal_shift fca U made
+    kerr = 2 U times the Kerr shift of unit energy,            Z = d(dT)/dP at lambda
 
-with the names of `steady_states` and the thermal impedance as Z. A Hopf point has lambda = i w: the imaginary part
-gives D, and the real part leaves one real equation over the plane of U and w,
+A Hopf point has lambda = i w: the imaginary part gives D, and the real part leaves one real equation over the plane of
+U and w,
 
     D = Im A/Im B,      (Im A)^2 - Im A Im B Re B + (Im B)^2 Re A = 0,
 
@@ -16,7 +19,6 @@ and Im B vanish, contours of two different D cross: they are cut there, and join
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import contourpy
@@ -32,10 +34,10 @@ from ..arguments import check_axis, check_ring
 from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
-from .balance import InternalRing, absorbable, balance, energy, farthest_s, internal_ring
+from .balance import InternalRing, absorbable, balance, dispersion, energy, farthest_s, internal_ring
 from .contours import Segment, intervals_in_window, joined, one_sign, refined, zeros
 from .onset import first_lyapunov
-from .steady_states import jacobians, secular, states
+from .steady_states import jacobians, states
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window
@@ -92,35 +94,29 @@ def hopf_curves(
 
 def unwatched(plane: Plane) -> list[xr.Dataset]:
     """`hopf_curves` without the warning about the training of the thermal model."""
-    curves = []
-    for U, D, omega, leading, growth in _hopf(plane):
-        curve = _dataset(plane, "Hopf curve", U, D, omega)
-        curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
-        about = {"units": "1/s", "long_name": "first Lyapunov coefficient"}
-        curve["lyapunov"] = ("point", growth / NS, about)
-        curves.append(curve)
-    return curves
-
-
-def subcritical(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> bool:
-    """Whether one of the `hopf_curves` is subcritical where it bounds a stable region."""
-    plane = plane_of(ring, model, powers, detunings)
-    return any(bool(np.any(leading & (growth > 0))) for *_, leading, growth in _hopf(plane))
-
-
-def _hopf(plane: Plane) -> Iterator[tuple[Array, Array, Array, NDArray[np.bool_], Array]]:
-    """U, D, omega, whether no other mode grows, and the first Lyapunov coefficient (1/ns), of each curve."""
 
     def place(point: Array) -> Array:
         return np.array([point[0], np.arcsinh(point[1] / plane.at.rates.loss), point[2]])
 
+    curves = []
     # ends within 0.3 in log U, arsinh(D/loss) and log w, a few cells of the lattice, belong together
     for line in joined(_pieces(plane), place, 0.3):
         every = _from_outside(plane, *_smooth(plane, line))
         for part in _inside(plane, *every[:2]):
             U, D, omega = (values[part] for values in every)
             growth, values = _criticality(plane, U, D, omega)
-            yield U, D, omega, _others_decay(values, omega), growth
+            curve = _dataset(plane, "Hopf curve", U, D, omega)
+            about = {"units": "1", "long_name": "no other mode grows"}
+            curve["leading"] = ("point", _others_decay(values, omega), about)
+            curve["lyapunov"] = ("point", growth / NS, {"units": "1/s", "long_name": "first Lyapunov coefficient"})
+            curves.append(curve)
+    return curves
+
+
+def subcritical(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> bool:
+    """Whether one of the `hopf_curves` is subcritical where it bounds a stable region."""
+    curves = unwatched(plane_of(ring, model, powers, detunings))
+    return any(bool(np.any(curve["leading"] & (curve["lyapunov"] > 0))) for curve in curves)
 
 
 def fold_curves(
@@ -178,10 +174,21 @@ def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex
     """A and B at lambda = i w, for arrays of one shape."""
     z = 1j * np.exp(log_w)
     U, which = np.unique(np.exp(log_U), return_inverse=True)
-    coefficients, power = secular(U, plane.at)
-    gamma, gamma_2, rho, alpha, beta, heat, cross, kerr = (v[which].reshape(z.shape) for v in coefficients)
-    Z = plane.at.heat.impedance(z, power[which].reshape(z.shape))
+    every = (values[which].reshape(z.shape) for values in _secular(U, plane.at))
+    gamma, gamma_2, rho, alpha, beta, heat, cross, kerr, power = every
+    Z = plane.at.heat.impedance(z, power)
     return (z + gamma) * (z + gamma_2 + alpha / (z + rho)), kerr + (beta + Z * (heat * (z + rho) + cross)) / (z + rho)
+
+
+def _secular(U: Array, ring: InternalRing) -> tuple[Array, ...]:
+    """gamma, gamma_2, rho, alpha, beta, heat, cross and kerr at the energies ``U``, and the absorbed power in uW."""
+    rates, at = ring.rates, balance(U, ring)
+    made = 4 * rates.g * U * U
+    rho = (1 + rates.b * at.N * (2 + rates.a * at.N)) / (rates.tau0 * (1 + rates.a * at.N) ** 2)
+    heat = 4 * rates.thermal_shift * (rates.absorbed + rates.fca * at.N + 2 * rates.tpa * U) * U
+    alpha, beta = rates.fca * made, dispersion(at.N, ring.fcd)[1] * made
+    cross, kerr = 2 * rates.thermal_shift * rates.fca * U * made, 2 * rates.kerr * U
+    return at.gamma, at.gamma + 2 * rates.tpa * U, rho, alpha, beta, heat, cross, kerr, at.P_abs
 
 
 def _resultant(A: Complex, B: Complex) -> tuple[Array, Array]:

@@ -1,15 +1,6 @@
 """All fixed points of laser settings, with their stability: eigenvalues of ring and heat at (U, D).
 
-The phase of the field does not matter at a fixed point, so a = sqrt(U). A perturbation exp(lambda t) of field, carriers
-and heat needs
-
-    (lambda + gamma) [(lambda + gamma_2)(lambda + rho) + alpha] + D^2 (lambda + rho)
-                - D [beta + kerr (lambda + rho) + Z(lambda) (heat (lambda + rho) + cross)] = 0
-    gamma_2 = gamma + 2 tpa U,     made = 4 g U^2,   alpha = fca made,   beta = S'(N) made,   rho = d(N/tau)/dN
-    heat = 4 thermal_shift (absorbed + fca N + 2 tpa U) U,     cross = 2 thermal_shift fca U made
-    kerr = 2 U times the Kerr shift of unit energy,            Z = d(dT)/dP at lambda
-
-Internal units as in `balance`.
+The phase of the field does not matter at a fixed point, so a = sqrt(U). Internal units as in `balance`.
 """
 
 from collections.abc import Mapping
@@ -18,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike, Complex, NDArray
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
@@ -30,42 +21,9 @@ from ..heaters import constant
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..thermal import provenance, trusted
-from .balance import InternalRing, absorbable, balance, dispersion, fixed_points, internal_ring
+from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
-
-Complex = NDArray[np.complex128]
-
-
-class Secular(NamedTuple):
-    """Coefficients of the equation of lambda, as in the module's equations; none depends on D."""
-
-    gamma: Array
-    gamma_2: Array
-    rho: Array
-    alpha: Array
-    beta: Array
-    heat: Array
-    cross: Array
-    kerr: Array
-
-
-def secular(U: ArrayLike, ring: InternalRing) -> tuple[Secular, Array]:
-    """Return the coefficients at the fixed points of the energies ``U``, and their absorbed powers in uW."""
-    U, rates, at = np.asarray(U, dtype=float), ring.rates, balance(U, ring)
-    made = 4 * rates.g * U * U
-    heat = 4 * rates.thermal_shift * (rates.absorbed + rates.fca * at.N + 2 * rates.tpa * U) * U
-    coefficients = Secular(
-        at.gamma,
-        at.gamma + 2 * rates.tpa * U,
-        (1 + rates.b * at.N * (2 + rates.a * at.N)) / (rates.tau0 * (1 + rates.a * at.N) ** 2),
-        rates.fca * made,
-        dispersion(at.N, ring.fcd)[1] * made,
-        heat,
-        2 * rates.thermal_shift * rates.fca * U * made,
-        2 * rates.kerr * U,
-    )
-    return coefficients, at.P_abs
 
 
 def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
@@ -99,42 +57,23 @@ def leading(values: Complex) -> tuple[Array, Array, NDArray[np.intp]]:
     return first.real, omega, (values.real > 0).sum(axis=1)
 
 
-def kinds(omega: Array, growing: NDArray[np.intp]) -> NDArray[np.str_]:
-    """Return the kinds of fixed points in words, from what `leading` returns."""
-    unstable = np.where(omega > 0, "unstable focus", "unstable node")
-    return np.where(growing == 0, "stable", np.where(growing % 2, "saddle", unstable))
-
-
 class Survey(NamedTuple):
-    """Every fixed point of m laser settings, sorted by setting and energy, and counts over the settings."""
+    """Every fixed point of m laser settings, sorted by setting and energy."""
 
     cell: NDArray[np.intp]
-    U: Array
-    D: Array
+    states: Array  # rows U, N, dT
     growth: Array  # 1/ns
     omega: Array  # rad/ns
     fastest: Array  # 1/ns, |lambda| of the mode that leaves fastest, 0 where none grows
-    points: NDArray[np.intp]  # shape (m,)
-    stable: NDArray[np.intp]  # shape (m,)
 
 
-def survey(pump: Array, detuning: Array, ring: InternalRing) -> Survey:
+def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> Survey:
     """Return the fixed points and their stability at laser settings in sqrt(fJ)/ns and rad/ns."""
     U, D, cell = fixed_points(pump, detuning, ring)
-    values = eigenvalues(U, D, ring)
-    growth, omega, growing = leading(values)
+    values, here = eigenvalues(U, D, ring), balance(U, ring)
+    growth, omega, _ = leading(values)
     fastest = np.where(values.real > 0, np.abs(values), 0.0).max(axis=1)
-    settings = np.broadcast(np.atleast_1d(pump), np.atleast_1d(detuning)).size
-    points, stable = (np.bincount(cell[which], minlength=settings) for which in (growing >= 0, growing == 0))
-    return Survey(cell, U, D, growth, omega, fastest, points, stable)
-
-
-def stable_points(pump: float, detuning: float, ring: InternalRing) -> Array:
-    """Return the stable fixed points at a laser setting, rows (U, N, dT), by increasing energy."""
-    found = survey(np.array([pump]), np.array([detuning]), ring)
-    U = found.U[found.growth <= 0]
-    here = balance(U, ring)
-    return np.stack([U, here.N, here.dT], axis=-1)
+    return Survey(cell, np.column_stack([U, here.N, here.dT]), growth, omega, fastest)
 
 
 def steady_states(
@@ -229,6 +168,7 @@ def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, power
     """Energy, carriers, rise, port powers and stability at fixed points (U, D; internal units), by name, in SI."""
     here = balance(U, at)
     growth, omega, growing = leading(eigenvalues(U, D, at))
+    unstable = np.where(growing % 2, "saddle", np.where(omega > 0, "unstable focus", "unstable node"))
     coupling, dropped = 2 * ring.bus_rate * NS, 2 * ring.drop_bus_rate * NS
     return {
         "energy": U * FJ,
@@ -239,5 +179,5 @@ def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, power
         "absorbed": here.P_abs * UW,
         "growth_rate": growth / NS,
         "frequency": omega / (2 * np.pi * NS),
-        "regime": kinds(omega, growing),
+        "regime": np.where(growing == 0, "stable", unstable),
     }

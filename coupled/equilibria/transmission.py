@@ -1,13 +1,13 @@
 """Transmission of a nonlinear ring: all branches against detuning or power, and the loop that a slow sweep follows."""
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 import xarray as xr
 
 from thermofem import Foster, checks
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
@@ -34,6 +34,7 @@ from .contours import equidistant, intervals_in_window, zeros
 from .steady_states import eigenvalues, observables
 
 POINTS = 600  # of a curve
+Curve: TypeAlias = Callable[[Array], tuple[Array, ...]]
 
 
 def transmission(
@@ -86,36 +87,34 @@ def transmission(
     if {P.size, nu.size} != {1, 2}:
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
     at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
-    U, D, powers, detunings = (_at_one_power if P.size == 1 else _at_one_detuning)(ring, at, P, nu)
+    U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
     return _dataset("transmission", ring, model, at, U, D, powers, detunings).assign_attrs(doubts)
 
 
-def _at_one_power(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Array, ...]:
-    """U, D, power and detuning along the tilted resonance within a range of detunings."""
-    pump = internal_pump(ring, P[0])
-    end = farthest_s(2 * np.pi * NS * float(np.abs(nu).max()), pump, at)
+def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Curve, float, float]:
+    """All fixed points at one power or at one detuning as a smooth curve, and the ends of its parameter s.
 
-    def curve(s: Array) -> tuple[Array, ...]:
-        U, D, shift, _ = tilted(s, pump, at)
-        return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS)
+    s is that of the tilted resonance at one power, and log U at one detuning. The curve gives U, D, power in W,
+    detuning in Hz and what is 0 at its folds, and covers the range of the power or detuning that is a pair.
+    """
+    shifts, unit = 2 * np.pi * NS * nu, internal_pump(ring, 1.0)
+    weak, strong = (internal_pump(ring, p) for p in P[[0, -1]])
+    end = farthest_s(float(np.abs(shifts).max()), weak, at)
 
-    return _in_range(curve, -end, end, 3, nu)
+    def tilt(s: Array) -> tuple[Array, ...]:
+        U, D, shift, slope = tilted(s, strong, at)
+        return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS), slope
 
+    def line(s: Array) -> tuple[Array, ...]:
+        U, here = np.exp(s), balance(np.exp(s), at)
+        D = here.shift - shifts[0]
+        square = here.gamma**2 + D**2
+        rises = 1 + 2 * U * (here.gamma * here.gamma_slope + D * here.shift_slope) / square  # d log P/d log U
+        return U, D, U * square / unit**2, np.full(s.size, nu[0]), rises
 
-def _at_one_detuning(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Array, ...]:
-    """U, D, power and detuning along the energies of one detuning within a range of powers."""
-    shift_0 = 2 * np.pi * NS * nu[0]
-    weak, strong = (internal_pump(ring, p) for p in P)
-    high = float(np.log(energy(0.0, strong, at)))
-    low = float(np.log(energy(farthest_s(abs(shift_0), weak, at), weak, at)))
-
-    def curve(s: Array) -> tuple[Array, ...]:
-        here = balance(np.exp(s), at)
-        D = here.shift - shift_0
-        powers = np.exp(s) * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2
-        return np.exp(s), D, powers, np.full(s.size, nu[0])
-
-    return _in_range(curve, low, high, 2, P)
+    if P.size == 1:
+        return tilt, -end, end
+    return line, float(np.log(energy(end, weak, at))), float(np.log(energy(0.0, strong, at)))
 
 
 def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
@@ -203,7 +202,10 @@ def sweep(
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
     U, D, step = fixed_points(internal_pump(ring, 1.0) * np.sqrt(P), 2 * np.pi * NS * nu, at)
     stable = eigenvalues(U, D, at).real.max(axis=1) < 0
-    branch = _branches(ring, U, D, P, nu, at)
+    curve, *_ = _curve(ring, at, np.unique(P), np.unique(nu))
+    place = np.log(U) if np.ptp(P) else np.arcsinh(D / balance(U, at).gamma)
+    grid = np.linspace(place.min(), place.max(), int(np.ceil(np.ptp(place) / SPACING)) + 2)
+    branch = np.searchsorted(zeros(lambda s, _: curve(s)[4], grid)[0], place)  # pieces between two folds
     path, jumped = np.empty(steps, dtype=int), np.zeros(steps, dtype=bool)
     for k in range(steps):
         here = np.flatnonzero(step == k)
@@ -216,39 +218,17 @@ def sweep(
     return found
 
 
-def _in_range(
-    curve: Callable[[Array], tuple[Array, ...]], low: float, high: float, row: int, ends: Array
-) -> tuple[Array, ...]:
-    """The part of a curve within the range of its power or detuning (``row``), both ends of the range included."""
+def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tuple[Array, ...]:
+    """The part of a curve within the range of its power or detuning, both ends of the range included."""
+    row, ends = (2, P) if P.size > 1 else (3, nu)
     grid = np.linspace(low, high, POINTS)
     parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
     points = equidistant(lambda s: np.array(curve(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
-    values = list(curve(np.concatenate(points)))
+    values = list(curve(np.concatenate(points))[:4])
     stops = np.cumsum([s.size for s in points])
     for k in (*(stops - 1), *(stops - [s.size for s in points])):
         values[row][k] = ends[np.argmin(np.abs(ends - values[row][k]))]  # to the last digit
     return tuple(values)
-
-
-def _branches(ring: RingResonator, U: Array, D: Array, P: Array, nu: Array, at: InternalRing) -> NDArray[np.intp]:
-    """Number of the branch that each fixed point of a sweep lies on: of the piece between two folds of its curve.
-
-    The curve is the tilted resonance at one power, and the power against energy at one detuning.
-    """
-    shift_0 = 2 * np.pi * NS * nu[0]
-
-    def by_detuning(s: Array, _: Any) -> Array:
-        return tilted(s, internal_pump(ring, P[0]), at)[3]
-
-    def by_power(s: Array, _: Any) -> Array:  # d log P/d log U
-        here = balance(np.exp(s), at)
-        D = here.shift - shift_0
-        turned = here.gamma * here.gamma_slope + D * here.shift_slope
-        return np.asarray(1 + 2 * np.exp(s) * turned / (here.gamma**2 + D**2))
-
-    place = np.arcsinh(D / balance(U, at).gamma) if np.ptp(nu) else np.log(U)
-    grid = np.linspace(place.min(), place.max(), int(np.ceil(np.ptp(place) / SPACING)) + 2)
-    return np.searchsorted(zeros(by_detuning if np.ptp(nu) else by_power, grid)[0], place)
 
 
 def _ends(name: str, value: float | ArrayLike) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -12,20 +12,16 @@ import numpy as np
 from thermofem import OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data.dataset import describe
-from thermofem.models import ThermalModel
-from thermofem.models.contract import bare
 
 from ..arguments import MOST_POINTS, check_axis, check_ring
-from ..contradictions import without_origin
-from ..cycles.limit_cycle import limit_cycle
-from ..equilibria.balance import absorbable, balance, internal_ring
+from ..equilibria.balance import absorbable, internal_ring
 from ..equilibria.steady_states import Survey, survey
 from ..heaters import ConstantHeating
 from ..kernel.integrator import CAP
 from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
-from ..thermal import Compact, trusted
+from ..thermal import Compact
 from ..unknowns import check_counts, optical_names, varied
 
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
@@ -64,10 +60,9 @@ class Grid:
 
 
 def grid_of(
-    ring: RingResonator, powers: ArrayLike, detunings: ArrayLike, vary: Mapping[str, ArrayLike] | None,
-    results: Sequence[str] = (),
+    ring: RingResonator, powers: ArrayLike, detunings: ArrayLike, vary: Mapping[str, ArrayLike] | None
 ) -> Grid:  # fmt: skip
-    """Resolve the axes of a map; none may have the name of one of its ``results``.
+    """Resolve the axes of a map.
 
     Raises
     ------
@@ -79,13 +74,7 @@ def grid_of(
     own: dict[str, Array] = {}
     for name, values in checks.mapping("vary", vary, hint='such as {"bus_rate": [3e10, 4e10]}').items():
         checks.choice("a name in vary", name, optical_names(ring))
-        if name in results:
-            raise checks.InputError(
-                f"vary holds {name!r}, which is a result of the map, too; vary the detunings instead"
-            )
-        own[name] = checks.array(f"vary[{name!r}]", values)
-        if np.any(np.diff(own[name]) <= 0):
-            raise checks.InputError(f"vary[{name!r}] must increase from value to value; sort it")
+        own[name] = checks.array(f"vary[{name!r}]", values, increasing=True)
         check_counts("vary", name, ring)
     axes = own | {name: axis for name, axis in laser.items() if axis.size > 1 or not own}
     if len(axes) != 2:
@@ -94,9 +83,7 @@ def grid_of(
         )
     fixed = {name: float(axis[0]) for name, axis in laser.items() if name not in axes}
     (first, one), (second, other) = axes.items()
-    if one.size * other.size > MOST_POINTS:
-        size = f"{one.size} x {other.size} points"
-        raise checks.InputError(f"the map has {size}; at most {MOST_POINTS:,} are computed at one go")
+    checks.integer("number of points of the map", one.size * other.size, 1, MOST_POINTS)
     rows = []
     for a in one.tolist():
         row = []
@@ -120,30 +107,22 @@ class Fixed(NamedTuple):
         return self.every[self.growth <= 0, :3]
 
 
-def surveys(
-    model: Compact, points: list[Point]
-) -> Iterator[tuple[NDArray[np.intp], Survey | checks.InputError, Array]]:
-    """Yield indices of the points of one ring, their fixed points, and N and dT there; or why they have none."""
+def surveys(model: Compact, points: list[Point]) -> Iterator[tuple[NDArray[np.intp], Survey | checks.InputError]]:
+    """Yield indices of points of one ring, and their fixed points or why they have none."""
     model = _moved(model)
     for ring in dict.fromkeys(ring for ring, _, _ in points):
-        cells = np.array([k for k, point in enumerate(points) if point[0] is ring or point[0] == ring])
-        powers = np.array([points[k][1] for k in cells])
-        try:
-            internal_ring(ring, model, absorbable(ring, powers.max()))
-            groups = [cells]
-        except checks.InputError:  # at this power, perhaps not at others
-            groups = [cells[powers == power] for power in np.unique(powers)]
-        for group in groups:
-            pump = np.array([internal_pump(ring, points[k][1]) for k in group])
-            shift = np.array([internal_detuning(points[k][2]) for k in group])
+        groups = [np.array([k for k, point in enumerate(points) if point[0] is ring or point[0] == ring])]
+        for cells in groups:
+            _, powers, detunings = (np.array(column) for column in zip(*(points[k] for k in cells), strict=True))
+            pump, shift = internal_pump(ring, 1.0) * np.sqrt(powers), internal_detuning(1.0) * detunings
             try:
-                at = internal_ring(ring, model, max(absorbable(ring, points[k][1]) for k in group))
-                found = survey(pump, shift, at)
+                yield cells, survey(pump, shift, internal_ring(ring, model, absorbable(ring, powers.max())))
             except checks.InputError as error:
-                yield group, error, np.empty((0, 2))
-            else:
-                here = balance(found.U, at)
-                yield group, found, np.column_stack([here.N, here.dT])
+                several = np.unique(powers)
+                if several.size == 1:
+                    yield cells, error
+                else:  # at this power, perhaps not at others
+                    groups += [cells[powers == power] for power in several]
 
 
 def _moved(model: Compact) -> Compact:
@@ -160,42 +139,13 @@ def _moved(model: Compact) -> Compact:
 def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
     """The fixed points of every point of a map, or why there are none."""
     out: list[Fixed | str] = [""] * len(points)
-    for cells, found, states in surveys(model, points):
+    for cells, found in surveys(model, points):
         if isinstance(found, checks.InputError):
             for k in cells:
                 out[k] = str(found)
             continue
-        longest = np.where(found.fastest > 0, CAP / np.where(found.fastest > 0, found.fastest, 1.0), np.inf)
-        every = np.column_stack([found.U, states, longest])
+        grows = found.fastest > 0
+        every = np.column_stack([found.states, np.where(grows, CAP / np.where(grows, found.fastest, 1.0), np.inf)])
         for k, ends in zip(cells, pairwise(np.searchsorted(found.cell, np.arange(cells.size + 1))), strict=True):
             out[k] = Fixed(every[slice(*ends)], found.growth[slice(*ends)])
     return out
-
-
-def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array | None = None) -> None:
-    """Warn OutsideTrainingWarning where the fixed points or the cycles that are likely the hottest exceed the training.
-
-    model: as the caller gave it; small: the same, compact.
-    swings [shape of the map; K]: of the rings that pulse, nan of others; None where they are not known.
-    """
-    if getattr(bare(model), "largest_rise", None) is None:
-        return
-    points = grid.points
-    rests = np.array([0.0 if isinstance(at, str) else at.every[:, 2].max() for at in fixed_of(small, points)])
-    hottest = [float(rests.max())]
-    if swings is not None and np.isfinite(swings).any():
-        own = swings.ravel()
-        rests[np.isnan(own)] = np.nan
-        likely = {int(np.nanargmax(values)) for values in (own, rests, own + rests)}
-        hottest += [_hottest(small, points[k]) for k in likely]
-    trusted(model, max(hottest))
-
-
-def _hottest(model: Compact, point: Point) -> float:
-    """The highest rise of the cycle at a point, K; 0 where it is not found."""
-    ring, power, detuning = point
-    try:
-        cycle = limit_cycle(ring, without_origin(model), power=power, detuning=detuning)
-    except checks.InputError:
-        return 0.0
-    return float(cycle["delta_T"].max())

@@ -1,9 +1,11 @@
 """Maps of self-pulsing over power and detuning by integration, and how far two maps agree."""
 
+import contextlib
+import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,25 +16,25 @@ from numpy.typing import ArrayLike
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array
 from thermofem.checks import Words
-from thermofem.data import dataset
+from thermofem.data import dataset, files
 from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
 from ..arguments import bar, check_duration
 from ..contradictions import check_geometry
 from ..heaters import constant
-from ..kernel.tableaus import Method
-from ..kernel.units import DENSITY, FJ, NS, single_ring, units
+from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
-from ..runs.pulsing import Pulsing, Regime, classify, lasting
+from ..runs.pulsing import FEWEST, Pulsing, Regime, classify, lasting
 from ..runs.resting import Rest
+from ..runs.window import Window, advance
 from ..states import State
-from ..thermal import Compact, long_enough, provenance
-from .grid import Fixed, Grid, Point, fixed_of, grid_of, trusted_map
-from .journal import Journal
+from ..thermal import Compact, long_enough, provenance, trusted
+from .grid import Fixed, Grid, Point, fixed_of, grid_of
 from .settled import Cell, settled_row
 
 FAILED = "failed"
+VERSION = 3  # of the lines of a file of a map: [row, cells, hash]
 REGIMES = {FAILED, "bistable", *map(str, Regime)}
 
 
@@ -141,11 +143,15 @@ def pulsing_map(
         attrs |= {"duration": float(duration), "rtol": float(rtol)}
     if order is not None:
         attrs["follow"] = str(order)
-    journal = Journal(file, _identity(attrs, grid, small))
-    left = [k for k in range(len(grid.rows)) if k not in journal.rows]
-    with _pool(executor) as pool, bar("map", len(grid.rows), show_bar) as advance, journal:
+    pool = contextlib.nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count())
+    with (
+        pool as workers,  # the integration releases the interpreter's lock
+        bar("map", len(grid.rows), show_bar) as moved,
+        journal_of(file, _identity(attrs, grid, small)) as journal,
+    ):
+        left = [k for k in range(len(grid.rows)) if k not in journal.rows]
         for _ in journal.rows:
-            advance()
+            moved()
         watches = np.zeros((len(grid.rows), 1))  # above 0 where a row is to end
         fixed = fixed_of(small, [point for k in left for point in grid.rows[k]])
         jobs = {}
@@ -153,11 +159,11 @@ def pulsing_map(
             row = grid.rows[k]
             own = fixed[n * len(row) : (n + 1) * len(row)]
             way = (settled_row,) if settled else (_row, float(duration), float(rtol), order)
-            jobs[pool.submit(way[0], small, row, own, watches[k], *way[1:])] = k
+            jobs[workers.submit(way[0], small, row, own, watches[k], *way[1:])] = k
         try:
             for job in as_completed(jobs):
                 journal.add(jobs[job], [list(cell) for cell in job.result()])
-                advance()
+                moved()
         finally:  # after Ctrl-C or an error: what runs in threads ends at once, in processes with its row
             watches[:, 0] = 1.0
             for job in jobs:
@@ -166,14 +172,12 @@ def pulsing_map(
     slow = any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row)
     if slow and not settled and long_enough(small) > duration:
         attrs["suggested_duration"] = long_enough(small)
-    columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in Cell._fields}
+    columns = {name: np.array([[getattr(cell, name) for cell in row] for row in rows]) for name in Cell._fields}
+    trusted(model, columns["rise"])
     variables: dict[str, Any] = {
-        name: (grid.names, np.array(columns[name]), dataset.describe(name))
-        for name in ("regime", "period", "duty", "swing")
+        name: (grid.names, columns[name], dataset.describe(name)) for name in ("regime", "period", "duty", "swing")
     }
-    variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
-    pulses = np.array(columns["regime"]) == str(Regime.SELF_PULSING)
-    trusted_map(model, small, grid, np.where(pulses, columns["swing"], np.nan))
+    variables["reason"] = (grid.names, columns["reason"], {"units": "1", "long_name": "why, in words"})
     return xr.Dataset(variables, grid.coordinates(), attrs | doubts)
 
 
@@ -184,33 +188,26 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
     ----------
     first, second : xarray.Dataset
         from `pulsing_map`, `stability_map` or a measurement: regime over equal powers and detunings. Points that
-        failed in either do not count.
+        failed in either do not count; nan where none is left.
 
     Raises
     ------
     InputError
-        no regime, different points, or no point left to compare.
+        different points, or a regime by another name.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, which compares simulated and measured maps so.
     """
-    for name, data in (("first", first), ("second", second)):
-        if "regime" not in getattr(data, "variables", {}):
-            raise checks.InputError(f"{name} has no variable 'regime'; give maps from pulsing_map or stability_map")
     first, second = in_si("first", first), in_si("second", second)
-    if first["regime"].dims != second["regime"].dims:
-        raise checks.InputError(f"the maps are over {first['regime'].dims} and {second['regime'].dims}")
-    for axis in first["regime"].dims:
-        a, b = first[axis].values, second[axis].values
+    one, other = first["regime"], second["regime"]
+    for axis in one.dims:
+        a, b = one[axis].values, other[axis].values if axis in other.dims else np.empty(0)
         if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=1e-3 if axis == "detuning" else 0):
             raise checks.InputError(f"the maps have different points along {axis}; compute them on the same axes")
-    one, other = first["regime"].values, second["regime"].values
-    for name, words in (("first", one), ("second", other)):
-        if odd := sorted({str(word) for word in words.ravel()} - REGIMES):
-            raise checks.InputError(f"{name} has the regime {odd[0]!r}; take {', '.join(sorted(REGIMES))}")
-    known = (one != FAILED) & (other != FAILED)
-    if not known.any():
-        raise checks.InputError("every point failed in one of the maps; their variable 'reason' says why")
-    return float(np.mean((one == "self-pulsing")[known] == (other == "self-pulsing")[known]))
+    for name, regimes in (("first", one), ("second", other)):
+        for word in np.unique(regimes):
+            checks.choice(f"a regime of {name}", str(word), REGIMES)
+    known = ((one != FAILED) & (other != FAILED)).values
+    return float(np.mean(((one == "self-pulsing") == (other == "self-pulsing")).values[known]))
 
 
 def _identity(attrs: dict[str, Any], grid: Grid, model: Compact) -> dict[str, Any]:
@@ -233,29 +230,26 @@ def pulse(
     initial: State,
     rest: Rest | None = None,
     watch: Array | None = None,
-) -> tuple[Pulsing, State]:
-    """Return the result of ``pulsing(simulate(...))`` at constant power (W) and detuning (Hz), and the final state.
+) -> tuple[Pulsing, Window]:
+    """Return the result of ``pulsing(simulate(...))`` at constant power (W) and detuning (Hz), and the trace.
 
-    The numbers are the same; without the Dataset a point takes two thirds of the time. The arguments are not checked.
+    The arguments are not checked, and no Dataset is made.
 
     rest: the fixed points; a trace that ends near an unstable one is no rest.
     watch: its first entry is above 0 where another thread asks the integration to stop, by KeyboardInterrupt.
     """
-    problem = single_ring(ring, model, power, detuning, duration, Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
-    unit = units(problem.order)
 
     def look(_: float) -> None:
         if watch is not None and watch[0] > 0:
             raise KeyboardInterrupt
 
-    run = problem.integrate(initial.as_array() / unit, rtol=rtol, progress=look)
-    t, ar, ai, N, dT = np.ascontiguousarray(run.rows.T)
-    checks.enough("run", t.size, 8)
-    t, energy = t * NS, (ar * ar + ai * ai) * FJ
-    found = classify(t, N * DENSITY, energy, dT, rtol=rtol, every_step=True)
+    run = advance(ring, model, initial, 0.0, duration, power=power, detuning=detuning, rtol=rtol, progress=look)
+    checks.enough("run", run.time.size, FEWEST)
+    energy = np.abs(run.fields[0]) ** 2
+    found = classify(run.time, run.carriers, energy, run.delta_T, rtol=rtol, every_step=True)
     if found.regime == Regime.STABLE:
-        found = lasting(found, t, energy, dT, rest)
-    return found, State.from_array(run.y * unit)
+        found = lasting(found, run.time, energy, run.delta_T, rest)
+    return found, run
 
 
 def _row(
@@ -269,11 +263,12 @@ def _row(
     for (ring, power, detuning), at in reversed(pairs) if follow == Follow.DOWN else pairs:
         rest = None if isinstance(at, str) else Rest(at.every[:, 0] * FJ, at.every[:, 2], at.growth / NS)
         try:
-            found, end = pulse(
+            found, run = pulse(
                 ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, rest=rest,
                 watch=watch,
             )  # fmt: skip
-            cells.append(Cell(str(found.regime), found.period, found.duty, found.swing, found.reason))
+            end, rise = run.final, float(max(run.delta_T.max(), *([] if rest is None else rest.delta_T)))
+            cells.append(Cell(str(found.regime), found.period, found.duty, found.swing, found.reason, rise))
         except (checks.InputError, RuntimeError) as error:
             cells.append(Cell(FAILED, reason=str(error)))
             end = cold
@@ -281,11 +276,70 @@ def _row(
     return cells[::-1] if follow == Follow.DOWN else cells
 
 
-@contextmanager
-def _pool(executor: Executor | None) -> Iterator[Executor]:
-    """The caller's executor, left open, or threads of our own."""
-    if executor is not None:
-        yield executor
+class Journal:
+    """The finished rows of a map, and the file that keeps them, None where none does.
+
+    The file has one JSON line that identifies the map, then one for each finished row with its hash, in the order of
+    completion. A line that is damaged, as a kill leaves it, counts for nothing: its row is computed again.
+
+    Raises InputError: the file is of another map, or of something else, which is left as it was; it cannot be read or
+        written.
+    """
+
+    def __init__(self, path: Path | None, identity: dict[str, Any]) -> None:
+        self.path, self.rows = path, dict[int, list[Any]]()
+        head = json.dumps({"journal": VERSION, **identity}, sort_keys=True)
+        if path is None:
+            return
+        content = files.read_bytes(path, "map").decode(errors="replace") if os.path.lexists(path) else ""
+        first, *lines = content.splitlines() or [""]
+        if first != head and (lines or not head.startswith(content)):  # a kill may cut off the head, too
+            found, wanted = _parsed(first), json.loads(head)
+            known = found if isinstance(found, dict) else {}
+            other = sorted(k for k in {*known, *wanted} if known.get(k) != wanted.get(k))
+            raise checks.InputError(
+                f"{path} holds no rows of this map (different: {', '.join(other)}); give another file name"
+            )
+        good = [head]
+        for line in lines:
+            row = _parsed(line)
+            if isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]:
+                self.rows[row[0]] = [[math.nan if value is None else value for value in cell] for cell in row[1]]
+                good.append(line)
+        if content != (whole := "".join(f"{line}\n" for line in good)):
+            files.write_whole(path, lambda temporary: temporary.write_text(whole, encoding="utf-8"))
+
+    def add(self, row: int, cells: list[Any]) -> None:
+        """Append one row, and flush it to the disk."""
+        self.rows[row] = cells
+        if self.path is None:
+            return
+        kept = [row, files.plain(cells)]
+        line = json.dumps([*kept, files.digest_tree(kept)[:16]], allow_nan=False)
+        try:
+            with open(self.path, "a", encoding="utf-8") as file:
+                file.write(line + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise checks.InputError(
+                f"{self.path} cannot be written: {error.strerror}; what it holds so far is kept"
+            ) from None
+
+
+def _parsed(line: str) -> Any:
+    """What a line of a file holds, None where it is no JSON."""
+    with contextlib.suppress(checks.InputError):
+        return files.from_json(line)
+    return None
+
+
+@contextlib.contextmanager
+def journal_of(file: str | Path | None, identity: dict[str, Any]) -> Iterator[Journal]:
+    """The rows of a map, in a file that no other run may use meanwhile; ``identity`` is all that they depend on."""
+    if file is None:
+        yield Journal(None, identity)
         return
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # the integration releases the interpreter's lock
-        yield pool
+    path = checks.path("file", file)
+    with files.locked(path.with_name(f".{path.name}.lock"), str(path)):
+        yield Journal(path, identity)

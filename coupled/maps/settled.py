@@ -33,6 +33,7 @@ class Cell(NamedTuple):
     duty: float = np.nan
     swing: float = np.nan  # K
     reason: str = ""
+    rise: float = 0.0  # K, the highest of its cycle or trace and its fixed points
 
 
 TRIES = 4  # of closing a cycle near a transient
@@ -56,6 +57,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
                 if isinstance(at, str):
                     raise InputError(at)
                 cell, found = row.point(detuning, at, beside)
+                cell = cell._replace(rise=max(cell.rise, float(at.every[:, 2].max())))
             except (InputError, RuntimeError, np.linalg.LinAlgError) as error:
                 cell, found = Cell("failed", reason=str(error)), None
             beside = [found, *beside[:2]] if found and found.pulses == 1 else []
@@ -95,7 +97,7 @@ class _Row:
             self.precise.problem.set_detuning(internal_detuning(p.detuning))
             closer = self.precise.closer(found, PRECISE)
         told = closer or found
-        return _pulsing(told.T, *measures(told, DUTY_LEVEL), told.size, told.pulses)
+        return _pulsing(told.T, *measures(told, DUTY_LEVEL), told.size, told.pulses, told.rows)
 
     def _continued(self, beside: list[Closed]) -> Closed | None:
         """The stable cycle that continues those ``beside``."""
@@ -186,7 +188,7 @@ class _Row:
         except InputError as error:
             return _slow(str(error))
         seen = measure(orbit)
-        return _pulsing(orbit.T, seen.duty, seen.swing, orbit.size, orbit.pulses)
+        return _pulsing(orbit.T, seen.duty, seen.swing, orbit.size, orbit.pulses, orbit.trace.rows)
 
 
 def _is_stable(found: Closed | None) -> TypeGuard[Closed]:
@@ -205,9 +207,9 @@ def _slow(words: str) -> Cell:
     return Cell(str(Regime.SLOW_TRANSIENT), reason=words)
 
 
-def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int) -> Cell:
-    """A settled cycle of the period T in ns."""
+def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int, rows: Array) -> Cell:
+    """A settled cycle of the period T in ns, with ``rows`` as of the kernel."""
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
     if pulses > 1:
         words += f"; {pulses} pulses in a period"
-    return Cell(str(Regime.SELF_PULSING), T * NS, duty, swing, words)
+    return Cell(str(Regime.SELF_PULSING), T * NS, duty, swing, words, float(rows[:, 4].max()))

@@ -17,8 +17,8 @@ from ..equilibria.balance import absorbable
 from ..heaters import constant
 from ..kernel.units import NS
 from ..resonator import RingResonator
-from ..thermal import Compact, provenance, warn_at_top
-from .grid import Grid, grid_of, surveys, trusted_map
+from ..thermal import Compact, provenance, trusted, warn_at_top
+from .grid import Grid, grid_of, surveys
 
 
 def stability_map(
@@ -70,10 +70,11 @@ def stability_map(
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, for the maps.
     """
     warm = constant(model, heaters, heated, read)
-    grid = grid_of(ring, powers, detunings, vary, results=("frequency",)).warmed(warm)
+    grid = grid_of(ring, powers, detunings, vary).warmed(warm)
     doubts = check_geometry(ring, model)
     small = warm.model
-    fixed, stable, growth, omega = _survey(small, grid)
+    fixed, stable, growth, omega, rise = _survey(small, grid)
+    trusted(model, rise)
     names = np.array(["self-pulsing", "stable", "bistable"])
     over = grid.names
     variables: dict[str, Any] = {
@@ -83,22 +84,24 @@ def stability_map(
         "growth_rate": (over, growth, dataset.describe("growth_rate")),
         "frequency": (over, omega, dataset.describe("frequency")),
     }
-    trusted_map(model, small, grid)
     attrs = provenance("stability map", ring, small) | grid.fixed | warm.attributes | doubts
     return xr.Dataset(variables, grid.coordinates(), attrs)
 
 
 def _survey(model: Compact, grid: Grid) -> Array:
-    """Numbers of fixed and of stable points, growth rate (1/s) and frequency (Hz) of each cell."""
+    """Numbers of fixed and of stable points, growth rate (1/s), frequency (Hz) and highest rise (K) of each cell."""
     points = grid.points
     largest = max(absorbable(ring, power) for ring, power, _ in points)
     if isinstance(model, OutputMap) and 2 * model.coefficient * model.thermal_resistance * largest <= -1:
         warn_at_top(model, f"the ring may absorb up to {largest:.2g} W at these powers")
-    out = np.empty((4, len(points)))
-    for cells, found, _ in surveys(model, points):
+    out = np.empty((5, len(points)))
+    for cells, found in surveys(model, points):
         if isinstance(found, InputError):
             raise found
-        order = np.lexsort([found.growth, found.cell])
-        least = order[np.searchsorted(found.cell[order], np.arange(cells.size))]
-        out[:, cells] = found.points, found.stable, found.growth[least] / NS, found.omega[least] / (2 * np.pi * NS)
-    return out.reshape(4, *(axis.size for axis in grid.axes))
+        every, stable = (
+            np.bincount(cell, minlength=cells.size) for cell in (found.cell, found.cell[found.growth <= 0])
+        )
+        order, begin = np.lexsort([found.growth, found.cell]), np.searchsorted(found.cell, np.arange(cells.size))
+        growth, omega = found.growth[order[begin]] / NS, found.omega[order[begin]] / (2 * np.pi * NS)
+        out[:, cells] = every, stable, growth, omega, np.maximum.reduceat(found.states[:, 2], begin)
+    return out.reshape(5, *(axis.size for axis in grid.axes))

@@ -287,21 +287,15 @@ def _until_settled(tops: Array, passed: float) -> float:
 
 def _varying(run: xr.Dataset, late: NDArray[np.bool_]) -> str:
     """Names of the inputs that vary in the ``late`` samples of a run; empty if none does."""
-    names = {"input_power": "the power", "detuning": "the detuning"}
-    names |= {
-        str(name): f"the power of {str(name)[12:]}" for name in run.variables if str(name).startswith("input_power_")
-    }
     moving = [
         words
-        for name, words in names.items()
+        for name, words in (("input_power", "the power"), ("detuning", "the detuning"))
         if name in run.variables and run[name].dims == ("time",) and np.ptp(run[name].values[late]) > 0
     ]
-    if "heater_power" in run.variables:
-        changes = np.ptp(run["heater_power"].values[:, late], axis=1) > 0
-        moving += [f"the power of {name}" for name in run["heater"].values[changes]]
-    if "laser" in getattr(run, "coords", {}):  # of a circuit
-        changes = np.ptp(run["input"].values[:, late], axis=1) > 0
-        moving += [f"the power of {name}" for name in run["laser"].values[changes]]
+    for name, of in (("heater_power", "heater"), ("input", "laser")):  # lasers of a circuit
+        if name in run.variables:
+            changes = np.ptp(run[name].values[:, late], axis=1) > 0
+            moving += [f"the power of {one}" for one in run[of].values[changes]]
     return " and ".join(moving)
 
 

@@ -16,20 +16,18 @@ from thermofem.arrays import Array
 from thermofem.checks import InputError
 
 from ..carriers import ConstantLifetime, ShockleyReadHall
-from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
-from ..equilibria.steady_states import observables
+from ..circuit.stationary import at_rest
+from ..equilibria.steady_states import steady_states
 from ..heaters import turned_by
 from ..inputs import varies_in
 from ..kernel.tableaus import Method
-from ..kernel.units import FJ, NS, internal_detuning, internal_pump, single_ring, units
+from ..kernel.units import FJ, NS, single_ring, units
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import Compact, compact
 
 if TYPE_CHECKING:
     import xarray as xr
 
-NEWTON_STEPS, CLOSE = 30, 1e-10  # steps, and the last one relative to the state
 TINY = 1e-99  # J and K, of a dark ring
 FAR = 2.0  # times the energy: Newton's method has left what the run is near
 UNREADABLE = (ValueError, TypeError, KeyError, OverflowError)  # attributes that another program wrote
@@ -59,45 +57,15 @@ class Rest(NamedTuple):
         return {f"rest_{name}": values for name, values in self._asdict().items()}
 
 
-def rest_of(
-    ring: RingResonator,
-    model: Compact,
-    power: float,
-    detuning: float,
-    *,
-    rise: float = 0.0,
-    at: InternalRing | None = None,
-) -> Rest:
-    """Return the fixed points at a power in W and a detuning in Hz; heaters add ``rise`` in K.
-
-    Raises InputError: as `steady_states`.
-    """
-    at = at or internal_ring(ring, model, absorbable(ring, power))
-    U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + turned_by(rise, ring)), at)
-    seen = observables(ring, at, U, D, np.full(U.size, power))
-    return Rest(seen["energy"], seen["delta_T"] + rise, seen["growth_rate"])
-
-
 def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float, detuning: float) -> Rest | None:
     """Return the fixed point that Newton's method finds from the end of a run; None where it finds none.
 
     For quadratic models, which are too large for the attributes of a run.
     """
     problem = single_ring(ring, model, power, detuning, 1e-9, Method.RODAS4)
-    y = state.as_array() / units(problem.order)
-    begun = y[0] ** 2 + y[1] ** 2
-    step: Array = y
-    for _ in range(NEWTON_STEPS):
-        rate, J = problem.slopes(y)
-        try:
-            step = np.asarray(np.linalg.solve(J, rate), dtype=float)
-        except np.linalg.LinAlgError:  # its numbers are too far apart
-            return None
-        y = np.asarray(y - step)
-        if not np.abs(step).max() > CLOSE * np.abs(y).max():
-            break
-    U = y[0] ** 2 + y[1] ** 2
-    if not (np.abs(step).max() <= CLOSE * np.abs(y).max() and begun / FAR < U < begun * FAR):
+    begun = state.as_array() / units(problem.order)
+    y = at_rest(problem, begun, np.full(begun.size, 1e-9 * np.abs(begun).max() + TINY))
+    if y is None or not begun[:2] @ begun[:2] / FAR < (U := y[:2] @ y[:2]) < begun[:2] @ begun[:2] * FAR:
         return None
     growth = np.linalg.eigvals(problem.slopes(y)[1]).real.max() / NS
     return Rest(*(np.array([value]) for value in (U * FJ, model.C @ y[3:], growth)))
@@ -124,7 +92,8 @@ def rest_of_run(run: xr.Dataset) -> Rest | None:
             return None
         if power == 0:
             return Rest(np.zeros(1), np.array([rise]), np.array([-np.inf]))
-        return rest_of(ring, compact(model), power, detuning, rise=rise)
+        found = steady_states(ring, model, power=power, detuning=detuning + turned_by(rise, ring))
+        return Rest(found["energy"].values, found["delta_T"].values + rise, found["growth_rate"].values)
     except (InputError, *UNREADABLE, RecursionError):
         return None
 

@@ -92,12 +92,6 @@ def test_curves_of_power_and_detuning_have_no_place_on_other_axes(hopf):
         plot_map(other, hopf=hopf)
 
 
-def test_an_axis_that_is_a_result_is_refused():
-    """xarray's error named neither the argument nor a way out."""
-    with pytest.raises(th.InputError, match="vary holds 'frequency', which is a result of the map"):
-        coupled.stability_map(RING, SECOND_ORDER, POWERS, 0.0, vary={"frequency": [1.92e14, 1.94e14]})
-
-
 def test_traces_in_a_unit_of_their_own_keep_it():
     """Volts were drawn as "drop power (mW)", a thousand times too high."""
     run = coupled.simulate(RING, SECOND_ORDER, power=6e-3, duration=12e-6)

@@ -227,7 +227,7 @@ def test_plot_labels_itself_in_readable_units(run):
 def test_a_point_of_a_map_is_simulate_and_pulsing():
     power, detuning = dbm(7), -10e9
     run = coupled.simulate(RING, EXPERIMENT, power=power, detuning=detuning, rtol=1e-5)
-    found, end = pulse(
+    found, trace = pulse(
         RING, EXPERIMENT, power=power, detuning=detuning, duration=20e-6, rtol=1e-5, initial=coupled.State.cold(2)
     )
     want = coupled.pulsing(run)
@@ -235,4 +235,4 @@ def test_a_point_of_a_map_is_simulate_and_pulsing():
     assert (found.duty, found.extinction) == pytest.approx(
         (want.duty, want.extinction), rel=1e-12
     )  # of energy, not drop
-    assert np.array_equal(end.as_array(), run.attrs["final_state"])
+    assert np.array_equal(trace.final.as_array(), run.attrs["final_state"])
