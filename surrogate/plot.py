@@ -13,9 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from thermofem import checks
-from thermofem.data.column_units import unit_of
 from thermofem.data.dataset import response_of
-from thermofem.data.variables import contents
+from thermofem.data.variables import contents, unit_of
 from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, time_unit
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
