@@ -67,7 +67,7 @@ def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) 
         layers.
     """
     every = list(heat) if isinstance(heat, list | tuple) else [heat] * count
-    checks.same_size(heat=every, positions=range(count))
+    checks.integer("len(heat)", len(every), count, count, hint="give one heat problem for each ring, or one for all")
     kinds: list[Kind] = []
     of = np.empty(count, dtype=np.intp)
     for i, one in enumerate(every):
