@@ -96,7 +96,7 @@ class SindyFit(HasModel, Generic[Identified]):
 
 
 def fit_sindy(
-    data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None, impose: bool = True
+    data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None
 ) -> SindyFit[Network]:
     """Identify a thermal network from the rises of the core and of shells around it.
 
@@ -110,8 +110,6 @@ def fit_sindy(
         `thermofem.solve` with several parts to read and campaigns write.
     window : float, s
         half width of the test functions; default 15 samples. Shorter keeps faster poles and more noise.
-    impose : bool
-        the static gains as equality rows. Without them the gate refuses nearly every network.
 
     Returns
     -------
@@ -137,8 +135,7 @@ def fit_sindy(
         log.warning("static contradicts the thermal_resistances that the data state: %s and %s K/W", gains, stated)
     n, largest = gains.size, float(probed.rise[:, 0].max())
     rows = [np.outer(np.eye(n)[i], np.eye(n + 1)[n]).ravel() for i in range(1, n)]  # power enters the core only
-    if checks.flag("impose", impose):
-        rows += [np.outer(np.eye(n)[i], np.ones(n + 1)).ravel() for i in range(n)]  # A 1 + b = 0
+    rows += [np.outer(np.eye(n)[i], np.ones(n + 1)).ravel() for i in range(n)]  # A 1 + b = 0
     units = Units.of([probed], gains)
     found = regress([probed], units, window, rows, degree=1)
     A, b = found[:, :-1] / units.rise, found[:, -1] / units.power
@@ -221,14 +218,14 @@ def regress(data: Sequence[Probed], units: Units, window: float | None, rows: Se
     step, hint = float(data[0].times[1] - data[0].times[0]), "from one sample to a third of the data"
     given = WINDOW * step if window is None else window
     half = checks.between("window", given, step * (1 - 1e-9), float(data[0].times[-1]) / 3, unit="s", hint=hint)
-    constraints = {"constraint_lhs": np.array(rows), "constraint_rhs": np.zeros(len(rows))} if rows else {}
     optimizer = ConstrainedSR3(
         reg_weight_lam=0.0,
         regularizer="l2",
         relax_coeff_nu=1e8,
-        equality_constraints=bool(rows),
+        equality_constraints=True,
+        constraint_lhs=np.array(rows),
+        constraint_rhs=np.zeros(len(rows)),
         tol=1e-12,
-        **constraints,
     )
     terms = pysindy.PolynomialLibrary(degree=degree, include_bias=False)
     states = [one.rise / units.rise for one in data]
