@@ -45,7 +45,7 @@ HOMES = {
     "pysindy": re.compile(r"surrogate/fitting/sindy\.py"),
     "surrogate": re.compile(r"surrogate/.*|thermofem_cli/.*"),
     "coupled": re.compile(r"coupled/.*|thermofem_cli/.*"),
-    "thermofem_cli": re.compile(r"thermofem_cli/.*"),
+    "thermofem_cli": re.compile(r"thermofem_cli/.*|thermofem/__main__\.py"),
 }
 
 

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import checks
 from .arrays import Array, ArrayLike, NDArray
 from .errors import InputError
 
-MOST_LEVELS = 22  # where a time scale requires more; 4 million cells take a second
 MOST_PIECES = 200_000
 SHORTEST = 1e-12  # of a stretch: a shorter cell that does not fit contains a jump that is no breakpoint
 NODES = np.array([0, 1 / 3, 2 / 3, 1])
@@ -132,13 +132,12 @@ def _levels(function: Any, marks: Array) -> list[int]:
     # 13: a stretch without breakpoints is sampled in 2^13 cells: a pulse of 1e-4 of it is seen
     # 2**17: cells of all stretches together
     shared = int(np.clip(np.log2(2**17 / lengths.size), 6, 13))  # 6: where there are many stretches
-    scale = function.time_scale
-    asked = np.ceil(np.log2(lengths / scale)) if scale else np.zeros(lengths.size)
-    if asked.max() > MOST_LEVELS:
-        raise InputError(
-            f"time_scale = {scale:g} s is less than 1/{2**MOST_LEVELS:g} of a run of {lengths.max():g} s",
-            "give breakpoints around the short features instead",
-        )
+    if function.time_scale is None:
+        return [shared] * lengths.size
+    # 22: 4 million cells take a second
+    hint = "give breakpoints around the short features instead"
+    checks.between("time_scale", function.time_scale, lengths.max() / 2**22, np.inf, unit="s", hint=hint)
+    asked = np.ceil(np.log2(lengths / function.time_scale))
     return np.maximum(asked, shared).astype(int).tolist()
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from subprocess import CalledProcessError
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
@@ -21,6 +20,7 @@ from .checks import InputError, choice, positive
 from .data.fields import check_field
 from .data.files import check_image, check_target, write_whole
 from .data.variables import contents
+from .models.contract import bare, check_single
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -155,13 +155,8 @@ def animate_field(
         return (picture,)
 
     def write(file: FilePath) -> None:
-        failed, film = "", animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
-        try:
-            film.save(file, writer=writer, dpi=120, progress_callback=on_frame)
-        except CalledProcessError as error:
-            failed = f" with code {error.returncode}"
-        if failed or not file.stat().st_size:
-            raise InputError(f"{path} cannot be written: ffmpeg ended{failed} without a film; .gif works without it")
+        film = animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
+        film.save(file, writer=writer, dpi=120, progress_callback=on_frame)
 
     try:
         write_whole(path, write)
@@ -276,7 +271,8 @@ def plot_step(model: ThermalModel, ax: Axes | None = None, *, power: float = 1e-
     power [W]
     label: name in the legend.
     """
-    model = _single(model)
+    model = bare(model)
+    check_single(model)
     ax = axes(ax)
     drawn = len(ax.lines)
     times = _times(model)
@@ -294,7 +290,8 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
 
     model: as for `plot_step`.
     """
-    model = _single(model)
+    model = bare(model)
+    check_single(model)
     if ax is None:
         _, ax = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = ax
@@ -315,16 +312,6 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     right.set_title(f"{model.inputs[0]} heated, {model.outputs[0]} read", fontsize="small")
     left.lines[0].set_color(VERMILION)
     return np.array([left, right])
-
-
-def _single(model: Any) -> Any:
-    """A model with one input and one output, taken out of what holds it."""
-    if not hasattr(model, "step_response"):
-        model = getattr(model, "model", model)
-    if len(model.inputs) > 1 or len(model.outputs) > 1:
-        pair = f"model.channel({model.inputs[0]!r}, {model.outputs[0]!r})"
-        raise InputError(f"model has {len(model.inputs)} inputs and {len(model.outputs)} outputs; draw one: {pair}")
-    return model
 
 
 def _times(model: Any) -> np.ndarray:

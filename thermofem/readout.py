@@ -110,8 +110,6 @@ class _Readout(ABC):
         of = thermal(model)
         if isinstance(wave, Constant):
             return EdgeTimes(*_both(self._step(of, wave), None))
-        if wave.period is None:
-            raise checks.InputError("wave has no period; a step is th.Constant, a square wave th.SquareWave")
         times, light = period_times(wave, SAMPLES), self.periodic_response(of, wave)
         power = np.asarray(wave(times[:-1]))
         if isinstance(wave, SquareWave):

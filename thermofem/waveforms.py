@@ -20,6 +20,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -290,8 +291,7 @@ class Chirp(Steps):
         _time("last", self.last)
         _time("duration", self.duration, 1e6 * min(self.first, self.last))
         checks.between("duty", self.duty, 1e-3, 0.999, hint="the duty cycle is the fraction of the period that is on")
-        if self.first == self.last:
-            raise InputError(f"first = last = {self.first:g} s do not differ", "take a SquareWave")
+        checks.unique("first and last", (self.first, self.last), hint="a SquareWave has one period")
 
     @property
     def words(self) -> str:
@@ -394,8 +394,7 @@ class Samples(Waveform, stored=False):
         """Keep ``times`` as an array; InputError where it does not increase or does not belong to ``values``."""
         times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
         checks.shape("values at times", values, times.shape)
-        if times.size < 2 or np.any(times[2:] == times[:-2]) or times[0] == times[1] or times[-1] == times[-2]:
-            raise InputError("times holds less than two, or one more than twice, or begins or ends with a jump")
+        checks.enough("times", np.unique(times).size, 2, "different times")
         object.__setattr__(self, "times", times)
 
     @property
@@ -602,17 +601,17 @@ class Function(Waveform, stored=False):
         return self._values(u)
 
     def _values(self, t: Array) -> Array:
-        try:
+        found: Array | None = None
+        with suppress(TypeError, ValueError, LookupError, ArithmeticError, AttributeError):  # f takes one time only
             found = np.asarray(self.f(t), dtype=float)
-            if found.shape != t.shape:
-                raise ValueError(f"f returns the shape {found.shape}")
-        except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError):  # f takes one time only
+        if found is None or found.shape != t.shape:
             try:
                 found = np.array([float(self.f(float(one))) for one in t.ravel()]).reshape(t.shape)
             except Exception as error:
                 raise InputError(f"f fails: {error!r}", "it must return a number for every time in s") from error
-        if not np.isfinite(found).all():
-            raise InputError(f"f({t[~np.isfinite(found)].flat[0]:g} s) is not finite")
+        if found.size:
+            largest = int(np.abs(found).argmax())  # or the first nan
+            checks.finite(f"f({t.flat[largest]:g} s)", found.flat[largest])
         return found
 
     def breakpoints(self, start: float, stop: float) -> Array:

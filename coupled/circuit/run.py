@@ -101,7 +101,7 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
         return np.zeros(n * (3 + K))
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
-    return np.asarray(final_state(initial, 1 / heat.rate, n * (3 + K)) / eq.units(K, n))
+    return np.asarray(final_state(initial, n * (3 + K), {"model_tau": 1 / heat.rate}) / eq.units(K, n))
 
 
 def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner: Array, average: bool) -> xr.Dataset:

@@ -16,11 +16,10 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import circuit_steady_states
-from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import provenance, trusted
+from ..thermal import check_geometry, provenance, trusted
 from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK

@@ -17,13 +17,12 @@ from thermofem.models import ThermalModel
 from ..arguments import check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
-from ..contradictions import check_geometry
 from ..heaters import channels, heater_powers, heating
 from ..inputs import Input, attribute, spans
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import Compact, attributes, dense_times, trusted
+from ..thermal import Compact, attributes, check_geometry, dense_times, trusted
 from .resting import rest_near
 from .window import NO_TIMES, Event, Laser, Window, advance, provenance, traces
 
@@ -163,8 +162,7 @@ def simulate(
     small, heat = picked.model, heating(picked, heaters, duration, rtol)
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
-    known = attributes(small)
-    begin = starting_point(initial, small.order, known.get("model_tau"), known.get("model_coefficient", 0.0))
+    begin = starting_point(initial, small.order, attributes(small))
     asked, kept = dense_times(model, wanted, duration)
     run = advance(
         ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"], offset=heat.rise,

@@ -21,7 +21,7 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.data import quantity
 
 from .fit import Fit, Training
-from .fit_result import EXPLAINED, cancelling, unseen_times
+from .fit_result import cancelling, check_explained, unseen_times
 from .pole_projection import covariance
 
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
@@ -74,15 +74,13 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
     order = checks.integer("order", order, 1, 5)
     checks.same_size(times=t, rise=y)
-    checks.integer("number of samples", t.size, 2 * order + 1, np.inf)
+    checks.enough("rise", t.size, 2 * order + 1)
     span, size = np.ptp(t), float(np.abs(y).max()) or 1.0
-    if abs(t[0]) > LATEST * span:
-        raise checks.InputError(
-            f"times begins at {t[0]:g} s and lasts {span:g} s; 0 is the end of the power: subtract that moment"
-        )
+    hint = "0 is the end of the power: subtract that moment"
+    checks.between("times[0]", t[0], -LATEST * span, LATEST * span, unit="s", hint=hint)
     y = y / size  # SciPy's tolerance of the gradient is absolute
-    if np.abs(y[-1]) > 0.99:  # 0.99 of the largest rise: what does not end below is no cooling curve
-        raise checks.InputError(f"rise ends at {size * y[-1]:.3g} K of at most {size:.3g} K; a cooling curve falls")
+    # 0.99 of the largest rise: what does not end below is no cooling curve
+    checks.between("the last over the largest rise", abs(y[-1]), 0, 0.99, hint="a cooling curve falls")
 
     def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
         columns = np.exp(-t[few, None] / np.exp(log_tau))
@@ -100,13 +98,7 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     columns = np.exp(-t[:, None] / tau)
     amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
     left = y - columns @ amplitude
-    variation = float(np.var(y))
-    explained = 1 - float(np.mean(left**2)) / variation if variation else 1.0
-    if explained < EXPLAINED:
-        raise checks.InputError(
-            f"{order} exponentials explain {max(explained, 0):.0%} of the variation of rise: it is noise, "
-            "no cooling curve"
-        )
+    check_explained(float(np.mean(left**2)), float(np.var(y)), f"a sum of {order} exponentials", "rise")
     notes = _notes(t, tau, amplitude, left, size)
     return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean(left**2))), notes)
 
@@ -165,13 +157,11 @@ def fit_spectrum(
     phi = problem.columns(-np.log(tau))
     gain = problem.gains(phi)
     kept = gain > 0
-    if not kept.any():
-        raise checks.InputError("no pole of the spectrum heats; do power and delta_T belong together?")
+    misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    training.check(gain, float(np.sqrt(np.mean(misfit**2))))
     R = (gain * tau)[kept]
     if problem.thermal_resistance is not None:
         R = R * problem.thermal_resistance / R.sum()
-    misfit = (problem.target - phi @ gain)[: problem.weight.size]
-    training.check_explained(float(np.sqrt(np.mean(misfit**2))))
     count = R.size
     names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
     return Fit(

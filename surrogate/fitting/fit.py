@@ -22,7 +22,7 @@ from thermofem.data.dataset import at_probe, responses_of
 from thermofem.models.foster import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
 from thermofem.models.foster import second_order_parameters as parameters_of
 
-from .fit_result import EXPLAINED, OUTSIDE, UNSEEN, Fit, common, mismatch, model_notes, undetermined
+from .fit_result import OUTSIDE, UNSEEN, Fit, check_explained, common, mismatch, model_notes, undetermined
 from .optical_fit import fit_optical
 from .pole_projection import FitProblem, Optimum, optimum, polish
 
@@ -63,8 +63,6 @@ def fit_newton(
     training = Training.of(data)
     found = training.search(1, method)
     rate, gain = np.exp(found.log_rate[0]), found.gain[0]
-    if gain <= 0:
-        raise checks.InputError("the best single pole cools when heated; do power and delta_T belong together?")
     parameters = {"tau_th": 1 / rate, "heat_capacity": 1 / gain, "heat_capacity_ratio": 1 / (gain * heat_capacity)}
     jacobian = np.array([[-1 / rate, 0], [0, -1 / gain**2], [0, -1 / (gain**2 * heat_capacity)]])
     model = replace(newton(tau_th=1 / rate, heat_capacity=1 / gain), **training.parts)
@@ -181,20 +179,16 @@ def fit_foster(
     order = _smallest_order(training) if order == "auto" else checks.integer("order", order, 1, 12)
     found = training.search(order, method)
     kept = found.gain != 0 if training.transfer else found.gain > 0
-    if not np.any(found.gain > 0):
-        raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
     rate, gain = np.exp(found.log_rate), found.gain
     fastest_first = np.flatnonzero(kept)[::-1]
     R, tau, n = gain / rate, 1 / rate, rate.size
-    parameters, rows = {}, []
-    for position, i in enumerate(fastest_first, start=1):
-        parameters[f"R_{position}"] = R[i]
-        rows.append(np.concatenate([-R[i] * np.eye(n)[i], np.eye(n)[i] / rate[i]]))
-    for position, i in enumerate(fastest_first, start=1):
-        parameters[f"tau_{position}"] = tau[i]
-        rows.append(np.concatenate([-tau[i] * np.eye(n)[i], np.zeros(n)]))
+    jacobian = np.block([[-np.diag(R), np.diag(1 / rate)], [-np.diag(tau), np.zeros((n, n))]])
+    numbers = range(1, fastest_first.size + 1)
+    names = [*(f"R_{k}" for k in numbers), *(f"tau_{k}" for k in numbers)]
+    order_of = np.append(fastest_first, n + fastest_first)
+    parameters = dict(zip(names, np.append(R, tau)[order_of].tolist(), strict=True))
     model = Foster(R=R[fastest_first], tau=tau[fastest_first], **training.parts)
-    return training.fit(model, parameters, np.array(rows), found)
+    return training.fit(model, parameters, jacobian[order_of], found)
 
 
 def _smallest_order(training: Training) -> int:
@@ -270,19 +264,15 @@ class Training:
             found = replace(polish(self.problem, start), swarm_residual=residual)
         else:
             found = optimum(self.problem, order)
-        if np.any(found.gain > 0):
-            self.check_explained(found.relative_residual)
+        self.check(found.gain, found.relative_residual)
         return found
 
-    def check_explained(self, relative_residual: float) -> None:
-        """Refuse data that even the best poles do not explain."""
+    def check(self, gain: Array, relative_residual: float) -> None:
+        """Refuse data that even the best poles do not explain, or that only cooling poles do."""
+        if not np.any(gain > 0):
+            raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
         spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.responses])
-        explained = 1 - relative_residual**2 / float(np.mean(spread**2))
-        if explained < EXPLAINED:
-            raise checks.InputError(
-                f"the power explains {max(explained, 0):.0%} of the variation of delta_T: it is noise, or they do not "
-                "belong together"
-            )
+        check_explained(relative_residual**2, float(np.mean(spread**2)), "the power", "delta_T")
 
     def fit(self, model: Foster, parameters: Mapping[str, float], jacobian: Array, found: Optimum) -> Fit:
         """Named parameters with standard errors and correlations by first-order propagation."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster
+from thermofem import Foster, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data import files, quantity
 from thermofem.data.dataset import Response
@@ -104,6 +104,15 @@ UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant c
 def common(values: Sequence[Any]) -> Any:
     """The one value that all Datasets share, or None."""
     return values[0] if all(v == values[0] for v in values) else None
+
+
+def check_explained(left: float, variance: float, by: str, of: str) -> None:
+    """Refuse data whose mean square ``left`` by a model is most of their variance."""
+    explained = 1 - left / variance if variance else 1.0
+    if explained < EXPLAINED:
+        raise checks.InputError(
+            f"{by} explains {max(explained, 0):.0%} of the variation of {of}: it is noise, or they are not of one run"
+        )
 
 
 def model_notes(model: Foster, found: Optimum, problem: FitProblem, transfer: bool) -> tuple[str, ...]:

@@ -231,8 +231,7 @@ def optimum(problem: FitProblem, order: int) -> Optimum:
 
     Raises InputError: fewer samples than unknowns.
     """
-    samples = problem.weight.size
-    checks.enough("data", samples, 2 * order, hint=f"or take fewer than {order} poles")
+    checks.enough("data", problem.weight.size, 2 * order, hint=f"or take fewer than {order} poles")
     ends = [_descend(problem, start) for start in _starts(problem, order)]
     return _conclude(problem, min(ends, key=lambda end: end[1])[0])
 

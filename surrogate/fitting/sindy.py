@@ -165,8 +165,8 @@ class Probed:
     def each(self, name: str, values: ArrayLike) -> Array:
         """One positive number for each probe; InputError for others."""
         found = checks.array(name, values)
-        if found.size != len(self.names) or found.min() <= 0:
-            raise checks.InputError(f"{name} has {found.size} values for {len(self.names)} probes; all positive")
+        checks.shape(name, found, (len(self.names),))
+        checks.positive(f"smallest {name}", found.min())
         return found
 
 

@@ -20,8 +20,7 @@ from ..fitting.sindy import fit_sindy, fit_sindy_quadratic
 from ..reduction.balanced import balanced_truncation
 from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
-from .temperature_swing import swings
-from .validate import PERIODS, error_curve, widest_range
+from .validate import PERIODS, error_curve, swings, widest_range
 
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)

@@ -1,25 +1,44 @@
-"""Accuracy of compact models: period error, held-out drives, range of validity.
+"""Accuracy of compact models: swing of the periodic state, period error, held-out drives, range of validity.
 
 Source of the period error: Borghi et al., Opt. Express 29, 4363 (2021), Section 6 and Fig. 7.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from scipy.constants import c
+from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.optimize import brentq
 
-from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, checks, waveforms
+from thermofem import (
+    Chirp,
+    Constant,
+    Foster,
+    OutputMap,
+    Pulse,
+    Quadratic,
+    SquareWave,
+    StateSpace,
+    Telegraph,
+    checks,
+    waveforms,
+)  # fmt: skip
+from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import in_si
-from thermofem.models import ThermalModel
+from thermofem.models import Cauer, Network, NonlinearSystem, ThermalModel, bare
 from thermofem.piecewise import bounds
+from thermofem.transient.integration import integrate_periodic
 from thermofem.waveforms import Waveform
 
-from .temperature_swing import period_of, swing_over_period, swings
+from ..reduction.nonlinear_reduction import QuadraticReduction, reduce_quadratic
 
 PERIODS = np.geomspace(1e-7, 1e-5, 13)  # s, of the curves from which ranges of validity are read
+SAMPLES = 301  # of one period
+CHECKED = 5  # periods at which the full order with k(T) corrects its quadratic reduction
+CHECKED_SAMPLES = 21  # of such a period: the swing is that of the two edges
 COMPARED = 20_001  # times of one period at which models are compared: the fastest poles err just after an edge
 
 
@@ -84,30 +103,125 @@ def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float,
     return curve.assign_attrs(validity=validity(curve))
 
 
+def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -> Array:
+    """Swing in K of the periodic state at each period, from the full order where k depends on temperature.
+
+    The full order is solved at `CHECKED` periods. Between them its ratio to the quadratic reduction is interpolated in
+    the logarithm of the period.
+
+    Raises InputError: as `surrogate.period_error`; a power without a steady state.
+    """
+    for period in periods[[0, -1]]:
+        SquareWave(power, float(period), duty)  # raises
+    system = bare(reference)
+    nonlinear = isinstance(system, NonlinearSystem)
+    reduction = reduce_quadratic(system, power) if nonlinear else None
+    look = swing_over_period(reduction.model if reduction else reference, periods, power, duty)
+    found = np.array([look(t) for t in periods])
+    return found * _correction(reduction, system, periods, power, duty) if reduction else found
+
+
+def _correction(
+    reduction: QuadraticReduction, system: NonlinearSystem, periods: Array, power: float, duty: float
+) -> Array:
+    """Swing of the full order over that of its quadratic reduction at each period."""
+    few = np.geomspace(periods[0], periods[-1], CHECKED) if periods.size > CHECKED else periods
+    ratio = []
+    for period in few:
+        wave = SquareWave(power, float(period), duty)
+        states = reduction.model.periodic_states(wave, CHECKED_SAMPLES)
+        start = reduction.basis @ states[0, :-1]
+        # 1e-3 of the full order: 1e-5 of its swing at 1 us (measured), as each step may err by a tenth of it
+        full = integrate_periodic(system, wave, CHECKED_SAMPLES, rtol=1e-3, initial=start).outputs[:, 0]
+        ratio.append(np.ptp(full) / np.ptp(states @ reduction.model.C))
+    if periods.size <= CHECKED:
+        return np.array(ratio)
+    return np.asarray(PchipInterpolator(np.log(few), ratio)(np.log(periods)))
+
+
+def swing_over_period(model: ThermalModel, periods: Array, power: float, duty: float) -> Callable[[float], float]:
+    """Swing in K as a function of the period in s; for a quadratic model interpolated in a table around ``periods``."""
+    if isinstance(bare(model), Quadratic) and periods.size > CHECKED:
+        return _table(model, periods, power, duty)
+    return lambda period: _swing(model, SquareWave(power, period, duty))
+
+
+def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Callable[[float], float]:
+    """A cubic spline of log swing over log period, from half the shortest to twice the longest; beyond, no table."""
+
+    def exact(log_period: float) -> float:
+        return _swing(model, SquareWave(power, float(np.exp(log_period)), duty))
+
+    low, high = np.log(periods[0] / 2), np.log(periods[-1] * 2)
+    # 1.25: between the periods of a `_table`: interpolation leaves 1e-5 of the swing (measured)
+    nodes = np.linspace(low, high, 1 + int(np.ceil((high - low) / np.log(1.25))))
+    spline = CubicSpline(nodes, np.log([exact(node) for node in nodes]))
+
+    def look(period: float) -> float:
+        at = float(np.log(period))
+        return float(np.exp(spline(at))) if low <= at <= high else exact(at)
+
+    return look
+
+
+def _swing(model: ThermalModel, wave: SquareWave) -> float:
+    """Largest minus smallest rise of the periodic state; a passive network has them at the two edges.
+
+    swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
+    """
+    poles = bare(model)
+    # 200: states of a model whose poles are computed for their swing; those of a FEM heat or arrive late
+    if isinstance(poles, Foster | Network | Cauer) or (isinstance(poles, StateSpace) and poles.order <= 200):
+        poles = poles.dynamics
+    if isinstance(poles, Foster) and poles.passive:
+        on, off = (-share * wave.period / np.asarray(poles.tau) for share in (wave.duty, 1 - wave.duty))
+        return float(-wave.power * np.asarray(poles.R) @ (np.expm1(on) * np.expm1(off) / np.expm1(on + off)))
+    linear = poles.dynamics.linear if isinstance(poles, OutputMap) else poles
+    if isinstance(linear, Foster) and not linear.passive:
+        tau = np.asarray(linear.tau)
+        rise = pole_responses(1 / tau, wave, _after_edges(wave, tau), periodic=True) @ linear.gain
+        return float(np.ptp(poles.of(rise) if isinstance(poles, OutputMap) else rise))
+    if isinstance(poles, Quadratic) and not np.array_equal(poles.A, poles.A.T):  # no reduction of a FEM
+        start, tau = poles.periodic_states(wave, SAMPLES)[0], -1 / np.linalg.eigvals(poles.A).real
+        return float(np.ptp(poles.states(wave, _after_edges(wave, tau), initial=start) @ poles.C))
+    return float(np.ptp(model.periodic_response(wave, SAMPLES)))
+
+
+def _after_edges(wave: SquareWave, tau: Array) -> Array:
+    """Times in s over one period, dense after both edges, where a model with time constants tau may overshoot."""
+    # 0.02: relative step of the times after an edge: 1e-4 of an overshoot
+    since = np.geomspace(1e-2 * tau.min(), 1e2 * tau.max(), int(np.ceil(np.log(1e4 * tau.max() / tau.min()) / 0.02)))
+    on = wave.duty * wave.period
+    times = np.concatenate([[0.0, on, wave.period], since[since < on], on + since[since < wave.period - on]])
+    return np.unique(times)
+
+
+def period_of(look: Callable[[float], float], swing: float, near: float) -> float:
+    """The period in s at which the function ``look`` equals a swing: a bracket around ``near``, then Brent's method."""
+
+    def excess(log_period: float) -> float:
+        return look(float(np.exp(log_period))) - swing
+
+    inner = outer = float(np.log(near))
+    # 1e4: a period this many times longer or shorter than the reference's counts as never reached
+    step, farthest, side = np.log(1.5), np.log(1e4), -1.0 if excess(inner) > 0 else 1.0
+    while side * excess(outer) < 0:
+        inner, outer, step = outer, outer + side * step, 1.5 * step
+        if abs(outer - np.log(near)) > farthest:
+            return float("inf") if side > 0 else 0.0
+    return float(np.exp(brentq(excess, inner, outer, xtol=1e-10))) if inner != outer else near
+
+
 def valid_range(curve: xr.Dataset, *, within: float = 0.1, training: float | None = None) -> list[tuple[float, float]]:
     """Shortest and longest period (s) of every stretch where |relative error| <= ``within``.
 
     The ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
-    stretch.
+    stretch. The stretch around the training period comes first, then the widest.
 
-    Parameters
-    ----------
-    curve : Dataset
-        of `period_error`: ``relative_error`` over ``period`` (s).
-    within : float
-        relative error that is allowed.
-    training : float, s, optional
-        period of the model's training; default that of ``curve.attrs["training_period"]``, where it is known.
-
-    Returns
-    -------
-    list of pairs of floats, s
-        the stretch around the training period first, then the widest; empty if there is none.
-
-    Raises
-    ------
-    InputError
-        no curve, several models, or a limit that is not positive.
+    curve [Dataset of `period_error`]: ``relative_error`` over ``period`` (s).
+    within: relative error that is allowed.
+    training [s]: period of the model's training; default that of ``curve.attrs["training_period"]``, where it is known.
+    Raises InputError: no curve, several models, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
     period, error = in_si("curve", curve)["period"], curve["relative_error"]
@@ -149,24 +263,7 @@ def widest_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, floa
 
 
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
-    """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us (trained at 1 us) and from 3 to 4.1 us'.
-
-    Parameters
-    ----------
-    curve : Dataset
-        of `period_error`.
-    within : float
-        relative error that is allowed.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        as `valid_range`.
-    """
+    """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us (trained at 1 us) and from 3 to 4.1 us'."""
     at, percent = curve.attrs.get("training_period"), 100 * float(within)
     trained = "" if at is None else f" (trained at {at * 1e6:.3g} us)"
     words = []
@@ -254,24 +351,9 @@ def square_waves(
 ) -> list[Waveform]:
     """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared.
 
-    Parameters
-    ----------
-    power : float, W
-        while the wave is on.
-    periods : int
-        number of periods, evenly spaced in their logarithm.
-    duties : sequence of float
-        fractions of the period that are on, between 0 and 1.
-
-    Returns
-    -------
-    list of SquareWave
-        ``periods`` times ``len(duties)``.
-
-    Raises
-    ------
-    InputError
-        a number out of its range.
+    power [W]: while the wave is on.
+    periods: number of periods, evenly spaced in their logarithm.
+    duties: fractions of the period that are on, between 0 and 1.
     """
     periods = checks.integer("periods", periods, 1, 10_000)
     each = checks.array("duties", duties).tolist()
@@ -279,22 +361,9 @@ def square_waves(
 
 
 def held_out_drives(power: float = 2e-3) -> list[Waveform]:
-    """Drives of every kind that no training uses: square waves 0.1..10 us, pulses, random telegraph, chirp.
+    """Drives of every kind that no training uses: 15 square waves of 0.1..10 us, 4 pulses, 2 telegraphs and a chirp.
 
-    Parameters
-    ----------
-    power : float, W
-        the largest of each drive.
-
-    Returns
-    -------
-    list of Waveform
-        15 square waves, 4 pulses of 20 ns to 20 us, 2 random telegraphs, 1 chirp.
-
-    Raises
-    ------
-    InputError
-        a power out of its range.
+    power [W]: the largest of each drive.
     """
     pulses = [Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
     noise: list[Waveform] = [Telegraph(power, 2e-7, 2e-5, seed=1), Telegraph(power, 2e-6, 1e-4, seed=2)]

@@ -27,7 +27,7 @@ from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import HasModel, check_single
 
-from .reduce import check_matrices, lifted, project
+from .reduce import project
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Truncation(HasModel):
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order)."""
-        return lifted(states, self.basis)
+        return np.asarray(np.asarray(states) @ self.basis.T)
 
 
 def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e-6) -> Truncation:
@@ -91,9 +91,8 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     InputError
         several channels, an order out of range, or what `reduce` refuses.
     """
-    check_matrices(system)
-    check_single(system)
     fine = project(system, tolerance)
+    check_single(system)
     heated, read = int(fine.heated[0]), int(fine.read[0])
     rate, F = fine.projection.rate, fine.projection.ports
     order = checks.integer("order", order, 1, rate.size, hint="a smaller tolerance gives more to choose from")

@@ -87,18 +87,7 @@ class Reduction(HasModel):
 
         ``heat.field(rom.lift(states))`` is the temperature field on the mesh.
         """
-        return lifted(states, self.basis)
-
-
-def lifted(states: ArrayLike, basis: Array) -> Array:
-    """States of the full system from those of a model, in a basis of shape (n, order); InputError for another shape.
-
-    An array of complex amplitudes at a frequency counts, too.
-    """
-    if isinstance(states, np.ndarray) and np.iscomplexobj(states):
-        return np.asarray(lifted(np.real(states), basis) + 1j * lifted(np.imag(states), basis))
-    states = checks.numbers("states", states)
-    return np.asarray(states @ basis.T)
+        return np.asarray(np.asarray(states) @ self.basis.T)
 
 
 def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
@@ -129,7 +118,6 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     >>> rom.error_bound < 1e-4
     True
     """
-    check_matrices(system)
     found = project(system, tolerance)
     projection, certificate = found.projection, found.certificate
     shape = (found.read.size, found.heated.size)
@@ -172,14 +160,10 @@ class Projected:
         return np.repeat(self.read, self.heated.size), np.tile(self.heated, self.read.size)
 
 
-def check_matrices(system: StateSpace) -> None:
-    """Raise InputError unless ``system`` is a StateSpace."""
-    hint = "the StateSpace of a heat problem is needed (heat.system); fit_foster on a step response gives fewer poles"
-    checks.instance("system", system, StateSpace, hint=hint)
-
-
 def project(system: StateSpace, tolerance: float) -> Projected:
     """The certified projection that `reduce` and `balanced_truncation` begin with; raises as `reduce`."""
+    hint = "the StateSpace of a heat problem is needed (heat.system); fit_foster on a step response gives fewer poles"
+    checks.instance("system", system, StateSpace, hint=hint)
     tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
     K, M, ports, heated, read = _parts(system)
     space = CertifiedSpace(K, M, ports, tolerance)
@@ -293,9 +277,8 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     InputError
         a reduction with several channels, one of another problem, or a path without a derivative.
     """
-    model = reduction.model
-    if not isinstance(model, Foster):
-        raise checks.InputError("pole_derivatives needs one input and one output; reduce heat.channels(heated, read)")
+    model: Any = reduction.model
+    checks.instance("reduction.model", model, Foster, hint="reduce one channel, heat.channels(heated, read)")
     heated, read = model.inputs[0], model.outputs[0]
     d = heat.discretization
     b, c = (d.means[name][d.free] for name in (heated, read))

@@ -36,7 +36,6 @@ from thermofem.geometry.cross_section import check_distance, check_uniform, foot
 
 from .reduce import project
 
-MOST = 1000  # rings
 SAME = 1e-12  # m, distances that differ by less are one
 
 
@@ -68,10 +67,7 @@ def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) 
         layers.
     """
     every = list(heat) if isinstance(heat, list | tuple) else [heat] * count
-    if len(every) != count:
-        raise InputError(
-            f"heat holds {len(every)} heat problems and positions {count} rings; give one for each, or one"
-        )
+    checks.integer("len(heat)", len(every), count, count, hint="give one heat problem for each ring, or one for all")
     kinds: list[Kind] = []
     of = np.empty(count, dtype=np.intp)
     for i, one in enumerate(every):
@@ -110,8 +106,7 @@ def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:
 def ring_positions(positions: ArrayLike) -> Array:
     """Check the centres of rings, rows (x, y) in m."""
     centres = checks.numbers("positions", positions, hint="one row (x, y) in m for each ring")
-    if centres.ndim != 2 or centres.shape[1] != 2 or not 1 <= len(centres) <= MOST:
-        raise InputError(f"positions has shape {centres.shape}; (N, 2) is needed, x and y in m of 1 to {MOST} rings")
+    checks.shape("positions", centres, (max(len(np.atleast_1d(centres)), 1), 2))
     return centres
 
 

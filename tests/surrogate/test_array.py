@@ -105,7 +105,7 @@ def test_rings_on_different_layers_are_refused(ring):
     other = th.assemble(th.strip_ring(box=3e-6, outer_radius=120e-6), 1e-2)
     with pytest.raises(th.InputError, match=r"heat\[1\] and heat\[0\] differ in layers"):
         surrogate.reduce_array([ring, other], [(0, 0), (20e-6, 0)])
-    with pytest.raises(th.InputError, match="heat holds 1 heat problems and positions 2 rings"):
+    with pytest.raises(th.InputError, match=r"len\(heat\) = 1 must be a whole number from 2"):
         surrogate.reduce_array([ring], [(0, 0), (20e-6, 0)])
 
 
@@ -225,11 +225,10 @@ def test_the_array_itself_is_saved_and_exported(array, tmp_path):
     ("positions", "words"),
     [
         ([(0, 0), (10e-6, 0)], r"positions\[0\] and positions\[1\] are 1e-05 m apart.*overlap below"),
-        ([(0, 0), (20, 0)], "outer_radius must be at least 20"),
+        ([(0, 0), (20, 0)], "distance = 20 must lie between"),
         ([(0, 0), (0, 0)], "are 0 m apart"),
-        ([0, 1, 2], r"positions has shape \(3,\); \(N, 2\) is needed"),
+        ([0, 1, 2], r"positions has shape \(3,\)"),
         ([(0, 0), (np.nan, 0)], "positions = nan"),
-        # it named 325 probes, which nobody had given
     ],
 )
 def test_places_that_cannot_be_are_refused(ring, positions, words):

@@ -129,7 +129,7 @@ def test_a_decay_says_what_its_samples_leave_open():
     assert surrogate.fit_decay(t, one + 5 * np.exp(-t / 1e-7)).notes == ()
     assert "the data do not determine tau" in " ".join(surrogate.fit_decay(t, one).notes)
     assert "is an extrapolation" in " ".join(surrogate.fit_decay(t, 8 * np.exp(-t / 4e-5), order=1).notes)
-    with pytest.raises(th.InputError, match="it is noise, no cooling curve"):
+    with pytest.raises(th.InputError, match="it is noise"):
         surrogate.fit_decay(t, noise)
 
 
@@ -152,8 +152,8 @@ def test_a_cooling_curve_that_begins_late_and_has_two_near_samples():
         (lambda d: surrogate.second_order(kappa=8.87e5, tau_f=1e-6, tau_s=1e-7, eta=0.31), "are they swapped"),
         (lambda d: surrogate.second_order(kappa=8.87e-4, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31), "8.87e5 1/s"),
         (lambda d: surrogate.newton(tau_th=-1e-9), "tau_th = -1e-09 must be positive"),
-        (lambda d: surrogate.fit_decay([0, 1, 2], [3, 2, 1]), "samples = 3 must be a whole number from 5"),
-        (lambda d: surrogate.fit_decay(1 + 1e-6 * np.arange(9), np.exp(-np.arange(9))), "times begins at 1 s"),
+        (lambda d: surrogate.fit_decay([0, 1, 2], [3, 2, 1]), "at least 5"),
+        (lambda d: surrogate.fit_decay(1 + 1e-6 * np.arange(9), np.exp(-np.arange(9))), r"times\[0\] = 1 must lie"),
         (lambda d: surrogate.fit_decay(1e-6 * np.arange(9), np.ones(9)), "a cooling curve falls"),
         (lambda d: surrogate.fit_decay(1e-6 * np.arange(9), -np.arange(9.0)), "a cooling curve falls"),
     ],

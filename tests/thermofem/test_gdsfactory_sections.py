@@ -63,8 +63,8 @@ def test_sections_in_the_middle_become_parts(monkeypatch):
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
-        ((CORE, section(1.0, (47, 0), 3.0), section(1.0, (47, 0), -3.0)), "'heater' has a section with offset = 3 um"),
-        ((section(0.5, (1, 0), -1.0),), "'core' has a section with offset = -1 um"),
+        ((CORE, section(1.0, (47, 0), 3.0), section(1.0, (47, 0), -3.0)), "'heater': offset of its section = 3 must"),
+        ((section(0.5, (1, 0), -1.0),), "'core': offset of its section = -1 must"),
         ((CORE, section(1.0, (47, 0)), section(2.0, (47, 0))), "'heater' has two sections of different width"),
     ],
 )

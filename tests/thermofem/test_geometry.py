@@ -145,14 +145,14 @@ def test_any_overlap_gives_the_volumes_of_painting(parts):
     ("change", "words"),
     [
         ({"width": 0.45}, ["width = 0.45 m is larger than radius = 7.955e-06 m", "did you mean 450e-9?"]),
-        ({"width": 1e-100}, ["width = 1e-100 m is less than an atom"]),
-        ({"box": 5e-11}, ["box = 5e-11 m is less than an atom"]),
+        ({"width": 1e-100}, ["width = 1e-100 must lie between 1e-10"]),
+        ({"box": 5e-11}, ["box = 5e-11 must lie between 1e-10 and 0.1 (in m)"]),
         ({"width": 450.0}, ["width = 450 m is larger than radius", "did you mean 450e-9?"]),
         ({"radius": 7.955}, ["radius = 7.955", "did you mean 7.955e-6?"]),
         ({"radius": 59.9e-6}, ["part 'core' reaches r = 6.0125e-05 m", "outer_radius"]),
         ({"height": 0.22}, ["height = 0.22", "did you mean 220e-9?"]),
-        ({"height": 0.0}, ["height = 0 must be positive"]),
-        ({"box": -2e-6}, ["box = -2e-06 must be positive"]),
+        ({"height": 0.0}, ["height = 0 must lie between 1e-10"]),
+        ({"box": -2e-6}, ["box = -2e-06 must lie between"]),
         ({"cladding": 2.0}, ["cladding = 2", "did you mean 2e-6?"]),
         ({"substrate": 30.0}, ["substrate = 30", "did you mean 30e-6?"]),
         ({"outer_radius": 60.0}, ["outer_radius = 60", "did you mean 60e-6?"]),
@@ -227,8 +227,6 @@ def test_boundaries():
     assert Boundary("convection", 10.0).holds
     with pytest.raises(InputError, match="convection = 0 must be positive"):
         Boundary("convection")
-    with pytest.raises(InputError, match="takes no coefficient"):
-        Boundary("isothermal", 1.0)
 
 
 # --- common rings, probes, open sides ---------------------------------------------------------------------------------
@@ -254,7 +252,7 @@ def test_common_rings_are_valid_and_hold_what_they_say():
         (lambda: heated_ring(heater_width=20e-6), "heater: width = 2e-05 m is larger"),
         (lambda: Probe("near", "core", 0.3), r"shell = 0.3 .*did you mean 300e-9"),
         (lambda: replace(strip_ring(), probes=(Probe("near", "cor", 3e-7),)), "did you mean 'core'"),
-        (lambda: replace(strip_ring(), probes=(Probe("box", "core", 3e-7),)), "same name as layer 'box'"),
+        (lambda: replace(strip_ring(), probes=(Probe("box", "core", 3e-7),)), "probes holds 'box' twice"),
         (lambda: replace(strip_ring(), top=OPEN), "only bottom and outer can be open"),
     ],
 )
@@ -269,7 +267,7 @@ def test_a_void_of_zero_height_changes_nothing():
     assert with_it.volumes() == without.volumes()
     assert CrossSection.from_toml_text(with_it.to_toml()) == with_it
     assert content_hash(with_it, 1e-3) == content_hash(without, 1e-3)  # the same mesh, so the same numbers
-    with pytest.raises(InputError, match="height = 0 must be positive"):
+    with pytest.raises(InputError, match="height = 0 must lie between"):
         replace(nothing, material="Al")
 
 

@@ -101,7 +101,7 @@ BAD_FILES = [
     ("heated = true", 'sidewall_angle = "1.5 um"\nheated = true', ["sidewall_angle = '1.5 um'", "an angle"]),
     (", datum = true", "", ["0 layers have datum = true"]),
     ('"Si", thickness', '"void", thickness', ["layer 'substrate' is void"]),
-    ('name = "core"', 'name = "box"', ["part 'box' has the same name as layer 'box'"]),
+    ('name = "core"', 'name = "box"', ["layers, parts and probes holds 'box' twice"]),
     ('name = "core"', 'name = "a/b"', ["part name = 'a/b' is not usable"]),
     ("[[part]]", "[part]", ["must be tables, each opened by its name"]),
     ("[[part]]", "[[part]", ["not valid TOML", "line 8"]),

@@ -63,7 +63,7 @@ def test_materials_boundaries_angles_and_words():
         ({f"material.SiO2.conductivity{end}": 1.0 for end in ("", ".value")}, "'material.SiO2.conductivity' twice"),
         ({"part.core.width": 4e-7, "part.core.inner_radius": 6e-6}, "'core': width and inner_radius are of two forms"),
         ({"boundary.top": "insulated", "boundary.top.convection": 1e4}, "'boundary.top' twice"),
-        ({"part": "x", "part.core.width": 5e-7}, "path 'part' names a table, and no value in it"),
+        ({"part": "x", "part.core.width": 5e-7}, "path 'part' leads nowhere"),
         ({"part.core.radius": 5.0}, "did you mean 5e-6"),
     ],
 )

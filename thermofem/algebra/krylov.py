@@ -194,8 +194,8 @@ def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
     B, M = np.asarray(system.B, dtype=float), csr_matrix(system.E)
     x = np.column_stack([static(b) for b in B.T])
     gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
-    if np.any(gain <= 0) or np.any(content <= 0):
-        raise checks.InputError(REFUSAL)
+    for name, values in (("static gain", gain), ("heat content", content)):
+        checks.positive(name, values.min(), hint=REFUSAL)
     return float((gain / content).min()), float((slopes(M, B) / gain).max())
 
 
@@ -204,8 +204,7 @@ def slopes(M: Any, B: Array) -> Array:
 
     Lower bound: (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
     """
-    if np.any(M.diagonal() <= 0):
-        raise checks.InputError("E is not positive definite; every heat capacity must be positive")
+    checks.positive("diagonal of E", M.diagonal().min(), unit="J/K", hint=REFUSAL)
     lumped = B / M.diagonal()[:, None]
     inertia = np.einsum("ij,ij->j", lumped, M @ lumped)
     return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / inertia)
@@ -229,8 +228,7 @@ def orthonormal(
     """
     MW = M @ W
     size = np.einsum("ij,ij->j", W, MW)
-    if np.any(size <= 0):
-        raise checks.InputError("E is not positive definite; every heat capacity must be positive")
+    checks.positive("heat content of a field", size.min(), hint=REFUSAL)
     inside = MV.T @ W
     W, MW = (W - V @ inside) / np.sqrt(size), (MW - MV @ inside) / np.sqrt(size)
     room = W.shape[1] if most is None else min(most, W.shape[1])

@@ -86,7 +86,6 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
     Raises InputError: a negative or non-finite time; a function of time that is negative or cannot be resolved.
     """
     t = checks.array("times", times)
-    if t.min() < 0:
-        raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
+    checks.between("times", t.min(), 0, np.inf, unit="s", hint="the power is switched on at t = 0")
     stop = wave.period if periodic and wave.period else max(float(t.max()), np.finfo(float).tiny)
     return cubic_pole_responses(rate, *waveforms.heating_pieces(wave, 0.0, stop), t, periodic=periodic)

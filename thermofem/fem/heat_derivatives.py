@@ -147,8 +147,7 @@ FEWEST, ROUNDS = 8, 24  # of the Krylov space: the derivative errs like the fiel
 def step_times(times: ArrayLike) -> Array:
     """Times of a step response, in s; InputError for one before the step."""
     t = checks.array("times", times)
-    if t.min() < 0:
-        raise checks.InputError(f"times holds {t.min():g} s; the step is at t = 0")
+    checks.between("times", t.min(), 0, np.inf, unit="s", hint="the step is at t = 0")
     return t
 
 

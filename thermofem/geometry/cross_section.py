@@ -25,7 +25,7 @@ from ..data import files
 from ..materials.material_library import VOID, Material, find
 from . import geometry_file, parameter_paths, section_parts
 from .regions import Subdivision, check_held, check_places, subdivide
-from .section_parts import LIGHT, THINNEST, Boundary, Bus, Guide, Interface, Layer, Part, Probe, images, length
+from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe, images, length
 
 KINDS = ("ring", "straight")
 
@@ -104,10 +104,11 @@ class CrossSection:
                 f"{self.name!r}: bottom, top and outer are all insulated, so heat has no way out and no steady state "
                 "exists; make one of them isothermal or convective"
             )
-        if self.top.kind == "open":
-            raise checks.InputError("top = 'open': only bottom and outer can be open; give top a convection")
+        hint = "only bottom and outer can be open; give top a convection"
+        checks.choice("top", self.top.kind, Boundary.KINDS.keys() - {"open"}, hint=hint)
         check_held(self)
-        check_guides(self)
+        checks.between("number of [[bus]] tables", len(self.buses), 0, 2, hint="a ring has one or two")
+        checks.unique("[[bus]]: name", [bus.name for bus in self.buses])
 
     def _check_kind(self) -> None:
         """Sizes of the domain, and parts of its kind."""
@@ -127,20 +128,20 @@ class CrossSection:
         data = [layer.name for layer in self.layers if layer.datum]
         if len(data) != 1:
             raise checks.InputError(f"{len(data)} layers have datum = true; z = 0 lies at the top of exactly one layer")
-        materials = [(f"layer {layer.name!r}", layer.name, layer.material) for layer in self.layers]
-        materials += [(f"part {part.name!r}", part.name, part.material) for part in self.parts]
-        probes = [(f"probe {probe.name!r}", probe.name, VOID) for probe in self.probes]
-        seen: dict[str, str] = {}
-        for what, name, material in (*materials, *probes):
-            if name in seen:
-                raise checks.InputError(f"{what} has the same name as {seen[name]}; each needs its own")
-            seen[name] = what
+        owners = {f"layer {layer.name!r}": layer.material for layer in self.layers}
+        owners |= {f"part {part.name!r}": part.material for part in self.parts}
+        for what, material in owners.items():
             find(material, self.materials, what=f"{what}: material")
+        names = [layer.name for layer in self.layers] + [part.name for part in self.parts]
+        names += [probe.name for probe in self.probes]
+        checks.unique("the list of layers, parts and probes", names, hint="each needs a name of its own")
         solid = [part.name for part in self.parts if part.material != VOID]
         for interface in self.interfaces:
             checks.choice("interface: part", interface.part, solid)
         for probe in self.probes:
             checks.choice(f"probe {probe.name!r}: part", probe.part, solid)
+        if self.light is not None:
+            checks.choice("[light]: part", self.light.part, solid)
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
@@ -309,8 +310,7 @@ def check_uniform(geometry: CrossSection, who: str) -> None:
 def check_copies(geometry: CrossSection) -> None:
     """Raise InputError for a probe off the axis that cannot be read.
 
-    Raises InputError: the copy overlaps the ring itself, leaves the domain or the layers, or the stack is not laterally
-        uniform.
+    Raises InputError: the copy overlaps the ring itself or leaves the domain, or the stack is not laterally uniform.
     """
     for probe in geometry.probes:
         if probe.distance is None:
@@ -319,44 +319,11 @@ def check_copies(geometry: CrossSection) -> None:
         part = next(part for part in geometry.parts if part.name == probe.part)
         if geometry.kind == "ring":
             check_uniform(geometry, who)
-        if part.bottom < geometry.bottom_z - THINNEST or part.top > geometry.top_z + THINNEST:
-            raise checks.InputError(
-                f"{who}: part {part.name!r} stands on the top of the stack, with nothing beside it that a copy could "
-                "read; add a layer around the part"
-            )
         check_distance(geometry, part, probe.distance, who)
 
 
 def check_distance(geometry: CrossSection, part: Part, distance: float, who: str) -> None:
     """Raise InputError unless a copy at a distance in m lies beside the ring and inside the domain."""
-    least, most = footprint(geometry) + reach(part), distance + reach(part)
-    if distance < least:
-        raise checks.InputError(
-            f"{who}: at distance = {distance:g} m the copy of {part.name!r} overlaps parts of the ring itself, which "
-            f"reach {footprint(geometry):g} m; distance must be at least {least:g} m"
-        )
-    if most > geometry.outer_radius:
-        raise checks.InputError(
-            f"{who}: the copy of {part.name!r} at distance = {distance:g} m reaches {most:g} m, and the domain ends at "
-            f"outer_radius = {geometry.outer_radius:g} m; outer_radius must be at least {most:g} m, and twice that "
-            "keeps the outer side from being felt"
-        )
-
-
-def check_guides(section: CrossSection) -> None:
-    """InputError where [light] or [[bus]] contradict the parts of a section."""
-    if len(section.buses) > len(section_parts.BUSES):
-        raise checks.InputError(f"{len(section.buses)} tables [[bus]]; a ring has one or two")
-    checks.unique("[[bus]]: name", [bus.name for bus in section.buses])
-    if section.buses and section.kind != "ring":
-        raise checks.InputError("[[bus]] goes with a ring; this is a straight section")
-    if section.light is None:
-        return
-    solid = [part.name for part in section.parts if part.material != VOID]
-    checks.choice("[light]: part", section.light.part, solid)
-    groups = (section.layers, section.parts, section.probes)
-    if any(one.name == LIGHT for group in groups for one in group):
-        raise checks.InputError(
-            f"{section.name!r} has [light], and something called {LIGHT!r}: the name of the temperature that the mode "
-            "sees; rename it"
-        )
+    least = footprint(geometry) + reach(part)
+    hint = f"nearer the copy of {part.name!r} overlaps the ring itself, further away it leaves the domain"
+    checks.between(f"{who}: distance", distance, least, geometry.outer_radius - reach(part), unit="m", hint=hint)

@@ -65,10 +65,8 @@ def from_gdsfactory(
     drawn = _drawn(levels, core)
     names = [key for key in ("cross_section", "cross_section_heater") if settings.get(key)]
     sections = [section for key in names for section in _cross_section(gf, key, settings).sections]
-    guides = [section for section in sections if str(section.layer) == drawn]
-    if not guides:
-        raise checks.InputError(f"cross_section of the component has no section on level {core!r}, drawn on {drawn}")
-    length = _loop(component, guides[0])
+    on = {str(section.layer): section for section in reversed(sections)}
+    length = _loop(component, on[checks.choice(f"layer of level {core!r}", drawn, on)])
     radius = _equivalent_radius(gf, settings)
     # 0.01 of the length of a loop, which polygons on a grid of 1 nm change by 1e-3
     if abs(length * UM - 2 * math.pi * radius) > 0.01 * length * UM:
@@ -78,8 +76,11 @@ def from_gdsfactory(
         )
     parts: list[Part] = []
     for section in sections:
-        name = core if str(section.layer) == drawn else _level_drawn_on(levels, section.layer)
-        _check_offset(section, name)
+        level_on = {_drawn(levels, name): name for name in (*reversed(levels), core)}
+        name = level_on[checks.choice("layer of a section of the component", str(section.layer), level_on)]
+        offset = getattr(section, "offset", 0.0) or 0.0  # the side on which such a section lies depends on the bend
+        hint = "sections beside the middle are not imported: build this CrossSection from th.Part"
+        checks.between(f"level {name!r}: offset of its section", offset, -THIN, THIN, unit="um", hint=hint)
         part = _part(name, core, _level(levels, name), radius, section.width, known)
         same = next((other for other in parts if other.name == part.name), None)
         if same is None:
@@ -118,16 +119,6 @@ def _loop(component: Any, guide: Any) -> float:
     return float(inner + math.pi * guide.width)
 
 
-def _check_offset(section: Any, name: str) -> None:
-    """Refuse a section beside the middle of the waveguide: the side on which it lies depends on the bend."""
-    offset = getattr(section, "offset", 0.0) or 0.0
-    if abs(offset) > THIN:
-        raise checks.InputError(
-            f"level {name!r} has a section with offset = {offset:g} um; only sections in the middle of the waveguide "
-            "are imported, so build this CrossSection from th.Part, with inner_radius and outer_radius of each"
-        )
-
-
 def _library() -> Any:
     try:
         import gdsfactory
@@ -150,21 +141,9 @@ def _drawn(levels: Mapping[str, Any], name: str) -> str:
     return str(layer)
 
 
-def _level_drawn_on(levels: Mapping[str, Any], layer: Any) -> str:
-    names = [name for name in levels if _drawn(levels, name) == str(layer)]
-    if not names:
-        raise checks.InputError(f"layer_stack has no level that is drawn on {layer}; known: {', '.join(levels)}")
-    return names[0]
-
-
 def _material(level: Any, name: str, known: Mapping[str, str]) -> str:
-    found = known.get(str(level.material).lower())
-    if found is None:
-        raise checks.InputError(
-            f"level {name!r} is made of {level.material!r}, which has no counterpart here; "
-            f"give it as materials={{{str(level.material)!r}: 'SiO2'}} or the name of another material"
-        )
-    return found
+    hint = f"give it as materials={{{str(level.material)!r}: 'SiO2'}} or the name of another material"
+    return known[checks.choice(f"level {name!r}: material", str(level.material).lower(), known, hint=hint)]
 
 
 def _layers(levels: list[Any], names: tuple[str, ...], known: Mapping[str, str]) -> tuple[Layer, ...]:

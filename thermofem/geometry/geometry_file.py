@@ -41,6 +41,7 @@ _TOP = {
     "light": TABLE,
     "bus": TABLES,
 }
+_SIZES = {"ring": ("outer_radius",), "straight": ("length", "half_width")}
 _LAYER = {"name": TEXT, "material": TEXT, "thickness": "m", "datum": FLAG}
 _PART = {
     "name": TEXT,
@@ -64,7 +65,7 @@ _COEFFICIENT = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is n
 _OPTICAL = {"thermo_optic": "1/K", "two_photon": "m/W", "kerr": "m^2/W"}
 _MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT, "index": ANY, **_OPTICAL}
 
-_UNITS = {
+UNITS = {
     key: unit
     for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _COEFFICIENT, _MATERIAL, _LIGHT, _BUS)
     for key, unit in keys.items()
@@ -79,7 +80,7 @@ def as_text(path: str, value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
     *before, key = path.split(".")
-    unit = _UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
+    unit = UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
     number = checks.finite(path, value)
     return value if unit is None else quantity.write(number, unit)
 
@@ -89,17 +90,15 @@ def fields(text: str) -> dict[str, Any]:
     table = files.from_toml(text)
     if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
         raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
-    straight = table.get("kind") == "straight"
-    sizes = ("length", "half_width") if straight else ("outer_radius",)
-    top = read_table(table, _TOP, "the file", required=(*sizes, "layer", "part"))
-    if straight and "outer_radius" in top:
-        raise InputError("outer_radius belongs to a ring; a straight section has half_width and length")
+    sizes = _SIZES.get(table.get("kind", "ring"), ("outer_radius",))
+    keys = {key: unit for key, unit in _TOP.items() if key in sizes or key not in sum(_SIZES.values(), ())}
+    top = read_table(table, keys, "the file", required=(*sizes, "layer", "part"))
     boundary = read_table(top.get("boundary", {}), _BOUNDARY, "[boundary]")
     for number, bus in enumerate(top.get("bus", [])):
         bus.setdefault("name", section_parts.BUSES[min(number, 1)])
     return {
         "name": top.get("name", "cross-section"),
-        **{key: top[key] for key in ("kind", "outer_radius", "length", "half_width") if key in top},
+        **{key: top[key] for key in ("kind", *sizes) if key in top},
         "layers": _each(top, "layer", _LAYER, Layer, ("name", "material", "thickness")),
         "parts": _each(top, "part", _PART, _part, ("name", "material", "bottom", "height")),
         "interfaces": _each(top, "interface", _INTERFACE, Interface, ("part", "resistance")),
@@ -191,10 +190,10 @@ def _material(name: str, table: Any) -> Material:
 
 def table_of(geometry: CrossSection) -> dict[str, Any]:
     """The table of a geometry file, quantities as text; reading it back gives an equal CrossSection."""
-    sizes = ("outer_radius",) if geometry.kind == "ring" else ("kind", "length", "half_width")
-    domain = {key: getattr(geometry, key) for key in sizes}
+    domain = {key: getattr(geometry, key) for key in _SIZES[geometry.kind]}
+    kind = None if geometry.kind == "ring" else geometry.kind
     tables = {
-        **_texts({"name": geometry.name, **domain, "ambient": geometry.ambient}),
+        **_texts({"name": geometry.name, "kind": kind, **domain, "ambient": geometry.ambient}),
         "layer": [_texts(asdict(layer)) for layer in geometry.layers],
         "part": [_texts(_part_values(part)) for part in geometry.parts],
         "interface": [_texts(asdict(interface)) for interface in geometry.interfaces],
@@ -219,7 +218,7 @@ def _boundary_value(boundary: Boundary) -> Any:
 
 
 def _material_values(m: Material) -> dict[str, Any]:
-    conductivity, specific_heat = (write_property(m, key, _UNITS[key]) for key in ("conductivity", "specific_heat"))
+    conductivity, specific_heat = (write_property(m, key, UNITS[key]) for key in ("conductivity", "specific_heat"))
     density = as_text("density", m.density)
     optical = _texts({key: getattr(m, key) or None for key in _OPTICAL})
     optical |= {} if m.index is None else {"index": write_index(m.index)}

@@ -22,7 +22,7 @@ from ..data import quantity
 from ..materials.index_laws import constant
 from ..materials.material_library import with_value
 from ..materials.property_laws import Law, PowerLaw
-from . import geometry_file
+from .geometry_file import UNITS, as_text
 from .regions import outlines
 from .section_parts import BUSES, LIGHT, SAME, Boundary, images
 
@@ -59,7 +59,7 @@ def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
             for item in table["part"]:
                 if item["name"] == name:
                     _measure(item, key)
-        place(table, path, geometry_file.as_text(path, value))
+        place(table, path, as_text(path, value))
 
 
 def check_once(paths: Iterable[str]) -> None:
@@ -88,13 +88,7 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
 
     Raises InputError: the path names a part, layer, interface or material that is not there.
     """
-    kind, *middle = path.split(".")
-    if not middle and kind in (*_NAMED, *_TABLES):
-        raise InputError(f"path {path!r} names a table, and no value in it; {_HINT}")
-    if not middle:
-        table[kind] = text
-        return
-    key = middle.pop()
+    kind, *middle, key = path.split(".") if "." in path else ("", path)
     name = ".".join(middle)  # names may hold dots
     for number, bus in enumerate(table.get("bus", [])):
         bus.setdefault("name", BUSES[min(number, 1)])
@@ -103,6 +97,8 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
         items[checks.choice(f"path {path!r}: {kind}", name, [str(k) for k in items])][key] = text
     elif kind in ("boundary", "light") and not name:
         table.setdefault(kind, {})[key] = text
+    elif not kind and key not in (*_NAMED, *_TABLES):
+        table[key] = text
     elif kind == "material" and middle[1:] and middle[-1] in _LAWS:
         material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
         given = material.get(middle[-1], {})
@@ -124,8 +120,7 @@ _PART = {
     "ring": ("radius", "width", "inner_radius", "outer_radius", "bottom", "height", "sidewall_angle"),
     "straight": ("x", "width", "bottom", "height", "sidewall_angle"),
 }
-_MATERIAL = ("conductivity", "density", "specific_heat")
-_OPTICAL = {"index": "", "thermo_optic": "1/K"}
+_MATERIAL = ("conductivity", "density", "specific_heat", "index", "thermo_optic")
 _STEP = 1e-3  # K; of the central difference of a law of temperature, whose error is 1e-9 of its curvature
 
 
@@ -197,13 +192,13 @@ def _change(geometry: CrossSection, path: str) -> Change:
         return _ambient(geometry)
     if kind == "material" and len(middle) >= 2:
         return _material(geometry, path, middle)
-    if kind == "light" and len(middle) == 1:
-        return _number(geometry, path, kind, "", middle[0])
     name, key = ".".join(middle[:-1]), middle[-1] if middle else ""
     readers = {"part": _part, "layer": _layer, "boundary": _boundary}
-    if kind not in (*readers, *_NUMBERS) or not name:
-        raise InputError(f"path {path!r} leads nowhere; {_HINT}")
-    return readers[kind](geometry, path, name, key) if kind in readers else _number(geometry, path, kind, name, key)
+    if kind in readers and name:
+        return readers[kind](geometry, path, name, key)
+    if kind in _NUMBERS and key and bool(name) == (kind != "light"):
+        return _number(geometry, path, kind, name, key)
+    raise InputError(f"path {path!r} leads nowhere; {_HINT}")
 
 
 def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
@@ -219,8 +214,7 @@ def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
         "width": part.outer_radius - part.inner_radius,
     }
     value = values[key] if key in values else float(getattr(part, key))
-    unit = "rad" if key == "sidewall_angle" else "m"
-    return Change(path, value, unit, _moved(geometry, part, _corners(part, key)))
+    return Change(path, value, UNITS[key], _moved(geometry, part, _corners(part, key)))
 
 
 def _moved(geometry: CrossSection, part: Part, corners: Array) -> dict[str, Array]:
@@ -272,11 +266,11 @@ def _layer(geometry: CrossSection, path: str, name: str, key: str) -> Change:
 
 
 _NUMBERS = {
-    "interface": {"resistance": "m^2*K/W"},
-    "probe": {"shell": "m"},
-    "bus": {"gap": "m", "straight": "m"},
-    "light": {"wavelength": "m", "loss": "1/m"},
-}  # with their SI units
+    "interface": ("resistance",),
+    "probe": ("shell",),
+    "bus": ("gap", "straight"),
+    "light": ("wavelength", "loss"),
+}
 
 
 def _number(geometry: CrossSection, path: str, kind: str, name: str, key: str) -> Change:
@@ -286,22 +280,20 @@ def _number(geometry: CrossSection, path: str, kind: str, name: str, key: str) -
         each = {"interface": geometry.interfaces, "probe": geometry.probes, "bus": geometry.buses}[kind]
         known = {getattr(one, _NAMED[kind]): one for one in each}
         given = known[checks.choice(f"path {path!r}: {kind}", name, known)]
-    unit = _NUMBERS[kind][checks.choice(f"path {path!r}: key", key, _NUMBERS[kind])]
+    checks.choice(f"path {path!r}: key", key, _NUMBERS[kind])
     if getattr(given, key, None) is None:
         raise InputError(f"path {path!r} leads nowhere; {geometry.name!r} does not give it")
     of = {"interface": {"contact": {name: 1.0}}, "probe": {"shell": {name: 1.0}}}
     slope: dict[str, Any] = of.get(kind, {"optical": {name or LIGHT: {key: 1.0}}})
-    return Change(path, float(getattr(given, key)), unit, **slope)
+    return Change(path, float(getattr(given, key)), UNITS[key], **slope)
 
 
 def _boundary(geometry: CrossSection, path: str, side: str, key: str) -> Change:
     checks.choice(f"path {path!r}: side", side, ("bottom", "top", "outer"))
-    units = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
-    unit = units[checks.choice(f"path {path!r}: key", key, units)]
     boundary: Boundary = getattr(geometry, side)
-    if boundary.kind != key:
-        raise InputError(f"path {path!r}: {side} is {boundary.kind}; give it a {key} first")
-    return Change(path, boundary.coefficient, unit, convection={side: 1.0})
+    known = [boundary.kind] if boundary.coefficient else []
+    checks.choice(f"path {path!r}: key", key, known, hint=f"{side} is {boundary.kind}")
+    return Change(path, boundary.coefficient, UNITS[key], convection={side: 1.0})
 
 
 def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Change:
@@ -312,17 +304,17 @@ def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Chang
     name, keys = ".".join(middle[:-split]), middle[-split:]
     hint = "no layer or part is made of it" if name not in names else ""
     material = names[checks.choice(f"path {path!r}: material", name, names, hint=hint)]
-    checks.choice(f"path {path!r}: property", keys[0], (*_MATERIAL, *_OPTICAL))
-    if keys[0] in _OPTICAL:
+    checks.choice(f"path {path!r}: property", keys[0], _MATERIAL)
+    if keys[0] in ("index", "thermo_optic"):
         value = material.thermo_optic if keys[0] == "thermo_optic" else constant(material.index)
         if value is None:
             raise InputError(f"path {path!r} has no derivative: the index of {name!r} is no constant")
-        return Change(path, value, _OPTICAL[keys[0]], optical={name: {keys[0]: 1.0}})
+        return Change(path, value, UNITS.get(keys[0], ""), optical={name: {keys[0]: 1.0}})
     kind, key = keys[0], keys[1] if len(keys) > 1 else "value"
     T0 = geometry.ambient
     if kind == "density":
         share = material.specific_heat * float(material.specific_heat_law.factor(T0))
-        return Change(path, material.density, "kg/m^3", heat_capacity={name: share})
+        return Change(path, material.density, UNITS[kind], heat_capacity={name: share})
     law: Law = getattr(material, f"{kind}_law")
     value, unit, factor, of_law = _law(path, material, law, kind, key, T0)
     if kind == "specific_heat":
@@ -338,18 +330,16 @@ def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Chang
 def _law(path: str, material: Material, law: Law, kind: str, key: str, T0: float) -> tuple[float, str, float, float]:
     """Value and unit; d(value f)/d(key) = first + value * second, with f the law at the ambient temperature."""
     f = float(law.factor(T0))
-    unit = {"conductivity": "W/m/K", "specific_heat": "J/kg/K"}[kind]
     if key in ("value", "r"):
-        return float(getattr(material, kind)), unit, f, 0.0
-    if key == "z" and kind == "conductivity":
-        if material.conductivity_z is None:
-            raise InputError(f"path {path!r}: {material.name!r} conducts alike along r and z; give it a z first")
-        return material.conductivity_z, unit, f, 0.0
-    if key in ("exponent", "reference") and isinstance(law, PowerLaw):
-        if key == "exponent":
-            return law.exponent, "", 0.0, f * math.log(T0 / law.reference)
-        return law.reference, "K", 0.0, -law.exponent * f / law.reference
-    raise InputError(f"path {path!r} has no derivative; value, r, z and, of a power law, exponent and reference have")
+        return float(getattr(material, kind)), UNITS[kind], f, 0.0
+    if key == "z" and kind == "conductivity" and material.conductivity_z is not None:
+        return material.conductivity_z, UNITS[kind], f, 0.0
+    if key == "exponent" and isinstance(law, PowerLaw):
+        return law.exponent, UNITS[key], 0.0, f * math.log(T0 / law.reference)
+    if key == "reference" and isinstance(law, PowerLaw):
+        return law.reference, UNITS[key], 0.0, -law.exponent * f / law.reference
+    rule = "value, r, z (where it is given) and, of a power law, exponent and reference have"
+    raise InputError(f"path {path!r} has no derivative; {rule}")
 
 
 def _ambient(geometry: CrossSection) -> Change:

@@ -45,7 +45,6 @@ def strip_ring(
         for name, value, typical in (("box", box, 2e-6), ("cladding", cladding, 2e-6), ("substrate", substrate, 30e-6))
     )
     height = length("height", height, typical=220e-9)
-    radius = length("radius", radius, typical=8e-6)
     checks.between("radius", radius, 0, outer_radius, unit="m", hint=slip(radius, 8e-6, outer_radius))
     inner, outer = ring(radius, width)
     layers = (

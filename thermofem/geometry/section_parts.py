@@ -41,10 +41,8 @@ class Layer:
     def __post_init__(self) -> None:
         checks.plain(self)
         check_name("layer", self.name)
-        checks.text(f"layer {self.name!r}: material", self.material)
         if self.material == VOID:
             raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
-        checks.flag(f"layer {self.name!r}: datum", self.datum)
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
 
 
@@ -83,35 +81,26 @@ class Part:
         checks.plain(self)
         of = f"part {self.name!r}: "
         check_name("part", self.name)
-        checks.text(f"{of}material", self.material)
         if self.x is None and self.width is None:
-            checks.between(
-                f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=slip(self.inner_radius, 5e-6)
-            )
-            length(f"{of}outer_radius", self.outer_radius, typical=8e-6)
+            outer, hint = length(f"{of}outer_radius", self.outer_radius, typical=8e-6), slip(self.inner_radius, 5e-6)
+            checks.between(f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=hint)
+            checks.ordered(f"{of}inner_radius", self.inner_radius, "outer_radius", outer, unit="m")
         else:
-            self._set_edges(of)
+            x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=slip(self.x, 5e-6))
+            half = length(f"{of}width", self.width, typical=450e-9) / 2
+            object.__setattr__(self, "inner_radius", x - half)
+            object.__setattr__(self, "outer_radius", x + half)
         checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=slip(self.bottom, 1e-6))
         if self.material != VOID or self.height != 0:
             length(f"{of}height", self.height, typical=220e-9)
-        if self.inner_radius and not self.straight:
-            length(f"{of}inner_radius", self.inner_radius, typical=5e-6)
-        checks.ordered(f"{of}inner_radius", self.inner_radius, "outer_radius", self.outer_radius, unit="m")
         degrees = math.degrees(checks.finite(f"{of}sidewall_angle", self.sidewall_angle))
         checks.between(f"{of}sidewall_angle", degrees, 30, 150, unit="deg", hint="90 deg is vertical")
         outline = self.outline()
         crossed = np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0)
         if crossed or (outline[:, 0].min() < 0 and not self.straight):
             raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
-        if checks.flag(f"{of}heated", self.heated) and self.material == VOID:
+        if self.heated and self.material == VOID:
             raise checks.InputError(f"{of}void cannot be heated; give it a material or heated = false")
-
-    def _set_edges(self, of: str) -> None:
-        """Set the edges of a straight bar from its centre and width."""
-        x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=slip(self.x, 5e-6))
-        half = length(f"{of}width", self.width, typical=450e-9) / 2
-        object.__setattr__(self, "inner_radius", x - half)
-        object.__setattr__(self, "outer_radius", x + half)
 
     @property
     def straight(self) -> bool:
@@ -170,8 +159,6 @@ class Boundary:
         unit = self.KINDS[checks.choice("boundary", self.kind, self.KINDS)]
         if unit is not None:
             checks.positive(self.kind, self.coefficient, unit=unit, at_most=1e12)
-        elif self.coefficient:
-            raise checks.InputError(f"boundary {self.kind!r} takes no coefficient; only convection does")
 
     @property
     def exchange(self) -> float:
@@ -312,8 +299,8 @@ class Bus:
 
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
     """Inner and outer radius in m of a ring from the radius to its centre and its width; ``of`` opens the message."""
-    radius = checks.positive(f"{of}radius", radius, unit="m", hint=slip(radius, 8e-6))
-    width = _not_below_an_atom(f"{of}width", checks.positive(f"{of}width", width, unit="m"))
+    radius = length(f"{of}radius", radius, typical=8e-6)
+    width = checks.between(f"{of}width", width, THINNEST, math.inf, unit="m", hint=slip(width, 450e-9, radius))
     if width > 2 * radius:
         raise checks.InputError(
             f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", slip(width, 450e-9, radius)
@@ -322,14 +309,8 @@ def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
 
 
 def length(name: str, value: float | None, *, typical: float) -> float:
-    """Check that a length in m lies between the sizes of an atom and of a chip; the hint corrects the unit."""
-    return _not_below_an_atom(name, checks.positive(name, value, unit="m", at_most=_LONGEST, hint=slip(value, typical)))
-
-
-def _not_below_an_atom(name: str, value: float) -> float:
-    if value < THINNEST:
-        raise checks.InputError(f"{name} = {value:g} m is less than an atom", checks.Hint("lengths are in metres"))
-    return value
+    """A length in m between the sizes of an atom and of a chip, else InputError; the hint corrects the unit."""
+    return checks.between(name, value, THINNEST, _LONGEST, unit="m", hint=slip(value, typical))
 
 
 def slip(value: float | None, typical: float, at_most: float = _LONGEST) -> checks.Hint:
