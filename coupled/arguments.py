@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import xarray as xr
+
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.piecewise import bounds
@@ -25,12 +27,12 @@ def check_ring(ring: RingResonator) -> None:
     checks.instance("ring", ring, RingResonator, hint="it must be a RingResonator, such as borghi2021()")
 
 
-def check_power(power: float, name: str = "power") -> float:
+def check_power(power: Any, name: str = "power") -> float:
     """Return a bus power in W, or raise InputError."""
     return checks.positive(name, power, unit="W", at_most=1, hint=WATT)
 
 
-def check_detuning(detuning: float, name: str = "detuning") -> float:
+def check_detuning(detuning: Any, name: str = "detuning") -> float:
     """Return a detuning in Hz, or raise InputError."""
     nu = checks.finite(name, detuning, unit="Hz")
     if 1 <= abs(nu) <= 1e3:
@@ -94,6 +96,14 @@ def check_times(times: ArrayLike, duration: float) -> Array:
         hint = f"they must lie between 0 and the duration of {duration:g} s"
         checks.between(f"times[{k}]", wanted[k], 0, duration * (1 + 1e-12), unit="s", hint=hint)
     return wanted
+
+
+def datasets(name: str, given: Any) -> tuple[xr.Dataset, ...]:
+    """One Dataset or several as a tuple, or InputError where there is none."""
+    found = checks.instances(name, [given] if isinstance(given, xr.Dataset) else given, xr.Dataset)
+    if not found:
+        raise checks.InputError(f"{name} is empty; give one Dataset, or a list of them")
+    return found
 
 
 def check_duration(duration: float) -> float:

@@ -16,7 +16,6 @@ from thermofem.data import dataset
 from thermofem.data.variables import in_si
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
-FEWEST = 8  # samples of a decay
 FARTHEST = 690.0  # of a logarithm: the largest number
 GRID, SEARCHES = 24, 4  # lifetimes on each axis where searches may begin; how many do
 HALF_GAP = 0.56  # eV, of silicon: trap levels lie within it
@@ -219,7 +218,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     Parameters
     ----------
     data : xarray.Dataset
-        carriers (1/m^3, larger than 0) over time (s), 8 or more.
+        carriers (1/m^3, larger than 0) over time (s).
     material : ShockleyReadHall
         n_i, p0, kT and the trap energy to hold; its lifetimes do not matter.
 
@@ -234,11 +233,8 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     data = in_si("data", data)
     t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
     N = checks.array("data.carriers", data["carriers"].values)
-    if t.size != N.size or t.size < FEWEST or np.min(N) <= 0:
-        raise checks.InputError(
-            f"data has {N.size} densities from {np.min(N):g} 1/m^3 on at {t.size} times; at least {FEWEST}, all above 0"
-        )
-
+    checks.same_size(time=t, carriers=N)
+    checks.positive("the least of data.carriers", N.min(), unit="1/m^3")
     best = _least_squares(t, N, material.b)
     N0, low, high = np.exp(best.x)
     covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))

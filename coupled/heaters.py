@@ -23,7 +23,7 @@ from thermofem.piecewise import hermite
 from .arguments import power_in_time
 from .inputs import Pieces, add
 from .resonator import RingResonator
-from .thermal import Compact, compact, moderate
+from .thermal import Compact, check_resistance, compact
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
 LARGEST_POWER = 10.0  # W
@@ -49,42 +49,34 @@ def channels(
     Raises InputError: several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
     """
     names, system = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}"), bare(model)
-    if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
-        return Channels(_single(model, names, heated, read), {})
-    if heated is None and not names:
+    several = isinstance(system, StateSpace) and (len(system.inputs), len(system.outputs)) != (1, 1)
+    single = None if several else compact(model)
+    inputs, outputs = system.inputs, system.outputs
+    if several and heated is None and not names:
         raise checks.InputError(
-            f"model has the inputs {', '.join(system.inputs)} and the outputs {', '.join(system.outputs)}: say which "
-            f"one the light heats with heated={system.inputs[0]!r}, and the power of others with "
-            f"heaters={{{system.inputs[-1]!r}: 5e-3}}, or pick one channel with model.channel(heated, read)"
+            f"model has the inputs {', '.join(inputs)} and the outputs {', '.join(outputs)}: say which one the light "
+            f"heats with heated={inputs[0]!r}, and the power of others with heaters={{{inputs[-1]!r}: 5e-3}}, or pick "
+            "one channel with model.channel(heated, read)"
         )
-    free = [name for name in system.inputs if name not in names]
+    hint = "an input for each heater is needed, such as surrogate.reduce(heat.channels(('core', 'heater'), 'core')) has"
     for name in names:
-        checks.choice("heaters", name, system.inputs)
-    own = checks.choice("heated", heated, system.inputs, default=(free or system.inputs)[0])
+        checks.choice("heaters", name, inputs, hint=hint)
+    own = checks.choice("heated", heated, inputs, default=next((n for n in inputs if n not in names), inputs[0]))
     check_unlit(names, own)
-    out = checks.choice("read", read, system.outputs, default=own, hint="it is the output that detunes the light")
-    small = compact(system.channel(own, out))
-    return Channels(small, {name: moderate(system.channel(name, out).dynamics) for name in names})
+    hint = "it is the output that detunes the light"
+    out = checks.choice("read", read, outputs, default=own if several else outputs[0], hint=hint)
+    if single is not None:
+        return Channels(single, {})
+    transfers = {name: system.channel(name, out).dynamics for name in names}
+    for transfer in transfers.values():
+        check_resistance(float(np.abs(transfer.R).sum()))
+    return Channels(compact(system.channel(own, out)), transfers)
 
 
 def check_unlit(heaters: Mapping[str, Any], lit: str) -> None:
     """InputError where the part that the light heats is among the heaters."""
     if lit in heaters:
         raise checks.InputError(f"heaters holds {lit!r}, which the light heats; give the power of other parts")
-
-
-def _single(model: ThermalModel, names: Mapping[str, Any], heated: str | None, read: str | None) -> Compact:
-    """A model of one input and output."""
-    small = compact(model)
-    if names:
-        raise checks.InputError(
-            f"heaters = {', '.join(names)}, but model has the one input {model.inputs[0]!r}; a model with an input for "
-            "each heater is needed, such as surrogate.reduce(heat.channels(('core', 'heater'), 'core'))"
-        )
-    for name, given, known in (("heated", heated, model.inputs), ("read", read, model.outputs)):
-        if given is not None:
-            checks.choice(name, given, known)
-    return small
 
 
 class Heating(NamedTuple):

@@ -69,8 +69,6 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     Raises InputError: another type, or a function that does not cover the whole window.
     """
     if isinstance(value, list | tuple) and not isinstance(value, Pieces):
-        if not value:
-            raise checks.InputError(f"{name} is an empty list; give a number, a waveform, or a list of them, which add")
         return add([pieces(f"{name}[{k}]", item, start, stop) for k, item in enumerate(value)])
     if isinstance(value, Pieces):
         return _window(name, value, start, stop)

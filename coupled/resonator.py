@@ -279,15 +279,13 @@ class RingResonator:
 
     def with_lumped_fcd(self) -> RingResonator:
         """Return the ring with free-carrier dispersion lumped into one linear term, as it belongs to Newton's law."""
-        if self.lumped_fcd is None:
-            raise checks.InputError(f"ring {self.name!r} has no lumped_fcd; give one, or set fcd itself with replace")
-        return replace(self, name=f"{self.name}, lumped FCD", fcd=((self.lumped_fcd, 1.0),))
+        coefficient = checks.finite("lumped_fcd", self.lumped_fcd, unit="m^3", hint="or set fcd itself with replace")
+        return replace(self, name=f"{self.name}, lumped FCD", fcd=((coefficient, 1.0),))
 
     def with_swapped_srh(self) -> RingResonator:
         """Return the ring with the electron and the hole lifetime exchanged."""
-        if not isinstance(self.carriers, ShockleyReadHall):
-            raise checks.InputError(f"ring {self.name!r} has one constant lifetime; there is nothing to exchange")
-        swapped = replace(self.carriers, tau_n=self.carriers.tau_p, tau_p=self.carriers.tau_n)
+        own: Any = self.carriers  # a ShockleyReadHall: one constant lifetime has nothing to exchange
+        swapped = replace(own, tau_n=own.tau_p, tau_p=own.tau_n)
         return replace(self, name=f"{self.name}, swapped SRH", carriers=swapped)
 
 

@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
@@ -120,10 +121,6 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
     published: the rings that "base" may name.
     """
     table = files.from_toml(text)
-    if table.keys() & {"layer", "part", "outer_radius"}:
-        raise InputError(
-            "this describes a cross-section; a ring file holds the optics: Q factors, perimeter, mode area"
-        )
     found = read_table(table, _KEYS, "the ring file")
     name, terms, law = (found.pop(key, None) for key in ("name", "dispersion", "carriers"))
     rates = read_table(found.pop("rates", {}), RATES, "[rates]")
@@ -169,23 +166,21 @@ def _resolve(values: dict[str, Any], rates: dict[str, float], frequency: float |
         values["frequency"] = c / checks.between(
             "wavelength", values.pop("wavelength"), 1e-7, 1e-4, unit="m", hint=hint
         )
-    frequency = values.get("frequency", frequency)
-    if frequency is None and ("loaded_q" in values or "resonance_shift" in values):
-        raise InputError("frequency or wavelength is missing; quality factors and resonance_shift need it")
+    measured = values.keys() & {"loaded_q", "resonance_shift"}
+    nu = checked("frequency", values.get("frequency", frequency)) if measured else math.nan
     buses, share = values.pop("buses", 2), values.pop("absorbed_fraction", None)
-    if buses not in (1, 2):
-        raise InputError(f"buses = {buses:g} must be 1 or 2")
-    if frequency is not None and "loaded_q" in values:
+    checks.choice("buses", f"{buses:g}", ("1", "2"))
+    if "loaded_q" in values:
         q = values.pop("loaded_q"), values.pop("intrinsic_q")
-        values |= rates_of(frequency, *q, int(buses), 1.0 if share is None else share)
+        values |= rates_of(nu, *q, int(buses), 1.0 if share is None else share)
     elif share is not None:
         raise InputError("absorbed_fraction goes with loaded_q and intrinsic_q; else give scattering_rate")
     elif buses == 1 and values.setdefault("drop_rate", 0.0):
         raise InputError("buses = 1 and a drop_rate are both given; a ring on one bus has none")
     if "perimeter" in values:
         values["tpa_volume"] = values["fca_volume"] = values.pop("perimeter") * values.pop("mode_area")
-    if frequency is not None and "resonance_shift" in values:
-        rates["thermal_shift"] = _shift(values.pop("resonance_shift"), frequency)
+    if "resonance_shift" in values:
+        rates["thermal_shift"] = _shift(values.pop("resonance_shift"), nu)
 
 
 def check_determined(values: Container[str], given: tuple[str, ...], fields: tuple[str, ...]) -> None:
@@ -203,14 +198,11 @@ def rates_of(
 ) -> dict[str, float]:
     """The frequency and the amplitude rates of a ring with these quality factors, by field."""
     frequency = checked("frequency", frequency)
-    loaded_q = checks.between("loaded_q", loaded_q, 10, 1e10)
     intrinsic_q = checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
+    hint = "it is below intrinsic_q: coupling to the bus adds loss"
+    loaded_q = checks.between("loaded_q", loaded_q, 10, intrinsic_q * (1 - 1e-9), hint=hint)
     absorbed_fraction = checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
     buses = checks.integer("buses", buses, 1, 2)
-    if loaded_q >= intrinsic_q:
-        raise InputError(
-            f"loaded_q = {loaded_q:g} must be smaller than intrinsic_q = {intrinsic_q:g}: coupling to the bus adds loss"
-        )
     whole, own = pi * frequency / loaded_q, pi * frequency / intrinsic_q
     bus = (whole - own) / buses
     return {

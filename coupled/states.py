@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -59,7 +60,6 @@ class State:
     @classmethod
     def from_array(cls, values: Array) -> State:
         """Inverse of `as_array`; a carrier density that round-off left below 0 becomes 0."""
-        checks.enough("final_state", values.size, 4, "numbers")
         return cls(complex(values[0], values[1]), max(float(values[2]), 0.0), values[3:])
 
     @property
@@ -72,52 +72,35 @@ class State:
         return np.array([self.field.real, self.field.imag, self.carriers, *np.asarray(self.thermal)])
 
 
-def starting_point(
-    initial: State | xr.Dataset | None, order: int, tau: ArrayLike | None = None, coefficient: float = 0.0
-) -> State:
+def starting_point(initial: State | xr.Dataset | None, order: int, known: Mapping[str, Any] | None = None) -> State:
     """The state a run begins with: cold, given, or where another run ended.
 
-    tau [s], coefficient [1/K]: of the model and its output map, which must be those of the other run.
+    known: as of `final_state`.
     """
     if initial is None:
         return State.cold(order)
-    state = initial if isinstance(initial, State) else State.end_of(initial)
-    if np.size(state.thermal) != order:
-        raise checks.InputError(
-            f"initial has {np.size(state.thermal)} thermal states and the model {order}; "
-            "go on with the model that the run was made with"
-        )
-    if not isinstance(initial, State) and tau is not None:
-        before = initial.attrs.get("model_tau")
-        check_same_heat(before, tau)
-        kept = checks.finite("initial.attrs['model_coefficient']", initial.attrs.get("model_coefficient", 0.0))
-        if before is not None and abs(kept - coefficient) > SAME * abs(coefficient):
+    if not isinstance(initial, State):
+        return State.from_array(final_state(initial, 3 + order, known))
+    checks.shape("initial.thermal", np.asarray(initial.thermal), (order,))
+    return initial
+
+
+def final_state(run: xr.Dataset, size: int | None = None, known: Mapping[str, Any] | None = None) -> Array:
+    """The state at the end of a run in SI.
+
+    size, known: number of states and `thermal.attributes` of the model that goes on from there; None for any.
+    Raises InputError: no state, or another number of them; other time constants or another output map than those of
+        the model, whose temperature would jump.
+    """
+    attrs, hint = getattr(run, "attrs", {}), "give a Dataset from coupled.simulate, or a coupled.State"
+    values = checks.array("initial.attrs['final_state']", attrs.get("final_state", ()), hint=hint)
+    checks.shape("initial.attrs['final_state']", values, (size or values.size,))
+    if known and "model_tau" in known and "model_tau" in attrs:
+        kept, own = (np.append(one["model_tau"], one.get("model_coefficient", 0.0)) for one in (attrs, known))
+        if kept.shape != own.shape or not np.allclose(kept, own, rtol=SAME, atol=0):
             raise checks.InputError(
-                f"initial was made with an output map of {kept:.4g} 1/K, and the model has {coefficient:.4g} 1/K: its "
-                "temperature would jump; go on with that model, or give a coupled.State"
+                f"initial was made with other time constants ({kept[0]:.4g} s, ..) or another output map "
+                f"than the model ({own[0]:.4g} s, ..): its thermal states do not belong to it; go on with that model, "
+                "or give a coupled.State"
             )
-    return state
-
-
-def final_state(run: xr.Dataset, tau: ArrayLike | None = None, size: int | None = None) -> Array:
-    """The state at the end of a run in SI; InputError where it has none, or is not of this size and these poles."""
-    if "final_state" not in getattr(run, "attrs", {}):
-        raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate, or a State")
-    values = checks.array("initial.attrs['final_state']", run.attrs["final_state"])
-    if size not in (None, values.size):
-        raise checks.InputError(f"initial has {values.size} states and not {size}; go on with the same rings and model")
-    if tau is not None:
-        check_same_heat(run.attrs.get("model_tau"), tau)
     return values
-
-
-def check_same_heat(before: ArrayLike | None, tau: ArrayLike) -> None:
-    """InputError where a run to go on from had other time constants [s]; one that states none is believed."""
-    if before is None:
-        return
-    kept, own = checks.array("initial.attrs['model_tau']", np.ravel(before)), np.ravel(tau)
-    if kept.shape != own.shape or not np.allclose(kept, own, rtol=SAME, atol=0):
-        raise checks.InputError(
-            f"initial was made with other time constants ({kept[0]:.4g} s, ..) than the model ({own[0]:.4g} s, ..): "
-            "its thermal states do not belong to it; go on with that model, or give a coupled.State"
-        )

@@ -1,18 +1,25 @@
-"""Thermal models in the form that is integrated with the optics."""
+"""Thermal models in the form that is integrated with the optics, and whether their geometry is that of the ring."""
 
 from __future__ import annotations
 
+import functools
+import logging
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.constants import c
 
-from thermofem import Foster, OutputMap, Quadratic, checks
+from thermofem import CrossSection, Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
 
-from .resonator import RingResonator, origin
+from .resonator import PUBLISHED, RingResonator, origin
+from .ring_toml import SILICON
+
+log = logging.getLogger("thermofem")
 
 Compact = Foster | OutputMap | Quadratic
 
@@ -23,6 +30,8 @@ NEEDED = (
 )
 HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Of a hotter one the light turns faster than any step follows
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
+TAKEN = (0.67, 1.5)  # volume of two-photon absorption over that of the core, where it is that of a published ring
+GIVEN = (0.3, 4.0)  # the same, where it was given: a slot or a rib is far from its core
 
 
 def compact(model: ThermalModel) -> Compact:
@@ -35,55 +44,38 @@ def compact(model: ThermalModel) -> Compact:
     checks.has("model", model, "dynamics", hint=NEEDED)
     small = model.dynamics
     if isinstance(small, Quadratic):
-        return _checked_quadratic(small)
+        check_order(small.order, LARGEST_QUADRATIC)
+        # of states that cancel, too
+        check_resistance(float(np.abs(small.C) @ np.abs(np.linalg.solve(small.A, small.B))))
+        return small
     if isinstance(small, OutputMap):
         checks.finite("model.coefficient", small.coefficient, unit="1/K")
-        _checked_poles(small.linear)
-        return small
-    checks.instance("model.dynamics", small, Foster, hint=NEEDED)
-    return _checked_poles(small)
-
-
-def linear(model: ThermalModel, purpose: str) -> Foster:
-    """Return `compact` of a linear model; InputError for another kind, which cannot be used to ``purpose``."""
-    small = compact(model)
-    if not isinstance(small, Foster):
-        raise checks.InputError(
-            f"model is a {type(model).__name__}, which is not linear; to {purpose}, give a linear model: Foster, "
-            "StateSpace, Network or Cauer, or a fit or reduction"
-        )
-    return small
-
-
-def _checked_poles(poles: Foster) -> Foster:
-    if poles.order > LARGEST:
-        raise checks.InputError(
-            f"model is a system of {poles.order} states, at most {LARGEST} can be integrated with the optics; "
-            "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
-        )
+    poles = small.linear if isinstance(small, OutputMap) else small
+    checks.instance("model.dynamics", poles, Foster, hint=NEEDED)
+    check_order(poles.order, LARGEST)
     own = poles.inputs == poles.outputs  # what another part reads, or the light, may have poles of either sign
     if (own and not poles.passive) or poles.thermal_resistance <= 0:
         raise checks.InputError(
             f"model has R = {np.min(poles.R):g} K/W; a passive network has none below 0, and R_th = "
             f"{poles.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
         )
-    return moderate(poles)
-
-
-def _checked_quadratic(model: Quadratic) -> Quadratic:
-    if model.order > LARGEST_QUADRATIC:
-        raise checks.InputError(
-            f"model is quadratic with {model.order} states, at most {LARGEST_QUADRATIC} can be integrated with the "
-            "optics: a step costs n^3"
-        )
-    check_resistance(float(np.abs(model.C) @ np.abs(np.linalg.solve(model.A, model.B))))  # of states that cancel, too
-    return model
-
-
-def moderate(poles: Foster) -> Foster:
-    """The network itself; InputError where its resistances, whatever their sign, are beyond `HIGHEST`."""
     check_resistance(float(np.abs(poles.R).sum()))
-    return poles
+    return small
+
+
+def linear(model: ThermalModel, purpose: str) -> Foster:
+    """Return `compact` of a linear model; InputError for another kind, which cannot be used to ``purpose``."""
+    small = compact(model)
+    hint = f"to {purpose}, a linear one is needed: Foster, StateSpace, Network or Cauer, or a fit or reduction"
+    checks.instance("model.dynamics", small, Foster, hint=hint)
+    assert isinstance(small, Foster)
+    return small
+
+
+def check_order(order: int, most: int) -> None:
+    """Raise InputError for more states than can be integrated with the optics: a step takes n or n^3."""
+    hint = "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
+    checks.integer("the number of states of the model", order, 1, most, hint=hint)
 
 
 def check_resistance(value: float) -> None:
@@ -156,3 +148,58 @@ def long_enough(model: ThermalModel) -> float:
     small, times = compact(model), np.geomspace(1e-10, 1.0, 10_001)
     left = np.flatnonzero(small.step_response(times) < 0.95 * small.thermal_resistance)
     return min(float(f"{10 * times[left[-1]]:.1e}"), 1.0) if left.size else 1e-9
+
+
+def check_geometry(ring: RingResonator, model: Any) -> dict[str, str]:
+    """Compare the volume and the material of a ring with the geometry of a thermal model, and log what contradicts.
+
+    model: a thermal model with the text of its geometry in ``origin``, a HeatProblem, or a family.
+
+    Returns the attribute "warning" of a result, or nothing.
+    Raises InputError: the numbers of a silicon ring for a core of another material.
+    """
+    text = _geometry(model)
+    found = _contradiction(ring, text) if text else ""
+    if found:
+        log.warning("%s", found)
+    return {"warning": found} if found else {}
+
+
+def _geometry(model: Any) -> str:
+    """The text of a model's geometry; empty where it is not known."""
+    section = getattr(model, "geometry", None) or getattr(getattr(model, "box", None), "base", None)
+    if isinstance(section, CrossSection):
+        return section.to_toml()
+    origins = (getattr(one, "origin", None) for one in (model, bare(model)))
+    return next((str(one["geometry"]) for one in origins if one and one.get("geometry")), "")
+
+
+def without_origin(model: Any) -> Any:
+    """The model without its geometry, for the many runs of a search."""
+    return replace(model, origin=None) if getattr(model, "origin", None) else model
+
+
+@functools.lru_cache(256)
+def _contradiction(ring: RingResonator, text: str) -> str:
+    """A sentence on the volume of a ring that is not that of its geometry, or nothing."""
+    section = CrossSection.from_toml_text(text)
+    core = "core" if "core" in section.heated else section.heated[0]
+    material, (low, high) = section.material_of(core), SILICON
+    own = None if material.index is None else material.index.index(c / ring.frequency)
+    if own is not None and not low < own < high and low < ring.refractive_index < high and ring.tpa_coefficient:
+        raise checks.InputError(
+            f"ring {ring.name!r} has the numbers of silicon, and {core!r} of {section.name!r} is {material.name}",
+            "`thermofem ring`, coupled.ring_from in Python, makes the ring of a geometry",
+        )
+    if section.kind != "ring":
+        return ""
+    of = next((name for name, one in PUBLISHED.items() if one().tpa_volume == ring.tpa_volume), "")
+    ratio = ring.tpa_volume / section.volumes()[core]
+    least, most = TAKEN if of else GIVEN
+    if least < ratio < most:
+        return ""
+    return (
+        f"ring {ring.name!r}: tpa_volume is {ring.tpa_volume * 1e18:.3g} um^3{of and f', that of {of}'}, {ratio:.3g} "
+        f"times the volume of {core!r} in the geometry of the model: thresholds of self-pulsing move; give perimeter "
+        "and mode_area, or make the ring with `thermofem ring`"
+    )

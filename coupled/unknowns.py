@@ -20,9 +20,9 @@ from .resonator import RingResonator
 from .thermal import Compact, compact, linear
 
 SECOND_ORDER = ("kappa", "tau_f", "tau_s", "eta")
-NEWTON = ("tau_th",)
 POLES = ("R", "tau")
 HEAT_CAPACITY = "heat_capacity"
+LAWS = {*SECOND_ORDER, *POLES, "tau_th", HEAT_CAPACITY}
 LIFETIMES = ("tau_n", "tau_p")
 FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numbers that may be 0
 SPAN = 4.0  # how far a value may go from its start, as a factor, where no bounds are given
@@ -33,13 +33,8 @@ class ThermalFamily(Protocol):
     """Thermal models that depend on parameters in ranges, such as `surrogate.family.Family`."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        ...
-
-    @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """Both ends of each, SI."""
+        """Both ends of each parameter by name, SI."""
         ...
 
     def at(self, values: Mapping[str, float]) -> Any:
@@ -85,19 +80,18 @@ def unknowns(
 ) -> Unknowns:
     """Resolve the names of the free parameters.
 
-    Raises InputError: a parameter of a family that is not free, or not positive; an unknown, repeated or fixed name,
-        names of two thermal laws, or bounds that are not positive and in order.
+    Raises InputError: a parameter of a family that is not free; an unknown, repeated or fixed name, or one of another
+        thermal law than the others; a start that is not positive; bounds that are not positive and in order.
     """
-    if isinstance(free, str) or not free:
-        raise checks.InputError(f"free = {free!r} must be a list of names, such as ['kappa', 'tau_f', 'tau_s', 'eta']")
-    checks.unique("free", list(free))
+    checks.check_names("free", free)
     family = model if isinstance(model, ThermalFamily) else None
-    laws = {*SECOND_ORDER, *NEWTON, *POLES, HEAT_CAPACITY}
-    known = optical_names(ring) | (laws if family is None else _names_of(family, free, optical_names(ring)))
+    ranges = family.ranges if family else {}
+    for name in ranges.keys() - {*free}:
+        raise checks.InputError(f"{name} of the family must be free or held: family.held({name}=...) as the model")
+    optical = optical_names(ring)
     for name in free:
-        checks.choice("a name in free", name, known)
+        checks.choice("a name in free", name, optical | (ranges.keys() if family else LAWS))
     thermal, poles = ({}, None) if isinstance(model, ThermalFamily) else _law(free, model)
-    ranges = {} if family is None else family.ranges
     start: dict[str, float] = {}
     for name in free:
         if name in ranges:
@@ -106,61 +100,53 @@ def unknowns(
             start |= {f"{name}{k + 1}": float(v) for k, v in enumerate(getattr(poles, name))}
         elif name in thermal:
             start[name] = thermal[name]
-        elif name in optical_names(ring):
+        elif name in optical:
             start[name] = number_of(ring, name)
             check_counts("free", name, ring)
         else:
-            raise checks.InputError(f"free holds {name!r}, which goes with another thermal model than the one given")
-    names, hint = tuple(start), "a free parameter must start above 0"
+            raise checks.InputError(
+                f"free holds {name!r}, which is of another thermal law than the model or the others"
+            )
+    hint = "a free parameter must start above 0"
     values = np.array([checks.positive(name, value, hint=hint) for name, value in start.items()])
-    low, high = np.array([ranges.get(n, (v / SPAN, v * SPAN)) for n, v in zip(names, values, strict=True)]).T
-    for name, pair in checks.mapping("bounds", bounds, hint='such as {"kappa": (1e5, 1e7)}').items():
-        k = names.index(checks.choice("a name in bounds", name, names))
-        a, b = checks.array(f"bounds[{name!r}]", pair)
-        least, most = ranges.get(name, (0.0, np.inf))
-        if not (0 < a < b and least <= a and b <= most):
-            rule = "must be (low, high) with 0 < low < high"
-            within = f", which must lie inside the family's {ranges[name]!r}" if name in ranges else ""
-            raise checks.InputError(f"bounds[{name!r}] = {checks.shown(pair)} {rule}{within}")
-        low[k], high[k] = a, b
-        values[k] = min(max(values[k], low[k]), high[k])
-    return Unknowns(ring, thermal, poles, names, np.log(values), np.log(low), np.log(high), family)
+    given = checks.mapping("bounds", bounds, hint='such as {"kappa": (1e5, 1e7)}')
+    for name in given:
+        checks.choice("a name in bounds", name, start)
+    ends = [span_of(n, given, ranges.get(n, (v / SPAN, v * SPAN)), ranges.get(n)) for n, v in start.items()]
+    low, high = np.array(ends).T
+    values = np.clip(values, low, high)
+    return Unknowns(ring, thermal, poles, tuple(start), np.log(values), np.log(low), np.log(high), family)
 
 
-def _names_of(family: ThermalFamily, free: Sequence[str], optical: set[str]) -> set[str]:
-    """Names of a family's parameters, which must all be free."""
-    held = [name for name in family.names if name not in free]
-    if held:
-        raise checks.InputError(
-            f"{', '.join(held)} of the family must be free or held: family.held({held[0]}=...) as the model"
-        )
-    both = sorted(optical & set(family.names))
-    if both:
-        raise checks.InputError(f"{', '.join(both)} is a name of the ring and of the family; rename it in the campaign")
-    return set(family.names)
+def span_of(
+    name: str, bounds: Mapping[str, Any], default: tuple[float, float], within: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Both ends of the search for a number, given or by default; InputError where they are not in order, or outside."""
+    low, high = checks.array(f"bounds[{name!r}]", bounds.get(name, default))
+    least, most = within or (0.0, np.inf)
+    if not (0 < low < high and least <= low and high <= most):
+        rule = f" inside the family's {least:g} to {most:g}" if within else ""
+        pair = checks.shown(bounds.get(name, default))
+        raise checks.InputError(f"bounds[{name!r}] = {pair} must be (low, high) with 0 < low < high{rule}")
+    return float(low), float(high)
 
 
 def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Compact | None]:
     """Start values of the thermal law that the names belong to, or the network."""
-    every = {"the second-order equation": SECOND_ORDER, "Newton's law": NEWTON, "a network": POLES}
-    laws = [law for law, names in every.items() if {*free} & {*names}]
-    if len(laws) > 1:
-        raise checks.InputError(f"free = {list(free)} mixes {' and '.join(laws)}; take the names of one")
-    if model is not None and not laws and HEAT_CAPACITY not in free:
-        return {}, compact(model)
-    poles = linear(model, f"free {list(free)}") if model is not None else None
-    if laws == ["the second-order equation"]:
-        start = asdict(parameters.SECOND_ORDER_FEM)
-        return (start if poles is None else start | second_order_parameters(poles, start[HEAT_CAPACITY])), None
-    if laws == ["Newton's law"] or (not laws and HEAT_CAPACITY in free):
-        if poles is None:
-            return asdict(parameters.NEWTON_FIT), None
-        if poles.order != 1:
-            raise checks.InputError(f"Newton's law has one pole, the model {poles.order}; free 'R' and 'tau' instead")
+    if {*free} & {*SECOND_ORDER}:
+        law = asdict(parameters.SECOND_ORDER_FEM)
+        if model is not None:
+            law |= second_order_parameters(linear(model, f"free {list(free)}"), law[HEAT_CAPACITY])
+        return law, None
+    newton = "tau_th" in free or HEAT_CAPACITY in free
+    if newton and model is None:
+        return asdict(parameters.NEWTON_FIT), None
+    if model is None:
+        raise checks.InputError(f"free = {list(free)} has no thermal parameter; give the thermal model as model=")
+    poles = linear(model, f"free {list(free)}") if newton or {*free} & {*POLES} else compact(model)
+    if newton and isinstance(poles, Foster) and poles.order == 1:
         tau, R = float(np.ravel(poles.tau)[0]), float(np.ravel(poles.R)[0])
         return {"tau_th": tau, HEAT_CAPACITY: tau / R}, None
-    if poles is None:
-        raise checks.InputError(f"free = {list(free)} has no thermal parameter; give the thermal model as model=")
     return {}, poles
 
 

@@ -17,8 +17,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled import RingResonator
-from coupled.contradictions import check_geometry
 from coupled.ring_family import MovingRing, ring_at
+from coupled.thermal import check_geometry
 from coupled.unknowns import number_of, optical_names, varied
 from surrogate import Optics
 from surrogate.family import Family

@@ -11,12 +11,11 @@ from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
-from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import provenance, trusted
+from ..thermal import check_geometry, provenance, trusted
 from . import branch
 from .branch import born, is_hopf_point, laser_of
 from .cycle_problem import CycleProblem, unit_of, value_of

@@ -17,14 +17,13 @@ from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
 from ..circuit.stationary import autonomous
-from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat
 from ..kernel.tableaus import Method
 from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, units
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import provenance, trusted
+from ..thermal import check_geometry, provenance, trusted
 from .branch import is_hopf_point, near_hopf
 from .cycle_problem import MOST, CycleProblem
 from .multiple_shooting import Family, first_place

@@ -14,10 +14,9 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
-from ..contradictions import check_geometry
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import provenance, trusted
+from ..thermal import check_geometry, provenance, trusted
 from .balance import (
     SPACING,
     InternalRing,

@@ -18,9 +18,9 @@ from thermofem.fem import HeatProblem
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power
-from ..contradictions import check_geometry
 from ..heaters import heater_power
 from ..resonator import RingResonator
+from ..thermal import check_geometry
 from . import bundle, contents
 from .geometries import family_of
 from .section import section_of

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,18 +21,19 @@ from thermofem import checks
 from thermofem.arrays import Array, Complex
 from thermofem.data.variables import in_si
 
-from ..arguments import check_detuning, check_power
+from ..arguments import check_detuning, check_power, datasets
 from ..kernel.units import slowest_rate
 from ..runs.pulsing import Regime, crossings, pulsing
 from ..runs.repetition import LONGEST_PATTERN
 from ..thermal import Compact
-from .forced_filters import Forced
+from .forced_filters import Forced, noise_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
 HARMONICS = 32
+FEWEST = 64  # samples of a trace
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
 LAST = 3  # cycles of a simulated trace, which has no noise to average
 SAMPLES = 2048  # of a simulated cycle
@@ -83,67 +84,33 @@ class Cycle:
         return Cycle(self.period, self.harmonics * np.exp(2j * np.pi * by * np.arange(self.harmonics.size)))
 
 
-@dataclass(frozen=True, eq=False)
-class Observed:
-    """All cycles of a measured trace, cut by one clock.
+class Seen(NamedTuple):
+    """The cycle of a trace; standard deviations of its ln(period) and of the parts of its harmonics, shape (33,)."""
 
-    clock [s]: length of the pieces; nan where the trace does not pulse.
-    pieces [shape (n, 33)]: c_k of each.
-    unit: of the trace; any but W is an arbitrary one.
+    cycle: Cycle
+    period_deviation: float
+    deviations: Array
+
+
+def observe(name: str, t: Array, drop: Array) -> Cycle:
+    """The mean cycle in the second half of a trace, by straight lines between its samples.
+
+    Raises InputError, about the trace ``name``: it neither rests nor repeats, or still changes its swing.
     """
-
-    clock: float
-    pieces: Complex
-    unit: str = "W"
-
-    @property
-    def absolute(self) -> bool:
-        """Whether the drop power is in W."""
-        return self.unit == "W"
-
-    def mean(self) -> Cycle:
-        """The mean cycle of all pieces, whose phases correct the clock."""
-        number = np.arange(len(self.pieces))
-        if not np.isfinite(self.clock) or number.size == 1:
-            return Cycle(self.clock, self.pieces.mean(axis=0))
-        slope, _ = np.polyfit(number, np.unwrap(np.angle(self.pieces[:, 1])), 1)
-        period = self.clock / (1 + slope / (2 * np.pi))
-        turned = np.exp(-1j * slope * np.outer(number, np.arange(self.pieces.shape[1])))
-        return Cycle(period, (self.pieces * turned).mean(axis=0))
-
-
-def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
-    """Find the cycles of a measured or simulated drop trace, in its second half.
-
-    trace: drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
-    name: for the error messages.
-    Raises InputError: a variable is missing, not finite or too short.
-    """
-    for variable in ("time", "drop"):
-        if variable not in getattr(trace, "variables", {}):
-            raise checks.InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
-    clock_of = in_si(name, trace[["time"]]) if hasattr(trace, "assign") else trace
-    t = checks.array(f"{name}.time", clock_of["time"].values, increasing=True, hint="times are in s")
-    drop = checks.array(f"{name}.drop", trace["drop"].values)
-    checks.shape(f"{name}.drop", drop, t.shape)
-    checks.enough(name, t.size, 64)
-    if not drop.any():
-        raise checks.InputError(f"{name}.drop is zero throughout: no light reaches the drop port")
-    unit = str(trace["drop"].attrs.get("units", "W"))
     t, drop = _second_half(t, drop)
     clock = _repetition(t, drop)
     if not np.isfinite(clock):
         _check_rest(name, drop)
-        return _at_rest(drop, unit)
-    seen = _counted(t, drop, clock, unit, 3, 0)
-    return seen if _settled(name, seen.pieces) else _at_rest(drop, unit)
+        return _still(drop)
+    period, pieces = _counted(t, drop, clock, 3, 0)
+    return Cycle(period, pieces.mean(axis=0)) if _settled(name, pieces) else _still(drop)
 
 
-def _at_rest(drop: Array, unit: str) -> Observed:
-    """What is seen of a trace that does not pulse: its mean in eight pieces."""
-    pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
-    pieces[:, 0] = [part.mean() for part in np.array_split(drop, 8)]
-    return Observed(float("nan"), pieces, unit)
+def _still(drop: Array) -> Cycle:
+    """The cycle of what does not pulse: its mean."""
+    harmonics = np.zeros(HARMONICS + 1, dtype=complex)
+    harmonics[0] = drop.mean()
+    return Cycle(float("nan"), harmonics)
 
 
 def _settled(name: str, pieces: Complex) -> bool:
@@ -185,7 +152,7 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
     late = t >= begin
     steps = np.diff(t[late])
-    if late.sum() >= 64 and np.ptp(steps) <= 1e-3 * steps.mean():
+    if late.sum() >= FEWEST and np.ptp(steps) <= 1e-3 * steps.mean():
         return t[late], drop[late]
     grid = np.linspace(begin, t[-1], 16 * SAMPLES)
     return grid, np.interp(grid, t, drop)
@@ -208,21 +175,26 @@ def cycle_of(run: xr.Dataset, *, at: Array, near: float = np.nan) -> Cycle:
         edges = edges[:: -_rises(edges, near)][LAST::-1]
     drop = np.interp(at, t, drop)
     if edges.size < 2:
-        still = np.zeros(HARMONICS + 1, dtype=complex)
-        still[0] = _second_half(at, drop)[1].mean()
-        return Cycle(float("nan"), still)
+        return _still(_second_half(at, drop)[1])
     clock = float(np.mean(np.diff(edges)))
     if SETTLED_SHARE * (at[-1] - at[0]) < 2 * clock:
         return Cycle(clock, _pieces(at, drop, edges, SAMPLES).mean(axis=0))
-    return _counted(*_second_half(at, drop), clock, "W", 2).mean()
+    period, pieces = _counted(*_second_half(at, drop), clock, 2)
+    return Cycle(period, pieces.mean(axis=0))
 
 
-def _counted(t: Array, drop: Array, clock: float, unit: str, times: int, least: int = SAMPLES) -> Observed:
-    """All cycles of an evenly sampled trace, cut by a clock that they correct ``times`` - 1 times."""
-    for _ in range(times):
-        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), least), unit)
-        clock = seen.mean().period
-    return seen
+def _counted(t: Array, drop: Array, clock: float, rounds: int, least: int = SAMPLES) -> tuple[float, Complex]:
+    """The period of an evenly sampled trace, and c_k of its cycles in one phase, shape (n, 33).
+
+    They are cut by a clock, which the drift of their phases corrects, so many times.
+    """
+    for _ in range(rounds):
+        pieces = _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), least)
+        number, slope = np.arange(len(pieces)), 0.0
+        if number.size > 1:
+            slope = float(np.polyfit(number, np.unwrap(np.angle(pieces[:, 1])), 1)[0])
+        clock /= 1 + slope / (2 * np.pi)
+    return clock, pieces * np.exp(-1j * slope * np.outer(number, np.arange(HARMONICS + 1)))
 
 
 def _rises(edges: Array, period: float) -> int:
@@ -287,12 +259,15 @@ def lag(model: Complex, measured: Complex) -> float:
 class Target:
     """One trace to meet.
 
+    cycle: the mean one, by straight lines between samples.
+    unit: of the trace; any but W is an arbitrary one.
     power [W]; detuning [Hz].
     times, drop [shape (n,)]: samples, in s from when the light was switched on, and in the unit of the trace.
     settled: whether nothing is known of its beginning, and it is compared with the settled cycle.
     """
 
-    observed: Observed
+    cycle: Cycle
+    unit: str
     power: float
     detuning: float
     times: Array
@@ -300,11 +275,16 @@ class Target:
     settled: bool = False
 
     @property
+    def absolute(self) -> bool:
+        """Whether the drop power is in W."""
+        return self.unit == "W"
+
+    @property
     def uneven(self) -> bool:
         """Whether samples are so unevenly spread that straight lines between them bend the cycle by chance."""
         late = self.times[self.times >= (self.times[0] + self.times[-1]) / 2]
         gaps = np.diff(late)
-        return bool(gaps.max() > UNEVEN * np.median(gaps) and gaps.max() > COARSE * self.observed.clock)
+        return bool(gaps.max() > UNEVEN * np.median(gaps) and gaps.max() > COARSE * self.cycle.period)
 
     @property
     def cold(self) -> bool:
@@ -327,41 +307,63 @@ class Target:
         length = float(self.times[-1] - self.times[0])
         n = min(MOST, 1 + round(length / float(np.median(np.diff(self.times)))))
         drop = np.interp(np.linspace(self.times[0], self.times[-1], n), self.times, self.drop)
-        return Forced(length / (n - 1), drop, self.power, self.detuning, self.cold, self.observed.absolute)
+        return Forced(length / (n - 1), drop, self.power, self.detuning, self.cold, self.absolute)
+
+    @cached_property
+    def seen(self) -> Seen:
+        """Period and harmonics of the second half by least squares on its samples: no lines between them.
+
+        drop = Re sum_k c_k exp(2 pi i k (t - t_0)/T), with more harmonics in each step of Gauss-Newton for ln T.
+        """
+        t, drop, T = self.times, self.drop, self.cycle.period
+        late = t >= (t[0] + t[-1]) / 2
+        every = -(-int(late.sum()) // MOST)  # samples of long traces are averaged
+        t, drop = (x[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1) for x in (t, drop))
+        t = t - t[0]
+        if not np.isfinite(T):
+            own = max(float(drop.std()), noise_of(self.drop))
+            return Seen(_still(drop), np.nan, np.full(HARMONICS + 1, own * np.sqrt(2 / drop.size)))
+        most = min(HARMONICS, max(1, t.size // 4 - 1), max(1, int(0.5 * T * (t.size - 1) / t[-1])))
+        for K in (4, 12, HARMONICS, HARMONICS, HARMONICS):
+            k = np.arange(1, min(K, most) + 1)
+            w = np.exp(2j * np.pi * np.outer(t / T, k))
+            A = np.hstack([np.ones((t.size, 1)), w.real, -w.imag])
+            c = np.linalg.lstsq(A, drop, rcond=None)[0]
+            z = c[1 : 1 + k.size] + 1j * c[1 + k.size :]
+            turning = (1j * (w * k) @ z).real * (-2 * np.pi * t / T)  # d drop/d ln T
+            B = np.column_stack([A, turning])
+            left = drop - A @ c
+            T *= float(np.exp(np.clip(np.linalg.lstsq(B, left, rcond=None)[0][-1], -0.02, 0.02)))
+        s = np.sqrt(left @ left / max(t.size - B.shape[1], 1))
+        harmonics, deviations = np.zeros(HARMONICS + 1, dtype=complex), np.full(HARMONICS + 1, np.inf)
+        harmonics[: k.size + 1], deviations[: k.size + 1] = np.append(c[0], z), s * np.sqrt(2 / t.size)
+        return Seen(Cycle(T, harmonics), float(s * np.sqrt(np.linalg.pinv(B.T @ B)[-1, -1])), deviations)
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
-    """Check the traces and cut them into cycles."""
-    several: list[Any] = list(traces) if isinstance(traces, list | tuple) else [traces]
-    if not several:
-        raise checks.InputError("traces is empty; give Datasets from coupled.simulate or measured ones")
-    targets = []
-    for k, trace in enumerate(several):
-        name = f"traces[{k}]"
-        _check_alone(name, trace)
-        observed = observe(trace, name)
-        power = trace.attrs.get("input_power", trace.attrs.get("power"))
-        if power is None or "detuning" not in trace.attrs:
-            raise checks.InputError(f"{name} does not say its drive; set its attrs 'power' (W) and 'detuning' (Hz)")
-        power = check_power(power, f"the power of {name}")
-        detuning = check_detuning(trace.attrs["detuning"], f"the detuning of {name}")
-        times = np.asarray(in_si(name, trace[["time"]])["time"].values, dtype=float)
-        settled = "initial" in trace.attrs or bool(checks.integer(f"{name}.attrs['settled']", _mark(trace), 0, 1))
-        drop = np.asarray(trace["drop"].values, dtype=float)
-        targets.append(Target(observed, power, detuning, times - min(times[0], 0.0), drop, settled))
-    return targets
+    """Check the traces and find their cycles.
+
+    traces: each with drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
+    """
+    return [_target(f"traces[{k}]", trace) for k, trace in enumerate(datasets("traces", traces))]
 
 
-def _mark(trace: Any) -> Any:
-    """The attribute "settled" of a trace as a number; a file keeps True as 1."""
-    mark = trace.attrs.get("settled", 0)
-    return int(mark) if isinstance(mark, bool | np.bool_) else mark
-
-
-def _check_alone(name: str, trace: Any) -> None:
-    """InputError for a run with a second laser or with heaters, whose light and heat no fit here counts."""
-    lasers = int(checks.integer(f"{name}.attrs['lasers']", getattr(trace, "attrs", {}).get("lasers", 1), 1, 1e6))
-    heated = "heater_power" in getattr(trace, "variables", {})
-    others = "a second laser" if lasers > 1 else "heaters" if heated else ""
+def _target(name: str, trace: xr.Dataset) -> Target:
+    for variable in ("time", "drop"):
+        if variable not in trace.variables:
+            raise checks.InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
+    others = "a second laser" if trace.attrs.get("lasers", 1) != 1 else "heaters" if "heater_power" in trace else ""
     if others:
         raise checks.InputError(f"{name} is of a ring with {others}; one laser alone can be fitted")
+    t = checks.array(f"{name}.time", in_si(name, trace[["time"]])["time"].values, increasing=True)
+    drop = checks.array(f"{name}.drop", trace["drop"].values)
+    checks.same_size(time=t, drop=drop)
+    checks.enough(f"{name}.drop", int(np.count_nonzero(drop)), FEWEST, "samples with light")
+    cycle, light = observe(name, t, drop), trace.attrs
+    power = check_power(light.get("input_power", light.get("power")), f"{name}.attrs['power']")
+    detuning = check_detuning(light.get("detuning"), f"{name}.attrs['detuning']")
+    mark = light.get("settled", 0)  # a file keeps True as 1
+    mark = int(mark) if isinstance(mark, bool | np.bool_) else mark
+    settled = "initial" in light or bool(checks.integer(f"{name}.attrs['settled']", mark, 0, 1))
+    unit = str(trace["drop"].attrs.get("units", "W"))
+    return Target(cycle, unit, power, detuning, t - min(t[0], 0.0), drop, settled)

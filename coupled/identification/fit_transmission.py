@@ -27,12 +27,12 @@ from thermofem.errors import InputError
 from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
-from ..arguments import check_power, check_ring
-from ..contradictions import check_geometry
+from ..arguments import check_power, check_ring, datasets
 from ..equilibria.transmission import transmission
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
-from ..unknowns import SPAN, check_counts, number_of, optical_names, varied
+from ..thermal import check_geometry
+from ..unknowns import SPAN, check_counts, number_of, optical_names, span_of, varied
 from .forced_filters import noise_of
 
 log = logging.getLogger("thermofem")
@@ -140,10 +140,7 @@ def fit_transmission(
     """
     check_ring(ring)
     doubts = tuple(check_geometry(ring, model).values())
-    several: list[Any] = list(sweeps) if isinstance(sweeps, list | tuple) else [sweeps]
-    data = [_sweep(f"sweeps[{k}]", one, ring) for k, one in enumerate(several)]
-    if not data:
-        raise InputError("sweeps is empty; give Datasets of drop or through over wavelength, detuning or power")
+    data = [_sweep(f"sweeps[{k}]", one, ring) for k, one in enumerate(datasets("sweeps", sweeps))]
     heat = second_order_poles(**asdict(SECOND_ORDER_FEM)) if model is None else model
     search = _search(ring, float(heat.thermal_resistance), data, free, bounds)
     x, r, J = _best(search, seed)
@@ -152,7 +149,7 @@ def fit_transmission(
 
 def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
     """Check a sweep, and take its samples."""
-    ports = [port for port in ("drop", "through") if port in getattr(given, "variables", {})]
+    ports = [port for port in ("drop", "through") if port in given]
     if len(ports) != 1 or given[ports[0]].ndim != 1:
         raise InputError(f"{name} needs one of the variables drop and through, over one dimension")
     y = checks.array(f"{name}.{ports[0]}", given[ports[0]].values)
@@ -164,12 +161,11 @@ def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
 
     power, nu, wavelength = (of(key) for key in ("power", "detuning", "wavelength"))
     nu = c / wavelength - ring.frequency if wavelength is not None else nu
-    if power is None or nu is None:
-        raise InputError(f"{name} needs power (W) and wavelength (m) or detuning (Hz), variables or attributes")
-    moves = [bool(np.ptp(value) > 0) for value in (power, nu)]
-    if sum(moves) != 1 or (power if moves[0] else nu).shape != y.shape:
-        raise InputError(f"{name}: one of power and {'detuning' if wavelength is None else 'wavelength'} must be swept")
-    checks.enough(name, y.size, 8)
+    moves = [value is not None and bool(np.ptp(value) > 0) for value in (power, nu)]
+    if power is None or nu is None or sum(moves) != 1 or (power if moves[0] else nu).shape != y.shape:
+        raise InputError(
+            f"{name} needs power (W) and wavelength (m) or detuning (Hz), variables or attributes; one of them is swept"
+        )
     for value in np.atleast_1d(power):
         check_power(float(value), f"{name}.power")
     x = np.log(power) if moves[0] else nu
@@ -213,18 +209,19 @@ class _Search:
         """All fixed points about each sweep."""
         ring, heat, factor = self.build(x)
         shift, side = ring.frequency - self.ring.frequency, SIDE * self.linewidth
-        detunings = [one.x for one in self.data if one.power is not None]
-        powers = [one.x for one in self.data if one.power is None]
-        found: dict[tuple[float | None, float | None], xr.Dataset] = {}
-        for one in self.data:
-            drive = one.power, one.detuning
-            if drive not in found and one.power is not None:
-                span = (np.min(np.hstack(detunings)) - shift - side, np.max(np.hstack(detunings)) - shift + side)
-                found[drive] = transmission(ring, heat, power=one.power * factor, detuning=span)
-            elif one.detuning is not None and drive not in found:
-                ends = np.exp([np.min(np.hstack(powers)) - 0.5, np.max(np.hstack(powers)) + 0.5]) * factor
-                found[drive] = transmission(ring, heat, power=ends, detuning=one.detuning - shift)
-        return [found[one.power, one.detuning] for one in self.data]
+
+        def curve(power: float | None, detuning: float | None) -> xr.Dataset:
+            moved = np.concatenate([one.x for one in self.data if (one.power is None) is (power is None)])
+            low, high = moved.min(), moved.max()
+            if power is not None:
+                span = (low - shift - side, high - shift + side)
+                return transmission(ring, heat, power=power * factor, detuning=span)
+            assert detuning is not None
+            return transmission(ring, heat, power=np.exp([low - 0.5, high + 0.5]) * factor, detuning=detuning - shift)
+
+        drives = [(one.power, one.detuning) for one in self.data]
+        found = {drive: curve(*drive) for drive in dict.fromkeys(drives)}
+        return [found[drive] for drive in drives]
 
     def residuals(self, x: Array) -> Array:
         """Distances of all samples from their curves."""
@@ -263,33 +260,31 @@ def _search(
     bounds: Mapping[str, tuple[float, float]] | None,
 ) -> _Search:  # fmt: skip
     """Resolve the names of the free parameters, their starts and bounds."""
-    if not isinstance(free, list | tuple) or not free:
-        raise InputError(f"free = {free!r} must be a list of names, such as ['thermal_resistance', 'loss_rate']")
-    checks.unique("free", free)
+    checks.check_names("free", free)
+    given = checks.mapping("bounds", bounds, hint='such as {"loss_rate": (1e9, 1e10)}')
+    for name in given:
+        checks.choice("a name in bounds", name, free)
     low, high, start = [], [], []
     width = ring.linear_rate / pi
-    given = checks.mapping("bounds", bounds, hint='such as {"loss_rate": (1e9, 1e10)}')
+    others = {RESISTANCE: resistance, POWER: 1.0}
     for name in free:
-        checks.choice("a name in free", name, optical_names(ring) | {RESISTANCE, POWER})
-        if name in (RESISTANCE, POWER):
-            value = resistance if name == RESISTANCE else 1.0
+        checks.choice("a name in free", name, optical_names(ring) | {*others})
+        if name in others:
+            value = others[name]
         else:
             value = number_of(ring, name)
             check_counts("free", name, ring)
         if name == "frequency":
-            ends = np.concatenate([one.x if one.power is not None else [one.detuning] for one in data]) / width
-            a, b = (np.array(given[name]) - value) / width if name in given else (ends.min() - SIDE, ends.max() + SIDE)
+            nu = np.concatenate([one.x if one.power is not None else [one.detuning] for one in data])
+            ends = (value + nu.min() - SIDE * width, value + nu.max() + SIDE * width)
+            a, b = (np.array(span_of(name, given, ends)) - value) / width
             start.append(min(max(0.0, a), b))
         else:
             value = checks.positive(name, value, hint="a free parameter must start above 0")
-            a, b = np.log(given.get(name, (value / SPAN, value * SPAN)))
+            a, b = np.log(span_of(name, given, (value / SPAN, value * SPAN)))
             start.append(min(max(np.log(value), a), b))
-        if not a < b:
-            raise InputError(f"bounds[{name!r}] = {given.get(name)} must be (low, high) with low < high")
         low.append(a)
         high.append(b)
-    for name in given:
-        checks.choice("a name in bounds", name, free)
     units = tuple(dict.fromkeys((one.port, one.unit) for one in data if one.unit not in ("W", "1")))
     for port, unit in units:  # the highest sample stands for a resonance
         tops = [(one.y.max(), one.power or np.exp(one.x.max())) for one in data if (one.port, one.unit) == (port, unit)]

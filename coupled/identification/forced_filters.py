@@ -10,6 +10,7 @@ truth. Its minimum is some percent off, as straight lines between samples and no
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,7 +26,7 @@ from thermofem.errors import InputError
 from ..kernel import units
 from ..kernel.integrator import PoleHeat
 from ..kernel.units import FJ, NS, Rates
-from .levenberg import least_squares
+from .levenberg import Residuals, least_squares
 
 if TYPE_CHECKING:
     from ..resonator import RingResonator
@@ -153,32 +154,25 @@ def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Start
     top = np.array([np.log(cold * traces[k].power / np.quantile(traces[k].drop, 0.999)) for k in loose])
     low, high = (np.append(end, top + np.log(s)) for end, s in ((what.low, SCALE[0]), (what.high, SCALE[1])))
 
-    def light(x: Array, every: int) -> list[Array] | None:
-        try:
-            ring, model = what.build(x[:n])
-        except (InputError, RuntimeError):
-            return None
-        scales = np.ones(len(traces))
-        scales[loose] = np.exp(x[n:])
-        return [trace.predicted(ring, model, s, every) for trace, s in zip(traces, scales, strict=True)]
+    def residuals(every: int, row: Callable[[Array, Forced], Array]) -> Residuals:
+        def of(x: Array) -> Array | None:
+            try:
+                ring, model = what.build(x[:n])
+            except (InputError, RuntimeError):
+                return None
+            scales = np.ones(len(traces))
+            scales[loose] = np.exp(x[n:])
+            rows = [row(t.predicted(ring, model, s, every), t) for t, s in zip(traces, scales, strict=True)]
+            return np.concatenate([one / np.sqrt(one.size) for one in rows])
 
-    def logarithms(x: Array) -> Array | None:
-        found = light(x, COARSE)
-        if found is None:
-            return None
-        rows = []
-        for own, trace in zip(found, traces, strict=True):
-            seen, offset = np.maximum(trace.drop[::COARSE], 0), 3 * trace.noise
-            rows.append(np.log((own + offset) / (seen + offset)) / np.sqrt(own.size))
-        return np.concatenate(rows)
+        return of
 
-    def plain(x: Array) -> Array | None:
-        found = light(x, FINE)
-        if found is None:
-            return None
-        pairs = zip(found, traces, strict=True)
-        return np.concatenate([(own - t.drop[::FINE]) / t.deviations[::FINE] / np.sqrt(own.size) for own, t in pairs])
+    def logarithm(own: Array, trace: Forced) -> Array:
+        offset = 3 * trace.noise
+        return np.asarray(np.log((own + offset) / (np.maximum(trace.drop[::COARSE], 0) + offset)))
 
+    logarithms = residuals(COARSE, logarithm)
+    plain = residuals(FINE, lambda own, trace: (own - trace.drop[::FINE]) / trace.deviations[::FINE])
     points = qmc.scale(qmc.Sobol(low.size, rng=seed).random(SCREENED * (2 if loose else 1)), low, high)
     points = np.vstack([np.append(what.start, (low[n:] + high[n:]) / 2), points])
     costs = [np.inf if (r := logarithms(x)) is None else float(r @ r) for x in points]

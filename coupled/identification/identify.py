@@ -14,14 +14,13 @@ from thermofem.arrays import Array
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import bar, check_ring
-from ..contradictions import check_geometry
 from ..resonator import RingResonator
-from ..thermal import Compact
+from ..thermal import Compact, check_geometry
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .cycles import Target, targets_of
 from .forced_filters import Start, forced_starts
-from .levenberg import End, Prior, Residuals, at_bound, central_slopes, least_squares
-from .settled_cycles import SOFT, STAGES, Seen, Stage, comparison, cycle_residuals, doubts, seen
+from .levenberg import End, Prior, at_bound, central_slopes, least_squares
+from .settled_cycles import SOFT, STAGES, comparison, doubts, residuals
 
 log = logging.getLogger("thermofem")
 
@@ -147,19 +146,15 @@ def identify(
     targets = targets_of(traces)
     seed = checks.seed(seed)
     runs = checks.integer("runs", runs, 1, 100, hint="minima of the first step that are followed")
-    aims = [seen(target) for target in targets]
-    residuals = cycle_residuals(what, targets, aims)
     with bar("identify", runs, show_bar) as advance:
-        found = _searched(what, targets, residuals, runs, seed, advance)
+        found = _searched(what, targets, runs, seed, advance)
     if not found:
         raise checks.InputError("no model in the bounds could be integrated under the drive of the traces")
-    result = _result(what, targets, aims, found, residuals)
+    result = _result(what, targets, found)
     return replace(result, notes=contradicted + result.notes)
 
 
-def _followed(
-    residuals: Callable[[Stage], Residuals], what: Unknowns, start: Start, traces: int, seed: int
-) -> Iterator[End]:
+def _followed(what: Unknowns, targets: list[Target], start: Start, seed: int) -> Iterator[End]:
     """Ends of free runs from points about a forced fit, the most promising first.
 
     A forced fit is off along its weakest direction most, so points lie on both sides of it; others are drawn.
@@ -169,21 +164,22 @@ def _followed(
     drawn = np.random.default_rng(seed).standard_normal((DRAWN, centre.size)) / np.sqrt(weights)
     points = centre + np.vstack([np.outer(ALONG, weak), drawn @ directions.T])
     points = np.clip(points, what.low, what.high)
-    costs = [np.inf if (r := residuals(STAGES[0])(x)) is None else float(r @ r) for x in points]
+    first, last = residuals(what, targets, STAGES[0]), residuals(what, targets, STAGES[-1])
+    costs = [np.inf if (r := first(x)) is None else float(r @ r) for x in points]
     for k in np.argsort(costs)[:TRIES]:
         if not np.isfinite(costs[k]):
             return
         x = points[k]
         for stage in STAGES:
             end = least_squares(
-                residuals(stage), x, what.low, what.high, steps=stage.steps, traces=traces,
+                residuals(what, targets, stage), x, what.low, what.high, steps=stage.steps, traces=len(targets),
                 prior=Prior(centre, start.precision),
             )  # fmt: skip
             x = end.x
             if _rms(end.r, x.size) > ASTRAY:
                 break
-        if (last := residuals(STAGES[-1])(x)) is not None:
-            yield End(x, last, end.J, end.cost)
+        if (r := last(x)) is not None:
+            yield End(x, r, end.J, end.cost)
 
 
 def _rms(r: Array, unknowns: int) -> float:
@@ -192,15 +188,14 @@ def _rms(r: Array, unknowns: int) -> float:
 
 
 def _searched(
-    what: Unknowns, targets: list[Target], residuals: Callable[[Stage], Residuals], runs: int, seed: int,
-    advance: Callable[[], None],
-) -> list[tuple[float, End, Start]]:  # fmt: skip
+    what: Unknowns, targets: list[Target], runs: int, seed: int, advance: Callable[[], None]
+) -> list[tuple[float, End, Start]]:
     """Misfit, end and start of all that was followed, the best first; stops at the noise, or at an end found twice."""
     found: list[tuple[float, End, Start]] = []
     starts = forced_starts(what, [target.forced for target in targets], seed)
     for start in starts[:runs]:
         advance()
-        for end in _followed(residuals, what, start, len(targets), seed):
+        for end in _followed(what, targets, start, seed):
             twice = any(np.abs(end.x - other.x).max() < TWICE for _, other, _ in found)
             found.append((_rms(end.r, end.x.size), end, start))
             if twice or found[-1][0] < NOISE:
@@ -227,17 +222,15 @@ def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, hig
     return (directions * variances * factors**2) @ directions.T, float(factors.max())
 
 
-def _deviations(
-    what: Unknowns, traces: int, residuals: Callable[[Stage], Residuals], x: Array, start: Start
-) -> tuple[Array, float]:  # fmt: skip
+def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Start) -> tuple[Array, float]:
     """Standard deviations of the logarithms, nan of those on a bound, and by what factor the profile widened them."""
     found, free = np.full(x.size, np.nan), np.flatnonzero(~at_bound(x, what.low, what.high))
     if not free.size:
         return found, 1.0
-    last = residuals(STAGES[-1])
+    last = residuals(what, targets, STAGES[-1])
     r = last(x)
     assert r is not None
-    J, L = central_slopes(last, x, r, traces)[:, free], start.precision[np.ix_(free, free)]
+    J, L = central_slopes(last, x, r, len(targets))[:, free], start.precision[np.ix_(free, free)]
 
     def cost(part: Array) -> float:
         y = x.copy()
@@ -254,10 +247,7 @@ def _deviations(
     return found, factor
 
 
-def _result(
-    what: Unknowns, targets: list[Target], aims: list[Seen], found: list[tuple[float, End, Start]],
-    residuals: Callable[[Stage], Residuals],
-) -> Identification:  # fmt: skip
+def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Start]]) -> Identification:
     """Test the best end against the noise, and put the result together."""
     (misfit, end, start), others = found[0], found[1:]
     x, failed, notes, n = end.x, misfit > NOISE, [], end.x.size
@@ -266,16 +256,18 @@ def _result(
             f"the fit failed: the best model found misses the traces by {misfit:.3g} times their noise; the law cannot "
             "follow them, or the parameters are not those of the ring; widen bounds, free more, or take another law"
         )
-        x = least_squares(residuals(SOFT), x, what.low, what.high, steps=SOFT.steps, traces=len(targets)).x
+        x = least_squares(
+            residuals(what, targets, SOFT), x, what.low, what.high, steps=SOFT.steps, traces=len(targets)
+        ).x
         spread = np.full(n, np.nan)
     else:
-        spread, factor = _deviations(what, len(targets), residuals, x, start)
+        spread, factor = _deviations(what, targets, x, start)
         off = float(np.sqrt((x - start.x) @ start.precision @ (x - start.x) / n))
         notes += doubts(what, targets, spread, np.exp(x), factor, off)
         size = np.maximum(np.nan_to_num(spread, posinf=1.0), 1e-3)
         if any(m < 1.05 * misfit and np.abs((e.x - x) / size).max() > 10 for m, e, _ in others):
             notes.append("another set of parameters fits as well: free fewer, or give traces of other powers")
-    errors, cycles, more = comparison(*what.build(x), targets, aims)
+    errors, cycles, more = comparison(*what.build(x), targets)
     if more:
         notes, spread = [*notes, *more], np.full(n, np.nan)
     if any(target.uneven for target in targets):

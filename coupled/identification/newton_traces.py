@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,13 +14,13 @@ from thermofem import checks
 from thermofem.arrays import Array
 
 from ..arguments import bar, check_ring
-from ..contradictions import without_origin
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
-from ..thermal import Compact
+from ..thermal import Compact, without_origin
 from ..unknowns import Unknowns, unknowns
-from .cycles import HARMONICS, MOST, Cycle, Target, cycle_of, lag, targets_of
+from .cycles import HARMONICS, MOST, Cycle, Seen, Target, cycle_of, targets_of
 from .levenberg import at_bound
+from .settled_cycles import Stage, compared
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +35,6 @@ STEPS = 5e-9  # s at most between two samples of the carriers, so that their spi
 IMPOSSIBLE = 1e3  # residual where the parameters make no model
 EVALUATIONS = 15  # steps of least squares in each
 PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
-NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses, with a swing that counts
 START = 2  # harmonics in the search from them
 
 
@@ -49,79 +48,43 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
         ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
         times=np.unique(np.minimum(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]).round(15), end)),
     )  # fmt: skip
-    return cycle_of(run, at=at, near=target.observed.clock)
+    return cycle_of(run, at=at, near=target.cycle.period)
 
 
-def residuals(what: Unknowns, target: Target, wanted: Cycle, x: Array) -> Array:
-    """Residuals of a trace at the logarithms ``x``, shape (66,)."""
-    try:
-        cycle = simulated(*what.build(x), target)
-    except (checks.InputError, RuntimeError):
-        return np.full(2 * wanted.harmonics.size, IMPOSSIBLE)
-    return misfit(cycle, wanted, target.observed.absolute)[0]
+def residuals(what: Unknowns, target: Target, harmonics: int) -> Callable[[Array], Array]:
+    """The residuals of a trace, shape (66,), as a function of the logarithms of the unknowns.
+
+    They are ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the measured swing: the sum of
+    their squares is the mean square over the cycle, |c|^2/2 of each Re c exp(i phi).
+    """
+    aim = Seen(target.cycle, 0.0, np.zeros(HARMONICS + 1))
+    stage = Stage(harmonics, PERIOD_ERROR, np.sqrt(2) * SHAPE_ERROR, EVALUATIONS)
+    mean = np.where(np.arange(2 * HARMONICS + 2) == 1, np.sqrt(2), 1.0)
+
+    def of(x: Array) -> Array:
+        try:
+            cycle = simulated(*what.build(x), target)
+        except (checks.InputError, RuntimeError):
+            return np.full(mean.size, IMPOSSIBLE)
+        return mean * compared(cycle, aim, stage, target.absolute)[0]
+
+    return of
 
 
-def coarse(found: Array, harmonics: int) -> Array:
-    """The residuals of `residuals` without those of the higher harmonics."""
-    last = HARMONICS + 1
-    return np.concatenate([found[: 2 + harmonics], found[1 + last : 1 + last + harmonics]])
-
-
-def polished(
-    what: Unknowns, target: Target, wanted: Cycle, start: Array, stages: tuple[int, ...]
-) -> tuple[Array, float]:
-    """Least squares from ``start`` with more harmonics in each stage; the logarithms and the sum of squares.
+def polished(what: Unknowns, target: Target, x: Array, stages: tuple[int, ...]) -> tuple[Array, float]:
+    """Least squares from ``x`` with more harmonics in each stage; the logarithms and the sum of squares.
 
     A steep edge of a cycle that is out of place by more than its own length gives no direction, and with all harmonics
-    at once the way leads through a narrow, bent valley: 40 steps do not reach an end that 11 in stages do (measured,
-    Newton's law). Few harmonics may leave a direction open, along which a good start is lost: where the end is worse
-    than the start, the last stage begins there again.
+    at once the way leads through a narrow, bent valley: 40 steps do not reach an end that 11 in stages do (measured).
     """
-
-    def stage(x: Array, harmonics: int) -> tuple[Array, float]:
-        best = least_squares(
-            lambda x: coarse(residuals(what, target, wanted, x), harmonics),
-            x,
-            bounds=(what.low - 1e-9, what.high + 1e-9),
-            diff_step=STEP / np.maximum(np.abs(what.start), 1e-3),
-            xtol=1e-5,
-            ftol=1e-5,
-            max_nfev=EVALUATIONS,
-        )
-        return np.clip(best.x, what.low, what.high), float(2 * best.cost)
-
-    x, cost = start, np.inf
+    cost = np.inf
     for harmonics in stages:
-        x, cost = stage(x, harmonics)
-    if np.sum(coarse(residuals(what, target, wanted, start), stages[-1]) ** 2) < cost:
-        return stage(start, stages[-1])
+        best = least_squares(
+            residuals(what, target, harmonics), x, bounds=(what.low - 1e-9, what.high + 1e-9), xtol=1e-5, ftol=1e-5,
+            diff_step=STEP / np.maximum(np.abs(what.start), 1e-3), max_nfev=EVALUATIONS,
+        )  # fmt: skip
+        x, cost = np.clip(best.x, what.low, what.high), float(2 * best.cost)
     return x, cost
-
-
-def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:
-    """Misfit of a model's cycle to a measured one, and the model's cycle aligned in phase (and scale).
-
-    Returns residuals [shape (66,)]: ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the
-        measured swing, so that the sum of their squares is the mean square over the cycle; a swing below a twentieth of
-        the mean counts as that.
-    """
-    pulses = np.isfinite([model.period, measured.period])
-    drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * max(map(_counts, (model, measured)))
-    aligned = model.shifted(lag(model.harmonics, measured.harmonics)) if pulses.all() else model
-    both = np.array([aligned.harmonics, measured.harmonics])
-    if not absolute:
-        factor = np.vdot(both[0], both[1]).real / np.vdot(both[0], both[0]).real
-        aligned = Cycle(aligned.period, factor * aligned.harmonics)
-    off = aligned.harmonics - measured.harmonics
-    size = SHAPE_ERROR * measured.scale
-    waves = off[1:] / np.sqrt(2)  # the mean square of Re c exp(i phi) is |c|^2 / 2
-    shape = np.concatenate([[off[0].real], waves.real, waves.imag]) / size
-    return np.concatenate([[drift / PERIOD_ERROR], shape]), aligned
-
-
-def _counts(cycle: Cycle) -> float:
-    """How much a cycle counts beside a rest, from 0 to 1: one that hardly swings is almost at rest."""
-    return (cycle.swing / cycle.scale) ** 2 if np.isfinite(cycle.period) else 0.0
 
 
 def fit_newton_per_trace(
@@ -186,14 +149,16 @@ def fit_newton_per_trace(
     bounded: list[bool] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
         for target in targets:
-            wanted = target.observed.mean()
-            costs = [np.sum(coarse(residuals(what, target, wanted, x), stages[0]) ** 2) for x in grid]
-            ends = [polished(what, target, wanted, grid[k], stages) for k in np.argsort(costs)[:STARTS]]
+            f = residuals(what, target, stages[0])
+            costs = [np.sum(f(x) ** 2) for x in grid]
+            ends = [polished(what, target, grid[k], stages) for k in np.argsort(costs)[:STARTS]]
             best, cost = min(ends, key=lambda end: end[1])
             bounded.append(bool(np.any(at_bound(best, what.low, what.high))))
             tau, capacity = np.exp(best)
             model_period = simulated(*what.build(best), target).period
-            rows.append([target.power, target.detuning, tau, capacity, wanted.period, model_period, np.sqrt(cost)])
+            rows.append(
+                [target.power, target.detuning, tau, capacity, target.cycle.period, model_period, np.sqrt(cost)]
+            )
             advance()
     columns = np.array(rows).T
     names = ("power", "detuning", "tau_th", "heat_capacity", "period", "period_model", "misfit")

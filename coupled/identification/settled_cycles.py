@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -13,15 +12,13 @@ from thermofem.arrays import Array
 from thermofem.data import dataset, quantity
 from thermofem.errors import InputError
 
-from ..contradictions import without_origin
 from ..resonator import RingResonator
 from ..runs.pulsing import Regime, crossings, pulsing
 from ..runs.repetition import LONGEST_PATTERN, miss
 from ..runs.simulate import simulate
-from ..thermal import Compact
+from ..thermal import Compact, without_origin
 from ..unknowns import Unknowns
-from .cycles import HARMONICS, NEAR, Cycle, Target, cycle_of, lag
-from .forced_filters import noise_of
+from .cycles import HARMONICS, NEAR, Cycle, Seen, Target, cycle_of, lag
 from .levenberg import Residuals, at_bound
 
 EARLY, LATE = 5e-9, 1e-9  # s between samples of a free run in its first and second half, or
@@ -52,46 +49,6 @@ STAGES = (
 SOFT = Stage(HARMONICS, 1e-2, 4e-2, 20)  # of a law that cannot follow the traces
 
 
-class Seen(NamedTuple):
-    """The cycle of a trace; standard deviations of its ln(period) and of the parts of its harmonics, shape (33,)."""
-
-    cycle: Cycle
-    period_deviation: float
-    deviations: Array
-
-
-def seen(target: Target) -> Seen:
-    """Period and harmonics of the second half by least squares on its samples: no lines between them.
-
-    drop = Re sum_k c_k exp(2 pi i k (t - t_0)/T), with more harmonics in each step of Gauss-Newton for ln T.
-    """
-    t, drop, T = target.times, target.drop, target.observed.mean().period
-    late = t >= (t[0] + t[-1]) / 2
-    every = -(-int(late.sum()) // MOST)  # samples of long traces are averaged
-    t, drop = (x[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1) for x in (t, drop))
-    t = t - t[0]
-    if not np.isfinite(T):
-        still = np.zeros(HARMONICS + 1, dtype=complex)
-        still[0] = drop.mean()
-        own = max(float(drop.std()), noise_of(target.drop))
-        return Seen(Cycle(np.nan, still), np.nan, np.full(HARMONICS + 1, own * np.sqrt(2 / drop.size)))
-    most = min(HARMONICS, max(1, t.size // 4 - 1), max(1, int(0.5 * T * (t.size - 1) / t[-1])))
-    for K in (4, 12, HARMONICS, HARMONICS, HARMONICS):
-        k = np.arange(1, min(K, most) + 1)
-        w = np.exp(2j * np.pi * np.outer(t / T, k))
-        A = np.hstack([np.ones((t.size, 1)), w.real, -w.imag])
-        c = np.linalg.lstsq(A, drop, rcond=None)[0]
-        z = c[1 : 1 + k.size] + 1j * c[1 + k.size :]
-        turning = (1j * (w * k) @ z).real * (-2 * np.pi * t / T)  # d drop/d ln T
-        B = np.column_stack([A, turning])
-        left = drop - A @ c
-        T *= float(np.exp(np.clip(np.linalg.lstsq(B, left, rcond=None)[0][-1], -0.02, 0.02)))
-    s = np.sqrt(left @ left / max(t.size - B.shape[1], 1))
-    harmonics, deviations = np.zeros(HARMONICS + 1, dtype=complex), np.full(HARMONICS + 1, np.inf)
-    harmonics[: k.size + 1], deviations[: k.size + 1] = np.append(c[0], z), s * np.sqrt(2 / t.size)
-    return Seen(Cycle(T, harmonics), float(s * np.sqrt(np.linalg.pinv(B.T @ B)[-1, -1])), deviations)
-
-
 def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Dataset, Cycle]:
     """The run of a model under the drive of a trace, and its cycle in the half that is compared."""
     begin, end = target.window(model)
@@ -102,7 +59,7 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
         ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, times=times,
         rtol=RTOL,
     )  # fmt: skip
-    return run, cycle_of(run, at=np.linspace(begin, end, int((end - begin) / late)), near=target.observed.clock)
+    return run, cycle_of(run, at=np.linspace(begin, end, int((end - begin) / late)), near=target.cycle.period)
 
 
 def repeats(run: xr.Dataset) -> bool:
@@ -144,41 +101,38 @@ def compared(own: Cycle, aim: Seen, stage: Stage, absolute: bool) -> tuple[Array
     return np.concatenate([[drift, off[0].real / mean], parts.real, parts.imag]), aligned
 
 
-def cycle_residuals(what: Unknowns, targets: list[Target], aims: list[Seen]) -> Callable[[Stage], Residuals]:
-    """The residuals of all traces as a function of the logarithms, for each stage."""
+def residuals(what: Unknowns, targets: list[Target], stage: Stage) -> Residuals:
+    """The residuals of all traces as a function of the logarithms of the unknowns."""
 
-    def of(x: Array, stage: Stage) -> Array | None:
+    def of(x: Array) -> Array | None:
         rows = []
         try:
             ring, model = what.build(x)
-            for target, aim in zip(targets, aims, strict=True):
-                own = free_run(ring, model, target)[1]
-                rows.append(compared(own, aim, stage, target.observed.absolute)[0])
+            for target in targets:
+                rows.append(compared(free_run(ring, model, target)[1], target.seen, stage, target.absolute)[0])
         except (InputError, RuntimeError):
             return None
         return np.concatenate(rows)
 
-    return lambda stage: lambda x: of(x, stage)
+    return of
 
 
 def comparison(
-    ring: RingResonator, model: Compact, targets: list[Target], aims: list[Seen]
+    ring: RingResonator, model: Compact, targets: list[Target]
 ) -> tuple[xr.Dataset, xr.Dataset, tuple[str, ...]]:
     """Errors over trace, cycles over trace and phase, and sentences on periods that cannot be compared."""
     phase = np.linspace(0, 1, 256, endpoint=False)
     rows, curves, notes = [], [], []
-    for k, (target, aim) in enumerate(zip(targets, aims, strict=True)):
-        run, own = free_run(ring, model, target)
-        _, aligned = compared(own, aim, STAGES[-1], target.observed.absolute)
-        curves.append([cycle.curve(phase, smooth=True) for cycle in (aim.cycle, aligned)])
-        off = aligned.curve(phase) - aim.cycle.curve(phase)
+    for k, target in enumerate(targets):
+        (run, own), trace = free_run(ring, model, target), target.seen.cycle
+        _, aligned = compared(own, target.seen, STAGES[-1], target.absolute)
+        curves.append([cycle.curve(phase, smooth=True) for cycle in (trace, aligned)])
+        off = aligned.curve(phase) - trace.curve(phase)
         period = aligned.period
         if not repeats(run):
             period = np.nan
             notes.append(f"the pulses of the model of traces[{k}] do not repeat: it has no period there")
-        rows.append(
-            [target.power, target.detuning, aim.cycle.period, period, np.sqrt(np.mean(off**2)) / aim.cycle.scale]
-        )
+        rows.append([target.power, target.detuning, trace.period, period, np.sqrt(np.mean(off**2)) / trace.scale])
     power, detuning, period, own_period, shape = np.array(rows).T
     about = {"units": "1", "long_name": "rms difference of the cycles over the swing"}
     errors = xr.Dataset(
@@ -190,7 +144,7 @@ def comparison(
             "shape_error": ("trace", shape, about),
         }
     )
-    units = {target.observed.unit for target in targets}
+    units = {target.unit for target in targets}
     unit = units.pop() if len(units) == 1 else "unit of the trace"
     about = dataset.describe("drop") if unit == "W" else {"units": unit, "long_name": "drop signal"}
     drawn = np.array(curves)

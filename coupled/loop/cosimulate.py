@@ -14,13 +14,12 @@ from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, power_in_time
-from ..contradictions import check_geometry
 from ..heaters import heater_powers, power_of
 from ..inputs import attribute, spans
 from ..resonator import RingResonator
 from ..runs.window import Laser, Lights, Window, lights_of, provenance, traces
 from ..states import State
-from ..thermal import Compact, compact
+from ..thermal import Compact, check_geometry, compact
 from .corrector import FEM, Corrector, beginning
 from .relaxation import Passed, Relaxation
 

@@ -21,7 +21,6 @@ from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
 from ..arguments import bar, check_duration
-from ..contradictions import check_geometry
 from ..heaters import constant
 from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
@@ -29,7 +28,7 @@ from ..runs.pulsing import FEWEST, Pulsing, Regime, classify, lasting
 from ..runs.resting import Rest
 from ..runs.window import Window, advance
 from ..states import State
-from ..thermal import Compact, long_enough, provenance, trusted
+from ..thermal import Compact, check_geometry, long_enough, provenance, trusted
 from .grid import Fixed, Grid, Point, fixed_of, grid_of
 from .settled import Cell, settled_row
 
@@ -137,7 +136,7 @@ def pulsing_map(
         )
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-6 gives periods to 2e-4")
-    order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
+    order = None if follow is None else Follow(follow)
     attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed, **warm.attributes}
     if not settled:
         attrs |= {"duration": float(duration), "rtol": float(rtol)}

@@ -12,12 +12,11 @@ from thermofem.checks import InputError
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..contradictions import check_geometry
 from ..equilibria.balance import absorbable
 from ..heaters import constant
 from ..kernel.units import NS
 from ..resonator import RingResonator
-from ..thermal import Compact, provenance, trusted, warn_at_top
+from ..thermal import Compact, check_geometry, provenance, trusted, warn_at_top
 from .grid import Grid, grid_of, surveys
 
 

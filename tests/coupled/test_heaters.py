@@ -201,7 +201,7 @@ def test_what_is_refused_says_what_to_do():
     ):
         with pytest.raises(th.InputError, match=words):
             coupled.simulate(RING, model, **arguments, **run)
-    with pytest.raises(th.InputError, match=r"one input 'core'.*surrogate.reduce"):
+    with pytest.raises(th.InputError, match=r"known: core; an input for each heater.*surrogate.reduce"):
         coupled.simulate(RING, model.channel("core"), heaters={"heater": 1e-3}, **run)
     with pytest.raises(th.InputError, match="constant power"):
         coupled.steady_states(RING, model, power=1e-3, heaters={"heater": WAVE})

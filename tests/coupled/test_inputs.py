@@ -108,7 +108,7 @@ def test_a_run_goes_on_where_another_ended():
     state = State.end_of(first)
     assert state.energy == pytest.approx(float(first.energy[-1]), rel=1e-14, abs=0)
     assert np.sum(state.thermal) == pytest.approx(float(first.delta_T[-1]), rel=1e-13)
-    with pytest.raises(th.InputError, match="thermal states"):
+    with pytest.raises(th.InputError, match=r"final_state.*shape \(5,\)"):
         coupled.simulate(RING, th.Foster(R=[7e3], tau=[1e-6]), power=1e-3, initial=first)
 
 
@@ -212,7 +212,6 @@ def test_pieces_of_everything_that_drives():
         ({"power": th.Constant(2.0)}, "8 dBm is 6.31e-3"),
         ({"power": Sweep([0, 1e-6], [1e-3, -1e-3])}, "powers are in W"),
         ({"power": Sweep([0, 0.5e-6], [1e-3, 1e-3])}, "cover the run"),
-        ({"power": []}, "empty list"),
         ({"power": "8 dBm"}, "not a number"),
         ({"power": BPoly.from_derivatives([0, 1e-6], [[0, 0], [1e-3, 0]])}, "power is a BPoly; a PPoly is needed"),
         ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
@@ -221,7 +220,7 @@ def test_pieces_of_everything_that_drives():
         ({"method": 4}, "method"),
         ({"initial": 3}, "final_state"),
         ({"initial": xr.Dataset(attrs={"final_state": "cold"})}, "final_state"),
-        ({"initial": xr.Dataset(attrs={"final_state": [0.0]})}, "at least 4"),
+        ({"initial": xr.Dataset(attrs={"final_state": [0.0]})}, "shape"),
         ({"event": "delta_T"}, "coupled.Event"),
         ({"event": coupled.Event("delta_T", float("nan"))}, "event.level"),
         ({"event": coupled.Event("heat", 3.0)}, "delta_T"),

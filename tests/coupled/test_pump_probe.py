@@ -125,12 +125,6 @@ def test_figure_labels_itself():
         (lambda: coupled.carriers.carrier_decay(PRINTED, -1, [0]), "initial"),
         (lambda: coupled.carriers.carrier_decay(PRINTED, 1e23, [0, 50]), r"times\[-1\] = 50"),
         (lambda: coupled.carriers.carrier_decay(PRINTED, 1e23, [-1e-9, 0]), r"times\[0\]"),
-        (
-            lambda: coupled.carriers.fit_carrier_decay(
-                coupled.carriers.carrier_decay(PRINTED, 1e23, TIMES[:5]), PRINTED
-            ),
-            "at least 8",
-        ),
     ],
 )
 def test_slips_are_named_in_one_line(call, message):

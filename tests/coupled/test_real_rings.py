@@ -125,7 +125,7 @@ def test_quality_factors_come_back():
     two = RingResonator.from_quality_factors(RING, name="rib", frequency=193e12, loaded_q=12e3, intrinsic_q=110e3)
     assert two.drop_bus_rate == two.bus_rate == pytest.approx(ring.bus_rate / 2, rel=1e-12)
     assert (two.tpa_volume, two.scattering_rate) == (RING.tpa_volume, 0)
-    with pytest.raises(th.InputError, match="smaller than intrinsic_q"):
+    with pytest.raises(th.InputError, match="is below intrinsic_q"):
         RingResonator.from_quality_factors(RING, name="x", frequency=193e12, loaded_q=1e5, intrinsic_q=1e4)
 
 
@@ -193,7 +193,7 @@ def test_a_ring_file_with_a_base(tmp_path):
     ("change", "message"),
     [
         (("loaded_q = 12000\n", ""), "loaded_q and intrinsic_q belong together"),
-        (("buses = 2", "buses = 3"), "1 or 2"),
+        (("buses = 2", "buses = 3"), "known: 1, 2"),
         (("buses = 2", 'bus_rate = "43e9 1/s"'), "bus_rate are both given"),
         (('wavelength = "1551.2 nm"', 'wavelength = "1551.2"'), "has no unit"),
         (('wavelength = "1551.2 nm"', 'wavelenght = "1551.2 nm"'), "did you mean 'wavelength'"),
@@ -242,8 +242,6 @@ def test_slips_in_a_ring_are_named(change, message):
         replace(RING, **change)
     with pytest.raises(th.InputError, match="tau"):
         ConstantLifetime(10.0)
-    with pytest.raises(th.InputError, match="constant lifetime"):
-        REAL.with_swapped_srh()
 
 
 def test_rates_that_would_not_follow_a_new_volume_are_named():

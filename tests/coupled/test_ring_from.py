@@ -9,9 +9,9 @@ from scipy.constants import c
 import coupled
 import surrogate
 import thermofem as th
-from coupled.contradictions import check_geometry
 from coupled.cycles.derivatives import cycle_derivatives
 from coupled.ring_from import chain
+from coupled.thermal import check_geometry
 from surrogate.reduction.reduce import pole_derivatives
 from thermofem.fem.assembly import on_mesh
 from thermofem.mesh.mesh_motion import Motion
