@@ -135,8 +135,7 @@ class Campaign:
                 f"samples = {self.samples} with ranges to draw from: {', '.join(drawn) or 'none'}",
                 "samples is the number of points drawn from ranges without count",
             )
-        if len(self) > LARGEST:
-            raise InputError(f"{len(self)} geometries are more than {LARGEST}", "take fewer values or draw from ranges")
+        checks.integer("number of geometries", len(self), 1, LARGEST, hint="take fewer values or draw from ranges")
         self.geometry_of(next(self._values()))  # a path that leads nowhere raises here
 
     def _check_names(self) -> None:
@@ -234,8 +233,8 @@ class Campaign:
         MissingLibraryError
             meshes must be made and gmsh cannot be loaded.
         """
-        if not self.drives:
-            raise InputError(f"campaign {self.name!r} has no drive", "add a [[drive]] table (a family needs none)")
+        hint = "add a [[drive]] table (a family needs none)"
+        checks.enough(f"campaign {self.name!r}", len(self.drives), 1, "drives", hint=hint)
         report = report or (lambda summary: None)
         folder, cases = Folder(Path(directory).absolute()), self.cases()  # workers have other working folders
         with folder.opened():
@@ -251,12 +250,11 @@ class Campaign:
             work = partial(compute, self, folder)
             for case, future in completed(work, waiting, executor=executor, workers=workers):
                 error = future.exception()
-                if isinstance(error, MissingLibraryError):
-                    raise error
                 if isinstance(error, BrokenExecutor):
                     kept = f"{summary.reused + summary.finished} finished geometries are kept, run again with a new one"
                     raise InputError(f"the executor broke ({error})", kept)
-                outcome = future.result() if error is None else Outcome(str(error), 0.0)
+                known = error is None or isinstance(error, MissingLibraryError)  # which no other geometry gets around
+                outcome = future.result() if known else Outcome(str(error), 0.0)
                 if outcome.reason:
                     folder.write_failure(case.key, outcome.reason, self.named(case))
                     summary = replace(summary, failed=summary.failed + 1)

@@ -28,7 +28,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from .. import waveforms
+from .. import checks, waveforms
 from ..arrays import Array
 from ..data import dataset, files, netcdf
 from ..data.variables import describe
@@ -72,19 +72,9 @@ class Folder:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[None]:
-        """Make and lock the folder; InputError where another run is using it, or it holds a plan.json of others."""
-        if self.plan.exists() and not isinstance(self._plan_tree().get("cases", []), list):
-            raise InputError(f"{self.plan} is no file of a campaign", "move it, or take another folder")
+        """Make and lock the folder; InputError where another run is using it."""
         with self.store.opened("failures"):
             yield
-
-    def _plan_tree(self) -> dict[str, Any]:
-        """Content of plan.json; empty where it is damaged, as it is then written again."""
-        try:
-            tree = files.read_json(self.plan, "plan")
-        except InputError:
-            return {}
-        return tree if isinstance(tree, dict) and "cases" in tree else {"cases": None}
 
     def write_failure(self, key: str, reason: str, values: Mapping[str, Any]) -> None:
         """Store why one geometry has no result."""
@@ -124,12 +114,11 @@ class Folder:
         """The plan as `write_plan` stored it; InputError where the folder holds none, or one that was changed."""
         if not self.plan.is_file():
             raise InputError(f"{self.directory} holds no campaign", "thermofem campaign makes one")
-        plan = files.read_json(self.plan, "plan")
-        hint = "run the campaign again, which takes over its results"
-        if not isinstance(plan, dict) or plan.pop(HASH, "") != files.digest_tree(plan):
+        plan = checks.mapping("plan", files.read_json(self.plan, "plan"))
+        whole = plan.pop(HASH, "") == files.digest_tree(plan)
+        if not (whole and all(KEY.fullmatch(str(case[0])) for case in plan["cases"])):  # keys become names of files
+            hint = "run the campaign again, which takes over its results"
             raise InputError(f"{self.plan} was changed after thermofem wrote it", hint)
-        if not all(KEY.fullmatch(str(case[0])) for case in plan["cases"]):  # keys become names of files
-            raise InputError(f"{self.plan} holds a key that is no hash", hint)
         return plan
 
 

@@ -21,10 +21,9 @@ import xarray as xr
 
 from .. import __version__, checks, waveforms
 from ..arrays import Array, ArrayLike
-from .column_units import unit_of
 from .data_doubts import clipping, contradictions, static_gain
 from .netcdf import SCHEMA, load, save
-from .variables import contents, describe
+from .variables import contents, describe, unit_of
 
 __all__ = ["Response", "at_probe", "build", "describe", "load", "response_of", "responses_of", "save"]
 
