@@ -168,7 +168,7 @@ def test_simulate_reads_a_ring_file(folder):
         (["validate", "ring.toml", "second.json"], "one geometry alone"),
         (["validate", "missing.toml", "-o", "x.png"], "missing.toml"),
         (["validate", "missing.toml", "-o", "x.nc"], "missing.toml"),
-        (["validate", "second.json", "--reference", "fem.json", "--shortest", "20 us"], "--shortest = 2e-05 must be below --longest"),
+        (["validate", "second.json", "--reference", "fem.json", "--shortest", "20 us"], "must be below --longest"),
         (["simulate", "fem.json", "--detuning", "-10"], "--detuning"),
         (["simulate", "fem.json", "--power", "8 dB"], "--power"),
         (["simulate", "fem.json", "--duration", "1 ps"], "--duration = 1 ps is over after"),
