@@ -25,45 +25,36 @@ from .reduction.array_reduction import ArrayReduction
 CURVE = "Datasets of surrogate.period_error"
 
 
-def plot_period_error(
-    curves: Mapping[str, xr.Dataset], ax: Axes | None = None, *, within: float = 0.1, absolute: bool = False
-) -> Axes:
-    """Period error against period (us), relative in % or absolute in us, the 10 % band shaded: the paper's Fig. 7.
+def plot_period_error(curves: Mapping[str, xr.Dataset], ax: Axes | None = None, *, within: float = 0.1) -> Axes:
+    """Period error in % against period (us), the 10 % band shaded: the paper's Fig. 7.
 
     curves [mapping from the model's name to a Dataset of `surrogate.period_error`]
     within: half width of the band.
-    absolute: T - T_model itself, as the paper's solid line.
     """
-    needed = ("period", "relative_error", *(("error",) if absolute else ()))
-    curves = {name: contents("curve", curve, needed, what=CURVE) for name, curve in curves.items()}
+    curves = {
+        name: contents("curve", curve, ("period", "relative_error"), what=CURVE) for name, curve in curves.items()
+    }
     ax = _axes(ax)
     periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
-    band = within * (periods if absolute else 100 * np.ones_like(periods))
+    band = np.full(periods.shape, 100 * within)
     ax.fill_between(periods, -band, band, color=SKY, alpha=0.18, linewidth=0)
     ax.axhline(0, color=INK, linewidth=0.6)
     for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
-        error = curve["error"].values * 1e6 if absolute else curve["relative_error"].values * 100
+        error = curve["relative_error"].values * 100
         low, high = widest_range(curve, within=within)
         words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
         shown = np.where(np.isfinite(error), error, np.nan)
         style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat
         ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)
     bottom, top = ax.get_ylim()
-    limit = 1.0 if absolute else 100.0
-    ax.set_ylim(max(bottom, -limit), min(top, limit))
-    ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel=f"period error ({'µs' if absolute else '%'})")
-    ax.set_title(
-        f"shaded: error within {100 * within:g} %; the legend gives the periods",
-        fontsize="small",
-        loc="left",
-        color=INK,
-    )
+    ax.set_ylim(max(bottom, -100), min(top, 100))
+    ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel="period error (%)")
+    words = f"shaded: error within {100 * within:g} %; the legend gives the periods"
+    ax.set_title(words, fontsize="small", loc="left", color=INK)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.margins(x=0)
-    below: dict[str, Any] = (
-        {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2} if len(curves) > len(CYCLE) else {}
-    )
-    ax.legend(frameon=False, fontsize="small", **below)
+    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2}
+    ax.legend(frameon=False, fontsize="small", **(below if len(curves) > len(CYCLE) else {}))
     return ax
 
 

@@ -130,6 +130,7 @@ class Window(NamedTuple):
     crossings: Array
     counts: NDArray[np.int64]
     """Accepted and rejected steps."""
+    method: Method
     lights: Lights
 
 
@@ -206,6 +207,7 @@ def advance(
         step=run.step * eq.NS,
         crossings=run.crossings * eq.NS,
         counts=np.array([run.accepted, run.rejected]),
+        method=chosen,
         lights=lights,
     )
 

@@ -97,10 +97,8 @@ class CellGrid:
         Raises NotAffineError: a wall that leans, a shell, or lines that meet inside the box.
         """
         base, half = box.base, np.maximum(box.high - box.middle, box.middle - box.low)
-        if base.kind == "straight":
-            raise NotAffineError("the terms of a family on lines have the weight 2 pi r of a ring")
-        if base.probes:
-            raise NotAffineError("shells around parts and copies off the axis do not follow lines")
+        if base.kind == "straight" or base.probes:
+            raise NotAffineError("it has no weight 2 pi r, or shells around parts and copies off the axis")
         ranges = box.low - box.middle, box.high - box.middle
         heated = [part for part in base.parts if part.heated]
         r, z = (_ordered(axis, ranges, half) for axis in _lines(base, box.changes))
@@ -131,36 +129,34 @@ class CellGrid:
 
 def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
     """All lines, unsorted."""
-    position: tuple[list[float], list[float]] = ([], [])
-    slope: tuple[list[Array], list[Array]] = ([], [])
+    found: tuple[list[Any], list[Any]] = ([], [])
     for name, outline in outlines(base).items():
         velocity = np.array([change.outlines.get(name, np.zeros((4, 2))) for change in changes])  # (p, 4, 2)
-        for axis, sides in ((0, ((0, 3), (1, 2))), (1, ((0, 1), (2, 3)))):
-            for a, b in sides:
-                length = np.abs(outline).max()
-                apart = abs(outline[a, axis] - outline[b, axis])
-                # 1e-9 of a length: a wall that leans less runs along z
-                if apart > 1e-9 * length or np.any(np.abs(velocity[:, a, axis] - velocity[:, b, axis]) > 1e-12):
-                    raise NotAffineError(f"the walls of {name!r} lean")
-                position[axis].append(float(outline[a, axis]))
-                slope[axis].append(velocity[:, a, axis])
-    return Axis(np.array(position[0]), np.array(slope[0])), Axis(np.array(position[1]), np.array(slope[1]))
+        for axis, begin, end in ((0, [0, 1], [3, 2]), (1, [0, 2], [1, 3])):  # both ends of two sides each
+            apart = np.abs(outline[begin, axis] - outline[end, axis]).max()
+            turns = np.abs(velocity[:, begin, axis] - velocity[:, end, axis]).max()
+            # 1e-9 of a length: a wall that leans less runs along z
+            if apart > 1e-9 * np.abs(outline).max() or turns > 1e-12:
+                raise NotAffineError(f"the walls of {name!r} lean")
+            found[axis].append((outline[begin, axis], velocity[:, begin, axis].T))
+    r, z = (Axis(*map(np.concatenate, zip(*each, strict=True))) for each in found)
+    return r, z
 
 
 def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
     """Each line once, in an order that holds everywhere in the box."""
     order = np.lexsort((*axis.slope.T, axis.base))
     base, slope = axis.base[order], axis.slope[order]
-    kept = [0]
-    for k in range(1, len(base)):
-        alike = [m for m in kept if abs(base[k] - base[m]) < SAME and np.all(np.abs(slope[k] - slope[m]) * half < SAME)]
-        if not alike:
+    kept: list[int] = []
+    for k in range(len(base)):
+        apart = np.abs(base[kept] - base[k]) + np.abs(slope[kept] - slope[k]) @ half
+        if np.all(apart >= SAME):
             kept.append(k)
-    base, slope = base[kept], slope[kept]
-    low, _ = _gaps(Axis(base, slope), ranges)
+    lines = Axis(base[kept], slope[kept])
+    low, _ = _gaps(lines, ranges)
     if low.min(initial=np.inf) <= SAME:
-        raise NotAffineError(f"two outlines near {base[int(low.argmin())]:g} m meet inside the box")
-    return Axis(base, slope)
+        raise NotAffineError(f"two outlines near {lines.base[int(low.argmin())]:g} m meet inside the box")
+    return lines
 
 
 def _gaps(axis: Axis, ranges: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -294,26 +290,23 @@ def _on(
     heat: HeatProblem, intervals: NDArray[np.intp], facets: NDArray[np.intp], other: NDArray[np.intp], side: str
 ) -> SurfacePoints:
     """Points of facets on a side; ``other`` are the same facets of a contact, on its other side."""
-    grid, names, base = heat.discretization.basis.mesh, heat.mesh.region_names, heat.geometry
+    grid, base = heat.discretization.basis.mesh, heat.geometry
     beside = grid.f2t[0, facets]
     ends = np.moveaxis(grid.p[:, grid.facets[:, facets]], (0, 1, 2), (2, 1, 0))  # (f, end, axis)
     centre = grid.p[:, grid.t[:, beside]].mean(axis=1).T
     along = ends[:, 1] - ends[:, 0]
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
-    normal *= np.sign(np.einsum("fx,fx->f", normal, ends.mean(axis=1) - centre))[:, None]
-    own = [[names[r] for r in heat.mesh.region[grid.f2t[0, each]]] for each in (facets, other) if len(each)]
-    limit = resistances(base)
-    series: list[tuple[str, ...]] = [()] * len(facets)
-    if side != "open":
-        outside = (f"boundary.{side}",) if side and getattr(base, side).exchange else ()
-        pairs = zip(*own, strict=True)
-        series = [(*outside, *(f"interface.{part}" for part in pair if part in limit)) for pair in pairs]
+    normal *= np.sign(np.sum(normal * (ends.mean(axis=1) - centre), axis=1))[:, None]
+    names, limit = np.array(heat.mesh.region_names), resistances(base)
+    own = [names[heat.mesh.region[grid.f2t[0, each]]].tolist() for each in (facets, other) if len(each)]
+    outside = (f"boundary.{side}",) if side and side != "open" and getattr(base, side).exchange else ()
+    series = [(*outside, *(f"interface.{part}" for part in pair if part in limit)) for pair in zip(*own, strict=True)]
     return SurfacePoints(
         place=(ends[:, :1] * (1 - GAUSS[:, None]) + ends[:, 1:] * GAUSS[:, None]).reshape(-1, 2),
         along=(along[:, None] * WEIGHT[:, None]).reshape(-1, 2),
         interval=np.repeat(intervals[beside], 3, axis=0),
         outward=np.repeat(normal, 3, axis=0),
-        series=[one for one in series for _ in range(3)],
+        series=[() if side == "open" else one for one in series for _ in range(3)],
         material=[base.material_of(name).name for name in own[0] for _ in range(3)],
     )
 

@@ -19,10 +19,9 @@ from thermofem.mesh import Mesh
 
 from .affine_engine import AffineMembers, Coefficients
 from .affine_grid import ARRAYS, Axis, CellGrid, SampledWeights, SurfacePoints
-from .interpolation import OutputMaps
+from .interpolation import OpticalNumbers, OutputMaps
 from .members import pack, unpack
 from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers
-from .optical_numbers import OpticalNumbers
 from .parameter_box import Box
 
 if TYPE_CHECKING:
