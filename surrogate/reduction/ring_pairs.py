@@ -24,11 +24,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from thermofem import InputError, Part, Probe, StateSpace, assemble, checks
+from thermofem.algebra.krylov import orthonormal, symmetric_part
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.fem.probe_means import off_axis_integral
@@ -222,13 +222,8 @@ def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
     """The system on a basis and on further fields, in its modes."""
     V = basis
     if more is not None:
-        for _ in range(2):  # twice is enough, as for Gram and Schmidt
-            more = more - V[:, : basis.shape[1]] @ (basis.T @ (system.E @ more))
-        values, vectors = np.linalg.eigh(more.T @ (system.E @ more))
-        kept = values > 1e-12 * values[-1]
-        V = np.column_stack([V, more @ (vectors[:, kept] / np.sqrt(values[kept]))])
-    stiffness, mass = (V.T @ (matrix @ V) for matrix in (-system.A, system.E))
-    rate, Z = eigh((stiffness + stiffness.T) / 2, (mass + mass.T) / 2)
+        V = np.column_stack([V, orthonormal(more, system.E, V, system.E @ V, smallest=1e-16)[0]])
+    rate, Z = np.linalg.eigh(symmetric_part(-V.T @ (system.A @ V)))
     modes = V @ Z
     return Pairs(rate, modes.T @ np.asarray(system.B[:, 0]), np.asarray(system.C @ modes), np.empty(0))
 
