@@ -15,7 +15,6 @@ from .circuit import (
 from .cycles import cycle_folds, derivatives  # noqa: F401 - as coupled.cycles.derivatives
 from .cycles.continue_cycle import continue_cycle
 from .cycles.limit_cycle import limit_cycle
-from .equilibria import onset  # noqa: F401 - as coupled.equilibria.onset
 from .equilibria.bifurcation_curves import fold_curves, hopf_curves
 from .equilibria.steady_states import steady_states
 from .equilibria.transmission import transmission

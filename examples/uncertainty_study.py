@@ -6,8 +6,8 @@ Trains one family of the paper's ring over core width, core height and both oxid
 distributions and draws uncertainty_study.png into the folder: which tolerance matters for the thermal resistance, the
 time constant and the settled period at (8 dBm, 0 GHz), and the probability of self-pulsing at every point of a map.
 
-The deviations are typical of silicon photonics. Geometry moves the optics, too. BUS_RATE, the change of the coupling
-to the bus with the core width, is an assumption; a mode solver gives the right one.
+The deviations are typical of silicon photonics. Geometry moves the optics, too: the family knows modes and couplers of
+its members, and the paper's measured ring follows them in proportion.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from scipy import stats
 import coupled
 import surrogate
 import thermofem as th
+from coupled.ring_family import MovingRing
 from thermofem.campaign import Drive, Variation
 from thermofem.plot import CYCLE
 
@@ -41,7 +42,17 @@ PATHS = {
     "box": "layer.box.thickness",
     "cladding": "layer.cladding.thickness",
 }
-BUS_RATE = -0.01 * RING.bus_rate / 1e-9  # 1/s per m: 1 % less coupling for 1 nm more width
+LIGHT = """
+[light]
+wavelength = "1549.5 nm"
+[[bus]]
+gap = "250 nm"
+straight = "3 um"
+[[bus]]
+name = "drop"
+gap = "250 nm"
+straight = "3 um"
+"""
 POWERS, DETUNINGS = 1e-3 * 10 ** (np.linspace(2, 10, 15) / 10), np.linspace(-30e9, 30e9, 25)
 
 
@@ -52,19 +63,22 @@ def family() -> surrogate.family.Family:
         for name, one in SPREAD.items()
     )
     drive = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
-    return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), vary, (drive,), samples=1))
+    return surrogate.train_family(th.Campaign(th.strip_ring().to_toml() + LIGHT, vary, (drive,), samples=1))
+
+
+def moved(changes: dict[str, float]) -> coupled.RingResonator:
+    """The ring with the optics of another geometry."""
+    return replace(RING, **{name: getattr(RING, name) + change for name, change in changes.items()})
 
 
 def settled_period(model: th.Foster, changes: dict[str, float]) -> float:
     """Period in s of the limit cycle, with the optics of this geometry."""
-    ring = replace(RING, bus_rate=RING.bus_rate + changes["bus_rate"])
-    return float(coupled.limit_cycle(ring, model, power=POWER, detuning=0.0).attrs["period"])
+    return float(coupled.limit_cycle(moved(changes), model, power=POWER, detuning=0.0).attrs["period"])
 
 
 def pulses(model: th.Foster, changes: dict[str, float]):
     """Whether the ring has no stable state, over the map."""
-    ring = replace(RING, bus_rate=RING.bus_rate + changes["bus_rate"])
-    return coupled.stability_map(ring, model, POWERS, DETUNINGS).regime == "self-pulsing"
+    return coupled.stability_map(moved(changes), model, POWERS, DETUNINGS).regime == "self-pulsing"
 
 
 def figure(studies, probability, path: Path) -> None:
@@ -95,7 +109,8 @@ def main() -> None:
     """Train, draw members and draw the figure."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
     folder.mkdir(parents=True, exist_ok=True)
-    rings, optics = family(), surrogate.Optics({"bus_rate": {"width": BUS_RATE}})
+    rings = family()
+    optics = MovingRing(rings, RING)
     studies = {
         "thermal resistance": surrogate.uncertainty(rings, SPREAD, samples=1024),
         "time constant": surrogate.uncertainty(rings, SPREAD, "time_constant", samples=1024, interpolate=100),

@@ -13,10 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from thermofem import checks
-from thermofem.data.column_units import unit_of
 from thermofem.data.dataset import response_of
-from thermofem.data.variables import contents
-from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, time_unit
+from thermofem.data.variables import contents, unit_of
+from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, readable
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
 
@@ -26,45 +25,36 @@ from .reduction.array_reduction import ArrayReduction
 CURVE = "Datasets of surrogate.period_error"
 
 
-def plot_period_error(
-    curves: Mapping[str, xr.Dataset], ax: Axes | None = None, *, within: float = 0.1, absolute: bool = False
-) -> Axes:
-    """Period error against period (us), relative in % or absolute in us, the 10 % band shaded: the paper's Fig. 7.
+def plot_period_error(curves: Mapping[str, xr.Dataset], ax: Axes | None = None, *, within: float = 0.1) -> Axes:
+    """Period error in % against period (us), the 10 % band shaded: the paper's Fig. 7.
 
     curves [mapping from the model's name to a Dataset of `surrogate.period_error`]
     within: half width of the band.
-    absolute: T - T_model itself, as the paper's solid line.
     """
-    needed = ("period", "relative_error", *(("error",) if absolute else ()))
-    curves = {name: contents("curve", curve, needed, what=CURVE) for name, curve in curves.items()}
+    curves = {
+        name: contents("curve", curve, ("period", "relative_error"), what=CURVE) for name, curve in curves.items()
+    }
     ax = _axes(ax)
     periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
-    band = within * (periods if absolute else 100 * np.ones_like(periods))
+    band = np.full(periods.shape, 100 * within)
     ax.fill_between(periods, -band, band, color=SKY, alpha=0.18, linewidth=0)
     ax.axhline(0, color=INK, linewidth=0.6)
     for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
-        error = curve["error"].values * 1e6 if absolute else curve["relative_error"].values * 100
+        error = curve["relative_error"].values * 100
         low, high = widest_range(curve, within=within)
         words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
         shown = np.where(np.isfinite(error), error, np.nan)
         style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat
         ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)
     bottom, top = ax.get_ylim()
-    limit = 1.0 if absolute else 100.0
-    ax.set_ylim(max(bottom, -limit), min(top, limit))
-    ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel=f"period error ({'µs' if absolute else '%'})")
-    ax.set_title(
-        f"shaded: error within {100 * within:g} %; the legend gives the periods",
-        fontsize="small",
-        loc="left",
-        color=INK,
-    )
+    ax.set_ylim(max(bottom, -100), min(top, 100))
+    ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel="period error (%)")
+    words = f"shaded: error within {100 * within:g} %; the legend gives the periods"
+    ax.set_title(words, fontsize="small", loc="left", color=INK)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.margins(x=0)
-    below: dict[str, Any] = (
-        {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2} if len(curves) > len(CYCLE) else {}
-    )
-    ax.legend(frameon=False, fontsize="small", **below)
+    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2}
+    ax.legend(frameon=False, fontsize="small", **(below if len(curves) > len(CYCLE) else {}))
     return ax
 
 
@@ -144,13 +134,9 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         rise = np.interp(response.times, times, model.periodic_response(response.wave, FINE))
     else:
         rise = np.asarray(model.response(response.wave, response.times))
-    if ax is None:
-        layout: dict[str, Any] = {"sharex": True, "height_ratios": [3, 1], "layout": "constrained"}
-        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 4.2), **layout)
-    upper, lower = ax
-    factor, unit = time_unit(float(response.times[-1]))
+    upper, lower = _axes(ax, (WIDTH, 4.2), 2, sharex=True, height_ratios=[3, 1])
     rise_unit = unit_of(data.attrs.get("assumed", ""))
-    t, missed = response.times * factor, rise - response.rise
+    (t, unit), missed = readable(response.times, "s"), rise - response.rise
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
     gaps = np.diff(t)

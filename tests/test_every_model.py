@@ -39,7 +39,6 @@ def drive_everything(model):
         "transmission": lambda: coupled.transmission(RING, model, power=POWER, detuning=np.array(detunings)),
         "cosimulate": lambda: coupled.cosimulate(RING, coarse_fem(), predictor=model, **SHORT),
         "identify": lambda: coupled.unknowns.unknowns(RING, ["bus_rate"], model),
-        "van_vaerenbergh_q": lambda: coupled.equilibria.onset.van_vaerenbergh_q(RING, model),
     }
 
 

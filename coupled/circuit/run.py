@@ -108,38 +108,39 @@ def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner:
     """The rows of the kernel as a Dataset, in SI."""
     circuit, light = system.circuit, system.light
     n, D, ports, Q = len(circuit.names), light.delay.size, len(circuit.ports), len(light.terminals)
-    time, states = rows[:, 0] * eq.NS, rows[:, 1 : 1 + 4 * n].reshape(-1, n, 4)
-    fields = (states[:, :, 0] + 1j * states[:, :, 1]).T * eq.FJ**0.5
-    further = rows[:, 1 + 4 * n :]
-    waves = (further[:, : 2 * Q : 2] + 1j * further[:, 1 : 2 * Q : 2]).T * eq.UW**0.5 if further.size else None
-    waves = system.waves(fields, time) if waves is None else waves
+    time, states = rows[:, 0] * eq.NS, rows[:, 1 : 1 + 4 * n].reshape(-1, n, 4).T
+    field, further, seen = states[0] + 1j * states[1], rows[:, 1 + 4 * n :].T, slice(D, D + ports)
+    if further.size:
+        waves = (further[: 2 * Q : 2] + 1j * further[1 : 2 * Q : 2]) * eq.UW**0.5
+    else:
+        waves = system.waves(field * eq.FJ**0.5, time)
     power = np.abs(waves) ** 2
-    of_rings = system.by_ring(fields / eq.FJ**0.5, states[:, :, 2].T, states[:, :, 3].T)
-    scattering = np.array([ring.scattering_rate for ring in circuit.resonators])[:, None]
-    of_rings["scattered"] = 2 * scattering * of_rings["energy"]
-    shown, seen = power[D : D + ports], slice(D, D + ports)
-    variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
-    variables["output"] = (("port", "time"), shown, described("output"))
-    variables["phase"] = (("port", "time"), np.angle(waves[seen]), described("phase"))
+    of_rings = system.by_ring(field, states[2], states[3])
+    scattering = np.array([[2 * ring.scattering_rate] for ring in circuit.resonators])
     given = np.array([np.maximum(p(time), 0) for p in system.powers])
-    variables["input"] = (("laser", "time"), given, described("input"))
     on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
-    variables["lost"] = (("time",), light.lost @ power + on_the_way @ given, described("lost"))
+    shown = power[seen]
+    by_port = {"output": shown, "phase": np.angle(waves[seen])}
     if corner.size:
         late = corner[seen] > 0
-        signals = further[:, (3 if average else 2) * Q :][:, seen].T * eq.UW
-        shown = np.where(late[:, None], signals, shown)
-        variables["detected"] = (("port", "time"), shown, described("detected"))
+        shown = np.where(late[:, None], further[(3 if average else 2) * Q :][seen] * eq.UW, shown)
+        by_port["detected"] = shown
     if average:
-        energies = further[:, 2 * Q : 3 * Q][:, seen].T * eq.FJ
+        energies = further[2 * Q : 3 * Q][seen] * eq.FJ
         if corner.size:  # dz/dt = corner (P - z)
             energies = energies - np.where(late, eq.NS / np.where(late, corner[seen], 1.0), 0.0)[:, None] * shown
-        before = np.hstack([np.zeros((ports, 1)), energies[:, :-1]])
         length = np.diff(time, prepend=0.0)
-        mean = np.where(length > 0, (energies - before) / np.where(length > 0, length, 1.0), shown)
-        variables["mean_output"] = (("port", "time"), mean, described("mean_output"))
+        gathered = np.diff(energies, prepend=0.0, axis=1)
+        by_port["mean_output"] = np.where(length > 0, gathered / np.where(length > 0, length, 1.0), shown)
+    every: dict[str, Any] = {
+        "ring": of_rings | {"scattered": scattering * of_rings["energy"]}, "port": by_port, "laser": {"input": given}
+    }  # fmt: skip
+    variables: dict[str, Any] = {
+        name: ((over, "time"), v, described(name)) for over, group in every.items() for name, v in group.items()
+    }
+    variables["lost"] = ("time", light.lost @ power + on_the_way @ given, described("lost"))
     if system.detuning is None:
-        variables["detuning"] = (("time",), system.detunings[0](time), described("detuning"))
+        variables["detuning"] = ("time", system.detunings[0](time), described("detuning"))
     else:
         attributes = attributes | {"detuning": system.detuning}
     coordinates = {
@@ -154,10 +155,7 @@ def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner:
 
 def described(name: str) -> dict[str, str]:
     """Unit and long name of a variable."""
-    if name in NAMES:
-        unit, words = NAMES[name]
-        return {"units": unit, "long_name": words}
-    return dataset.describe(name)
+    return dict(zip(("units", "long_name"), NAMES[name], strict=True)) if name in NAMES else dataset.describe(name)
 
 
 def varies(system: System, duration: float) -> dict[str, str]:

@@ -119,10 +119,12 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
 
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     """States to start from: the branch of low power, then random detunings of the hot rings."""
-    n = len(system.circuit.names)
-    y = np.zeros(system.size)
+    n, drive = len(system.circuit.names), system.drive
+    y = system.problem(Method.RODAS5P).zero()
     for share in np.geomspace(1e-3, 1.0, RAMP):
-        following = _newton(system, system.scaled(float(share)).problem(Method.RODAS5P), y)
+        power = drive.power._replace(coefficients=share * drive.power.coefficients)
+        weaker = replace(system, drive=drive._replace(power=power))
+        following = _newton(weaker, weaker.problem(Method.RODAS5P), y)
         if following is None:
             break
         y = following
@@ -161,25 +163,25 @@ def _distance(light: Array, other: Array) -> float:
 
 def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
     """The fixed points as a Dataset, in SI."""
-    circuit = system.circuit
-    n, K = system.heat.gain.shape
-    y = np.array(found).reshape(len(found), 3 * n + n * K)
-    field, x = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3], y[:, 3 * n :].reshape(len(y), n, K)
-    own = np.einsum("iik,sik->si", system.heat.read, x)
-    rises = np.einsum("ijk,sjk->si", system.heat.read, x) + system.heat.curvature * own**2
+    circuit, heat = system.circuit, system.heat
+    n, K = heat.gain.shape
+    y = np.array(found).reshape(-1, 3 * n + n * K)
+    field, x = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3], y[:, 3 * n :].reshape(-1, n, K)
+    own = np.einsum("iik,sik->si", heat.read, x)
+    rises = np.einsum("ijk,sjk->si", heat.read, x) + heat.curvature * own**2
     rises = rises + np.array([float(offset(0.0)) for offset in system.offsets])
     waves = system.waves(field.T * eq.FJ**0.5, np.zeros(len(y)))[: len(circuit.ports)].T
-    values = [np.linalg.eigvals(problem.slopes(one)[1]) for one in y]
-    first = [v[np.argmax(v.real)] for v in values]
+    values = np.array([np.linalg.eigvals(problem.slopes(one)[1]) for one in y]).reshape(len(y), -1)
+    first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0] if len(y) else np.empty(0)
     by_ring = system.by_ring(field.T, y[:, 2 : 3 * n : 3].T, rises.T)
     variables: dict[str, Any] = {k: (("state", "ring"), v.T, described(k)) for k, v in by_ring.items()}
     variables["output"] = (("state", "port"), np.abs(waves) ** 2, described("output"))
-    rate = np.array([v.real / eq.NS for v in first])
-    turn = np.array([abs(v.imag) / (2 * np.pi * eq.NS) for v in first])
-    growing = np.array([int(np.sum(v.real > 0)) for v in values], dtype=int)
-    variables["growth_rate"] = ("state", rate, {"units": "1/s", "long_name": "largest real part of the eigenvalues"})
-    variables["frequency"] = ("state", turn, {"units": "Hz", "long_name": "frequency of that eigenvalue"})
-    variables["growing"] = ("state", growing, {"units": "1", "long_name": "number of growing modes"})
+    for name, column, unit, words in (
+        ("growth_rate", first.real / eq.NS, "1/s", "largest real part of the eigenvalues"),
+        ("frequency", np.abs(first.imag) / (2 * np.pi * eq.NS), "Hz", "frequency of that eigenvalue"),
+        ("growing", (values.real > 0).sum(axis=1), "1", "number of growing modes"),
+    ):
+        variables[name] = ("state", column, {"units": unit, "long_name": words})
     coordinates = {"ring": list(circuit.names), "port": list(circuit.ports)}
     attrs = dataset.stamp("fixed points of a circuit") | {"circuit": circuit.name, "detuning": system.detuning or 0.0}
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)
@@ -190,17 +192,16 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
 
     [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
     """
-    nu = check_axis("detuning", detuning)
-    names = [one.name for one in circuit.lasers]
-    lit = [name for name, value in checks.mapping("power", power).items() if value > 0]
+    nu, names = check_axis("detuning", detuning), [one.name for one in circuit.lasers]
+    lit = {name: watts for name, watts in checks.mapping("power", power).items() if watts > 0} or {names[0]: 0.0}
     for name in lit:
         checks.choice("power", name, names)
-    if len(lit) > 1 or max((dict(power or {})[name] for name in lit), default=0.0) > WEAK:
+    if len(lit) > 1 or max(lit.values()) > WEAK:
         raise checks.InputError(
             f"power = {power!r} must hold one laser of at most {WEAK:g} W: the transmission of a circuit is that of "
             "low power; steady_states finds fixed points at more"
         )
-    k = names.index(lit[0]) if lit else 0
+    k = names.index(next(iter(lit)))
     light = light_of(circuit)
     responses = [_response(circuit, light.at(float(one)), float(one), k) for one in nu + circuit.lasers[k].offset]
     seen, fields = (np.array(columns).T for columns in zip(*responses, strict=True))

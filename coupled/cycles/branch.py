@@ -4,9 +4,9 @@
     torus: prod_(i<j) (1 - mu_i mu_j) = 0 with a pair of complex mu,     mu: the multipliers but the trivial one
     beside a Hopf point:  x = x_0 + r Re(q exp(i w t)),     J q = i w q,     dr/dt = growth r + g r^3
 
-r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`equilibria.onset`). A branch of
-ever smaller cycles ends where a pair of eigenvalues crosses the imaginary axis, found by the secant method on the real
-part; its last "cycle" is the fixed point itself.
+r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`steady_states.first_lyapunov`). A
+branch of ever smaller cycles ends where a pair of eigenvalues crosses the imaginary axis, found by the secant method on
+the real part; its last "cycle" is the fixed point itself.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 and 10.3.
 """

@@ -23,19 +23,19 @@ ns, fJ, uW, K and 1e23 carriers per m^3.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import elementwise
 
-from thermofem import Foster, OutputMap, Quadratic, checks
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem import checks
+from thermofem.arrays import Array, ArrayLike, Complex, NDArray
 from thermofem.models import ThermalModel
 
-from ..kernel.integrator import Problem
+from ..kernel import integrator as kernel
 from ..kernel.tableaus import Method
-from ..kernel.units import EPSILON, FJ, NS, UW, Rates, internal_rates, single_ring
+from ..kernel.units import EPSILON, UW, Rates, internal_heat, internal_rates, single_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
 from .contours import zeros
@@ -51,48 +51,48 @@ class PoleHeat(NamedTuple):
     curvature: float  # 1/K
 
     @property
+    def resistance(self) -> float:
+        """Of the network, K/uW."""
+        return float((self.gain / self.rate).sum())
+
+    @property
     def slowest(self) -> float:
         """Rate of the slowest decay, 1/ns."""
         return float(self.rate.min())
 
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Rise at rest in K and its derivative by the absorbed power P in uW."""
-        R = float((self.gain / self.rate).sum())
+        R = self.resistance
         return R * P * (1 + self.curvature * R * P), R * (1 + 2 * self.curvature * R * P)
 
     def states(self, P: Array) -> Array:
         """States at rest, shape (..., n)."""
         return np.asarray(P)[..., None] * (self.gain / self.rate)
 
-    def impedance(self, lam: NDArray[np.complex128], P: Array) -> NDArray[np.complex128]:
+    def impedance(self, lam: Complex, P: Array) -> Complex:
         """d(dT)/dP in K/uW of changes exp(lam t) about the state at rest under P; one shape."""
         response = np.zeros(np.shape(lam), dtype=complex)
         for gain, rate in zip(self.gain, self.rate, strict=True):
             response += gain / (lam + rate)
-        return np.asarray(response * (1 + 2 * self.curvature * float((self.gain / self.rate).sum()) * P))
+        return np.asarray(response * (1 + 2 * self.curvature * self.resistance * P))
 
 
 class QuadraticHeat(NamedTuple):
     """A quadratic model."""
 
-    A: Array  # 1/ns
-    H: Array  # 1/(K ns)
-    G: Array  # 1/fJ
-    B: Array  # K/fJ
-    C: Array  # 1
+    of: kernel.QuadraticHeat
     top: float  # uW, the largest power of the series
     f: Array  # K/uW, shape (terms, n): Chebyshev coefficients over [0, top]
-    slope: Array  # those of df/d(2 P/top - 1)
 
     @property
     def slowest(self) -> float:
         """Rate of the slowest decay at low power, 1/ns."""
-        return float(-np.linalg.eigvals(self.A).real.max())
+        return float(-np.linalg.eigvals(self.of.A).real.max())
 
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Rise at rest in K and its derivative by P; beyond ``top`` the tangent there."""
         states, slope = self._at_rest(P)
-        return states @ self.C, slope @ self.C
+        return states @ self.of.C, slope @ self.of.C
 
     def states(self, P: Array) -> Array:
         """States at rest on the branch from zero, shape (..., n)."""
@@ -102,20 +102,20 @@ class QuadraticHeat(NamedTuple):
         """States at rest and their derivative by P."""
         inside = np.minimum(P, self.top)
         x = 2 * inside / self.top - 1
-        f = np.moveaxis(chebyshev.chebval(x, self.f), 0, -1)
-        slope = f + inside[..., None] * np.moveaxis(chebyshev.chebval(x, self.slope), 0, -1) * 2 / self.top
+        f, f_slope = (np.moveaxis(chebyshev.chebval(x, c), 0, -1) for c in (self.f, chebyshev.chebder(self.f)))
+        slope = f + inside[..., None] * f_slope * 2 / self.top
         return inside[..., None] * f + (P - inside)[..., None] * slope, slope
 
-    def impedance(self, lam: NDArray[np.complex128], P: Array) -> NDArray[np.complex128]:
+    def impedance(self, lam: Complex, P: Array) -> Complex:
         """d(dT)/dP in K/uW of changes exp(lam t) about the state at rest under P; one shape."""
         powers, which = np.unique(P, return_inverse=True)
-        which = which.reshape(np.shape(P))
+        which, heat = which.reshape(np.shape(P)), self.of
         x = self.states(powers)
-        by_state = self.A + 2 * np.einsum("ijk,mk->mij", self.H, x) + powers[:, None, None] * self.G
+        by_state = heat.A + 2 * np.einsum("ijk,mk->mij", heat.H, x) + powers[:, None, None] * heat.G
         rates, modes = np.linalg.eig(by_state)
-        gains = (self.C @ modes) * np.linalg.solve(modes, (self.B + x @ self.G.T)[..., None].astype(complex))[..., 0]
+        gains = (heat.C @ modes) * np.linalg.solve(modes, (heat.B + x @ heat.G.T)[..., None].astype(complex))[..., 0]
         response = np.zeros(np.shape(lam), dtype=complex)
-        for k in range(self.C.size):
+        for k in range(heat.C.size):
             response += gains[which, k] / (lam - rates[which, k])
         return response
 
@@ -129,17 +129,13 @@ def heat_of(model: Compact, largest: float) -> Heat:
     Raises InputError: no steady state of a quadratic model at a power below, or one so near the end of all that no
         series holds.
     """
-    if isinstance(model, Quadratic):
-        A, H, G, B, C = (np.asarray(getattr(model, name), dtype=float) for name in "AHGBC")
-        f = _series(model, largest) * UW
-        return QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, largest / UW, f, np.asarray(chebyshev.chebder(f)))
-    linear: Foster = model.linear if isinstance(model, OutputMap) else model
-    R, tau = np.asarray(linear.R, dtype=float), np.asarray(linear.tau, dtype=float)
-    curvature = float(model.coefficient) if isinstance(model, OutputMap) else 0.0
-    return PoleHeat(R * UW * NS / tau, NS / tau, curvature)
+    heat, curvature = internal_heat(model)
+    if isinstance(heat, kernel.PoleHeat):
+        return PoleHeat(heat.gain[0], heat.rate[0], curvature)
+    return QuadraticHeat(heat, largest / UW, _series(model, largest) * UW)
 
 
-def _series(model: Quadratic, largest: float) -> Array:
+def _series(model: Any, largest: float) -> Array:
     """Chebyshev coefficients of f in K/W over [0, largest], shape (terms, n)."""
     for terms in TERMS:
         powers = (1 + chebyshev.chebpts1(terms)) / 2 * largest
@@ -164,7 +160,7 @@ class InternalRing(NamedTuple):
     rates: Rates
     fcd: Array  # rows (c_k, p_k) of S(N)
     heat: Heat
-    problem: Problem  # as the kernel takes it
+    problem: kernel.Problem  # as the kernel takes it
 
 
 class Balance(NamedTuple):

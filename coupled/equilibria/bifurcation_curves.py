@@ -36,8 +36,7 @@ from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, dispersion, energy, farthest_s, internal_ring
 from .contours import Segment, intervals_in_window, joined, one_sign, refined, zeros
-from .onset import first_lyapunov
-from .steady_states import jacobians, states
+from .steady_states import first_lyapunov, jacobians, states
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window

@@ -3,7 +3,7 @@
 The phase of the field does not matter at a fixed point, so a = sqrt(U). Internal units as in `balance`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from ..thermal import check_geometry, provenance, trusted
 from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
+STEP = 1e-3  # of the sizes of the states, for derivatives: errors of 1e-6 by truncation and 1e-10 by round-off
 
 
 def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
@@ -54,6 +55,54 @@ def leading(values: Complex) -> tuple[Array, Array, NDArray[np.intp]]:
     # real, too, with |Im|/|lambda| below 1e-6: a double eigenvalue splits by the root of round-off
     omega = np.where(np.abs(first.imag) > 1e-6 * np.abs(first), np.abs(first.imag), 0.0)
     return first.real, omega, (values.real > 0).sum(axis=1)
+
+
+def first_lyapunov(
+    jacobians: Callable[[Array], Array], x: Array, size: Array, omega: Array, unit: NDArray[np.intp]
+) -> tuple[Array, Complex]:
+    """Return the first Lyapunov coefficient g and all eigenvalues at m Hopf points.
+
+    With A the Jacobian there, A q = i w q, A^T p = -i w p, <p, q> = 1, and B and C the second and third derivatives of
+    the right-hand side,
+
+        g = Re [<p, C(q, q, q*)> - 2 <p, B(q, A^-1 B(q, q*))> + <p, B(q*, (2 i w - A)^-1 B(q, q))>]/2
+        dr/dt = growth r + g r^3,     x = x_0 + r (q exp(i w t) + q* exp(-i w t))
+
+    so that for g < 0 (supercritical) the ring begins to pulse with an amplitude like the root of the distance, and for
+    g > 0 (subcritical) it jumps to a large pulse and has hysteresis. Only the Jacobian is differentiated, by central
+    differences along Re q and Im q: B(q, .) = J'(Re q) + i J'(Im q), C(q, q*, .) = J''(Re q) + J''(Im q).
+
+    jacobians: of the states, shape (m, n) to (m, n, n).
+    x, size [shape (m, n)]: the fixed points, and sizes of their states for the differences.
+    omega [shape (m,)]: near which the eigenvalue i w is looked for.
+    unit [shape (m,)]: the state whose amplitude is r: q is scaled to |q[unit]| = 1/2.
+
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 5.4.
+    """
+    m = np.arange(len(x))
+    A = jacobians(x)
+    values, vectors = np.linalg.eig(A.astype(complex))
+    k = np.abs(values - 1j * omega[:, None]).argmin(axis=1)
+    w, q = values[m, k].imag, vectors[m, :, k]
+    q = q / (2 * q[m, unit])[:, None]
+    left, lefts = np.linalg.eig(A.transpose(0, 2, 1).astype(complex))
+    p = lefts[m, :, np.abs(left - values[m, k][:, None]).argmin(axis=1)].conj()
+    p = p / np.einsum("mi,mi->m", p.conj(), q).conj()[:, None]
+    h = STEP / np.max(np.abs(q) / size, axis=1)
+    first, second = np.zeros(A.shape, dtype=complex), np.zeros(A.shape)
+    for part, factor in ((q.real, 1), (q.imag, 1j)):
+        ahead, behind = jacobians(x + h[:, None] * part), jacobians(x - h[:, None] * part)
+        first += factor * (ahead - behind) / (2 * h[:, None, None])
+        second += (ahead - 2 * A + behind) / h[:, None, None] ** 2
+
+    def times(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(np.einsum("mij,mj->mi", M, v))
+
+    mean = np.linalg.solve(A.astype(complex), times(first, q.conj())[..., None])[..., 0]
+    twice = 2j * w[:, None, None] * np.eye(x.shape[1]) - A
+    double = np.linalg.solve(twice, times(first, q)[..., None])[..., 0]
+    terms = times(second, q) - 2 * times(first, mean) + times(first.conj(), double)
+    return np.einsum("mi,mi->m", p.conj(), terms).real / 2, values
 
 
 class Survey(NamedTuple):

@@ -16,8 +16,8 @@ from ..kernel.tableaus import Method, tableau
 
 # in the order in which they use one another
 MODULES = (
-    "ring", "eigen", "kernel", "equilibria", "curves", "measure", "pulsing", "cycle", "heat", "engine", "channel",
-    "plot", "view", "thermal", "state", "script", "figures", "section", "paint", "fields", "pointer", "take", "main",
+    "ring", "eigen", "kernel", "equilibria", "curves", "pulsing", "cycle", "engine", "plot", "thermal", "state",
+    "figures", "section", "paint", "fields", "take", "main",
 )  # fmt: skip
 LIBRARY = "vendor/d3-scale.min.js"
 HERE = Path(__file__).parent

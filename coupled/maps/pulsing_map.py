@@ -136,7 +136,7 @@ def pulsing_map(
         )
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-6 gives periods to 2e-4")
-    order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
+    order = None if follow is None else Follow(follow)
     attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed, **warm.attributes}
     if not settled:
         attrs |= {"duration": float(duration), "rtol": float(rtol)}
@@ -267,7 +267,7 @@ def _row(
                 watch=watch,
             )  # fmt: skip
             end, rise = run.final, float(max(run.delta_T.max(), *([] if rest is None else rest.delta_T)))
-            cells.append(Cell(str(found.regime), found.period, found.duty, found.swing, found.reason, rise))
+            cells.append(Cell(found.regime, found.period, found.duty, found.swing, found.reason, rise))
         except (checks.InputError, RuntimeError) as error:
             cells.append(Cell(FAILED, reason=str(error)))
             end = cold

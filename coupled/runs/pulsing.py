@@ -126,13 +126,12 @@ def pulsing(run: xr.Dataset) -> Pulsing:
 
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
-    checks.has("run", run, "variables", "attrs", hint="a Dataset from coupled.simulate is needed")
-    if hasattr(run, "assign"):
-        run = in_si("run", run)
-    if getattr(run, "sizes", {}).get("ring"):
+    checks.has("run", run, "variables", "sizes", hint="a Dataset from coupled.simulate is needed")
+    run = in_si("run", run)
+    if run.sizes.get("ring"):
         names = run["ring"].values
         raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
-    of_circuit = "ring" in getattr(run, "coords", {})  # the drop power of a ring is its energy times a constant
+    of_circuit = "ring" in run.coords  # the drop power of a ring is its energy times a constant
     t, N, drop, dT = (_values(run, n) for n in ("time", "carriers", "energy" if of_circuit else "drop", "delta_T"))
     if not drop.any() and "energy" in run.variables:
         drop = _values(run, "energy")

@@ -79,14 +79,11 @@ def export_model(
     checks.choice("to", to, FORMATS)
     check_target(path)
     checks.has("model", model, "inputs", "outputs", hint="a thermal model is needed, such as thermofem.Foster or a fit")
-    if fmi not in (2, 3):
-        raise checks.InputError(f"fmi = {checks.shown(fmi)} must be 2 or 3")
-    if fmi != 2 and to != "fmu":
-        raise checks.InputError(f'fmi = {fmi!r} goes with to = "fmu"; {to!r} has no such versions')
-    if ring is not None and to not in DEMONSTRATIONS:
-        raise checks.InputError(f"ring goes with to = {', '.join(DEMONSTRATIONS)}; {to!r} holds the heat only")
-    if hasattr(ring, "rings") and to != "spice":
-        raise checks.InputError("ring is a Circuit; circuits are written as SPICE only")
+    checks.integer("fmi", fmi, 2, 3)
+    if ring is not None:
+        checks.choice("to of a ring", to, DEMONSTRATIONS, hint="the others hold the heat only")
+    if hasattr(ring, "rings"):
+        checks.choice("to of a Circuit", to, ("spice",))
     if ring is None and power is not None:
         raise checks.InputError("power is that of a ring's laser; give ring, too")
     run = None if power is None else demonstration(power, detuning, period)
@@ -94,14 +91,7 @@ def export_model(
         provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
     model = bare(model)
     lines = header(model, checks.mapping("provenance", provenance, hint="such as the .provenance of a fit"))
-    match to:
-        case "spice":
-            return spice.write(model, path, lines, ring, run)
-        case "verilog-a":
-            return verilog_a.write(model, path, lines, ring, run)
-        case "fmu":
-            return fmu.write(model, path, lines, ring, run, fmi=fmi, platforms=platforms)
-        case "mat":
-            return poles.write_mat(model, path, lines)
-        case _:
-            return poles.write_csv(model, path, lines)
+    options: dict[str, Any] = {"fmi": fmi, "platforms": platforms} if to == "fmu" else {}
+    light = () if to not in DEMONSTRATIONS else (ring, run)
+    write = {"spice": spice.write, "verilog-a": verilog_a.write, "fmu": fmu.write, "mat": poles.write_mat}
+    return write.get(to, poles.write_csv)(model, path, lines, *light, **options)

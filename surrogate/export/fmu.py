@@ -36,13 +36,18 @@ OUTPUT, STATE, DERIVATIVE = 1000, 2000, 4000  # first value references, as in un
 STEP = 2e-9  # s, the communication step that the description of a ring proposes
 UNITS = {"W": {"kg": 1, "m": 2, "s": -3}, "Hz": {"s": -1}, "K": {"K": 1}, "m-3": {"m": -3},
          "J": {"kg": 1, "m": 2, "s": -2}, "W^0.5": None}  # fmt: skip
+
+
+def _field(name: str, words: str) -> tuple[tuple[str, str, str], ...]:
+    """Names, units and words of both parts of a field."""
+    return tuple((f"{name}_{part[:2]}", "W^0.5", f"{words}, {part} part") for part in ("real", "imaginary"))
+
+
 LIGHT_INPUTS = (
     ("power", "W", "power of a laser of phase 0 in the bus"),
     ("detuning", "Hz", "laser minus cold resonance"),
-    ("in_re", "W^0.5", "more field into the bus, real part"),
-    ("in_im", "W^0.5", "more field into the bus, imaginary part"),
-    ("add_re", "W^0.5", "field into the add port, real part"),
-    ("add_im", "W^0.5", "field into the add port, imaginary part"),
+    *_field("in", "more field into the bus"),
+    *_field("add", "field into the add port"),
 )
 LIGHT_OUTPUTS = (
     ("drop", "W", "power at the drop port"),
@@ -50,10 +55,8 @@ LIGHT_OUTPUTS = (
     ("absorbed", "W", "heat made by the light"),
     ("carriers", "m-3", "carrier density"),
     ("energy", "J", "energy of the light in the ring"),
-    ("through_re", "W^0.5", "field at the through port, real part"),
-    ("through_im", "W^0.5", "field at the through port, imaginary part"),
-    ("drop_re", "W^0.5", "field at the drop port, real part"),
-    ("drop_im", "W^0.5", "field at the drop port, imaginary part"),
+    *_field("through", "field at the through port"),
+    *_field("drop", "field at the drop port"),
 )
 # name of a platform here -> target of ziglang, ending, folder of FMI 2.0 and of 3.0
 PLATFORMS = {
@@ -93,8 +96,6 @@ def write(
     for name in platforms:
         checks.choice("platforms", name, PLATFORMS)
     rates, poles, name = None if ring is None else ring_rates(ring), poles_of(model), identifiers([path.stem])[0]
-    if not poles.rate.size:
-        raise checks.InputError("model has R = 0 K/W at every pole: it never warms up")
     numbers = _numbers(model, poles, rates)
     code = [files(__package__).joinpath(file).read_text(encoding="utf-8") for file in ("unit.c", f"fmi{fmi}.c")]
     token = "{" + hashlib.sha256("\n".join([numbers, *code]).encode()).hexdigest()[:32] + "}"
@@ -105,8 +106,7 @@ def write(
         (root / "sources").mkdir()
         (root / "sources" / f"{name}.c").write_text(source, encoding="utf-8")
         variables = _variables(poles, rates)
-        describe = _description2 if fmi == 2 else _description3
-        (root / "modelDescription.xml").write_bytes(_xml(describe(name, token, about, variables, rates)))
+        (root / "modelDescription.xml").write_bytes(_xml(_description(fmi, name, token, about, variables, rates)))
         if fmi == 3:
             (root / "sources" / "buildDescription.xml").write_bytes(_xml(_build_description(name)))
         _compile(root, name, fmi, platforms)
@@ -134,18 +134,18 @@ def _numbers(model: Any, poles: Poles, rates: RingRates | None) -> str:
         "LIT": poles.inputs.index(heated),
         "CORE": poles.outputs.index(read),
     }
-    lines = [f"#define {name} {value}" for name, value in counts.items()]
     scalars = {"COEFFICIENT": poles.coefficient}
+    arrays: dict[str, Any] = {}
     if rates is not None:
-        for field in ("pump", "add", "through", "drop", "loss", "absorbed", "fca", "tpa", "g", "tau0", "a", "b"):
-            scalars[field.upper()] = getattr(rates, field)
-        scalars |= {"THERMAL_SHIFT": rates.thermal_shift, "KERR": rates.kerr, "EPSILON": EPSILON}
-        lines.append(f"#define TERMS {len(rates.dispersion)}")
+        counts["TERMS"] = len(rates.dispersion)
+        scalars |= {name.upper(): value for name, value in vars(rates).items() if name != "dispersion"}
+        scalars["EPSILON"] = EPSILON
+        arrays = {"DISPERSION[TERMS]": [c for c, _ in rates.dispersion]}
+        arrays["EXPONENT[TERMS]"] = [p for _, p in rates.dispersion]
+    arrays["RATE[POLES]"] = poles.rate * 1e-9
+    lines = [f"#define {name} {value}" for name, value in counts.items()]
     lines += [f"#define {name} ({float(value)!r})" for name, value in scalars.items()]
-    if rates is not None:
-        lines.append(_array("DISPERSION[TERMS]", [c for c, _ in rates.dispersion]))
-        lines.append(_array("EXPONENT[TERMS]", [p for _, p in rates.dispersion]))
-    lines.append(_array("RATE[POLES]", poles.rate * 1e-9))
+    lines += [f"static const double {name} = {_row(values)};" for name, values in arrays.items()]
     lines.append(f"static const double GAIN[POLES][HEATED] = {{{', '.join(map(_row, poles.B * 1e-9))}}};")
     lines.append(f"static const double READ[PARTS][POLES] = {{{', '.join(map(_row, poles.C))}}};")
     return "\n".join(lines)
@@ -155,29 +155,23 @@ def _row(values: Any) -> str:
     return "{" + ", ".join(repr(float(value)) for value in values) + "}"
 
 
-def _array(name: str, values: Any) -> str:
-    return f"static const double {name} = {_row(values)};"
-
-
 def _variables(poles: Poles, rates: RingRates | None) -> list[Variable]:
     """All variables; the states come last but for their derivatives, which are in the same order."""
-    light = LIGHT_INPUTS if rates is not None else ()
-    inputs = [*light]
+    light, more = rates is not None, ", besides that of the light" if rates is not None else ""
+    inputs = [*(LIGHT_INPUTS if light else ())]
     for word, part in zip(identifiers(poles.inputs), poles.inputs, strict=True):
-        inputs.append(
-            (f"power_{word}", "W", f"power absorbed by {part}" + (", besides that of the light" if light else ""))
-        )
+        inputs.append((f"power_{word}", "W", f"power absorbed by {part}{more}"))
     outputs = [
         (f"delta_T_{word}", "K", f"temperature rise of {part} above ambient")
         for word, part in zip(identifiers(poles.outputs), poles.outputs, strict=True)
     ]
-    outputs += LIGHT_OUTPUTS if light else ()
-    states = [("a_re", "", "field in sqrt(fJ), real part"), ("a_im", "", "field in sqrt(fJ), imaginary part"),
-              ("density", "", "carriers in 1e23/m^3")] if light else []  # fmt: skip
-    states += [(f"x_{k}", "K", f"pole {k}") for k in range(1, poles.rate.size + 1)]
+    states = [(f"x_{k}", "K", f"pole {k}") for k in range(1, poles.rate.size + 1)]
     found = [Variable(name, k, "input", unit, words, start=0.0) for k, (name, unit, words) in enumerate(inputs)]
     if light:
         found.append(Variable("rtol", len(found), "parameter", "", "relative tolerance of co-simulation", start=1e-6))
+        outputs += LIGHT_OUTPUTS
+        field = [(f"a_{part[:2]}", "", f"field in sqrt(fJ), {part} part") for part in ("real", "imaginary")]
+        states = [*field, ("density", "", "carriers in 1e23/m^3"), *states]
     found += [Variable(name, OUTPUT + k, "output", unit, words) for k, (name, unit, words) in enumerate(outputs)]
     first = len(found) + 1
     found += [
@@ -188,82 +182,69 @@ def _variables(poles: Poles, rates: RingRates | None) -> list[Variable]:
     return found
 
 
-def _unit_definitions(parent: Element, variables: list[Variable], tag: str) -> None:
-    definitions = SubElement(parent, "UnitDefinitions")
-    for name in dict.fromkeys(v.unit for v in variables if v.unit):
-        unit = SubElement(definitions, "Unit", name=name)
-        if UNITS[name]:
-            SubElement(unit, tag, {key: str(value) for key, value in (UNITS[name] or {}).items()})
-
-
-def _experiment(rates: RingRates | None) -> dict[str, str]:
+def _description(
+    fmi: int, name: str, token: str, about: str, variables: list[Variable], rates: RingRates | None
+) -> Element:
+    """The model description of FMI 2.0 or 3.0."""
+    guid = "guid" if fmi == 2 else "instantiationToken"
+    root = Element("fmiModelDescription", {"fmiVersion": f"{fmi}.0", "modelName": name, guid: token,
+        "description": about, "generationTool": "thermofem"})  # fmt: skip
+    exchange, cosimulation = SubElement(root, "ModelExchange"), SubElement(root, "CoSimulation")
+    every, state = {"modelIdentifier": name}, "state" if fmi == 2 else "State"
+    keep = {f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true"}
+    held = {"canHandleVariableCommunicationStepSize": "true"}
+    if fmi == 2:
+        root.set("numberOfEventIndicators", "0")
+        exchange.attrib |= every | {"completedIntegratorStepNotNeeded": "true"} | keep
+        cosimulation.attrib |= every | held | keep
+        for kind in (exchange, cosimulation):
+            SubElement(SubElement(kind, "SourceFiles"), "File", name=f"{name}.c")
+    else:
+        exchange.attrib |= keep | every | {"needsCompletedIntegratorStep": "false"}
+        cosimulation.attrib |= keep | every | held
+    definitions = SubElement(root, "UnitDefinitions")
+    for word in dict.fromkeys(v.unit for v in variables if v.unit):
+        unit = SubElement(definitions, "Unit", name=word)
+        if base := UNITS[word]:
+            SubElement(unit, "BaseUnit", {key: str(value) for key, value in base.items()})
     step = {"tolerance": "1e-6", "stepSize": repr(STEP)} if rates is not None else {}
-    return {"startTime": "0", "stopTime": repr(DURATION)} | step
-
-
-def _description2(name: str, guid: str, about: str, variables: list[Variable], rates: RingRates | None) -> Element:
-    """The model description of FMI 2.0."""
-    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=name, guid=guid, description=about,
-                   generationTool="thermofem", numberOfEventIndicators="0")  # fmt: skip
-    keep = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
-    for kind, more in (
-        ("ModelExchange", {"completedIntegratorStepNotNeeded": "true"}),
-        ("CoSimulation", {"canHandleVariableCommunicationStepSize": "true"}),
-    ):
-        element = SubElement(root, kind, {"modelIdentifier": name} | more | keep)
-        SubElement(SubElement(element, "SourceFiles"), "File", name=f"{name}.c")
-    _unit_definitions(root, variables, "BaseUnit")
-    SubElement(root, "DefaultExperiment", _experiment(rates))
-    listed = SubElement(root, "ModelVariables")
-    for v in variables:
-        variability = {"variability": "fixed" if v.causality == "parameter" else "continuous"}
-        initial = {"output": "calculated", "local": "exact" if v.derivative is None else "calculated"}.get(v.causality)
-        element = SubElement(listed, "ScalarVariable", {"name": v.name, "valueReference": str(v.reference),
-            "causality": v.causality, "description": v.words} | variability
-            | ({"initial": initial} if initial else {}))  # fmt: skip
-        real = {"unit": v.unit} if v.unit else {}
-        real |= {} if v.start is None else {"start": repr(v.start)}
-        SubElement(element, "Real", real | ({"derivative": str(v.derivative)} if v.derivative else {}))
-    outputs = [k for k, v in enumerate(variables, 1) if v.causality == "output"]
-    rates_at = [k for k, v in enumerate(variables, 1) if v.derivative]
-    structure = SubElement(root, "ModelStructure")
-    for tag, indices in (("Outputs", outputs), ("Derivatives", rates_at), ("InitialUnknowns", [*outputs, *rates_at])):
-        element = SubElement(structure, tag)
-        for index in indices:
-            SubElement(element, "Unknown", index=str(index))
+    SubElement(root, "DefaultExperiment", {"startTime": "0", "stopTime": repr(DURATION)} | step)
+    _list(root, fmi, variables)
     return root
 
 
-def _description3(name: str, token: str, about: str, variables: list[Variable], rates: RingRates | None) -> Element:
-    """The model description of FMI 3.0."""
-    root = Element("fmiModelDescription", fmiVersion="3.0", modelName=name, instantiationToken=token,
-                   description=about, generationTool="thermofem")  # fmt: skip
-    keep = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "modelIdentifier": name}
-    SubElement(root, "ModelExchange", keep | {"needsCompletedIntegratorStep": "false"})
-    SubElement(root, "CoSimulation", keep | {"canHandleVariableCommunicationStepSize": "true"})
-    _unit_definitions(root, variables, "BaseUnit")
-    SubElement(root, "DefaultExperiment", _experiment(rates))
-    listed = SubElement(root, "ModelVariables")
-    time = {"name": "time", "valueReference": "9999", "causality": "independent", "variability": "continuous"}
-    SubElement(listed, "Float64", time)
-    structure = SubElement(root, "ModelStructure")
+def _list(root: Element, fmi: int, variables: list[Variable]) -> None:
+    """The variables in a model description, and which of them are outputs and derivatives."""
+    listed, structure = SubElement(root, "ModelVariables"), SubElement(root, "ModelStructure")
+    if fmi == 3:
+        time = {"name": "time", "valueReference": "9999", "causality": "independent", "variability": "continuous"}
+        SubElement(listed, "Float64", time)
     for v in variables:
-        element = {"name": v.name, "valueReference": str(v.reference), "causality": v.causality, "description": v.words}
-        element["variability"] = "fixed" if v.causality == "parameter" else "continuous"
+        about = {"name": v.name, "valueReference": str(v.reference), "causality": v.causality, "description": v.words}
+        about["variability"] = "fixed" if v.causality == "parameter" else "continuous"
         if v.causality in ("output", "local"):
-            element["initial"] = "calculated" if v.start is None else "exact"
-        element |= {"unit": v.unit} if v.unit else {}
-        element |= {} if v.start is None else {"start": repr(v.start)}
-        element |= {"derivative": str(variables[v.derivative - 1].reference)} if v.derivative else {}
-        SubElement(listed, "Float64", element)
-    for tag, chosen in (
-        ("Output", [v for v in variables if v.causality == "output"]),
-        ("ContinuousStateDerivative", [v for v in variables if v.derivative]),
-        ("InitialUnknown", [v for v in variables if v.causality == "output" or v.derivative]),
+            about["initial"] = "calculated" if v.start is None else "exact"
+        value = ({"unit": v.unit} if v.unit else {}) | ({} if v.start is None else {"start": repr(v.start)})
+        if v.derivative:
+            state = v.derivative if fmi == 2 else variables[v.derivative - 1].reference
+            value["derivative"] = str(state)
+        if fmi == 2:
+            SubElement(SubElement(listed, "ScalarVariable", about), "Real", value)
+        else:
+            SubElement(listed, "Float64", about | value)
+    outputs = [(k, v.reference) for k, v in enumerate(variables, 1) if v.causality == "output"]
+    derivatives = [(k, v.reference) for k, v in enumerate(variables, 1) if v.derivative]
+    for tags, chosen in (
+        (("Outputs", "Output"), outputs),
+        (("Derivatives", "ContinuousStateDerivative"), derivatives),
+        (("InitialUnknowns", "InitialUnknown"), outputs + derivatives),
     ):
-        for v in chosen:
-            SubElement(structure, tag, valueReference=str(v.reference))
-    return root
+        element = SubElement(structure, tags[0]) if fmi == 2 else structure
+        for index, reference in chosen:
+            if fmi == 2:
+                SubElement(element, "Unknown", index=str(index))
+            else:
+                SubElement(element, tags[1], valueReference=str(reference))
 
 
 def _build_description(name: str) -> Element:

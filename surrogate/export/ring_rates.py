@@ -112,11 +112,10 @@ def demonstration(power: Any, detuning: float, period: float | None) -> Demonstr
     Raises InputError: a power or detuning out of range, or powers of several lasers.
     """
     if isinstance(power, Mapping):
-        if len(power) != 1:
-            raise checks.InputError(f"power = {checks.shown(dict(power))} must be that of one laser")
+        checks.integer("number of lasers", len(power), 1, 1)
         (power,) = power.values()
-    power = checks.between("power", power, 0, 10, unit="W", hint="powers are in W (did you mean 6.3e-3?)")
+    power = checks.power("power", power, zero=True)
     detuning = checks.between("detuning", detuning, -5e12, 5e12, unit="Hz", hint="did you mean 10e9?")
     if period is not None:
         period = checks.between("period", period, 1e-12, 1, unit="s")
-    return Demonstration(float(power), float(detuning), period)
+    return Demonstration(power, detuning, period)

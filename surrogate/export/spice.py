@@ -1,4 +1,4 @@
-"""SPICE subcircuits: the heat of a ring, and a ring whole with its light and carriers.
+"""SPICE subcircuits: the heat of a ring, a ring whole with its light and carriers, and a circuit of rings.
 
 Heat is a current (1 A = 1 W), temperature rise a voltage (1 V = 1 K). A model that reads the part that it heats becomes
 a Foster network and, where it is passive, also a Cauer ladder. One of several parts, or with an output map, becomes one
@@ -6,9 +6,14 @@ R and one C for each pole; controlled sources couple them to the pins.
 
 Light enters and leaves as fields, 1 V = 1 sqrt(W), each as a pair of pins re and im; the inputs draw no current and the
 outputs are ideal sources, so that light goes one way. 1 V at ``detuning`` is 1 GHz. Capacitors of 1 nF hold the field
-in sqrt(fJ) and the carriers in 1e23/m^3: a current of 1 A is one unit per ns.
+in sqrt(fJ) and the carriers in 1e23/m^3: a current of 1 A is one unit per ns. A waveguide of a circuit is a rotation,
+
+    s_stop(t) = 10^(-loss/20) exp(-i (phase + 2 pi f delay)) s_start(t - delay)
+
+with f the laser minus the circuit's reference frequency; a delay is two ideal lines, one for re and one for im.
 """
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -23,8 +28,7 @@ from thermofem.models.cauer import cauer
 
 from .export_header import comment, identifiers, plain_name
 from .poles import RCNetwork, lit_part, rc_network
-from .ring_rates import DURATION, EPSILON, Demonstration, RingRates, ring_rates
-from .spice_circuit import circuit_subcircuit, heated_by_light
+from .ring_rates import DURATION, EPSILON, NS, Demonstration, RingRates, ring_rates
 
 USAGE = (
     "SPICE subcircuit: 1 A into a pin is 1 W of heat, 1 V is 1 K above the pin ambient",
@@ -64,11 +68,12 @@ def _heat_alone(name: str, model: Any, header: list[str]) -> tuple[list[str], li
     net = rc_network(model, taken=WORDS)
     pins = " ".join(net.pins) if len(net.pins) <= 8 else "PINS"
     lines = [*USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", "", *header]
-    body = heat_subcircuit(name, net)
+    body = _heat(name, net)
     poles = Foster(net.R, net.R * net.C)
     if net.shares is None and poles.passive:
         try:
-            body += ["", *_cauer(f"{name}_cauer", net.pins[0], poles)]
+            steps = cauer(poles)
+            body += ["", *_ladder(f"{name}_cauer", net.pins[0], steps.R, steps.C, foster=False)]
             lines.insert(3, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
         except InputError as error:
             lines.insert(3, f"{name} is a Foster network, without a Cauer ladder: {error}")
@@ -87,12 +92,12 @@ def _ring(
     pins = " ".join([LIGHT, "heat", *others])
     lines = [*RING_USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", f"ring: {ring.name}", ""]
     body = [
-        *light_subcircuit(f"{name}_light", rates),
+        *_light(f"{name}_light", rates),
         "",
-        *heat_subcircuit(f"{name}_heat", net),
+        *_heat(f"{name}_heat", net),
         "",
         f".subckt {name} {pins} ambient",
-        *heated_by_light(f"Xlight {LIGHT} {{}} ambient {name}_light", "", pin[heated], pin[read]),
+        *_heated_by_light(f"Xlight {LIGHT} {{}} ambient {name}_light", "", pin[heated], pin[read]),
         f"Xheat {' '.join(pin[part] for part in parts)} ambient {name}_heat",
         f".ends {name}",
     ]
@@ -100,30 +105,134 @@ def _ring(
     if run is not None:
         outputs = {rates.output_port: rates.output_port}
         wires = [f"X1 in_re in_im 0 0 {LIGHT.split(' ', 4)[4]} {' '.join(['heat', *others])} 0 {name}"]
-        deck = _deck(path, run, run.largest_step(rates), wires, ("in_re", "in_im"), outputs)
+        deck = _deck(path, run, run.largest_step(rates), wires, "in", outputs)
     return [*lines, *header], body, deck
 
 
 def _circuit(
     name: str, model: Any, header: list[str], circuit: Any, path: Path, run: Demonstration | None
 ) -> tuple[list[str], list[str], str]:
-    """Comments, lines and deck of a circuit of rings with their heat."""
-    net = rc_network(model, taken=WORDS)
-    found = circuit_subcircuit(name, circuit, model, net, taken=(*WORDS, "detuning"))
+    """Comments, lines and deck of a `coupled.Circuit`; one thermal model for each ring, or with an input for each.
+
+    Raises InputError: several lasers, or a model of another number of rings.
+    """
+    if len(circuit.lasers) != 1:
+        names = ", ".join(laser.name for laser in circuit.lasers)
+        raise InputError(
+            f"ring has the lasers {names}: SPICE takes a circuit of one laser, whose frame the fields have"
+        )
+    net, laser = rc_network(model, taken=WORDS), circuit.lasers[0]
+    ports = identifiers([laser.name, *circuit.outputs], taken=(*WORDS, "detuning"))
+    heat, heat_pins, lit = _heat_of_rings(name, circuit, model, net, taken=(*WORDS, "detuning", *ports))
+    kinds: dict[RingRates, str] = {}
+    rings = []
+    for k, ring in enumerate(circuit.resonators):
+        kind = kinds.setdefault(ring_rates(ring), f"{name}_light_{len(kinds) + 1}")
+        nodes = f"e__{2 * k}", f"e__{2 * k + 1}", f"x__{2 * k}", f"x__{2 * k + 1}"
+        waves = " ".join(f"{node}_{part}" for node in nodes for part in ("re", "im"))
+        shift = (circuit.frequency - ring.frequency + laser.offset) / 1e9
+        rings += [f"Bdet__{k} det__{k} 0 V = V(detuning)+({shift!r})"]
+        rings += _heated_by_light(f"Xring__{k} {waves} det__{k} {{}} ambient {kind}", f"__{k}", *lit[k])
     body = []
-    for rates, kind in found.kinds.items():
-        body += [*light_subcircuit(kind, rates), ""]
-    body += [*heat_subcircuit(f"{name}_heat", net), "", *found.lines]
-    pins = " ".join(found.pins)
+    for rates, kind in kinds.items():
+        body += [*_light(kind, rates), ""]
+    pins = " ".join([f"{port}_{part}" for port in ports for part in ("re", "im")] + ["detuning", *heat_pins])
+    body += [*_heat(f"{name}_heat", net), "", f".subckt {name} {pins} ambient", *rings, *heat]
+    body += [*_waves(circuit, ports), f".ends {name}"]
     lines = [*RING_USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", f"circuit: {circuit.name}"]
     deck = ""
     if run is not None:
-        step = min(run.largest_step(rates) for rates in found.kinds)
-        deck = _deck(path, run, step, [f"X1 {pins} 0 {name}"], found.laser, found.outputs)
+        step, outputs = min(run.largest_step(rates) for rates in kinds), dict(zip(ports[1:], ports[1:], strict=True))
+        deck = _deck(path, run, step, [f"X1 {pins} 0 {name}"], ports[0], outputs)
     return [*lines, "", *header], body, deck
 
 
-def light_subcircuit(name: str, rates: RingRates) -> list[str]:
+def _heat_of_rings(
+    name: str, circuit: Any, model: Any, net: RCNetwork, *, taken: tuple[str, ...]
+) -> tuple[list[str], list[str], list[tuple[str, str]]]:
+    """Lines and pins of the heat of all rings, and the pins that the light of each heats and reads."""
+    rings = identifiers(circuit.names, taken=taken)
+    count, parts = len(rings), list(dict.fromkeys([*model.inputs, *model.outputs]))
+    if count > 1 and len(parts) > 1 and len(model.outputs) == count <= len(model.inputs):
+        own = list(model.inputs[:count])
+        order = [own.index(ring) for ring in circuit.names] if {*own} == {*circuit.names} else range(count)
+        pin = dict(zip(parts, identifiers(parts, taken=(*taken, *rings)), strict=True))
+        pin |= {own[k]: ring for ring, k in zip(rings, order, strict=True)}
+        line = f"Xheat {' '.join(pin[part] for part in parts)} ambient {name}_heat"
+        return [line], list(pin.values()), [(pin[own[k]], pin[model.outputs[k]]) for k in order]
+    heated, read = lit_part(model)
+    if len(model.inputs) > 1 and count > 1:
+        raise InputError(
+            f"model has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {count} rings: one of "
+            "each for every ring is needed (surrogate.reduce_array), or one model for all rings"
+        )
+    lines, lit = [], []
+    pins: list[str] = []
+    for k, ring in enumerate(rings):
+        pin = {part: ring if part == heated else f"{ring}_{word}" for part, word in zip(parts, net.pins, strict=True)}
+        lines.append(f"Xheat__{k} {' '.join(pin.values())} ambient {name}_heat")
+        pins += pin.values()
+        lit.append((pin[heated], pin[read]))
+    return lines, pins, lit
+
+
+def _waves(circuit: Any, ports: list[str]) -> list[str]:
+    """Lines of splitters, of the laser's way in, of waveguides, of entries without light and of detectors.
+
+    Each entry of a ring or splitter is a pair of nodes e__k, each exit x__k; ``ports`` names the laser and detectors.
+    """
+    laser, lines = circuit.lasers[0], []
+    entry = {terminal: f"e__{k}" for k, terminal in enumerate(circuit.entries)}
+    exit = {terminal: f"x__{k}" for k, terminal in enumerate(circuit.exits)}
+    for k, splitter in enumerate(circuit.splitters, len(circuit.names)):
+        straight, cross = math.sqrt(1 - splitter.cross), math.sqrt(splitter.cross)
+        first, second = f"e__{2 * k}", f"e__{2 * k + 1}"
+        for out, own, other in ((f"x__{2 * k}", first, second), (f"x__{2 * k + 1}", second, first)):
+            lines.append(f"B{out}_re {out}_re 0 V = {straight!r}*V({own}_re)-{cross!r}*V({other}_im)")
+            lines.append(f"B{out}_im {out}_im 0 V = {straight!r}*V({own}_im)+{cross!r}*V({other}_re)")
+    lines += _turned(entry[laser.stop], ports[0], laser.loss, repr(float(laser.phase)))
+    for k, w in enumerate(circuit.waveguides):
+        start, angle = exit[w.start], repr(float(w.phase))
+        if w.delay:
+            for part in ("re", "im"):
+                lines.append(f"T{part}__{k} {start}_{part} 0 far__{k}_{part} 0 Z0=1 TD={w.delay!r}")
+                lines.append(f"R{part}__{k} far__{k}_{part} 0 1")
+            start = f"far__{k}"
+            angle += f"+{2 * math.pi * w.delay / NS!r}*(V(detuning)+({laser.offset / 1e9!r}))"
+        lines += _turned(entry[w.stop], start, w.loss, angle)
+    lit = {laser.stop, *(w.stop for w in circuit.waveguides)}
+    for node in (node for terminal, node in entry.items() if terminal not in lit):
+        lines += [f"V{node}_re {node}_re 0 0", f"V{node}_im {node}_im 0 0"]
+    for port, terminal in zip(ports[1:], circuit.outputs.values(), strict=True):
+        lines += [f"E{port}_{part} {port}_{part} 0 {exit[terminal]}_{part} 0 1" for part in ("re", "im")]
+    return lines
+
+
+def _turned(out: str, start: str, loss: float, angle: str) -> list[str]:
+    """A field times 10^(-loss/20) exp(-i angle); the angle in rad is an expression."""
+    size, re, im = 10 ** (-loss / 20), f"V({start}_re)", f"V({start}_im)"
+    return [
+        f"B{out}_re {out}_re 0 V = {size!r}*(cos({angle})*{re}+sin({angle})*{im})",
+        f"B{out}_im {out}_im 0 V = {size!r}*(cos({angle})*{im}-sin({angle})*{re})",
+    ]
+
+
+def _heated_by_light(light: str, mark: str, heated: str, read: str) -> list[str]:
+    """The line of a light subcircuit with its pin heat; where another part is read, sources carry heat and rise over.
+
+    light: the line with {} in place of the pin.
+    """
+    if heated == read:
+        return [light.format(heated)]
+    return [
+        light.format(f"lit{mark}"),
+        f"Vlit{mark} lit{mark} rise{mark} 0",
+        f"Elit{mark} rise{mark} ambient {read} ambient 1",
+        f"Flit{mark} ambient {heated} Vlit{mark} 1",
+    ]
+
+
+def _light(name: str, rates: RingRates) -> list[str]:
     """Light and carriers with the pins `LIGHT`, heat and ambient; the equations stand in `ring_rates`."""
     r = rates
     square = f"(V(n)*V(n)+{EPSILON**2!r})"
@@ -151,28 +260,22 @@ def light_subcircuit(name: str, rates: RingRates) -> list[str]:
     ]
 
 
-def heat_subcircuit(name: str, net: RCNetwork) -> list[str]:
+def _heat(name: str, net: RCNetwork) -> list[str]:
     """The thermal model with a pin for each part, and the ambient."""
-    return _foster(name, net) if net.shares is None else _coupled(name, net, net.shares)
+    if net.shares is None:
+        return _ladder(name, net.pins[0], net.R, net.C, foster=True)
+    return _coupled(name, net, net.shares)
 
 
-def _foster(name: str, net: RCNetwork) -> list[str]:
-    """R parallel to C, in series from the pin to the ambient."""
-    nodes = [net.pins[0], *(f"n__{k}" for k in range(1, net.R.size)), "ambient"]
-    lines = [f".subckt {name} {net.pins[0]} ambient"]
-    for k, (R, C) in enumerate(zip(net.R, net.C, strict=True)):
-        ends = f"{nodes[k]} {nodes[k + 1]}"
-        lines += [f"R{k + 1} {ends} {float(R)!r}", f"C{k + 1} {ends} {float(C)!r}"]
-    return [*lines, f".ends {name}"]
-
-
-def _cauer(name: str, pin: str, model: Foster) -> list[str]:
-    """Capacities to the ambient, resistances from one to the next."""
-    ladder = cauer(model)
-    nodes = [pin, *(f"n__{k}" for k in range(1, ladder.order)), "ambient"]
+def _ladder(name: str, pin: str, resistances: Any, capacities: Any, *, foster: bool) -> list[str]:
+    """R and C from the pin to the ambient: C parallel to its R (Foster), or from its node to the ambient (Cauer)."""
+    R, C = np.asarray(resistances).tolist(), np.asarray(capacities).tolist()
+    nodes = [pin, *(f"n__{k}" for k in range(1, len(R))), "ambient"]
     lines = [f".subckt {name} {pin} ambient"]
-    for k, (R, C) in enumerate(zip(np.asarray(ladder.R), np.asarray(ladder.C), strict=True)):
-        lines += [f"C{k + 1} {nodes[k]} ambient {float(C)!r}", f"R{k + 1} {nodes[k]} {nodes[k + 1]} {float(R)!r}"]
+    for k, ends in enumerate(itertools.pairwise(nodes)):
+        resistor = f"R{k + 1} {' '.join(ends)} {R[k]!r}"
+        capacitor = f"C{k + 1} {ends[0]} {ends[1] if foster else 'ambient'} {C[k]!r}"
+        lines += [resistor, capacitor] if foster else [capacitor, resistor]
     return [*lines, f".ends {name}"]
 
 
@@ -210,12 +313,10 @@ def _pin(i: int, pin: str, net: RCNetwork) -> list[str]:
     return [*note, f"Vpin{i + 1} {pin} p__{i + 1} 0", *sums]
 
 
-def _deck(
-    path: Path, run: Demonstration, step: float, wires: list[str], laser: tuple[str, str], outputs: dict[str, str]
-) -> str:
+def _deck(path: Path, run: Demonstration, step: float, wires: list[str], laser: str, outputs: dict[str, str]) -> str:
     """A deck that runs as it is and writes a table: time in s, and the power at each output in W.
 
-    outputs: column of the table -> pair of pins, without their _re and _im.
+    laser, outputs: pair of pins, and column of the table -> pair of pins, without their _re and _im.
     """
     file, table = plain_name(path.name), f"{path.stem}_demo.csv"
     about = [
@@ -230,8 +331,8 @@ def _deck(
     return comment(about, "*") + "\n".join(
         [
             f".include {file}",
-            f"Vre {laser[0]} 0 PULSE(0 {math.sqrt(run.power)!r} 0 1p 1p 1 2)",
-            f"Vim {laser[1]} 0 0",
+            f"Vre {laser}_re 0 PULSE(0 {math.sqrt(run.power)!r} 0 1p 1p 1 2)",
+            f"Vim {laser}_im 0 0",
             f"Vdet detuning 0 {run.detuning / 1e9!r}",
             *wires,
             *powers,

@@ -41,17 +41,12 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
     """
     inverse, det, r = maps(basis.mesh)
     integrals, t, n = reference(basis), basis.nelems, basis.Nbfun
-    stiffness, capacity, load = [], [], []
-    for along in (0, 1):
-        metric = det * inverse[:, None, along] * inverse[None, :, along]
-        for weight in (np.ones_like(r), r):
-            share = (metric[:, :, None] * weight).reshape(-1, t)
-            stiffness.append((share.T @ integrals.stiffness).reshape(t, n, n))
-    for weight in (np.ones_like(r), r):
-        share = det * weight
-        capacity.append((share.T @ integrals.mass).reshape(t, n, n))
-        load.append(share.T @ integrals.load)
-    return np.array(stiffness), np.array(capacity), np.array(load)
+    weights = np.ones_like(r), r
+    metrics = [det * inverse[:, None, along] * inverse[None, :, along] for along in (0, 1)]
+    stiffness = [(m[:, :, None] * w).reshape(-1, t).T @ integrals.stiffness for m in metrics for w in weights]
+    shares = [(det * w).T for w in weights]
+    capacity, load = [share @ integrals.mass for share in shares], [share @ integrals.load for share in shares]
+    return np.reshape(stiffness, (4, t, n, n)), np.reshape(capacity, (2, t, n, n)), np.array(load)
 
 
 def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:

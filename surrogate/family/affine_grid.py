@@ -31,6 +31,7 @@ from thermofem import CrossSection
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.fem.mesh_division import resistances
+from thermofem.fem.surfaces import Side
 from thermofem.geometry.parameter_paths import Change
 from thermofem.geometry.regions import outlines
 from thermofem.materials.material_library import VOID
@@ -38,8 +39,6 @@ from thermofem.materials.material_library import VOID
 from .parameter_box import Box, Properties
 
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
-GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
 SAMPLES = 300  # members at which coefficients are compared
 ARRAYS = "place", "along", "interval", "outward"  # fields of `SurfacePoints` that are arrays
 
@@ -97,10 +96,8 @@ class CellGrid:
         Raises NotAffineError: a wall that leans, a shell, or lines that meet inside the box.
         """
         base, half = box.base, np.maximum(box.high - box.middle, box.middle - box.low)
-        if base.kind == "straight":
-            raise NotAffineError("the terms of a family on lines have the weight 2 pi r of a ring")
-        if base.probes:
-            raise NotAffineError("shells around parts and copies off the axis do not follow lines")
+        if base.kind == "straight" or base.probes:
+            raise NotAffineError("it has no weight 2 pi r, or shells around parts and copies off the axis")
         ranges = box.low - box.middle, box.high - box.middle
         heated = [part for part in base.parts if part.heated]
         r, z = (_ordered(axis, ranges, half) for axis in _lines(base, box.changes))
@@ -131,36 +128,34 @@ class CellGrid:
 
 def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
     """All lines, unsorted."""
-    position: tuple[list[float], list[float]] = ([], [])
-    slope: tuple[list[Array], list[Array]] = ([], [])
+    found: tuple[list[Any], list[Any]] = ([], [])
     for name, outline in outlines(base).items():
         velocity = np.array([change.outlines.get(name, np.zeros((4, 2))) for change in changes])  # (p, 4, 2)
-        for axis, sides in ((0, ((0, 3), (1, 2))), (1, ((0, 1), (2, 3)))):
-            for a, b in sides:
-                length = np.abs(outline).max()
-                apart = abs(outline[a, axis] - outline[b, axis])
-                # 1e-9 of a length: a wall that leans less runs along z
-                if apart > 1e-9 * length or np.any(np.abs(velocity[:, a, axis] - velocity[:, b, axis]) > 1e-12):
-                    raise NotAffineError(f"the walls of {name!r} lean")
-                position[axis].append(float(outline[a, axis]))
-                slope[axis].append(velocity[:, a, axis])
-    return Axis(np.array(position[0]), np.array(slope[0])), Axis(np.array(position[1]), np.array(slope[1]))
+        for axis, begin, end in ((0, [0, 1], [3, 2]), (1, [0, 2], [1, 3])):  # both ends of two sides each
+            apart = np.abs(outline[begin, axis] - outline[end, axis]).max()
+            turns = np.abs(velocity[:, begin, axis] - velocity[:, end, axis]).max()
+            # 1e-9 of a length: a wall that leans less runs along z
+            if apart > 1e-9 * np.abs(outline).max() or turns > 1e-12:
+                raise NotAffineError(f"the walls of {name!r} lean")
+            found[axis].append((outline[begin, axis], velocity[:, begin, axis].T))
+    r, z = (Axis(*map(np.concatenate, zip(*each, strict=True))) for each in found)
+    return r, z
 
 
 def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
     """Each line once, in an order that holds everywhere in the box."""
     order = np.lexsort((*axis.slope.T, axis.base))
     base, slope = axis.base[order], axis.slope[order]
-    kept = [0]
-    for k in range(1, len(base)):
-        alike = [m for m in kept if abs(base[k] - base[m]) < SAME and np.all(np.abs(slope[k] - slope[m]) * half < SAME)]
-        if not alike:
+    kept: list[int] = []
+    for k in range(len(base)):
+        apart = np.abs(base[kept] - base[k]) + np.abs(slope[kept] - slope[k]) @ half
+        if np.all(apart >= SAME):
             kept.append(k)
-    base, slope = base[kept], slope[kept]
-    low, _ = _gaps(Axis(base, slope), ranges)
+    lines = Axis(base[kept], slope[kept])
+    low, _ = _gaps(lines, ranges)
     if low.min(initial=np.inf) <= SAME:
-        raise NotAffineError(f"two outlines near {base[int(low.argmin())]:g} m meet inside the box")
-    return Axis(base, slope)
+        raise NotAffineError(f"two outlines near {lines.base[int(low.argmin())]:g} m meet inside the box")
+    return lines
 
 
 def _gaps(axis: Axis, ranges: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -259,63 +254,51 @@ def surface_points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[Surf
 
     intervals [shape (triangles, 2)]: across r and z. None where the geometry has no such surfaces.
     """
-    basis, s = heat.discretization.basis, heat.discretization.surfaces
-    grid, none = basis.mesh, np.empty(0, dtype=np.intp)
+    s, grid = heat.discretization.surfaces, heat.discretization.basis.mesh
+    none = np.empty(0, dtype=np.intp)
     groups = [(s.open, none, "open"), *((one, other, "") for one, other in s.contacts.values())]
     for facets in s.convection.values():
         r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
         sides = ("top", "bottom", "outer")
         groups += [(facets[heat.geometry.on_boundary(side, r, z)], none, side) for side in sides]
-    groups = [group for group in groups if len(group[0])]
-    if not groups:
+    pairs = [_on(heat, intervals, *group) for group in groups if len(group[0])]
+    if not pairs:
         return None
-    found = [_on(heat, intervals, *group) for group in groups]
+    found, traces = zip(*pairs, strict=True)
     arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
     series, material = ([x for one in found for x in getattr(one, name)] for name in ("series", "material"))
-    traces = [
-        _trace(basis, facets) - _trace(basis, other) if len(other) else _trace(basis, facets)
-        for facets, other, _ in groups
-    ]
     return SurfacePoints(**arrays, series=series, material=material), vstack(traces).tocsr()
 
 
-def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
-    """Properties of all functions at the three Gauss points of each facet, sparse, shape (3 f, n)."""
-    x = GAUSS
-    shape = np.array([(1 - x) * (1 - 2 * x), x * (2 * x - 1), 4 * x * (1 - x)])  # (function, point)
-    dofs = np.vstack([basis.nodal_dofs[0][basis.mesh.facets[:, facets]], basis.facet_dofs[0][facets]])
-    values = np.broadcast_to(shape.T, (len(facets), 3, 3))
-    columns = np.broadcast_to(dofs.T[:, None, :], values.shape)
-    rows = np.broadcast_to(np.arange(3 * len(facets)).reshape(-1, 3, 1), values.shape)
-    return csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * len(facets), basis.N))
+def _trace(side: Side) -> Any:
+    """All functions at the Gauss points of each facet, sparse, shape (3 f, n)."""
+    (f, _, q), values = side.shape.shape, side.shape
+    rows = np.broadcast_to(np.arange(f * q).reshape(f, 1, q), values.shape)
+    columns = np.broadcast_to(side.dofs[..., None], values.shape)
+    return csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(f * q, side.basis.N))
 
 
 def _on(
-    heat: HeatProblem, intervals: NDArray[np.intp], facets: NDArray[np.intp], other: NDArray[np.intp], side: str
-) -> SurfacePoints:
-    """Points of facets on a side; ``other`` are the same facets of a contact, on its other side."""
-    grid, names, base = heat.discretization.basis.mesh, heat.mesh.region_names, heat.geometry
-    beside = grid.f2t[0, facets]
-    ends = np.moveaxis(grid.p[:, grid.facets[:, facets]], (0, 1, 2), (2, 1, 0))  # (f, end, axis)
-    centre = grid.p[:, grid.t[:, beside]].mean(axis=1).T
-    along = ends[:, 1] - ends[:, 0]
-    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
-    normal *= np.sign(np.einsum("fx,fx->f", normal, ends.mean(axis=1) - centre))[:, None]
-    own = [[names[r] for r in heat.mesh.region[grid.f2t[0, each]]] for each in (facets, other) if len(each)]
-    limit = resistances(base)
-    series: list[tuple[str, ...]] = [()] * len(facets)
-    if side != "open":
-        outside = (f"boundary.{side}",) if side and getattr(base, side).exchange else ()
-        pairs = zip(*own, strict=True)
-        series = [(*outside, *(f"interface.{part}" for part in pair if part in limit)) for pair in pairs]
-    return SurfacePoints(
-        place=(ends[:, :1] * (1 - GAUSS[:, None]) + ends[:, 1:] * GAUSS[:, None]).reshape(-1, 2),
-        along=(along[:, None] * WEIGHT[:, None]).reshape(-1, 2),
-        interval=np.repeat(intervals[beside], 3, axis=0),
-        outward=np.repeat(normal, 3, axis=0),
-        series=[one for one in series for _ in range(3)],
-        material=[base.material_of(name).name for name in own[0] for _ in range(3)],
+    heat: HeatProblem, intervals: NDArray[np.intp], facets: NDArray[np.intp], other: NDArray[np.intp], where: str
+) -> tuple[SurfacePoints, Any]:
+    """Points of facets and their traces; ``other`` are the same facets of a contact, on its other side."""
+    base, limit = heat.geometry, resistances(heat.geometry)
+    sides = [Side.of(heat.discretization.basis, each) for each in (facets, other) if len(each)]
+    one, names = sides[0], np.array(heat.mesh.region_names)
+    own = [names[heat.mesh.region[side.cells]].tolist() for side in sides]
+    outside = (f"boundary.{where}",) if where and where != "open" and getattr(base, where).exchange else ()
+    series = [(*outside, *(f"interface.{part}" for part in pair if part in limit)) for pair in zip(*own, strict=True)]
+    along = one.ends[:, 1] - one.ends[:, 0]  # (2, f)
+    normal = one.outward * np.array([along[1], -along[0]]) / np.hypot(*along)
+    points = SurfacePoints(
+        place=one.along(one.ends).T.reshape(-1, 2),
+        along=(along[:, None] * one.weight[:, None]).T.reshape(-1, 2),
+        interval=np.repeat(intervals[one.cells], len(one.at), axis=0),
+        outward=np.repeat(normal.T, len(one.at), axis=0),
+        series=[() if where == "open" else each for each in series for _ in one.at],
+        material=[base.material_of(name).name for name in own[0] for _ in one.at],
     )
+    return points, _trace(one) - _trace(sides[1]) if len(sides) > 1 else _trace(one)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,10 +21,9 @@ from thermofem.models.contract import OutsideTrainingWarning
 from ..reduction.reduce import reduce
 from . import family_files
 from .affine_engine import AffineMembers
-from .interpolation import OutputMaps
+from .interpolation import OpticalNumbers, OutputMaps
 from .members import Certified, MemberModes, certified, coarse_difference
 from .moved_mesh_engine import MovedMeshMembers
-from .optical_numbers import OpticalNumbers
 from .parameter_box import Box
 
 log = logging.getLogger("thermofem")

@@ -1,25 +1,42 @@
-"""Properties of members by interpolation between some that were solved; the output maps of k(T) and c_p(T).
+"""Numbers of members by interpolation between some that were solved: properties, output maps, optical numbers.
+
+Output maps of k(T) and c_p(T):
 
     dT = z + a(p) z^2,      z = rise of the member by projection, at small power
 
 with a the coefficient of `surrogate.output_map` at one power, a quadratic polynomial and a Gaussian process of the
 parameters (scikit-learn). Members that were not interpolated between, and the hottest of the others, give the error of
 the steady rise at the power and at half of it, and of a pulse, against finite elements with the laws of temperature.
+
+Optical numbers:
+
+    y(p) = sum over k of c_k T_k1(x_1) T_k2(x_2) ...,    k1 + k2 + ... <= degree,    x = 2 share - 1
+
+T Chebyshev's polynomials; y is the logarithm of the couplings and of what a bend radiates. By least squares over
+members whose modes and couplers are solved on moved meshes; members left out give the error of every number.
 """
 
+from __future__ import annotations
+
+import itertools
+import logging
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import comb
 from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
-from thermofem import Foster, OutputMap, Pulse, checks, solve
-from thermofem.arrays import Array
-from thermofem.fem import HeatProblem
-from thermofem.models import NonlinearSystem
+from thermofem import CrossSection, Foster, OutputMap, Pulse, checks, solve
+from thermofem.arrays import Array, NDArray
+from thermofem.fem.assembly import assemble_like
+from thermofem.optics.coupler import of_buses
+from thermofem.optics.mode import LEAST
+from thermofem.optics.modes import Light
+from thermofem.optics.shape import numbers
 
 from ..reduction.nonlinear_reduction import output_map
 from .affine_engine import AffineEngine
@@ -27,33 +44,18 @@ from .members import Solver
 from .moved_mesh_engine import MovedMeshEngine
 from .parameter_box import Box
 
+log = logging.getLogger("thermofem")
+
 TAIL = 1e-4  # probability beyond either end of the span on which members are worked out
-
-
-@dataclass(frozen=True, eq=False)
-class Interpolant:
-    """A property as a function of the varied parameters.
-
-    low, high [shape (p,)]: span of the computed members; samples outside it are moved to its ends.
-    curve: of `smooth`.
-    error, worst: rms and largest error over held-out members, relative to their mean.
-    """
-
-    low: Array
-    high: Array
-    curve: Callable[[Array], Array]
-    error: float
-    worst: float
-
-    def __call__(self, x: Array) -> Array:
-        """The property at parameters of shape (p, n)."""
-        return self.curve(_shares(x, self.low, self.high))
 
 
 def interpolate_members(
     values: Callable[[Array], Any], span: Array, count: int, reason: Callable[[], str]
-) -> Interpolant:
-    """Compute a property for ``count`` members, and interpolate between them.
+) -> tuple[Callable[[Array], Array], float, float]:
+    """Compute a property for ``count`` members, and interpolate between them; rms and largest error at held-out ones.
+
+    The interpolant takes parameters of shape (p, n), and moves those outside the span to its ends; the errors are
+    relative to the mean of the members.
 
     values: the property from parameters of shape (p, n).
     span [shape (p, 2)]: ends of the ranges in which the members lie.
@@ -78,8 +80,13 @@ def interpolate_members(
     scale = float(abs(found.mean())) or 1.0
     curve = smooth(u[~test], found[~test])
     off = (curve(u[test]) - found[test]) / scale
-    rms, worst = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
-    return Interpolant(span[:, 0], span[:, 1], curve, rms, worst)
+    width = np.ptp(span, axis=1)
+
+    def interpolant(x: Array) -> Array:
+        shares = np.clip((x.T - span[:, 0]) / np.where(width > 0, width, 1.0), 0.0, 1.0)
+        return curve(np.where(width > 0, shares, 0.5))  # the middle where a parameter has one value only
+
+    return interpolant, float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
 
 
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
@@ -95,12 +102,6 @@ def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
         warnings.simplefilter("ignore", ConvergenceWarning)
         process.fit(u, y - _terms(u) @ curve)
     return lambda x: np.asarray(_terms(x) @ curve + process.predict(x))
-
-
-def _shares(x: Array, low: Array, high: Array) -> Array:
-    """Place in the span, shape (n, p); the middle where a parameter has one value only."""
-    span = high - low
-    return np.where(span > 0, np.clip((x.T - low) / np.where(span > 0, span, 1.0), 0.0, 1.0), 0.5)
 
 
 def _terms(u: Array) -> Array:
@@ -192,7 +193,7 @@ def interpolate_output_maps(
 
 def coefficient_of(engine: AffineEngine | MovedMeshEngine, row: Array, channel: tuple[str, str], power: float) -> float:
     """Coefficient of the output map of one member, in 1/K."""
-    system = _nonlinear_system(engine.heat(row), channel)
+    system: Any = engine.heat(row).model(*channel)  # nonlinear, as the geometry has laws of temperature
     unit = Foster(R=[system.linear.thermal_resistance], tau=[1e-6])  # the coefficient is static
     return output_map(system, power, linear=unit).coefficient
 
@@ -210,13 +211,139 @@ def nonlinear_reference(
 def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> float:
     """Largest error of the steady rises, relative, and of the pulse, relative to its peak."""
     steady, rise = truth
-    static = np.abs(model.steady_rise(power * np.array([0.5, 1.0])) / steady - 1).max()
-    return max(
-        float(static),
-        float(np.abs(model.of(model.linear.response(Pulse(power, PULSE), TIMES)) - rise).max() / rise.max()),
-    )
+    static = model.steady_rise(power * np.array([0.5, 1.0])) / steady - 1
+    pulse = (model.of(model.linear.response(Pulse(power, PULSE), TIMES)) - rise) / rise.max()
+    return float(np.abs([*static, *pulse]).max())
 
 
-def _nonlinear_system(heat: HeatProblem, channel: tuple[str, str]) -> NonlinearSystem:
-    found: Any = heat.model(*channel)  # nonlinear, as the geometry has laws of temperature
-    return found
+MOST_TERMS = 40  # of a polynomial
+DEGREES = 1, 4  # lowest and highest
+PER_TERM = 2  # members solved for each term, beside corners of the box
+LEFT_OUT = 8  # members that give the errors
+ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
+
+
+@dataclass(frozen=True, eq=False)
+class OpticalNumbers:
+    """Polynomials of the optical numbers over a box.
+
+    names: those of `thermofem.optics.shape.numbers`, "loss" [1/m] where [light] has it, "kappa 0" and "kappa 1":
+        kappa^2 of every bus, and "radiated" [1/s].
+    powers [shape (terms, p)]: degrees of the polynomials in each term.
+    coefficients [shape (terms, numbers)]
+    errors [shape (numbers,)]: largest relative error over members left out.
+    solved: how many members were solved.
+    """
+
+    names: tuple[str, ...]
+    powers: Array
+    coefficients: Array
+    errors: Array
+    solved: int
+
+    def at(self, share: Array) -> dict[str, float]:
+        """The numbers at a place in the box, 0 to 1 of each range."""
+        return dict(zip(self.names, self.rows(share[None])[0].tolist(), strict=True))
+
+    def rows(self, shares: Array) -> Array:
+        """The numbers at many places, shape (n, numbers)."""
+        found = chebyshev(shares, self.powers) @ self.coefficients
+        grow = _logarithmic(self.names)
+        found[:, grow] = np.exp(found[:, grow])
+        silent = self.names.index("radiated")
+        found[:, silent] = np.where(found[:, silent] > 2 * LEAST, found[:, silent] - LEAST, 0.0)
+        return np.asarray(found)
+
+    def moves(self, k: int) -> bool:
+        """Whether the k-th parameter moves any number over its range."""
+        ends = np.full((2, self.powers.shape[1]), 0.5)
+        ends[:, k] = 0.0, 1.0
+        low, high = self.rows(ends)
+        return bool((np.abs(high - low) > 1e-6 * np.abs(low)).any())
+
+    @property
+    def error(self) -> dict[str, float]:
+        """Largest relative error of every number over members left out."""
+        return dict(zip(self.names, self.errors.tolist(), strict=True))
+
+    def words(self) -> str:
+        """The errors of the index, of the group index and of the couplings, and the largest of the others."""
+        rest = {name: error for name, error in self.error.items() if not name.startswith("kappa")}
+        kappas = [error for name, error in self.error.items() if name.startswith("kappa")]
+        worst = max(rest, key=lambda name: rest[name])
+        couplings = f"kappa^2 {max(kappas):.1e}, " if kappas else ""
+        return f"n_eff {rest['n_eff']:.1e}, {couplings}of the others at most {rest[worst]:.1e} ({worst})"
+
+    def content(self) -> tuple[dict[str, Any], dict[str, Array]]:
+        """What a family's file keeps: words, and arrays."""
+        arrays = {f"optics_{name}": getattr(self, name) for name in ("powers", "coefficients", "errors")}
+        return {"names": list(self.names), "solved": self.solved}, arrays
+
+    @classmethod
+    def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
+        """The inverse of `content`."""
+        names = checks.check_names("optics", words["names"])
+        powers, coefficients, errors = (arrays[f"optics_{name}"] for name in ("powers", "coefficients", "errors"))
+        if coefficients.shape != (len(powers), len(names)) or errors.shape != (len(names),):
+            raise ValueError("optics: names and coefficients do not fit")
+        return cls(names, powers, coefficients, errors, checks.integer("solved", words["solved"], 1, np.inf))
+
+
+def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
+    """Solve modes and couplers of members, and fit the polynomials.
+
+    Raises InputError: more than a quarter of the members are no rings; the reason is that of the last one.
+    """
+    powers = total_degree(box.size)
+    rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
+    test = box.draw(LEFT_OUT, seed, unseen=True)
+    every, base = np.vstack([rows, test]), box.base.to_toml()
+    tasks = [(base, box.geometry(row).to_toml()) for row in every]
+    found = solver(numbers_of, tasks, every)
+    made = [one if isinstance(one, dict) else None for one in found]
+    missing, reason = made.count(None), next((one for one in found[::-1] if isinstance(one, str)), "")
+    if missing > len(made) / 4:
+        raise checks.InputError(f"{missing} of {len(made)} members are no rings; the last one said: {reason}")
+    if missing:
+        log.warning("optics: %d of %d members are left out; the last one said: %s", missing, len(made), reason)
+    names = tuple(next(one for one in made if one is not None))
+    there = np.array([one is not None for one in made])
+    table = np.array([[one[name] for name in names] for one in made if one is not None])
+    learn = (np.arange(len(made)) < len(rows))[there]
+    values = table + LEAST * np.array([name == "radiated" for name in names])
+    grow = _logarithmic(names)
+    values[:, grow] = np.log(values[:, grow])
+    shares = box.share(every[there])
+    coefficients = np.linalg.lstsq(chebyshev(shares[learn], powers), values[learn], rcond=None)[0]
+    curve = OpticalNumbers(names, powers, coefficients, np.zeros(len(names)), len(table))
+    off = np.abs(curve.rows(shares) - table)[~learn] / np.maximum(np.abs(table[~learn]), 1e-300)
+    return replace(curve, errors=np.where(table[~learn] == 0, 0.0, off).max(axis=0))
+
+
+def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
+    """The numbers of one member, or why it has none; the texts of the geometry whose mesh moves, and of the member."""
+    try:
+        heat = assemble_like(base, CrossSection.from_toml_text(geometry), ACCURACY)
+        mode, given = Light.of(heat).mode(), heat.geometry.light
+        kappas = {f"kappa {k}": bus.power for k, bus in enumerate(of_buses(mode, heat.geometry.buses))}
+        loss = {} if given is None or given.loss is None else {"loss": given.loss}
+        return numbers(mode) | loss | kappas | {"radiated": mode.radiation_rate}
+    except checks.InputError as error:
+        return str(error)
+
+
+def total_degree(size: int) -> Array:
+    """Powers of all terms of the highest total degree that has at most `MOST_TERMS` of them, shape (terms, size)."""
+    low, high = DEGREES
+    degree = max(d for d in range(low, high + 1) if d == low or comb(size + d, d) <= MOST_TERMS)
+    return np.array([k for k in itertools.product(range(degree + 1), repeat=size) if sum(k) <= degree])
+
+
+def chebyshev(shares: Array, powers: Array) -> Array:
+    """Products of Chebyshev's polynomials at places in the box, shape (n, terms)."""
+    each = np.cos(np.arange(powers.max() + 1) * np.arccos(np.clip(2 * shares - 1, -1, 1))[..., None])
+    return np.asarray(np.prod([each[:, k, column] for k, column in enumerate(powers.T)], axis=0))
+
+
+def _logarithmic(names: tuple[str, ...]) -> NDArray[np.bool_]:
+    return np.array([name.startswith("kappa") or name == "radiated" for name in names])

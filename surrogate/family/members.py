@@ -8,16 +8,12 @@ share e of its energy errs by about e in Z(s). Members are solved on any Executo
 
 from __future__ import annotations
 
-import hashlib
 import io
 import logging
-import struct
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +24,6 @@ from thermofem import CrossSection, StateSpace, assemble, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
-from thermofem.data.netcdf import DAMAGE
 from thermofem.fem import HeatProblem
 
 from ..reduction.reduce import Projected, project
@@ -105,16 +100,6 @@ def coarse_difference(small: MemberMatrices, heated: int) -> float:
 
 
 HASH = "hash"  # name of the array that holds it
-_ARCHIVE_DAMAGE = (
-    EOFError,
-    MemoryError,
-    SyntaxError,
-    struct.error,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""Exceptions of NumPy and zipfile for a damaged archive, beside `DAMAGE`."""
 
 
 def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
@@ -141,7 +126,7 @@ def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
             if sum(member.file_size for member in archive.zip.infolist()) > LARGEST:
                 raise ValueError(f"more than {LARGEST} bytes unpacked")
             arrays = {name: archive[name] for name in archive.files}
-    except (*DAMAGE, *_ARCHIVE_DAMAGE) as error:
+    except Exception as error:  # of NumPy, zipfile, zlib or the reader of headers, whatever is damaged
         raise ValueError(str(error) or type(error).__name__) from None
     if str(arrays.pop(HASH, None)) != _hash(arrays):
         raise ValueError("it was changed after it was written")
@@ -316,18 +301,20 @@ class Solver:
 
         Raises InputError: of a task, or all of them failed; the executor broke.
         """
-        keys = [self._key(f"{function.__name__} {shared}", mark) for mark in marks]
+        content = f"{self.key} {function.__name__} {shared}".encode()
+        keys = [digest(content + np.ascontiguousarray(mark).tobytes())[:24] for mark in marks]
         there = self.store.intact(keys) if self.store else set()
         kept = [_member(self.store.path(key)) if self.store and key in there else None for key in keys]
         left = [k for k, one in enumerate(kept) if one is None]
-        futures: dict[int, Future[Any]] = {}
+        futures: list[Future[Any]] = []
         reason = ""
         try:
-            for k in left:
-                futures[k] = self._submit(function, tasks[k])
-            for k, future in futures.items():
+            if self.executor is not None:
+                futures = [self.executor.submit(function, *tasks[k]) for k in left]
+            results = [future.result for future in futures] or [partial(function, *tasks[k]) for k in left]
+            for k, result in zip(left, results, strict=True):
                 try:
-                    found = kept[k] = future.result()
+                    kept[k] = result()
                 except (checks.InputError, BrokenExecutor):
                     raise
                 except Exception as error:
@@ -335,35 +322,21 @@ class Solver:
                     log.warning("a member failed and is left out: %s", reason)
                     continue
                 if self.store:
-                    self.store.write(keys[k], _packed(found))
+                    self.store.write(keys[k], _packed(kept[k]))
         except BrokenExecutor as error:
             raise checks.InputError(
                 f"the executor broke ({type(error).__name__}: {error})",
                 "run again with a new one" + (f"; what {self.store.folder} holds is kept" if self.store else ""),
             ) from None
         finally:
-            for future in futures.values():
+            for future in futures:
                 future.cancel()
         if tasks and all(one is None for one in kept):
             raise checks.InputError(f"every member of a batch failed, the last one with {reason}")
         return kept
 
-    def _submit(self, function: Callable[..., Any], task: Task) -> Future[Any]:
-        if self.executor is not None:
-            return self.executor.submit(function, *task)
-        done: Future[Any] = Future()
-        try:
-            done.set_result(function(*task))
-        except Exception as error:
-            done.set_exception(error)
-        return done
 
-    def _key(self, what: str, mark: Array) -> str:
-        content = f"{self.key} {what}".encode() + np.ascontiguousarray(mark).tobytes()
-        return hashlib.sha256(content).hexdigest()[:24]
-
-
-def _packed(found: Member | MemberModes) -> bytes:
+def _packed(found: Any) -> bytes:
     """The member as an archive."""
     modes = found if isinstance(found, MemberModes) else found.modes
     arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}

@@ -94,19 +94,25 @@ class Box:
         row = np.clip(own, self.low, self.high) if inside else self.middle
         return dict(zip(self.names, row.tolist(), strict=True))
 
+    def _spacing(self, x: Array) -> Array:
+        """What training spaces evenly: a parameter, or its logarithm."""
+        return np.asarray(np.log(x, out=np.array(x, dtype=float), where=self.logarithmic))
+
     def at(self, share: Array) -> Array:
         """Parameters at shares 0 to 1 of the ranges, shape (..., p)."""
-        linear = self.low + share * (self.high - self.low)
-        low = np.where(self.logarithmic, self.low, 1.0)
-        ratio = np.where(self.logarithmic, self.high, 1.0) / low
-        return np.asarray(np.where(self.logarithmic, low * ratio**share, linear))
+        low, high = self._spacing(self.low), self._spacing(self.high)
+        x = low + share * (high - low)
+        return np.asarray(np.exp(x, out=x, where=self.logarithmic))
 
     def share(self, rows: Array) -> Array:
         """The inverse of `at`."""
-        linear = (rows - self.low) / (self.high - self.low)
-        low, at = (np.where(self.logarithmic, x, 1.0) for x in (self.low, rows))
-        high = np.where(self.logarithmic, self.high, 2.0)
-        return np.asarray(np.where(self.logarithmic, np.log(at / low) / np.log(high / low), linear))
+        low, high = self._spacing(self.low), self._spacing(self.high)
+        return np.asarray((self._spacing(rows) - low) / (high - low))
+
+    def slope(self, share: Array) -> Array:
+        """d(parameter)/d(share), shape (..., p)."""
+        wide = self._spacing(self.high) - self._spacing(self.low)
+        return np.asarray(wide * np.where(self.logarithmic, self.at(share), 1.0))
 
     def draw(self, count: int, seed: int, *, unseen: bool = False) -> Array:
         """Points of a scrambled Sobol sequence, shape (count, p); ``unseen``: others than those of the same seed."""

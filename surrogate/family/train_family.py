@@ -6,7 +6,6 @@ all functions and with those of earlier batches alone; where the two differ most
 """
 
 import contextlib
-import hashlib
 import json
 import logging
 import time
@@ -18,17 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Campaign, Foster, checks
+from thermofem import Campaign, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
 from thermofem.campaign.stored_tasks import Store
-from thermofem.data.files import from_toml, read_toml, to_toml
+from thermofem.data.files import digest, from_toml, read_toml, to_toml
 
 from .affine_engine import AffineEngine, AffineMembers
 from .affine_grid import NotAffineError
 from .family import Family, HeldOut
-from .interpolation import OutputMaps, interpolate_output_maps
+from .interpolation import interpolate_output_maps, train_optics
 from .members import (
     FINEST,
     Member,
@@ -42,7 +41,6 @@ from .members import (
     snapshot_of,
 )
 from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, projected
-from .optical_numbers import OpticalNumbers, train_optics
 from .parameter_box import Box
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
@@ -240,38 +238,14 @@ def train_family(
         members = trainer.run()
     small = [members.member(row) for row in rows]
     modes = [one.modes() for one in small]
-    errors = [difference(one, truth, heated) for one, truth in zip(modes, fine_members, strict=True)]
-    meshes = [difference(one, truth, heated) for one, truth in zip(references, fine_members, strict=True)]
-    rest = [difference(one, reference, heated) for one, reference in zip(modes, references, strict=True)]
-    ratios = [each / max(coarse_difference(one, heated), 1e-12) for each, one in zip(rest, small, strict=True)]
+    each = zip(modes, references, fine_members, strict=True)
+    errors, meshes, rest = zip(
+        *((difference(a, c, heated), difference(b, c, heated), difference(a, b, heated)) for a, b, c in each),
+        strict=True,
+    )
+    ratios = [off / max(coarse_difference(one, heated), 1e-12) for off, one in zip(rest, small, strict=True)]
     error = HeldOut(max(errors), float(np.median(errors)), len(errors))
-    a, b = inputs[0], inputs[0] if inputs[0] in outputs else outputs[0]
-
-    def foster(row: Array) -> Foster:
-        one = members.member(row).modes()
-        return Foster(R=one.R(ports.index(a), ports.index(b)), tau=np.maximum(one.tau, 1e-30))
-
-    output_maps: OutputMaps | None = None
-    if power is not None:
-        report("members with conductivities that depend on temperature")
-        output_maps = interpolate_output_maps(engine, (a, b), power, foster, seed, replace(solver, store=None))
-    elif engine.reference.nonlinear:
-        log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
-    optics: OpticalNumbers | None = None
-    if box.base.light is not None:
-        report("modes and couplers")
-        optics = train_optics(box, seed, solver)
-    for name in _without_effect(box, members, heated):
-        if optics is None or not optics.moves(box.names.index(name)):
-            log.warning("parameter %r changes nothing in this geometry; leave it out", name)
-    if error.worst > tolerance:
-        log.warning(
-            "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
-            "or ask for a smaller tolerance",
-            error.worst,
-            tolerance,
-        )
-    return Family(
+    family = Family(
         box=box,
         inputs=inputs,
         outputs=outputs,
@@ -280,18 +254,42 @@ def train_family(
         error=error,
         floor=SAFETY * max(meshes),
         factor=SAFETY * max(ratios),
-        output_maps=output_maps,
-        optics=optics,
-        provenance={
-            "method": f"reduced basis, {members.engine}",
-            "version": version,
-            "campaign": box.campaign.name,
-            "campaign_hash": campaign_hash(box.campaign),
-            "solved_members": len(trainer.members),
-            "seconds": round(time.perf_counter() - started, 3),
-            "unknowns": engine.reference.unknowns,
-        },
     )
+    passing = replace(solver, store=None)
+    if power is not None:
+        report("members with conductivities that depend on temperature")
+        channel = inputs[0], inputs[0] if inputs[0] in outputs else outputs[0]
+
+        def linear(row: Array) -> Any:
+            return family.at(dict(zip(box.names, row, strict=True)))
+
+        maps = interpolate_output_maps(engine, channel, power, linear, seed, passing)
+        family = replace(family, output_maps=maps)
+    elif engine.reference.nonlinear:
+        log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
+    if box.base.light is not None:
+        report("modes and couplers")
+        family = replace(family, optics=train_optics(box, seed, passing))
+    for name in _without_effect(box, members, heated):
+        if family.optics is None or not family.optics.moves(box.names.index(name)):
+            log.warning("parameter %r changes nothing in this geometry; leave it out", name)
+    if error.worst > tolerance:
+        log.warning(
+            "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
+            "or ask for a smaller tolerance",
+            error.worst,
+            tolerance,
+        )
+    provenance = {
+        "method": f"reduced basis, {members.engine}",
+        "version": version,
+        "campaign": box.campaign.name,
+        "campaign_hash": campaign_hash(box.campaign),
+        "solved_members": len(trainer.members),
+        "seconds": round(time.perf_counter() - started, 3),
+        "unknowns": engine.reference.unknowns,
+    }
+    return replace(family, provenance=provenance)
 
 
 def _held_out(
@@ -335,7 +333,7 @@ def read_campaign(path: str | Path) -> Campaign:
 def campaign_hash(campaign: Campaign) -> str:
     """Sixteen hexadecimal digits of geometry and variations."""
     content = [campaign.geometry, [(v.name, v.paths, v.values, v.low, v.high) for v in campaign.variations]]
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+    return digest(json.dumps(content).encode())[:16]
 
 
 def _engine(
@@ -361,11 +359,6 @@ def _engine(
 def _channels(box: Box) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the heated and of the read parts of a campaign."""
     base, campaign = box.base, box.campaign
-    inputs = (campaign.heated,) if campaign.heated else base.heated
+    inputs = (checks.choice("heated", campaign.heated, base.heated),) if campaign.heated else base.heated
     readable = (*base.region_names, *(probe.name for probe in base.probes))
-    for name in inputs:
-        checks.choice("heated", str(name), base.heated)
-    outputs = campaign.read or tuple(map(str, inputs))
-    for name in outputs:
-        checks.choice("read", name, readable)
-    return tuple(map(str, inputs)), tuple(outputs)
+    return inputs, tuple(checks.choice("read", name, readable) for name in campaign.read or inputs)

@@ -16,9 +16,9 @@ import xarray as xr
 from scipy.optimize import approx_fprime, least_squares
 
 from thermofem import MZI, Foster, checks
+from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import Response, responses_of
-from thermofem.waveforms import period_times
 
 from .fit_result import Fit
 from .pole_projection import covariance
@@ -43,8 +43,8 @@ class Optical:
     def phases(self, logs: Array) -> Array:
         """phi at every sample for ln R_i and then ln tau_i; shape (samples,)."""
         R, tau = np.exp(logs.reshape(2, -1))
-        model = Foster(R=R, tau=tau)
-        return np.concatenate([self.shift * _rise(model, one) for one in self.responses])
+        answers = [pole_responses(1 / tau, d.wave, d.times, periodic=d.periodic) for d in self.responses]
+        return np.asarray(self.shift * np.concatenate(answers) @ (R / tau))
 
     @property
     def target(self) -> Array:
@@ -94,15 +94,6 @@ def _light(data: xr.Dataset) -> xr.Dataset:
     data = data.copy()
     data.attrs.pop("thermal_resistance", None)
     return data
-
-
-def _rise(model: Foster, one: Response) -> Array:
-    """Rise in K of a model at the samples of a trace."""
-    if not one.periodic:
-        return model.response(one.wave, one.times)
-    period = float(one.wave.period or 0.0)
-    whole = model.periodic_response(one.wave, 2001)
-    return np.interp(one.times, period_times(one.wave, 2001), whole, period=period)
 
 
 def _search(problem: Optical, order: int) -> Array:

@@ -45,6 +45,8 @@ from thermofem.models import HasModel, Network, gate
 from thermofem.models.identified_network import STATIC
 from thermofem.waveforms import Waveform
 
+from .fit_result import common
+
 log = logging.getLogger("thermofem")
 
 OTHER = 0.05  # relative difference of static gains that is told
@@ -96,7 +98,7 @@ class SindyFit(HasModel, Generic[Identified]):
 
 
 def fit_sindy(
-    data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None, impose: bool = True
+    data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None
 ) -> SindyFit[Network]:
     """Identify a thermal network from the rises of the core and of shells around it.
 
@@ -110,8 +112,6 @@ def fit_sindy(
         `thermofem.solve` with several parts to read and campaigns write.
     window : float, s
         half width of the test functions; default 15 samples. Shorter keeps faster poles and more noise.
-    impose : bool
-        the static gains as equality rows. Without them the gate refuses nearly every network.
 
     Returns
     -------
@@ -136,11 +136,10 @@ def fit_sindy(
     if stated.shape == gains.shape and np.any(np.abs(gains - stated) > OTHER * stated):
         log.warning("static contradicts the thermal_resistances that the data state: %s and %s K/W", gains, stated)
     n, largest = gains.size, float(probed.rise[:, 0].max())
-    rows = [np.outer(np.eye(n)[i], np.eye(n + 1)[n]).ravel() for i in range(1, n)]  # power enters the core only
-    if checks.flag("impose", impose):
-        rows += [np.outer(np.eye(n)[i], np.ones(n + 1)).ravel() for i in range(n)]  # A 1 + b = 0
+    present = np.ones((n, n + 1), dtype=bool)
+    present[1:, n] = False  # power enters the core only
     units = Units.of([probed], gains)
-    found = regress([probed], units, window, rows, degree=1)
+    found = regress([probed], units, window, _rows(present, [np.ones(n + 1)]), degree=1)
     A, b = found[:, :-1] / units.rise, found[:, -1] / units.power
     poles = gate(A, b, float(gains[0]), name=names[0])
     misfit = poles.response(wave, probed.times) - probed.rise[:, 0]
@@ -221,14 +220,14 @@ def regress(data: Sequence[Probed], units: Units, window: float | None, rows: Se
     step, hint = float(data[0].times[1] - data[0].times[0]), "from one sample to a third of the data"
     given = WINDOW * step if window is None else window
     half = checks.between("window", given, step * (1 - 1e-9), float(data[0].times[-1]) / 3, unit="s", hint=hint)
-    constraints = {"constraint_lhs": np.array(rows), "constraint_rhs": np.zeros(len(rows))} if rows else {}
     optimizer = ConstrainedSR3(
         reg_weight_lam=0.0,
         regularizer="l2",
         relax_coeff_nu=1e8,
-        equality_constraints=bool(rows),
+        equality_constraints=True,
+        constraint_lhs=np.array(rows),
+        constraint_rhs=np.zeros(len(rows)),
         tol=1e-12,
-        **constraints,
     )
     terms = pysindy.PolynomialLibrary(degree=degree, include_bias=False)
     states = [one.rise / units.rise for one in data]
@@ -325,9 +324,12 @@ def fit_sindy_quadratic(
     gains, settled = probed[0].each("static", static), probed[0].each("steady", steady)
     power, n = checks.power("power", power), len(names)
     units = Units.of(probed, gains)
-    found = regress(probed, units, window, _rows(n, settled / units.rise, power / units.power), degree=2)
+    point, pairs, present = np.append(settled / units.rise, power / units.power), _products(n), _present(n)
+    small = np.append(np.ones(n + 1), np.zeros(len(pairs)))
+    rows = _rows(present, [small, np.append(point, [point[j] * point[k] for j, k in pairs])])
+    found = regress(probed, units, window, rows, degree=2)
     largest = max(float(p.rise[:, 0].max()) for p in probed)
-    model = _model(np.where(_present(n), found, 0.0), units, names[0], largest)
+    model = _model(np.where(present, found, 0.0), units, names[0], largest)
     gate(model.A, model.B, float(gains[0]))
     rise = float(model.steady_rise(power))
     if abs(rise - settled[0]) > STATIC * settled[0]:
@@ -335,8 +337,7 @@ def fit_sindy_quadratic(
             f"the identified network is refused: it settles at {rise:.5g} K under {power:g} W, not {settled[0]:.5g}"
         )
     misfit = np.concatenate([model.response(p.wave, times) - p.rise[:, 0] for p in probed])
-    geometries = {d.attrs.get("geometry") for d in datasets}
-    geometry = geometries.pop() if len(geometries) == 1 else None
+    geometry = common([d.attrs.get("geometry") for d in datasets])
     terms = [*(f"T[{name}]" for name in names), *(f"T[{name}]^2" for name in names), "P", f"T[{names[0]}] P"]
     table = np.column_stack([model.A, np.einsum("ijj->ij", model.H), model.B, model.G[:, 0]])
     named = _coefficients(A=model.A, b=model.B, H=model.H, G=model.G)
@@ -363,16 +364,15 @@ def _present(n: int) -> NDArray[np.bool_]:
     )
 
 
-def _rows(n: int, settled: Array, power: float) -> list[Array]:
-    """Equality constraints: terms that are excluded are zero, and two steady states are exact."""
-    pairs = _products(n)
-    point = np.append(settled, power)
-    value = np.concatenate([point, [point[j] * point[k] for j, k in pairs]])
-    small = np.concatenate([np.ones(n + 1), np.zeros(len(pairs))])
+def _rows(present: NDArray[np.bool_], points: Sequence[Array]) -> list[Array]:
+    """Equality constraints: terms that are not present are zero, and states with these values of the terms are steady.
+
+    present [shape (n, terms)]
+    points [each of shape (terms,)]
+    """
     rows = []
-    for equation, present in zip(np.eye(n), _present(n), strict=True):
-        rows += [np.outer(equation, term).ravel() for term in np.eye(value.size)[~present]]
-        rows += [np.outer(equation, row).ravel() for row in (small, value)]
+    for equation, there in zip(np.eye(len(present)), present, strict=True):
+        rows += [np.kron(equation, term) for term in (*np.eye(there.size)[~there], *points)]
     return rows
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import Constant, Foster, Probe, Pulse, SquareWave, Telegraph, assemble, checks, solve, waveforms
-from thermofem.arrays import Array, ArrayLike
+from thermofem import Constant, Foster, Probe, SquareWave, Telegraph, assemble, checks, waveforms
+from thermofem.arrays import ArrayLike
 from thermofem.data import dataset
 from thermofem.data.dataset import describe
 from thermofem.data.variables import contents
@@ -39,7 +39,7 @@ class Ladder:
     reference : ThermalModel
         the certified reduction to 1e-6; with k(T) the quadratic reduction.
     reference_error : float
-        certificate of it; with k(T) its largest error over the peak rise, on a 20 us pulse of the full order.
+        certificate of it; with k(T) the error of its steady rise at three quarters of the power.
     refused : mapping from a name to the reason
         models that could not be trained on this geometry.
     """
@@ -76,7 +76,7 @@ def train_all(
         of the square wave.
     hot : float, W
         with k(T): the largest power of interest, which the quadratic models and the output map are made for; default
-        ten times ``power``; 0 leaves k(T) out, of the reference too, and with it a transient of the full order.
+        ten times ``power``; 0 leaves k(T) out, of the reference too.
     names : sequence of str
         the models to train, such as "Newton" or "Foster, trained (5)"; default all of them.
     heated, read : str, optional
@@ -107,10 +107,8 @@ def train_all(
     hot = 10 * power if hot is None else checks.between("hot", hot, 0, 10, unit="W")
     if heat.nonlinear and hot:
         model: NonlinearSystem = heat.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
-        reference = reduce_quadratic(model, hot).model
-        pulse = solve(heat, Pulse(hot, 2e-5), _pulse_times(), heated=part, read=read)
-        rise = pulse["delta_T"].values
-        error = float(np.abs(reference.response(Pulse(hot, 2e-5), pulse["time"].values) - rise).max() / rise.max())
+        quadratic = reduce_quadratic(model, hot)
+        reference, error = quadratic.model, quadratic.static_error
         makers["output map"] = lambda: output_map(model, hot)
         makers["quadratic SINDy"] = lambda: _sindy_quadratic(heat, part, read, hot)
     models, refused = {}, {}
@@ -143,12 +141,6 @@ def fit_usual(exact: Foster) -> dict[str, ThermalModel]:
         "second order": fit_second_order(periodic).model,
         "Newton's law": fit_newton(periodic).model,
     }
-
-
-def _pulse_times() -> Array:
-    """Log-spaced after both edges of a 20 us pulse."""
-    times = np.geomspace(1e-9, 2e-5, 60)
-    return np.unique(np.concatenate([times, 2e-5 + times]))
 
 
 def _sindy(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
@@ -310,22 +302,10 @@ def linear_reach(system: NonlinearSystem, powers: ArrayLike = WARM) -> xr.Datase
 def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     """Which model suffices where: the smallest that suffices at all periods, and the ranges of those that do not.
 
-    Parameters
-    ----------
-    judged : Dataset
-        of `judge`: ``period_error`` over model, power (W) and period (s), and ``states`` of each model.
-    within : float
-        relative error that is allowed.
-
-    Returns
-    -------
-    str
-        for each power one line, and one for each model that does not suffice at all periods.
-
-    Raises
-    ------
-    InputError
-        no Dataset of `judge`, or a limit that is not positive.
+    judged [Dataset of `judge`]: ``period_error`` over model, power (W) and period (s), and ``states`` of each model.
+    within: relative error that is allowed.
+    Returns: for each power one line, and one for each model that does not suffice at all periods.
+    Raises InputError: no Dataset of `judge`, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
     needed = ("model", "power", "period", "states", "period_error")

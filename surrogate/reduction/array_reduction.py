@@ -104,16 +104,8 @@ class ArrayReduction(HasModel):
 
         nan where that takes more than 10 s.
         """
-        found: dict[bytes, float] = {}
-        times = np.empty((self.rings, self.rings))
-        for i in range(self.rings):
-            for j in range(self.rings):
-                channel = self.channel(j, i)
-                key = np.append(channel.R, channel.tau).tobytes()  # of pairs of the same kinds and distance
-                if key not in found:
-                    found[key] = _half_time(channel)
-                times[i, j] = found[key]
-        return times
+        rings = range(self.rings)
+        return np.array([[_half_time(self.channel(j, i)) for j in rings] for i in rings])
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -230,34 +222,27 @@ def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tole
 
 def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
     """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
-    n = len(rings.of)
-    rates, inputs, outputs, names = [], [], [], []
-    bounds, poles = np.zeros((n, n * (1 + len(heaters)))), np.zeros((n, n * (1 + len(heaters))), dtype=np.int64)
-    for m, kind in enumerate(("ring", *heaters)):
-        for j in range(n):
-            column = m * n + j
-            names.append(f"{kind} {j + 1}")
-            for g, source in enumerate(sources):
-                pair, same, own = source.pairs[m], rings.of == g, rings.of[j] == g
-                if not own and m > 0:  # heater and core are no pair that could be exchanged
-                    continue
-                # between rings of two kinds half of each source
-                share = np.where(same, 1.0, 1.0 if m else 0.5) if own else np.where(same, 0.5, 0.0)
-                if not np.any(share):
-                    continue
-                rows = source.row[:, j]
-                rates.append(pair.rate)
-                inputs.append((column, pair.source))
-                outputs.append(share[:, None] * pair.read[rows])
-                used = share > 0
-                bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
-                poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
-    rate = np.concatenate(rates)
-    B = np.zeros((rate.size, len(names)))
-    start = 0
-    for column, b in inputs:
-        B[start : start + len(b), column] = b
-        start += len(b)
+    n, kinds = len(rings.of), ("ring", *heaters)
+    names = [f"{kind} {j + 1}" for kind in kinds for j in range(n)]
+    bounds, poles = np.zeros((n, len(names))), np.zeros((n, len(names)), dtype=np.int64)
+    rates, inputs, outputs = [], [], []
+    for column, (m, j) in enumerate(np.ndindex(len(kinds), n)):
+        for g, source in enumerate(sources):
+            # between rings of two kinds half of each source; heater and core are no pair that could be exchanged
+            if rings.of[j] == g:
+                share = np.where((rings.of == g) | (m > 0), 1.0, 0.5)
+            else:
+                share = np.where((rings.of == g) & (m == 0), 0.5, 0.0)
+            used = share > 0
+            if not used.any():
+                continue
+            pair, rows = source.pairs[m], source.row[:, j]
+            rates.append(pair.rate)
+            inputs.append(np.outer(pair.source, np.arange(len(names)) == column))
+            outputs.append(share[:, None] * pair.read[rows])
+            bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
+            poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
+    rate, B = np.concatenate(rates), np.vstack(inputs)
     outs = tuple(f"ring {i + 1}" for i in range(n))
     E, A = np.ones(rate.size), -rate
     full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")

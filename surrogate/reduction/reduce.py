@@ -143,6 +143,7 @@ class Projected:
 
     basis [shape (n, k)]: M-orthonormal modes of ``projection.rate``.
     heated, read: which port each input and output is.
+    pairs: the two ports of each channel, outputs slowest.
     shifts [1/s]
     """
 
@@ -151,13 +152,9 @@ class Projected:
     basis: Array
     heated: Indices
     read: Indices
+    pairs: tuple[Indices, Indices]
     shifts: Array
     solves: int
-
-    @property
-    def pairs(self) -> tuple[Indices, Indices]:
-        """The two ports of each channel, outputs slowest."""
-        return np.repeat(self.read, self.heated.size), np.tile(self.heated, self.read.size)
 
 
 def project(system: StateSpace, tolerance: float) -> Projected:
@@ -170,7 +167,7 @@ def project(system: StateSpace, tolerance: float) -> Projected:
     pairs = (np.repeat(read, heated.size), np.tile(heated, read.size))
     projection, certificate = _grow(space, pairs, tolerance)
     basis = space.V @ projection.vectors
-    return Projected(projection, certificate, basis, heated, read, space.shifts, space.solves)
+    return Projected(projection, certificate, basis, heated, read, pairs, space.shifts, space.solves)
 
 
 def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:

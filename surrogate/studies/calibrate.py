@@ -16,7 +16,6 @@ from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
-from ..family.parameter_box import Box
 from ..fitting.pole_projection import noise_along
 from .inverse_search import family_over, inside
 
@@ -138,7 +137,7 @@ def calibrate(
         if isinstance(model, OutputMap) and family.output_maps is not None:  # dT = z + a z^2
             z = np.concatenate([_rise(model.linear, d) for d in responses])
             each = (1 + 2 * model.coefficient * z) * each + np.outer(family.output_maps.slopes(family.box, row), z**2)
-        return np.asarray(each.T * (_slope(span, x) / scale))
+        return np.asarray(each.T * (span.slope(x) / scale))
 
     shares = np.random.default_rng(0).uniform(0.15, 0.85, (3, len(low)))  # 4 starts of Gauss-Newton, with the middle
     starts = np.vstack([np.full(len(low), 0.5), shares])
@@ -152,7 +151,7 @@ def calibrate(
     parts = np.split(left, np.cumsum([d.rise.size for d in responses])[:-1])
     covariance, unseen = _covariance(jacobian(x), parts, variance, noise is not None, family.names)
     found = values_of(x)
-    slope = _slope(span, x)
+    slope = span.slope(x)
     errors = np.sqrt(np.diag(covariance)) * slope
     return Calibration(
         values=found,
@@ -166,13 +165,6 @@ def calibrate(
         certified=family.certify(**found),
         family=family,
     )
-
-
-def _slope(box: Box, x: Array) -> Array:
-    """d(parameter)/d(share)."""
-    logarithmic = np.array(box.logarithmic)
-    decades = np.log(np.where(logarithmic, box.high, 1.0) / np.where(logarithmic, box.low, 1.0))
-    return np.where(logarithmic, box.at(x) * decades, box.high - box.low)
 
 
 def _rise(model: Foster | OutputMap, response: Response) -> Array:

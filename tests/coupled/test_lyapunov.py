@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,7 +9,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from coupled.equilibria.onset import first_lyapunov
+from coupled.equilibria.steady_states import first_lyapunov
 
 RING = coupled.borghi2021()
 EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
@@ -134,21 +132,3 @@ def test_the_narrow_hysteresis_of_the_fem_trained_set():
     assert rest == "stable"
     far, _ = swing_of(FEM_TRAINED, power, border + 0.4e9, initial=pulses)
     assert far < 0.01
-
-
-def test_weight_of_carriers_against_heat():
-    """The paper's own ratio, q = 5 q_0, and its scaling with every factor."""
-    ring = RING.with_lumped_fcd()
-    first = surrogate.newton(tau_th=275e-9)
-    q = coupled.equilibria.onset.van_vaerenbergh_q(ring, first)
-    average = surrogate.newton(tau_th=450e-9, heat_capacity=8 * 7.63e-12)
-    assert coupled.equilibria.onset.van_vaerenbergh_q(ring, average) / q == pytest.approx(8 * 275 / 450, rel=1e-9)
-    assert coupled.equilibria.onset.van_vaerenbergh_q(
-        replace(ring, thermo_optic=2 * ring.thermo_optic), first
-    ) == pytest.approx(q / 2)
-    shifted = ring.with_rates(thermal_shift=2 * ring.thermal_shift)  # it counted for nothing
-    assert coupled.equilibria.onset.van_vaerenbergh_q(shifted, first) == pytest.approx(q / 2)
-    stronger = replace(ring, fcd=((4 * ring.fcd[0][0], 1.0),))
-    assert coupled.equilibria.onset.van_vaerenbergh_q(stronger, first) == pytest.approx(2 * q)
-    longer = replace(ring, carriers=coupled.ConstantLifetime(9 * float(ring.carriers.lifetime(1e23))))
-    assert coupled.equilibria.onset.van_vaerenbergh_q(longer, first) == pytest.approx(3 * q)

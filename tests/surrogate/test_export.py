@@ -264,10 +264,8 @@ def test_two_units_of_one_name_in_one_host_are_two_models(tmp_path, fmi):
 
 
 def test_a_version_of_fmi_that_does_not_exist_is_refused(tmp_path):
-    with pytest.raises(th.InputError, match=r"fmi = 1 .*2 or 3"):
+    with pytest.raises(th.InputError, match="fmi = 1 must be a whole number from 2 to 3"):
         surrogate.export_model(ONE, tmp_path / "ring.fmu", to="fmu", fmi=1)
-    with pytest.raises(th.InputError, match="fmi = 3 goes with"):
-        surrogate.export_model(ONE, tmp_path / "ring.cir", to="spice", fmi=3)
 
 
 @pytest.mark.parametrize("model", [ONE, two_parts(), TRANSFER], ids=["one part", "two parts", "transfer"])

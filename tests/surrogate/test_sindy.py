@@ -113,13 +113,6 @@ def test_derivative_states_are_refused(five):
         )
 
 
-def test_without_the_static_rows_the_gain_is_off_and_refused(five):
-    models, names = five
-    data = dataset([m.response(WAVE, TIMES) for m in models], names)
-    with pytest.raises(th.InputError, match="refused"):
-        surrogate.fit_sindy(data, [m.thermal_resistance for m in models], impose=False)
-
-
 def test_noise_of_one_kelvin_is_refused(five):
     """0.1 K still passes, at three times the error."""
     models, names = five

@@ -132,14 +132,6 @@ def test_fields_are_made_once():
     assert peak < 3 * one  # itself, and the space and its factors
 
 
-def test_several_inputs_add_up():
-    d = coarse()[1]
-    system = d.state_space(("core", "substrate"), ("core",))
-    run = Modal(system).run(system.C, [PULSE, STEP], TIMES, rtol=1e-6)
-    exact = integrate(system, [PULSE, STEP], TIMES, rtol=1e-8).outputs
-    assert worst(run.outputs[:, 0], exact[:, 0]) < 1e-6
-
-
 @pytest.mark.parametrize("rtol", [1e-2, 1e-5])
 def test_times_long_before_the_heat_has_left_the_part(rtol):
     """From 1 ps on the shifts reach further, and what is small then still counts."""

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
+import check_femwell_guide as femwell_guide
 import numpy as np
 import pytest
-from audit import femwell_guide
 
 import surrogate
 import thermofem as th
@@ -155,7 +155,7 @@ def test_derivatives_of_open_sections(path):
 
 
 # mean rise in K/W over the heated length of a finite guide of silicon in three dimensions: NGSolve, 1.5e5 unknowns
-# (`audit/finite_guide.py`, elements of order 2): 4e-4 too low by its mesh in x and z
+# (`benchmarks/check_finite_guide.py`, elements of order 2): 4e-4 too low by its mesh in x and z
 FINITE = {10e-6: 28324.4, 40e-6: 9033.43, 100e-6: 3790.58, 320e-6: 1214.81}
 
 
@@ -177,7 +177,7 @@ def test_a_short_open_guide_is_told_of_its_ends(guide, caplog):
     assert "outwards" not in caplog.text
 
 
-# rises of core and heater in K/W at rest and after 1, 3 and 10 us by femwell 0.1.12 (`audit/femwell_guide.py`)
+# rises of core and heater in K/W at rest and after 1, 3 and 10 us by femwell 0.1.12 (`check_femwell_guide.py`)
 FEMWELL = {
     "core": [330.624846, 20.33663, 123.58469, 277.47204],
     "heater": [1228.769133, 459.12489, 768.81823, 1110.97787],

@@ -181,7 +181,7 @@ def test_settings_beside_the_first_rows_and_exponents_of_fortran(tmp_path):
         ("time,V(core)\n", "{t},{y}\n", {}, "V.core.*--units"),
         ("Timebase: ms\nTime,T\n", "{t},{y}\n", {}, "Timebase.*--units"),
         ("Time unit: ms\nTime (us),T\n", "{t},{y}\n", {}, "Time unit: ms.*--units"),
-        ("Time,T (K)\n", "{k},{y}\n", {}, "spans 60.*--units"),
+        ("Time,T (K)\n", "{k},{y}\n", {}, "span of column.*60.*--units"),
         ("Time (s),Shift (pm)\n", "{t},{y}\n", {}, 'sensitivity "... pm/K"'),
         ("Time (s),T (K)\n", "{t:.0e},{y}\n", {}, "rounded"),
         ("a,b,c\n", "{t},{y},1\n", {}, "3 columns of numbers.*--columns"),

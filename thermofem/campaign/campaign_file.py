@@ -64,8 +64,8 @@ class Variation:
             return
         low, high = checks.finite(f"{self.name}: from", self.low), checks.finite(f"{self.name}: to", self.high)
         checks.ordered(f"{self.name}: from", low, "to", high)
-        if self.logarithmic and low <= 0:
-            raise InputError(f"{self.name}: from = {low:g} must be positive where the spacing is logarithmic")
+        if self.logarithmic:
+            checks.positive(f"{self.name}: from", low, hint="the spacing is logarithmic")
 
     def at(self, share: float) -> float:
         """The value at ``share`` (0 to 1) of the range."""
@@ -163,11 +163,9 @@ def _geometry(given: Any, folder: Path) -> str:
 
 def _variation(table: dict[str, Any], k: int) -> Variation:
     given = table.get("path")
-    paths = tuple(given) if isinstance(given, list) else (given,)
     where = f"vary {given if isinstance(given, str) else k}"
-    table = read_table(table, _VARY, where)
-    if not paths or not all(isinstance(path, str) for path in paths):
-        raise InputError(f'{where}: path = {shown(given)} is missing or no text; e.g. path = "part.core.width"')
+    table = read_table(table, _VARY, where, required=("path",))
+    paths = check_names(f"{where}: path", [given] if isinstance(given, str) else given)
     name = table.get("name", paths[0])
     logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
     listed, keys = table.get("values"), {"values", "from", "to", "count"} & set(table)
@@ -202,9 +200,12 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
     where = f"drive {table.get('name', k)}"
     table = read_table(table, _DRIVE, where)
     watts, periodic = table.get("power", 1e-3), table.get("periodic", False)
+    kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
+    spacing = table.get("spacing", "log" if kind == "step" else "linear")
     for key, needed, other in (
         ("pulse", "square" not in table, "pulse and square exclude each other; give one"),
         ("duty", "square" in table, "duty goes with square: a pulse or a step has none"),
+        ("first", spacing != "linear", 'first goes with spacing = "log"; even times begin at 0'),
         *(
             (key, not (periodic and "square" in table), f"{key} is that of a transient, not of a periodic state")
             for key in _TRANSIENT
@@ -217,23 +218,17 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
         wave = waveforms.Pulse(watts, table["pulse"])
     elif "square" in table:
         wave = waveforms.SquareWave(watts, table["square"], table.get("duty", 1 / 3))
-    kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
     name = table.get("name", kind)
     if periodic:
         return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, MOST))
-    return Drive(name, wave, _times(table, where, logarithmic=kind == "step"))
+    return Drive(name, wave, _times(table, where, checks.choice(f"{where}: spacing", spacing, ("linear", "log"))))
 
 
-def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[float, ...]:
-    """Times of a transient: 0, and evenly in time or, for a step, in its logarithm from ``first`` on."""
+def _times(table: dict[str, Any], where: str, spacing: str) -> tuple[float, ...]:
+    """Times of a transient: 0, and evenly in time or in its logarithm from ``first`` on."""
     duration = checks.positive(f"{where}: duration", table.get("duration", 40e-6), unit="s")
-    default = "log" if logarithmic else "linear"
-    spacing = checks.choice(f"{where}: spacing", table.get("spacing", default), ("linear", "log"))
-    samples = 81 if spacing == "log" else 401
-    samples = checks.integer(f"{where}: samples", table.get("samples", samples), 2, MOST)
+    samples = checks.integer(f"{where}: samples", table.get("samples", 81 if spacing == "log" else 401), 2, MOST)
     if spacing == "linear":
-        if "first" in table:
-            raise InputError(f'{where}: first goes with spacing = "log"; even times begin at 0')
         return tuple(map(float, np.linspace(0, duration, samples)))
     first = checks.positive(f"{where}: first", table.get("first", 1e-9), unit="s", at_most=duration)
     return (0.0, *map(float, np.geomspace(first, duration, max(samples - 1, 2))))

@@ -28,7 +28,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from .. import waveforms
+from .. import checks, waveforms
 from ..arrays import Array
 from ..data import dataset, files, netcdf
 from ..data.variables import describe
@@ -72,19 +72,9 @@ class Folder:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[None]:
-        """Make and lock the folder; InputError where another run is using it, or it holds a plan.json of others."""
-        if self.plan.exists() and not isinstance(self._plan_tree().get("cases", []), list):
-            raise InputError(f"{self.plan} is no file of a campaign", "move it, or take another folder")
+        """Make and lock the folder; InputError where another run is using it."""
         with self.store.opened("failures"):
             yield
-
-    def _plan_tree(self) -> dict[str, Any]:
-        """Content of plan.json; empty where it is damaged, as it is then written again."""
-        try:
-            tree = files.read_json(self.plan, "plan")
-        except InputError:
-            return {}
-        return tree if isinstance(tree, dict) and "cases" in tree else {"cases": None}
 
     def write_failure(self, key: str, reason: str, values: Mapping[str, Any]) -> None:
         """Store why one geometry has no result."""
@@ -124,12 +114,11 @@ class Folder:
         """The plan as `write_plan` stored it; InputError where the folder holds none, or one that was changed."""
         if not self.plan.is_file():
             raise InputError(f"{self.directory} holds no campaign", "thermofem campaign makes one")
-        plan = files.read_json(self.plan, "plan")
-        hint = "run the campaign again, which takes over its results"
-        if not isinstance(plan, dict) or plan.pop(HASH, "") != files.digest_tree(plan):
+        plan = checks.mapping("plan", files.read_json(self.plan, "plan"))
+        whole = plan.pop(HASH, "") == files.digest_tree(plan)
+        if not (whole and all(KEY.fullmatch(str(case[0])) for case in plan["cases"])):  # keys become names of files
+            hint = "run the campaign again, which takes over its results"
             raise InputError(f"{self.plan} was changed after thermofem wrote it", hint)
-        if not all(KEY.fullmatch(str(case[0])) for case in plan["cases"]):  # keys become names of files
-            raise InputError(f"{self.plan} holds a key that is no hash", hint)
         return plan
 
 
@@ -163,26 +152,23 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
         index = netcdf.load(path)
         if index["key"].values.tolist() == keys and index["status"].values.tolist() == folder.status(keys):
             return index
-    return _index(folder, plan, {})
+    return _index(folder, plan)
 
 
-def write_collections(folder: Folder, rows: Mapping[str, Row]) -> None:
-    """Write index and training collection of a campaign, each whole or not at all.
-
-    rows: results that are in memory already, by the key of their geometry; the others are read from their files.
-    """
+def write_collections(folder: Folder) -> None:
+    """Write index and training collection of a campaign, each whole or not at all."""
     plan = folder.read_plan()
-    index = _index(folder, plan, rows)
+    index = _index(folder, plan)
     netcdf.save(index, folder.directory / "index.nc")
     netcdf.save(_training(index, [v["name"] for v in plan["variations"]]), folder.directory / "training.nc")
 
 
-def _index(folder: Folder, plan: dict[str, Any], rows: Mapping[str, Row]) -> xr.Dataset:
+def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
     """All geometries of a plan as one Dataset."""
     keys = [case[0] for case in plan["cases"]]
     status = folder.status(keys)
     found = [
-        (rows.get(key) or _read(folder.store.path(key), plan["drives"])) if one == "finished" else None
+        _read(folder.store.path(key), plan["drives"]) if one == "finished" else None
         for key, one in zip(keys, status, strict=True)
     ]
     there = next((k for k, row in enumerate(found) if row is not None), None)

@@ -143,8 +143,6 @@ def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
     """When the power sets in, on the file's clock, and whether the record begins at rest without an offset."""
     t, y, said = rows.t, rows.y, rows.said
     if given is not None:
-        if given >= t[-1]:
-            raise InputError(f"--start: the {what} begins at {given:g} s, after the end of the table at {t[-1]:g} s")
         if given < t[0]:
             said.append(f"the {what} begins {quantity.rounded(t[0] - given, 's', 4)} before the first row")
         return given, False

@@ -18,15 +18,28 @@ from .. import checks
 from ..arrays import Array
 from ..checks import InputError, prefixed
 from ..waveforms import Constant, Waveform
-from . import column_units as units_of
 from . import dataset, files, heating_start, quantity
-from .column_units import BRACKETS, scale_of
-from .number_table import NumberTable, number_table
+from .number_table import (
+    BRACKETS,
+    IMPEDANCE,
+    POWER,
+    TEMPERATURE,
+    TIME,
+    VOLTAGE,
+    Column,
+    NumberTable,
+    Scale,
+    number_table,
+    scale_of,
+    units_above,
+)  # fmt: skip
+from .variables import VOLTS, unit_of
 
 LARGEST = 400_000_000  # bytes of a table
 LONGEST = 1.0  # s; a column of time without unit that is longer may be in another unit
 HOTTEST = 1e5  # K; beyond any temperature: the code of an overloaded instrument, such as 9.9E+37
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
+READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
 ROLES = ("time", "temperature", "power")
 _TIMES = re.compile(r"\W*(?:t|x|X|s|t[_ /].*|(?i:time.*|.*\btimes?|zeit|seconds?))\W*")
 _COUNTS = re.compile(r"(?i)(?:index|idx|no\.?|nr\.?|n|#|point|sample|row|step|samples_averaged|averages?)\W*")
@@ -90,106 +103,105 @@ def read_trace(
         table = number_table(content)
         del content
         said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
-        places, given = _columns(table, columns, time, temperature, power), _units(units)
-        t = _times(table, places[0], given.get("time") or _named_unit(table, time), said)
-        unit = given.get("temperature") or _named_unit(table, temperature)
+        found, given = _columns(table, columns, time, temperature, power), _units(units)
+        unit = given.get("time") or _named_unit(found[0], time)
+        t = _times(table, found[0], unit, said)
         wave = watts = None
         if isinstance(power, str):
-            watts = _power(table, places[2], given.get("power"))
+            watts = _scaled(found[2], given.get("power", found[2].unit), "power", (POWER,))[1]
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
-        y, reading = _temperatures(table, places[1], unit, sensitivity, wave, said)
-        t, (y, *more) = _distinct(table, t, [y] if watts is None else [y, watts], said)
+        unit = given.get("temperature") or _named_unit(found[1], temperature)
+        y, reading = _temperatures(table, found[1], unit, sensitivity, wave, said)
+        t, (y, *more) = _distinct(t, [y] if watts is None else [y, watts], said)
         level = None if baseline is None else _level(baseline, *reading)
         first = quantity.parse(start, "s", name="--start") if isinstance(start, str) else start
         if wave is None:
             first = min(float(t[0]), 0.0) if first is None else first
             y, watts, t = y[t >= first], more[0][t >= first], t[t >= first]
             wave = heating_start.sampled_power(t - first, watts, edges)
-        rows = heating_start.Rows(t, y, wave, units_of.unit_of(said), said)
+        rows = heating_start.Rows(t, y, wave, unit_of(said), said)
         sampled = watts is not None
-        times, rise, found = heating_start.rise_of(rows, first, level, False if sampled else fall, sampled)
-    about = {
+        times, rise, about = heating_start.rise_of(rows, first, level, False if sampled else fall, sampled)
+    attributes = {
         "source": path.name,
         "source_sha256": digest,
         "source_columns": ", ".join(
-            f"{role}: {table.names[k] or table.columns[k]}" for role, k in zip(ROLES, places, strict=False)
+            f"{role}: {column.name or column.number}" for role, column in zip(ROLES, found, strict=False)
         ),
         "assumed": "\n".join(said),
-        **found,
+        **about,
     }
-    return dataset.build(times, rise, wave, read=(temperature or "core",), attributes=about)
+    return dataset.build(times, rise, wave, read=(temperature or "core",), attributes=attributes)
 
 
 def _columns(
     table: NumberTable, columns: Any, time: str | None, temperature: str | None, power: Any
-) -> tuple[int, ...]:
-    """Places of time and temperature, and of a column of power."""
-    listed = ", ".join(f"{c} {name!r}" for c, name in zip(table.columns, table.names, strict=True))
-    third = (_place(table, "power", power, listed),) if isinstance(power, str) else ()
+) -> tuple[Column, ...]:
+    """The columns of time and temperature, and of power where it has one."""
+    known = {str(column.number): column for column in table.columns}
+    listed = ", ".join(f"{number} {column.name!r}" for number, column in known.items())
+    third = (_named(table, "power", power),) if isinstance(power, str) else ()
     if columns is not None:
-        known = [str(c) for c in table.columns]
         wanted = [str(c).strip() for c in (columns.split(",") if isinstance(columns, str) else columns)]
-        if len(wanted) != 2 or not set(wanted) <= set(known):
+        pair = [known[number] for number in wanted if number in known]
+        if not len(wanted) == len(pair) == 2:
             raise InputError(f"--columns = {checks.shown(columns)} must be two of the columns of numbers: {listed}")
-        return (*map(known.index, wanted), *third)
-    measures = [scale.dimensions if (scale := scale_of(unit)) else "" for unit in table.units]
-    first = None if time is None else _place(table, "time", time, listed)
-    second = None if temperature is None else _place(table, "temperature", temperature, listed)
+        return (*pair, *third)
+    measures = {column: scale.dimensions for column in table.columns if (scale := scale_of(column.unit))}
+    first = None if time is None else _named(table, "time", time)
+    second = None if temperature is None else _named(table, "temperature", temperature)
     if first is None:
-        free = [k for k in range(len(measures)) if k not in (second, *third)]
-        likely = [k for k in free if measures[k] == units_of.TIME]
-        likely = likely or [k for k in free if not table.units[k] and _TIMES.fullmatch(table.names[k])]
-        if not likely and (len(free) <= 2 or not table.names[0]):
+        free = [column for column in table.columns if column not in (second, *third)]
+        likely = [column for column in free if measures.get(column) == TIME]
+        likely = likely or [column for column in free if not column.unit and _TIMES.fullmatch(column.name)]
+        if not likely and (len(free) <= 2 or not table.columns[0].name):
             likely = free[:1]
         first = likely[0] if len(likely) == 1 else None
     if second is None and first is not None:
-        free = [k for k, name in enumerate(table.names) if k not in (first, *third) and not _COUNTS.fullmatch(name)]
-        hot = [k for k in free if measures[k] in (units_of.TEMPERATURE, units_of.IMPEDANCE)]
+        free = [c for c in table.columns if c not in (first, *third) and not _COUNTS.fullmatch(c.name)]
+        hot = [column for column in free if measures.get(column) in (TEMPERATURE, IMPEDANCE)]
         second = hot[0] if len(hot) == 1 else free[0] if len(free) == 1 else None
     if first is None or second is None or first == second:
         raise InputError(
-            f"{len(measures)} columns of numbers ({listed}); say which are time and temperature: --columns "
-            f"{table.columns[0]},{table.columns[1]}, or --time and --temperature"
+            f"{len(known)} columns of numbers ({listed}); say which are time and temperature: --columns "
+            f"{','.join([*known][:2])}, or --time and --temperature"
         )
     return first, second, *third
 
 
-def _place(table: NumberTable, role: str, name: str, listed: str) -> int:
-    """Place of a column by its header, with or without its unit."""
-    short = [BRACKETS.split(known)[0].strip() for known in table.names]
-    for known, wanted in ((list(table.names), name), (short, BRACKETS.split(name)[0].strip())):
-        if known.count(wanted) > 1:
-            same = ",".join(str(c) for c, n in zip(table.columns, known, strict=True) if n == wanted)
-            raise InputError(f"--{role} = {name!r} names the columns {same}; say which by number: --columns")
-        if wanted in known:
-            return known.index(wanted)
-    raise InputError(f"--{role} = {checks.shown(name)} is none of the columns: {listed}")
+def _named(table: NumberTable, role: str, name: str) -> Column:
+    """The column with this header, with or without its unit."""
+    short = BRACKETS.split(name)[0].strip()
+    found = [column for column in table.columns if column.name == name]
+    found = found or [column for column in table.columns if BRACKETS.split(column.name)[0].strip() == short]
+    if len(found) != 1:
+        numbers = ",".join(str(column.number) for column in found)
+        rule = f"names the columns {numbers}" if found else "is none of the columns"
+        names = ", ".join(f"{column.number} {column.name!r}" for column in table.columns)
+        raise InputError(f"--{role} = {checks.shown(name)} {rule}", f"say which by number, --columns, of {names}")
+    return found[0]
 
 
-def _named_unit(table: NumberTable, name: str | None) -> str:
+def _named_unit(column: Column, name: str | None) -> str:
     """The unit that a caller wrote behind the name of a column: "TIME (us)", where the header has none."""
     found = BRACKETS.findall(name or "")
-    return found[-1] if found and name not in table.names and scale_of(found[-1]) else ""
+    return found[-1] if found and name != column.name and scale_of(found[-1]) else ""
 
 
 def _units(units: str | Mapping[str, str] | None) -> dict[str, str]:
-    """Units by role; each must be one."""
+    """Units by role."""
     given = dict(zip(ROLES, units.split(","), strict=False)) if isinstance(units, str) else dict(units or {})
-    for role, unit in given.items():
+    for role in given:
         checks.choice("units", role, ROLES)
-        if unit and scale_of(unit) is None:
-            raise InputError(f"--units: {checks.shown(unit)} is not a unit of a {role}", "such as --units us,mV")
     return given
 
 
-def _unit(table: NumberTable, k: int, given: str, dimensions: tuple[str, ...], said: list[str]) -> str:
-    """The unit of a column: the caller's, that of its header, or that which a line above the table states."""
-    if given:
-        return given
-    label, unit, hint = table.label(k), table.units[k], 'give its unit, such as --units "us,mV"'
-    units_of.check_name(f"column {label}", table.names[k], unit, hint)
-    above = [(scale, *a) for a in units_of.units_above(table.above) if (scale := scale_of(a[0]))]
+def _unit(table: NumberTable, column: Column, dimensions: tuple[str, ...], said: list[str]) -> str:
+    """The unit of a column: that of its header, or that which a line above the table states."""
+    unit, hint = column.unit, 'give its unit, such as --units "us,mV"'
+    column.check_name(hint)
+    above = [(scale, *a) for a in units_above(table.above) if (scale := scale_of(a[0]))]
     above = [a for a in above if a[0].dimensions in dimensions]
     stated = [a for a in above if a[3]]
     one = len({a[0] for a in stated}) == 1
@@ -199,84 +211,77 @@ def _unit(table: NumberTable, k: int, given: str, dimensions: tuple[str, ...], s
         if one and stated[0][0] != own and stated[0][0].dimensions == own.dimensions:
             open_line = stated[0][2]
     elif one:
-        said.append(f"column {label} is in {stated[0][1]}, as {stated[0][2][:40]!r} above the table says")
+        said.append(f"{column.label} is in {stated[0][1]}, as {stated[0][2][:40]!r} above the table says")
         return stated[0][1]
     else:
         plain = [scale_of(si) for si in "sKV"]
         open_line = next((a[2] for a in above if a[3] or a[0] not in plain), "")
     if open_line:
         states = f"is in {unit}, but" if own else "states no unit, and"
-        raise InputError(f"column {label} {states} {open_line[:40]!r} stands above the table", hint)
+        raise InputError(f"{column.label} {states} {open_line[:40]!r} stands above the table", hint)
     return unit
 
 
-def _times(table: NumberTable, k: int, given: str, said: list[str]) -> Array:
-    """Times in s."""
-    values, label = _numbers(table, k), table.label(k)
-    unit = _unit(table, k, given, (units_of.TIME,), said)
+def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -> tuple[Scale, Array]:
+    """The scale of a column in a unit, and its numbers in SI.
+
+    Raises InputError: a unit of other dimensions, a number that is empty or not finite.
+    """
+    scale = scale_of(unit)
+    if scale is None or scale.dimensions not in dimensions:
+        hint = 'give --units "us,mV" or --columns' + (f', or --sensitivity "... {unit}/K"' if role != "time" else "")
+        raise InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
+    # beyond 1e30 is the code of an overload
+    values = checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
+    return scale, scale.offset + scale.factor * values
+
+
+def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> Array:
+    """Times in s, which do not fall."""
+    unit = given or _unit(table, column, (TIME,), said)
     if not unit:
-        if np.ptp(values) > LONGEST:
-            hint = 'give its unit, such as --units "us,K"'
-            raise InputError(f"column {label} states no unit and spans {np.ptp(values):g}", hint)
-        said.append(f"column {label} states no unit: seconds")
-    scale = scale_of(unit or "s")
-    if scale is None or scale.dimensions != units_of.TIME:
-        raise InputError(f"column {label} is in {checks.shown(unit)}, which is no time", "give --units or --columns")
-    return scale.factor * values
-
-
-def _numbers(table: NumberTable, k: int) -> Array:
-    """The numbers of a column; InputError where one is empty, not finite or the code of an overload."""
-    values = table.values[:, k]
-    bad = np.flatnonzero(~(np.abs(values) < 1e30))
-    if bad.size:
-        found = f"{bad.size} rows of column {table.label(k)} are empty, not finite or overloaded"
-        raise InputError(f"{found}, the first is row {bad[0] + 1} after line {table.line - 1}", "take such rows out")
-    return np.ascontiguousarray(values)
+        span = f"the span of {column.label}, which states no unit,"
+        checks.between(span, np.ptp(column.values), 0, LONGEST, hint='give its unit, such as --units "us,K"')
+        said.append(f"{column.label} states no unit: seconds")
+    _, t = _scaled(column, unit or "s", "time", (TIME,))
+    return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
 
 
 def _temperatures(
-    table: NumberTable, k: int, given: str, sensitivity: str | float | None, wave: Waveform | None, said: list[str]
-) -> tuple[Array, tuple[str, float]]:
+    table: NumberTable, column: Column, given: str, sensitivity: str | float | None, wave: Waveform | None,
+    said: list[str],
+) -> tuple[Array, tuple[str, float]]:  # fmt: skip
     """Temperatures in K; the dimensions of the reading, and how many K are one of it in SI."""
-    values, label = _numbers(table, k), table.label(k)
-    unit = _unit(table, k, given, (units_of.TEMPERATURE, units_of.VOLTAGE, units_of.IMPEDANCE), said)
+    readings, unit = READINGS, given or _unit(table, column, READINGS, said)
     if not unit:
         unit = "K" if sensitivity is None else "V"
-        said.append(f"column {label} states no unit: {'kelvin' if sensitivity is None else 'volts'}")
-    scale = scale_of(unit)
-    if scale is None:
-        raise InputError(f"column {label} is in {checks.shown(unit)}, which is not known", 'give --units "us,mV"')
-    kelvin = 1.0
+        said.append(f"{column.label} states no unit: {'kelvin' if sensitivity is None else 'volts'}")
+    size, role = 1.0, "temperature"
     if sensitivity is not None:
-        size, dimensions = _sensitivity(sensitivity)
-        if dimensions != scale.dimensions:
-            wrong = f"column {label} is in {unit}, and the sensitivity {sensitivity!r} is of another"
-            raise InputError(wrong, 'give --units "us,pm"')
-        said.append(f"column {label} is in {unit}: divided by {sensitivity}")
-        kelvin = 1 / size
-    elif scale.dimensions == units_of.IMPEDANCE:
+        size, measured = _sensitivity(sensitivity)
+        readings, role = (measured,), f"reading, whose sensitivity is {sensitivity}"
+        said.append(f"{column.label} is in {unit}: divided by {sensitivity}")
+    scale, y = _scaled(column, unit, role, readings)
+    kelvin = 1 / size
+    if sensitivity is None and scale.dimensions == IMPEDANCE:
         if not isinstance(wave, Constant):
-            raise InputError(f"column {label} is in {unit}, an impedance under a step", "give a constant --power")
-        said.append(f"column {label} is in {unit}: multiplied by the power")
+            raise InputError(f"{column.label} is in {unit}, an impedance under a step", "give a constant --power")
+        said.append(f"{column.label} is in {unit}: multiplied by the power")
         kelvin = wave.power
-    elif scale.dimensions == units_of.VOLTAGE:
+    elif sensitivity is None and scale.dimensions == VOLTAGE:
         said.append(
-            f"warning: column {label} is in {unit}: {units_of.VOLTS}, so R and R_th are in V/W and time constants are "
-            'as measured, --sensitivity "10 mV/K" makes kelvin of it'
+            f"warning: {column.label} is in {unit}: {VOLTS}, so R and R_th are in V/W and time constants are as "
+            'measured, --sensitivity "10 mV/K" makes kelvin of it'
         )
-    elif scale.dimensions != units_of.TEMPERATURE:
-        raise InputError(f"column {label} is in {unit}, no temperature", f'give --sensitivity "... {unit}/K"')
-    y = scale.offset + scale.factor * kelvin * values
-    if (hot := np.flatnonzero(~(np.abs(y) <= HOTTEST))).size:
-        raise InputError(f"{hot.size} rows of column {label} are beyond {HOTTEST:g} K: an overload, or another unit?")
+    # beyond is the code of an overloaded instrument, such as 9.9E+37
+    y = checks.numbers(f"{column.label} in K", kelvin * y, most=HOTTEST, hint="an overload, or another unit?")
     return y, (scale.dimensions, kelvin)
 
 
 def _sensitivity(given: str | float) -> tuple[float, str]:
     """A sensitivity in SI units of the reading per kelvin, and the dimensions of the reading."""
     if not isinstance(given, str):
-        return checks.finite("sensitivity", given, unit="V/K"), units_of.VOLTAGE
+        return checks.finite("sensitivity", given, unit="V/K"), VOLTAGE
     match = re.fullmatch(r"\s*([+-]?)\s*(\d.*\S|\d)\s*/\s*(?:K|deg\s?C|°C|C)\s*", given)
     scale = scale_of(match[2]) if match else None
     if match is None or scale is None or scale.offset or scale.factor == 0:
@@ -290,28 +295,15 @@ def _level(given: str | float, dimensions: str, kelvin: float) -> float:
         return checks.finite("baseline", given, unit="K")
     match = re.fullmatch(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(.*)", given)
     scale = scale_of(match[2]) if match else None
-    if match is None or scale is None or scale.dimensions not in (dimensions, units_of.TEMPERATURE):
+    if match is None or scale is None or scale.dimensions not in (dimensions, TEMPERATURE):
         raise InputError(f"--baseline = {given!r} must be a temperature or in the unit of the column")
     value = scale.offset + scale.factor * float(match[1])
-    return value if scale.dimensions == units_of.TEMPERATURE else value * kelvin
+    return value if scale.dimensions == TEMPERATURE else value * kelvin
 
 
-def _power(table: NumberTable, k: int, given: str | None) -> Array:
-    """A column of power in W."""
-    scale = scale_of(given or table.units[k])
-    if scale is None or scale.dimensions != units_of.POWER:
-        raise InputError(f"column {table.label(k)} states no unit of a power", 'give it, units = {"power": "mW"}')
-    return scale.factor * _numbers(table, k)
-
-
-def _distinct(table: NumberTable, t: Array, values: list[Array], said: list[str]) -> tuple[Array, list[Array]]:
+def _distinct(t: Array, values: list[Array], said: list[str]) -> tuple[Array, list[Array]]:
     """Rows with increasing times: the second of two at one time is left out, if few are and the temperature agrees."""
     steps = np.diff(t)
-    if (back := np.flatnonzero(steps < 0)).size:
-        raise InputError(
-            f"row {back[0] + 2} after line {table.line - 1}: time {t[back[0] + 1]:g} s is before the row above; times "
-            "must increase, one record in each file"
-        )
     same = np.flatnonzero(steps == 0)
     if not same.size or len(values) > 1:  # a power column jumps at a time that stands twice
         return t, values

@@ -1,53 +1,150 @@
-"""Tables of numbers as instruments, simulators and people write them: the block of numbers, and what its header says.
+"""Tables of numbers as instruments, simulators and people write them: columns with names and units.
 
-The block is the longest run of lines whose cells are numbers in the same columns, two at least. Columns may be divided
+The table is the longest run of lines whose cells are numbers in the same columns, two at least. Columns may be divided
 by tabs, semicolons, commas or spaces, and stand beside columns of text; settings above the header, a row of units below
 it and remarks after the last row are passed by. A comma is a decimal mark where tabs, semicolons or spaces divide.
+Units stand in headers as people write them: "(us)", "_mK", "deg C", "microseconds".
 """
 
 import csv
 import io
+import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
 from ..arrays import Array
-from ..checks import InputError
-from .column_units import is_unit, scale_of, unit_in
+from ..checks import InputError, prefixed, shown
+from .quantity import registry
 
 DIVIDERS = ("\t", ";", ",", " ")
-FEWEST = 3  # consecutive lines of numbers that begin the block: settings seldom stand in three such lines
+FEWEST = 3  # consecutive lines of numbers that begin the table: settings seldom stand in three such lines
 LOOKED, MOSTLY = 60, 0.8  # rows that tell which columns are numbers: those with numbers in this share of them
 MARKS = "%#!/\"' "  # that begin a remark or a header in some program
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?|[+-]?nan|[+-]?inf", re.ASCII | re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)  # 1,234: or a decimal comma before three digits
 
+SPELLED = {
+    "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "secs": "s", "kelvin": "K", "kelvins": "K",
+    "millivolt": "mV", "millivolts": "mV", "microvolts": "uV", "microsecond": "us", "microseconds": "us", "usec": "us",
+    "nanosecond": "ns", "nanoseconds": "ns", "nsec": "ns", "millisecond": "ms", "milliseconds": "ms", "msec": "ms",
+    "picoseconds": "ps", "minutes": "min", "minute": "min", "hours": "h", "hour": "h", "hrs": "h", "hr": "h",
+    "c": "degC", "deg c": "degC", "deg. c": "degC", "degc": "degC", "celsius": "degC", "degrees c": "degC",
+    "degrees celsius": "degC", "f": "degF", "deg f": "degF", "degf": "degF", "fahrenheit": "degF", "watt": "W",
+    "watts": "W", "ohms": "ohm", "c/w": "K/W", "degc/w": "K/W", "deg c/w": "K/W", "k/w": "K/W", "counts": "count",
+    "ohm": "ohm", "kohm": "kohm", "s": "s", "ms": "ms", "us": "us", "ns": "ns", "ps": "ps", "k": "K", "v": "V",
+    "mv": "mV", "uv": "uV",
+}  # fmt: skip
+_SYMBOL = r"(?:[fpnumckMG]?(?:s|K|W|V|A|Hz|rad|m|ohm|g|J)|deg[CF]?|min|h|hour|count|percent|%)"
+_UNIT = re.compile(  # a number that may be left out, and a product of symbols
+    rf"(?:((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*)?({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII
+)
+BRACKETS = re.compile(r"\s*[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
+_ENDING = re.compile(  # T_mK, T/mK, T in mK and T mK, but for "type K" and T_per_V
+    r"(?<!per)(?:[_/]|,|\bin\b|\s(?=\S{2}))\s*(s|[munpµμ]s|K|[mu]K|degC|°C|V|[muµμ]V|W|[munµμ]W)\s*$"
+)
+_WORDS = re.compile(  # that look like a unit which is not SI
+    r"t?(?:[munpµμ]s(?:ecs?)?|[munkµμ](?:[kvw]|volts?|watts?)|deg[cf]|°[cf]|celsius|fahrenheit|[pnuµμ]m|[kmg]hz|dbm?"
+    r"|counts?|(?:milli|mi[ck]ro|nano|pico)(?:s|secs?|seconds?|sekunden?|kelvin|volts?|watts?))",
+    re.IGNORECASE,
+)
+_FACTOR = re.compile(r"\b10\s*(?:\^|\*\*)\s*[-+]?\d+|[x×*·]\s*\d[\d.eE+-]*|\b[eE][-+]\d+\b")
+NO_UNITS = ("", "t", "T", "a", "A", "h", "x", "X", "P", "y", "R", "m")  # names of columns rather than units
+
+
+class Scale(NamedTuple):
+    """SI value = offset + factor * number; dimensions as pint writes those of the SI unit."""
+
+    dimensions: str
+    offset: float
+    factor: float
+
+
+TIME, TEMPERATURE, VOLTAGE = "second", "kelvin", "kilogram * meter ** 2 / ampere / second ** 3"
+POWER, IMPEDANCE = "kilogram * meter ** 2 / second ** 3", "kelvin * second ** 3 / kilogram / meter ** 2"
+
+
+@lru_cache(maxsize=256)
+def scale_of(text: str) -> Scale | None:
+    """The scale of a unit as a header writes it, a number before it included ("0.12 K"); None where it is no unit."""
+    bare = (
+        text.strip().strip("()[]").replace("°", "deg").replace("µ", "u").replace("μ", "u").replace("Ω", "ohm").strip()
+    )
+    match = _UNIT.fullmatch(SPELLED.get(bare.lower(), bare))
+    if match is None:
+        return None
+    size, unit = float(match[1] or 1), SPELLED.get(match[2].lower(), match[2])
+    zero, one = (registry().Quantity(k, registry().parse_units(unit)).to_base_units() for k in (0.0, 1.0))
+    low, high = float(zero.magnitude), float(one.magnitude)
+    factor = float(f"{size * (high - low):.15g}")
+    return Scale(str(zero.units), low, factor) if math.isfinite(factor) else None
+
+
+def is_unit(cell: str) -> bool:
+    """Whether a cell is a bare unit such as "(us)", "mV" or "Volt"."""
+    return cell.strip("()[] ") not in NO_UNITS and len(cell) <= 30 and scale_of(cell) is not None
+
+
+def unit_in(name: str) -> str:
+    """The unit in the name of a column, in brackets or at its end; else ""."""
+    for found in BRACKETS.findall(name):
+        if scale_of(found) is not None:
+            return str(found).strip()
+    match = _ENDING.search(name)
+    compound = match and _ENDING.search(f"_{name[: match.start()].split(' ')[-1]}")  # mV/K
+    return match[1].strip() if match and not compound else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of numbers.
+
+    number: in the file, from 1.
+    name, unit: "" where the file states none.
+    values [shape (rows,)]
+    """
+
+    number: int
+    name: str
+    unit: str
+    values: Array
+
+    @property
+    def label(self) -> str:
+        """The column as messages name it."""
+        return f"column {self.name!r}" if self.name else f"column {self.number}"
+
+    def check_name(self, hint: str) -> None:
+        """InputError where the name says more on its scale than the unit: a factor, another unit, a bracket."""
+        name, unit = self.name, self.unit
+        bracketed = [found for found in BRACKETS.findall(name) if scale_of(found) is not None] if unit else []
+        beside = BRACKETS.sub(" ", name) if bracketed else _ENDING.sub(" ", name) if unit else name
+        rest = re.sub(r"[(\[{<]" + re.escape(bracketed[0]) + r"[)\]}>]", " ", name) if bracketed else name
+        factor = _FACTOR.search(rest)
+        words = re.split(r"[^A-Za-zµμ°]+", re.sub(r"\d\s*[A-Za-zµμ°]+", " ", beside))  # "mean of 5 ms" is a remark
+        other = (w for w in words if _WORDS.fullmatch(w) or (not unit and w in ("C", "F", "min", "h", "hr", "hours")))
+        said = factor[0] if factor else next(other, "")
+        if said := said or ("" if unit else next(iter(BRACKETS.findall(name)), "")):
+            raise InputError(f"{self.label} says {shown(said)}, which leaves its unit open", hint)
+
 
 @dataclass(frozen=True, eq=False)
 class NumberTable:
-    """Columns of numbers with what stands above them.
+    """Columns of numbers with what stands around them.
 
-    columns: number of each column in the file, from 1.
-    names, units: of each column, "" where the file states none.
-    values [shape (rows, columns)]
     above: the lines above the table and the cells beside its first rows, which may name units.
     line: of the first row, from 1; after: how many lines of text follow the last row.
     """
 
-    columns: tuple[int, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
+    columns: tuple[Column, ...]
     above: tuple[str, ...]
     line: int
     after: int
-
-    def label(self, k: int) -> str:
-        """The column as messages name it."""
-        return repr(self.names[k]) if self.names[k] else f"column {self.columns[k]}"
 
 
 def number_table(content: bytes) -> NumberTable:
@@ -55,40 +152,45 @@ def number_table(content: bytes) -> NumberTable:
 
     Raises InputError: no rows of two numbers, a row that breaks off, commas that may divide thousands.
 
-    >>> number_table(b"% Time (us)   T (K)\\n0   293.15\\n1   294.5\\n2   295").names
-    ('Time (us)', 'T (K)')
+    >>> [column.name for column in number_table(b"% Time (us)   T (K)\\n0   293.15\\n1   294.5\\n2   295").columns]
+    ['Time (us)', 'T (K)']
     """
     text = text_of(content)
     head, start, divider = _block(text)
+    first = len(head) + 1
     rows = [cells_of(line, divider) for _, line in islice(_lines(text, start), LOOKED)]
     width = len(rows[0])
     counts = [sum(len(row) == width and is_number(row[k], divider) for row in rows) for k in range(width)]
-    columns = [k for k in range(width) if counts[k] >= MOSTLY * max(counts)]
-    if len(columns) < 2:
-        raise InputError(f"the rows from line {len(head) + 1} on have no two columns of numbers in common")
-    end, after = _end(text, divider, columns)
+    places = [k for k in range(width) if counts[k] >= MOSTLY * max(counts)]
+    if len(places) < 2:
+        raise InputError(f"the rows from line {first} on have no two columns of numbers in common")
+    end, after = _end(text, divider, places)
     block = text[start:end]
     del text, content
-    values = _values(block, divider, columns, len(head) + 1)
-    beside = [", ".join(cell for k, cell in enumerate(row) if k not in columns and cell) for row in rows]
-    names, units, above = _header(head, divider, width, columns)
-    table = (tuple(k + 1 for k in columns), names, units, values, (*above, *filter(None, beside)), len(head) + 1, after)
-    return _counted(NumberTable(*table), head, divider)
+    values = _values(block, divider, places, first)
+    above = [", ".join(cell for k, cell in enumerate(row) if k not in places and cell) for row in rows]
+    counted = [cells_of(line, divider) for line in head[:2]]
+    lower = [[cell.lower() for cell in cells] for cells in counted]
+    if len(counted) == 2 and {"start", "increment"} <= set(lower[0]) and "sequence" in lower[1]:
+        # the first column counts the samples (Rigol): "X,CH1,Start,Increment," above "Sequence,Volt,-3.0e-06,1.0e-08"
+        with prefixed("line 2 has no numbers below Start and Increment", ValueError, IndexError):
+            at, step = (float(counted[1][lower[0].index(word)].replace(",", ".")) for word in ("start", "increment"))
+        values = np.column_stack([at + step * values[:, 0], values[:, 1:]])
+        names, units, above = counted[0], ["s", *counted[1][1:]], []
+    else:
+        names, units, head = _header(head, divider, width, places)
+        above = [*head, *filter(None, above)]
+    columns = (Column(k + 1, names[k], units[k], values[:, n]) for n, k in enumerate(places))
+    return NumberTable(tuple(columns), tuple(above), first, after)
 
 
 def text_of(content: bytes) -> str:
     """The text of a file in UTF-8, UTF-16 with its mark, or Windows' western code page, lines ended by a line feed."""
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        text = content.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = content.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = content.decode("cp1252", errors="replace")
-    if "\0" in text:
-        raise InputError(
-            f"line {text[: text.index(chr(0))].count(chr(10)) + 1} holds a NUL character", "is it damaged?"
-        )
+    marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    try:
+        text = content.decode("utf-16" if marked else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
@@ -146,10 +248,8 @@ def _end(text: str, divider: str, columns: list[int]) -> tuple[int, int]:
         begin = text.rfind("\n", 0, stop) + 1
         line = text[begin:stop]
         cells = cells_of(line, divider)
-        if len(cells) > columns[-1] and all(is_number(cells[k], divider) or not cells[k] for k in columns):
-            break
-        if _looks_broken(line):
-            break  # a row that breaks off: `_values` names it
+        if _is_row(cells, divider, columns) or _looks_broken(line):
+            break  # of a row that breaks off, which `_values` names
         stop, after = len(text[:begin].rstrip("\n\t ,;")), after + bool(line.strip())
     return len(text) if text.find("\n", stop) < 0 else text.find("\n", stop), after
 
@@ -158,9 +258,13 @@ def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
     """The numbers of the block, shape (rows, columns)."""
     import pandas as pd  # type: ignore[import-untyped]
 
-    if divider != ",":
-        _check_commas(text, divider, columns, first)
     sample = text[:4000].lower()
+    if divider != "," and "," in text:
+        rows = (cells_of(line, divider) for _, line in _lines(text))
+        decimal = (k < len(row) and "," in row[k] and not _THOUSANDS.fullmatch(row[k]) for row in rows for k in columns)
+        if "." in text or not any(decimal):
+            rule = "the commas of its numbers may divide thousands, 1,234 as 1234"
+            raise InputError(rule, "write a decimal point and no other mark")
     if re.search(r"\d[.]?d[+-]?\d", sample):  # exponents of Fortran
         text = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text)
     options = {
@@ -181,10 +285,15 @@ def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
         pass
     for number, (_, line) in enumerate(_lines(text), first):
         cells = cells_of(line, divider)
-        wrong = len(cells) <= columns[-1] or not all(is_number(cells[k], divider) or not cells[k] for k in columns)
-        if line.strip(MARKS + ",;\t") and (wrong or (number == first and not cells)):
-            raise InputError(f"line {number} = {line.strip()[:40]!r} is no row of {len(columns)} numbers")
-    raise InputError("its rows have different numbers of cells, or hold text in a column of numbers")
+        wrong = not _is_row(cells, divider, columns) or (number == first and not cells)
+        if wrong and line.strip(MARKS + ",;\t"):
+            break
+    raise InputError(f"line {number} = {line.strip()[:40]!r} is no row of {len(columns)} numbers")
+
+
+def _is_row(cells: list[str], divider: str, columns: list[int]) -> bool:
+    """Whether the cells of these columns are there, each a number or empty."""
+    return len(cells) > columns[-1] and all(is_number(cells[k], divider) or not cells[k] for k in columns)
 
 
 def _looks_broken(line: str) -> bool:
@@ -193,25 +302,8 @@ def _looks_broken(line: str) -> bool:
     return bool(words) and is_number(words[0])
 
 
-def _check_commas(text: str, divider: str, columns: list[int], first: int) -> None:
-    """InputError where a comma may be a decimal mark and may divide thousands."""
-    if "," not in text:
-        return
-    if "." in text:
-        raise InputError("its numbers have commas and points, and one of them divides thousands", "leave that out")
-    for _, line in _lines(text):
-        cells = cells_of(line, divider)
-        if any("," in cells[k] and not _THOUSANDS.fullmatch(cells[k]) for k in columns if k < len(cells)):
-            return
-    raise InputError(
-        f"line {first}: every number with a comma may be meant with thousands, 1,234 as 1234", "write a decimal point"
-    )
-
-
-def _header(
-    head: list[str], divider: str, width: int, columns: list[int]
-) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:
-    """Names and units of the columns, and the other lines above the table.
+def _header(head: list[str], divider: str, width: int, columns: list[int]) -> tuple[list[str], list[str], list[str]]:
+    """Names and units of all columns, and the other lines above the table.
 
     Raises InputError: below the names stands a line with a number first, a damaged row.
     """
@@ -238,7 +330,7 @@ def _header(
         if stated and below and is_unit(stated) and scale_of(stated) != scale_of(below):
             raise InputError(f"{name!r} has the unit {below} in the row below", "take the wrong one out")
         units[k] = stated or below
-    return tuple(names[k] for k in columns), tuple(units[k] for k in columns), head
+    return names, units, head
 
 
 def _titles(line: str, divider: str, width: int, columns: list[int]) -> list[str]:
@@ -257,22 +349,19 @@ def _titles(line: str, divider: str, width: int, columns: list[int]) -> list[str
     return []
 
 
-def _counted(table: NumberTable, head: list[str], divider: str) -> NumberTable:
-    """A table whose times are counted by the first column, made of the start and the increment in its header (Rigol).
+def units_above(lines: tuple[str, ...]) -> list[tuple[str, str, bool]]:
+    """Units that lines above a table name: the unit, the line, and whether the line says that it is about units.
 
-    X,CH1,Start,Increment,
-    Sequence,Volt,-3.0e-06,1.0e-08
+    >>> units_above(("Time unit: ms", "Averages,1", "Trigger delay 10 us", "Coupling,DC"))
+    [('ms', 'Time unit: ms', True)]
     """
-    rows = [cells_of(line.lower(), divider) for line in head[:2]]
-    if len(rows) < 2 or not {"start", "increment"} <= set(rows[0]) or "sequence" not in rows[1]:
-        return table
-    try:
-        first, step = (float(rows[1][rows[0].index(word)].replace(",", ".")) for word in ("start", "increment"))
-    except (ValueError, IndexError):
-        raise InputError("line 2 has no numbers below Start and Increment, which the times are made of") from None
-    values = table.values.copy()
-    values[:, 0] = first + step * values[:, 0]
-    cells = [cells_of(line, divider) for line in head[:2]]
-    names = tuple(cells[0][k - 1] for k in table.columns)
-    units = ("s", *(cells[1][k - 1] for k in table.columns[1:]))
-    return replace(table, names=names, units=units, values=values, above=())
+    found = []
+    for line in lines:
+        about = bool(re.search(r"(?i)\bunits?\b|\bin\b", line))
+        words = [word for word in re.split(r"[\s,;:=|()\[\]\"]+", line) if word]
+        for before, word in zip(["", *words], words, strict=False):
+            known = about or (len(word) > 1 and _WORDS.fullmatch(word))
+            known = known and word not in ("in", "h", "g", "a", "A", "m", "J") and not re.match(r"[\d.%]", word)
+            if known and not re.match(r"[+-]?[\d.]", before) and scale_of(word) is not None:
+                found.append((word, line.strip(), about))
+    return found

@@ -161,8 +161,9 @@ def _factor(given: str, unit: str) -> tuple[float, str]:
     if len(text) <= 80 and _UNIT.fullmatch(text):  # 80: characters
         import pint
 
+        units = registry()  # one: threads that ask first at once may each make their own
         try:
-            found, wanted = (registry().Quantity(1.0, registry().parse_units(one)) for one in (text, unit))
+            found, wanted = (units.Quantity(1.0, units.parse_units(one)) for one in (text, unit))
             # in root units angles are kept: rad/s is not Hz
             if found.to_root_units().units == wanted.to_root_units().units:
                 return float((found / wanted).to_base_units().magnitude), ""

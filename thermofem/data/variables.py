@@ -17,6 +17,7 @@ from . import quantity
 if TYPE_CHECKING:
     import xarray as xr
 
+VOLTS = "1 V counts as 1 K"  # in the words on the assumptions of a measured trace
 PER = "per unit"  # in the units of derivatives with respect to parameters
 PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: the name of a drive follows
 
@@ -86,6 +87,11 @@ def label(values: Any, name: str) -> str:
     """Name of a variable for an axis and its unit, where the Dataset has kept them."""
     unit = values.attrs.get("units")
     return str(values.attrs.get("long_name", name)) + (f" ({unit})" if unit else "")
+
+
+def unit_of(assumed: object) -> str:
+    """The unit of a trace's temperatures: "V" where the words on its assumptions say that volts count as kelvin."""
+    return "V" if VOLTS in str(assumed) else "K"
 
 
 def in_si(name: str, data: xr.Dataset) -> xr.Dataset:

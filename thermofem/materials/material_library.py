@@ -282,19 +282,18 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
     """
     if not isinstance(given, dict):
         return {key: quantity.parse(given, unit, name=f"{where} {key}")}
-    of = f"{where} {key}"
-    if {"value", "r"} <= given.keys():
-        raise InputError(f"{of}: value and r are the same; give one of them")
+    of, value, name = f"{where} {key}", given.get("value", given.get("r")), "r" if "z" in given else "value"
     with prefixed(of):
         law = _law(given, unit, of)
-    if "r" in given and "z" not in given:
-        raise InputError(f"{of}: z is missing; r is along the layers alone: add z, or call r value to have it in both")
-    value = given.get("value", given.get("r"))
+        for broken, rule in (
+            ({"value", "r"} <= given.keys(), "value and r are the same; give one of them"),
+            ("r" in given and "z" not in given, "z is missing; r is along the layers alone: add z, or call r value"),
+            (value is None and not isinstance(law, Table), f'{name} is missing; add {name} = "..."'),
+        ):
+            if broken:
+                raise InputError(rule)
     if isinstance(law, Table):
         value = _of_table(law, value, unit, f"{of}: {'r' if 'r' in given else 'value'}")
-    if value is None:
-        name = "r" if "z" in given else "value"
-        raise InputError(f'{of}: {name} is missing; add {name} = "..."')
     return {key: value, f"{key}_law": law} | ({"conductivity_z": given["z"]} if "z" in given else {})
 
 

@@ -43,7 +43,42 @@ if TYPE_CHECKING:
     from ..geometry.regions import Face
 
 NEAR = 1e-9  # of the largest coordinate: a vertex this near to an edge lies on it
+AGREE = 1e-6  # of the largest velocity: two velocities of one edge that differ by less are the same
 SOFT = 1.0  # the larger, the more of the strain goes to large triangles; the smaller, the further a mesh can move
+
+Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """All edges of a subdivision, each once.
+
+    corners [shape (c, 2), m]
+    ends [shape (e, 2)]: corners of each edge.
+    left: name of the owner on the left of each edge, None where nothing is meshed; and ``right``.
+    """
+
+    corners: Array
+    ends: NDArray[np.intp]
+    left: list[str | None]
+    right: list[str | None]
+
+    @classmethod
+    def of(cls, geometry: CrossSection) -> Edges:
+        """The corners and edges of all faces of a geometry, each once, with the face on either side."""
+        number: dict[tuple[float, float], int] = {}
+        sides: dict[tuple[int, int], list[str | None]] = {}
+        for face in geometry.subdivision.faces:
+            for edge in face.edges().tolist():
+                a, b = (number.setdefault((r, z), len(number)) for r, z in edge)
+                key, side = ((a, b), 0) if a < b else ((b, a), 1)
+                sides.setdefault(key, [None, None])[side] = face.owner
+        return cls(
+            corners=np.array(list(number)),
+            ends=np.array(list(sides), dtype=np.intp),
+            left=[pair[0] for pair in sides.values()],
+            right=[pair[1] for pair in sides.values()],
+        )
 
 
 class Motion:
@@ -61,18 +96,12 @@ class Motion:
         self._once = replace(mesh, points=points, triangles=self._place[mesh.triangles])
         self._faces = geometry.subdivision.faces
         self._rings = _rings(self._faces)
-        everywhere = np.concatenate(self._rings)
-        self.corners, self._first, self._which = np.unique(everywhere, axis=0, return_index=True, return_inverse=True)
-        self._which = self._which.ravel()
+        self._edges = Edges.of(geometry)
+        self.corners = self._edges.corners
+        number = {(r, z): k for k, (r, z) in enumerate(self.corners.tolist())}
+        self._which = np.array([number[r, z] for r, z in np.concatenate(self._rings).tolist()])
+        self._first = np.unique(self._which, return_index=True)[1]
         self._held, self._shares, self._ends = self._outline()
-
-    def _edges(self) -> list[tuple[int, int]]:
-        """Corners at the ends of every edge of a face, each edge once."""
-        edges: set[tuple[int, int]] = set()
-        stop = np.cumsum([len(ring) for ring in self._rings])
-        for own in np.split(self._which, stop[:-1]):
-            edges |= {(int(min(a, b)), int(max(a, b))) for a, b in zip(own, np.roll(own, -1), strict=True)}
-        return sorted(edges)
 
     def _outline(self) -> tuple[NDArray[np.bool_], Array, NDArray[np.intp]]:
         """Whether r and z of each vertex are given by its edge; its share of each corner; the corners of its edge.
@@ -82,7 +111,7 @@ class Motion:
         points, slack = self._once.points, NEAR * float(np.abs(self.corners).max())
         shares = np.zeros((len(points), len(self.corners)))
         held, ends = np.zeros((len(points), 2), dtype=bool), np.zeros((len(points), 2), dtype=np.intp)
-        for a, b in self._edges():
+        for a, b in self._edges.ends.tolist():
             origin, along = self.corners[a], self.corners[b] - self.corners[a]
             length = float(np.hypot(*along))
             offset = points - origin
@@ -184,44 +213,6 @@ def _stiffness(mesh: Mesh) -> Any:
     local = np.einsum("eix,ejx->eij", edges, edges) / (4 * area ** (1 + SOFT / 2))[:, None, None]
     rows, columns = (np.broadcast_to(t, local.shape) for t in (mesh.triangles[:, :, None], mesh.triangles[:, None, :]))
     return csr_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(mesh.points),) * 2)
-
-
-Point = tuple[float, float]
-Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
-
-AGREE = 1e-6  # of the largest velocity: two velocities of one edge that differ by less are the same
-
-
-@dataclass(frozen=True, eq=False)
-class Edges:
-    """All edges of a subdivision, each once.
-
-    corners [shape (c, 2), m]
-    ends [shape (e, 2)]: corners of each edge.
-    left: name of the owner on the left of each edge, None where nothing is meshed; and ``right``.
-    """
-
-    corners: Array
-    ends: NDArray[np.intp]
-    left: list[str | None]
-    right: list[str | None]
-
-    @classmethod
-    def of(cls, geometry: CrossSection) -> Edges:
-        """The corners and edges of all faces of a geometry, each once, with the face on either side."""
-        number: dict[Point, int] = {}
-        sides: dict[tuple[int, int], list[str | None]] = {}
-        for face in geometry.subdivision.faces:
-            for edge in face.edges().tolist():
-                a, b = (number.setdefault((r, z), len(number)) for r, z in edge)
-                key, side = ((a, b), 0) if a < b else ((b, a), 1)
-                sides.setdefault(key, [None, None])[side] = face.owner
-        return cls(
-            corners=np.array(list(number)),
-            ends=np.array(list(sides), dtype=np.intp),
-            left=[pair[0] for pair in sides.values()],
-            right=[pair[1] for pair in sides.values()],
-        )
 
 
 @dataclass(frozen=True)
@@ -386,8 +377,6 @@ def vertex_velocities(
     if not moving:
         return total
     outlines, motion = CornerMotion(geometry, roles), Motion(mesh, geometry)
-    number = {(r, z): k for k, (r, z) in enumerate(outlines.edges.corners.tolist())}
-    order = [number[r, z] for r, z in motion.corners.tolist()]
     for k in moving:
-        total[k] = motion.velocity(outlines.corner_velocities(changes[k])[order])
+        total[k] = motion.velocity(outlines.corner_velocities(changes[k]))
     return total

@@ -47,9 +47,25 @@ class Mesh:
     depth: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "region_names", check_names("region_names", self.region_names))
-        found = check_triangles(self.points, self.triangles, self.region, self.region_names, self.depth)
-        for name, value in zip(("points", "triangles", "region"), found, strict=True):
+        names = check_names("region_names", self.region_names)
+        points, triangles = checks.numbers("points", self.points), np.asarray(self.triangles)
+        region = np.asarray(self.region)
+        if points.shape[1:] != (2,) or triangles.shape[1:] != (3,) or not len(triangles):
+            raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
+        if self.depth is None and points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
+            raise InputError(
+                f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on"
+            )
+        checks.shape("region", region, (len(triangles),))
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        area = signed_areas(points, triangles)
+        longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
+        flat = 2 * np.abs(area) <= 1e-10 * longest  # 1e-10: height over longest side, of a triangle that has no area
+        if flat.any():
+            raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
+        triangles = np.where(area[:, None] < 0, triangles[:, ::-1], triangles)
+        own = {"region_names": names, "points": points, "triangles": triangles, "region": region}
+        for name, value in own.items():
             object.__setattr__(self, name, value)
 
     @cached_property
@@ -90,31 +106,6 @@ class Grid(skfem.MeshTri):
 def radii(r: NDArray[np.float64], depth: float | None) -> NDArray[np.float64]:
     """Radius in m whose circumference is the weight of points at r: itself in a ring, depth/(2 pi) if straight."""
     return r if depth is None else np.full_like(r, depth / (2 * np.pi))
-
-
-def check_triangles(
-    points: Any, triangles: Any, region: Any, names: tuple[str, ...], depth: float | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """The arrays, triangles counterclockwise.
-
-    InputError unless every triangle has three finite points, r >= 0, an area and a named region.
-    """
-    points, triangles, region = checks.numbers("points", points), np.asarray(triangles), np.asarray(region)
-    if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
-        raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
-    if depth is None and points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
-        raise InputError(f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on")
-    if triangles.min() < 0 or triangles.max() >= len(points):
-        raise InputError(f"a triangle of the mesh has the corner {triangles.max()}; there are {len(points)} points")
-    if region.shape != (len(triangles),) or region.min() < 0 or region.max() >= len(names):
-        raise InputError("every triangle of the mesh needs a region with a name")
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    area = signed_areas(points, triangles)
-    longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
-    flat = 2 * np.abs(area) <= 1e-10 * longest  # 1e-10: height over longest side, of a triangle that has no area
-    if flat.any():
-        raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
-    return points, np.where(area[:, None] < 0, triangles[:, ::-1], triangles), region
 
 
 def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -170,13 +161,10 @@ def load(path: str | Path) -> Mesh:
     """
     # 100_000_000 of a file: about a million triangles as text
     content = files.read_bytes(path, "mesh", most=100_000_000)
-    try:
+    with checks.prefixed(f"mesh file {str(path)!r} cannot be read", Exception):  # of any kind, where bytes are damaged
         if _COUNT.search(content):
             raise InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")
-        mesh = _named_triangles(*_content(path))
-        _check_plane(mesh)
-    except InputError as error:
-        raise InputError(f"mesh file {str(path)!r} cannot be read: {error.rule}", error.hint) from None
+        mesh = _read(path)
     if (span := float(np.ptp(mesh.points, axis=0).max())) > WIDE:
         _log.warning(
             "mesh file %r spans %.3g m; lengths are in m: Mesh.ScalingFactor = 1e-6 turns um into m", str(path), span
@@ -184,55 +172,34 @@ def load(path: str | Path) -> Mesh:
     return mesh
 
 
-def _content(path: str | Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], dict[int, str]]:
-    """Points (n, 3), corners (m, 3) and physical tags (m,) of the triangles, and the names of tags, from meshio."""
+def _read(path: str | Path) -> Mesh:
+    """The triangles in named physical groups, with the points that they use; points at one place are one."""
     import meshio
 
-    try:
-        found = meshio.gmsh.read(path)
-        kinds = {block.type for block in found.cells}
-        corners = found.cells_dict.get("triangle", np.empty((0, 3), dtype=int))
-        tags = found.cell_data_dict.get("gmsh:physical", {}).get("triangle", np.zeros(len(corners), dtype=int))
-        names = {int(tag): name for name, (tag, dimension) in found.field_data.items() if dimension == 2}
-    except Exception as error:  # of any kind, where bytes are damaged
-        hint = "gmsh -save -format msh22 writes one with physical groups and triangles only"
-        raise InputError(f"meshio gives up ({type(error).__name__}: {error})", hint) from None
-    if others := kinds - {"vertex", "line", "triangle"}:
+    found = meshio.gmsh.read(path)
+    if others := {block.type for block in found.cells} - {"vertex", "line", "triangle"}:
         raise InputError(
             f"it holds elements of type {min(others)!r}, which are no triangles of three corners",
             "mesh with triangles of first order, without quadrangles (no Recombine) and volumes",
         )
-    return found.points, corners, tags, names
-
-
-def _named_triangles(at: NDArray[Any], corners: NDArray[Any], tags: NDArray[Any], names: dict[int, str]) -> Mesh:
-    """The triangles in named physical groups, with the points that they use."""
+    corners = found.cells_dict.get("triangle", np.empty((0, 3), dtype=int))
+    tags = found.cell_data_dict.get("gmsh:physical", {}).get("triangle", np.zeros(len(corners), dtype=int))
+    names = {int(tag): name for name, (tag, dimension) in found.field_data.items() if dimension == 2}
     if not len(corners) or corners.min() < 0:
         raise InputError("it has no triangles, or one with a corner that is none of its points")
     used = np.unique(tags).tolist()
     if unnamed := set(used) - set(names):
         raise InputError(f"the physical groups {sorted(unnamed)} have no names")
+    at = found.points
     if np.abs(at[:, 2]).max() > 1e-12 * np.abs(at).max():
         raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
-    kept, triangles = np.unique(corners, return_inverse=True)
-    region, points = np.searchsorted(used, tags), at[kept, :2]
-    return Mesh(points, triangles.reshape(corners.shape), region, tuple(names[tag] for tag in used))
-
-
-def _check_plane(mesh: Mesh) -> None:
-    """InputError where triangles overlap, or meet without sharing their points: no heat would flow there."""
-    hint = "gmsh's Coherence or BooleanFragments joins the parts"
-    _, place = np.unique(mesh.points, axis=0, return_inverse=True)
-    joined = np.ravel(place)[mesh.triangles]
-    if len(_edges(joined)) < len(_edges(mesh.triangles)):  # points alone may be there twice: no heat flows through them
-        raise InputError("two of its edges lie at the same place, so that the triangles there are not joined", hint)
-    corners = mesh.points[mesh.triangles]
-    shapes = shapely.polygons(np.concatenate([corners, corners[:, :1]], axis=1))
+    _, first, place = np.unique(at, axis=0, return_index=True, return_inverse=True)
+    kept, triangles = np.unique(first[place.ravel()][corners], return_inverse=True)
+    region = np.searchsorted(used, tags)
+    mesh = Mesh(at[kept, :2], triangles.reshape(corners.shape), region, tuple(names[tag] for tag in used))
+    each = mesh.points[mesh.triangles]
+    shapes = shapely.polygons(np.concatenate([each, each[:, :1]], axis=1))
     if not shapely.coverage_is_valid(shapes, gap_width=ROUND_OFF * np.ptp(mesh.points, axis=0).max()):
-        raise InputError("its triangles overlap, or meet without sharing their points", hint)
-
-
-def _edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The edges of triangles, each once."""
-    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    return np.unique(np.sort(ends, axis=1), axis=0)
+        rule = "its triangles overlap, or meet without sharing their points: no heat would flow there"
+        raise InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
+    return mesh

@@ -93,22 +93,22 @@ class FieldIntegrator:
         self._missed: dict[float, float] = {}
         self._passed: Advanced  # the last window
 
-    def start(self, time: float = 0.0) -> FieldState:
-        """The field at ambient temperature."""
+    def start(self) -> FieldState:
+        """The field at ambient temperature, at t = 0."""
         n, inputs = self.forcing.shape[0], len(self.linear.inputs)
         k = self.forcing.shape[1] - inputs
-        return FieldState(time, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(inputs + k))
+        return FieldState(0.0, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(inputs + k))
 
-    def begin(self, x: Array, time: float = 0.0) -> FieldState:
-        """The field with the rise x in K, shape (n,)."""
+    def begin(self, x: Array) -> FieldState:
+        """The field with the rise x in K, shape (n,), at t = 0."""
         V, s = self.basis.vectors, self.stepper
         z = V.T @ (s.E @ x)
         r, source = x - V @ z, np.concatenate([np.zeros(len(self.linear.inputs)), z])
         if self.newton is None:
-            return FieldState(time, z, r, s.solve(0.0, self.forcing @ source + s.A @ r), source)
+            return FieldState(0.0, z, r, s.solve(0.0, self.forcing @ source + s.A @ r), source)
         flow, _ = self.curved(z[None])
         slope = self.loads @ np.concatenate([z, source, flow[0]]) - self.newton.system.flow(x)
-        return FieldState(time, z, r, slope, source)
+        return FieldState(0.0, z, r, slope, source)
 
     def temperature(self, state: FieldState) -> Array:
         """Rise x in K, shape (n,)."""

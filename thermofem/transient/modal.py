@@ -16,7 +16,6 @@ parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -100,7 +99,7 @@ class Modal:
     def run(
         self,
         C: Array,
-        waves: Waveform | Sequence[Waveform],
+        wave: Waveform,
         times: ArrayLike,
         *,
         rtol: float,
@@ -111,22 +110,21 @@ class Modal:
         """Outputs C x and fields, from rest or in the periodic state.
 
         C [shape (outputs, n)]
-        waves [Waveform, or one for each input; W]
+        wave: power of the input, W.
         times, snapshots [s]: increasing, not negative; of one period where ``periodic``.
         rtol: as of `integration.integrate`.
         Returns: None where a power is not straight between its breakpoints, E or -A is not symmetric positive definite,
             the space cannot grow, or the answer has not converged after `ROUNDS` rounds.
         Raises InputError: times not increasing or negative, rtol out of range.
         """
-        waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         times, kept = check_run(times, snapshots, rtol)
-        if not all(wave.piecewise_linear for wave in waves):
+        if not wave.piecewise_linear:
             return None
         every = np.unique(np.concatenate([[0.0], times, kept]))
-        edges = _edges(waves, every[-1])
+        edges = _edges(wave, float(every[-1]))
         wanted = _thinned(every, kept, edges)
         shown = wanted.searchsorted(kept)
-        first, answers, last = _first(waves, wanted), list[Answer](), np.inf
+        first, answers, last = _first(wave, wanted), list[Answer](), np.inf
         short = self.known is not None and not shown.size and all(np.array_equal(c, self.system.B[:, 0]) for c in C)
         content = ledger.storage[None] if short and isinstance(ledger, Ledger) else np.empty((0, self.system.order))
         watched = np.vstack([C, content])
@@ -143,7 +141,7 @@ class Modal:
             basis = space.basis(size, others=ledger is not None)
             if basis.rate[0] <= 0:  # a growing mode: -A is not positive definite
                 return None
-            z = _amplitudes(basis, waves, wanted, periodic=periodic)
+            z = pole_responses(basis.rate, wave, wanted, periodic=periodic) * basis.heating[:, 0]
             answers = [*answers[-2:], Answer(basis, z, z @ basis.read(watched).T)]
             if len(answers) >= -back:
                 before, last = last, _moved(answers[back], answers[-1], watched, space, shown, len(content)) / rtol
@@ -156,9 +154,11 @@ class Modal:
         if wanted is every:
             outputs = found.outputs[wanted.searchsorted(times), : len(C)]
         else:  # in chunks; each begins at t = 0 again
-            chunks, rows = np.array_split(times, 1 + times.size // max(WATCHED, edges.size)), found.basis.read(C).T
-            outputs = np.concatenate([_amplitudes(found.basis, waves, t, periodic=periodic) @ rows for t in chunks])
-        heat = _balance(found, ledger, waves, float(wanted[-1])) if isinstance(ledger, Ledger) else [np.nan] * 3
+            rows = found.basis.read(C).T * found.basis.heating
+            chunks = np.array_split(times, 1 + times.size // max(WATCHED, edges.size))
+            each = (pole_responses(found.basis.rate, wave, t, periodic=periodic) @ rows for t in chunks)
+            outputs = np.concatenate(list(each))
+        heat = _balance(found, ledger, wave, float(wanted[-1])) if isinstance(ledger, Ledger) else [np.nan] * 3
         return Trajectory(
             times=times,
             outputs=outputs,
@@ -167,7 +167,7 @@ class Modal:
             heat_in=heat[0],
             heat_stored=heat[1],
             heat_out=heat[2],
-            steps=edges.size + len(waves),
+            steps=edges.size + 1,
             rejected=0,
             factorizations=space.shifts.size,
             solves=size,
@@ -219,18 +219,12 @@ def _decade(shift: float) -> float:
     return ten if ten / 2 < shift < 2 * ten else shift
 
 
-def _amplitudes(basis: Basis, waves: Sequence[Waveform], times: Array, *, periodic: bool) -> Array:
-    """z at all times, shape (times, k)."""
-    each = (pole_responses(basis.rate, wave, times, periodic=periodic) for wave in waves)
-    return np.asarray(sum(answers * column for answers, column in zip(each, basis.heating.T, strict=True)))
-
-
-def _edges(waves: Sequence[Waveform], end: float) -> NDArray[np.float64]:
-    """Breakpoints of the waveforms in s.
+def _edges(wave: Waveform, end: float) -> NDArray[np.float64]:
+    """Breakpoints of the power in s.
 
     Raises InputError: more of them than fit into memory.
     """
-    edges = np.concatenate([wave.breakpoints(0.0, float(end)) for wave in waves])
+    edges = wave.breakpoints(0.0, end)
     if edges.size > MOST:
         raise checks.InputError(
             f"the power has {edges.size} straight pieces until {end:g} s, which would take about "
@@ -253,18 +247,16 @@ def _thinned(wanted: Array, kept: Array, edges: Array) -> Array:
     return np.asarray(wanted[chosen])
 
 
-def _first(waves: Sequence[Waveform], wanted: Array) -> float:
+def _first(wave: Waveform, wanted: Array) -> float:
     """Shortest time in s from a power `LOUDER` than all before it to the next wanted time."""
-    shortest = np.inf
-    for wave in waves if wanted[-1] else ():
-        lines = wave.pieces(0.0, float(wanted[-1]))
-        power = np.abs([lines.coefficients[:, 0], lines.ends]).max(axis=0)
-        so_far = np.append(0.0, np.maximum.accumulate(power)[:-1])
-        starts = lines.edges[:-1][power > LOUDER * so_far]
-        at = wanted.searchsorted(starts * (1 + 5e-13), side="right")  # round-off behind an edge is on it
-        following = np.append(wanted, np.inf)[at]
-        shortest = min(shortest, float((following - starts).min(initial=np.inf)))
-    return shortest
+    if not wanted[-1]:
+        return np.inf
+    lines = wave.pieces(0.0, float(wanted[-1]))
+    power = np.abs([lines.coefficients[:, 0], lines.ends]).max(axis=0)
+    so_far = np.append(0.0, np.maximum.accumulate(power)[:-1])
+    starts = lines.edges[:-1][power > LOUDER * so_far]
+    at = wanted.searchsorted(starts * (1 + 5e-13), side="right")  # round-off behind an edge is on it
+    return float((np.append(wanted, np.inf)[at] - starts).min(initial=np.inf))
 
 
 def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp], contents: int) -> float:
@@ -291,11 +283,10 @@ def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.
     return float(max(moved))
 
 
-def _balance(found: Answer, ledger: Ledger, waves: Sequence[Waveform], end: float) -> tuple[float, float, float]:
+def _balance(found: Answer, ledger: Ledger, wave: Waveform, end: float) -> tuple[float, float, float]:
     """Heat in J that entered, is stored, and left: the integral of x is V (V^T B int P - change of z) / rate."""
-    basis, energies = found.basis, np.array([end * wave.mean(0.0, end) if end else 0.0 for wave in waves])
-    change = found.z[-1] - found.z[0]
-    integral = basis.vectors @ ((basis.heating @ energies - change) / basis.rate)
-    gained, entered = basis.vectors @ change, float(energies.sum())
+    basis, change = found.basis, found.z[-1] - found.z[0]
+    entered = end * float(wave.mean(0.0, end)) if end else 0.0
+    integral, gained = basis.vectors @ ((basis.heating[:, 0] * entered - change) / basis.rate), basis.vectors @ change
     left = ledger.direct * entered + float(ledger.drain_A @ integral + ledger.drain_E @ gained)
     return entered, ledger.content(gained), left

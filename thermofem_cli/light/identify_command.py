@@ -101,13 +101,13 @@ def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     from thermofem.data.number_table import number_table
 
     table = number_table(path.read_bytes())
+    known = {str(column.number): column for column in table.columns}
     try:
-        places = [table.columns.index(int(text)) for text in columns.split(",")]
-        first, second = places
-    except ValueError:
-        raise InputError(f"--columns = {columns!r} must be two of the columns {table.columns}, such as 1,2") from None
-    stated = units.split(",") if units else [table.units[k] for k in places]
-    t, drop = table.values[:, first], table.values[:, second]
+        first, second = (known[text.strip()] for text in columns.split(","))
+    except (KeyError, ValueError):
+        raise InputError(f"--columns = {columns!r} must be two of the columns {', '.join(known)}") from None
+    stated = units.split(",") if units else [first.unit, second.unit]
+    t, drop = first.values, second.values
     if not stated[0] and t[-1] - t[0] > LONGEST:
         raise InputError(f"the times of {path} state no unit and span {t[-1] - t[0]:g}", 'give --units "us,mV"')
     t = t * quantity.parse(f"1 {stated[0] or 's'}", "s", name="--units")

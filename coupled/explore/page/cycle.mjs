@@ -4,7 +4,7 @@
 
 import { eigenvalues, solve } from "./eigen.mjs";
 import { EVENT, flowAlong, integrate, slopes } from "./kernel.mjs";
-import { columns, dutyOf, tipsOf } from "./measure.mjs";
+import { columns, dutyOf, tipsOf } from "./pulsing.mjs";
 
 /** From a state on the section N = level, through `pattern` returns to it: { y, t, steps }, or null. */
 function around(system, drive, detuning, start, level, pattern, longest, options) {
@@ -44,25 +44,17 @@ export function limitCycle(system, drive, detuning, near, level, options) {
   const longest = 3 * period;
   const approach = integrate(system, drive, detuning, near, longest, { ...rough, event: { level, stop: true } });
   if (approach.ended !== EVENT) return null;
-  let y = approach.y;
-  let M = null;
-  let before = Infinity;
-  let at = null;
-  let size = Infinity;
+  const largest = (values) => values.slice(3).reduce((most, x) => Math.max(most, Math.abs(x)), 0); // of the poles
+  let { y } = approach;
+  let [M, at, size] = [null, null, Infinity];
   for (let iteration = 0; iteration < 14; iteration++) {
     const accurate = size < 1e-3 ? fine : rough;
     at = around(system, drive, detuning, y, level, pattern, longest, accurate);
     if (!at || at.y[2] <= 0) return null;
     const residual = at.y.map((v, i) => v - y[i]);
-    const field = Math.hypot(y[0], y[1]);
-    let heat = 1e-12;
-    let moved = 0;
-    for (let i = 3; i < y.length; i++) {
-      heat += Math.abs(y[i]);
-      moved = Math.max(moved, Math.abs(residual[i]));
-    }
-    before = size;
-    size = Math.max(Math.hypot(residual[0], residual[1]) / field, moved / heat);
+    const heat = y.slice(3).reduce((sum, x) => sum + Math.abs(x), 1e-12);
+    const before = size;
+    size = Math.max(Math.hypot(residual[0], residual[1]) / Math.hypot(y[0], y[1]), largest(residual) / heat);
     if (!(size < 10)) return null;
     if (accurate === fine && (size < close[0] || (size < close[1] && size > 0.3 * before))) break;
     if (!M || size > renew * before) {
@@ -71,36 +63,21 @@ export function limitCycle(system, drive, detuning, near, level, options) {
       M = flowAlong(system, drive, detuning, y, along.steps, rough.method);
     }
     const step = correction(system, drive, detuning, M, at.y, residual);
-    let grown = 0;
-    for (let i = 3; i < y.length; i++) grown = Math.max(grown, Math.abs(step[i]));
-    const damped = Math.min(1, (0.5 * heat) / Math.max(grown, 1e-300));
+    const damped = Math.min(1, (0.5 * heat) / Math.max(largest(step), 1e-300));
     y = y.map((v, i) => v + damped * step[i]);
   }
   if (!(size < 10 * close[1])) return null;
   if (!M || fine !== rough) M = flowAlong(system, drive, detuning, y, at.steps, fine.method);
-  const run = integrate(system, drive, detuning, y, at.t, { ...fine, first: 0.1 / system.loss });
-  const c = columns(run.rows, 0, run.count);
+  const { rows, count } = integrate(system, drive, detuning, y, at.t, { ...fine, first: 0.1 / system.loss });
+  const c = columns(rows, 0, count);
   const [coldest, hottest] = tipsOf(c.t, c.dT);
-  return {
-    period: at.t,
-    y,
-    level,
-    rows: run.rows,
-    count: run.count,
-    multipliers: eigenvalues(M, y.length),
-    duty: dutyOf(c.t, c.U, 0, at.t, tipsOf(c.t, c.U)),
-    swing: hottest - coldest,
-    residual: size,
-  };
+  const duty = dutyOf(c.t, c.U, 0, at.t, tipsOf(c.t, c.U));
+  return { period: at.t, y, level, rows, count, multipliers: eigenvalues(M, y.length), duty, swing: hottest - coldest, residual: size };
 }
 
 /** The largest modulus of the multipliers but the one nearest to 1, which belongs to a shift in time. */
 export function settling({ re, im }) {
-  let trivial = 0;
-  for (let k = 0; k < re.length; k++) {
-    if (Math.hypot(re[k] - 1, im[k]) < Math.hypot(re[trivial] - 1, im[trivial])) trivial = k;
-  }
-  let largest = 0;
-  for (let k = 0; k < re.length; k++) if (k !== trivial) largest = Math.max(largest, Math.hypot(re[k], im[k]));
-  return largest;
+  const sizes = Array.from(re, (x, k) => ({ off: Math.hypot(x - 1, im[k]), size: Math.hypot(x, im[k]) }));
+  sizes.sort((a, b) => a.off - b.off);
+  return Math.max(0, ...sizes.slice(1).map(({ size }) => size));
 }

@@ -139,10 +139,6 @@ export function solve(A, b, n) {
 
 /** Where `holds` ceases to hold between a, where it does, and b, by bisection. */
 export function bisect(holds, a, b, times = 60) {
-  for (let k = 0; k < times; k++) {
-    const middle = 0.5 * (a + b);
-    if (holds(middle)) a = middle;
-    else b = middle;
-  }
+  for (let k = 0; k < times; k++) [a, b] = holds(0.5 * (a + b)) ? [0.5 * (a + b), b] : [a, 0.5 * (a + b)];
   return 0.5 * (a + b);
 }

@@ -1,12 +1,11 @@
-// Answers what the page asks, in a worker or beside it: numbers in, numbers out.
+// Answers what the page asks, numbers in, numbers out: in a worker for each channel, newest request first, or in the page.
 
-import { DONE, integrate } from "./kernel.mjs";
-import { FJ, NS, UW, absorbedPower, driveOf, lifted, setting, turnOf } from "./ring.mjs";
-import { limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";
+import { limitCycle, settling } from "./cycle.mjs";
 import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
-import { columns } from "./measure.mjs";
-import { classify, lasting } from "./pulsing.mjs";
+import { DONE, integrate, loadKernel } from "./kernel.mjs";
+import { classify, columns, extent, lasting } from "./pulsing.mjs";
+import { DENSITY, FJ, NS, UW, absorbedPower, driveOf, lifted, setting, turnOf } from "./ring.mjs";
 
 const EQUAL = 1e-4; // relative difference of periods that counts as none; a cycle of a slider is found within 1e-5
 
@@ -62,8 +61,7 @@ function accuracyOf(quick) {
 /** The stable cycle that another one becomes when the setting moves a little, or null. */
 function followed(system, drive, turn, { y, rows, count, period, pattern }) {
   if (y.length !== system.gain.length + 3) return null;
-  let [low, high] = [Infinity, 0];
-  for (let i = 0; i < count; i++) [low, high] = [Math.min(low, rows[5 * i + 3]), Math.max(high, rows[5 * i + 3])];
+  const [low, high] = extent(columns(rows, 0, count).N);
   const cycle = limitCycle(system, drive, turn, y, (low + high) / 2, { ...accuracyOf(true), period, pattern });
   const slowest = cycle ? settling(cycle.multipliers) : Infinity;
   return slowest < 1 ? { ...cycle, slowest, pattern } : null;
@@ -102,16 +100,10 @@ function shortest(system, drive, turn, cycle, accuracy) {
 /** Every fixed point at one laser setting, SI. */
 function states(request) {
   const { system, drive, turn, rise } = setting(request);
-  return steadyStates(drive, turn, system).map((p) => ({
-    energy: p.U * FJ,
-    carriers: p.N * 1e23,
-    delta_T: p.dT + rise,
-    drop: 2 * system.drop * p.U * UW,
-    absorbed: absorbedPower(p.U, p.N, system) * UW,
-    growth_rate: p.growth / NS,
-    frequency: p.omega / (2 * Math.PI * NS),
-    regime: p.regime,
-  }));
+  return steadyStates(drive, turn, system).map(({ U, N, dT, growth, omega, regime }) => ({
+    energy: U * FJ, carriers: N * DENSITY, delta_T: dT + rise, drop: 2 * system.drop * U * UW, regime,
+    absorbed: absorbedPower(U, N, system) * UW, growth_rate: growth / NS, frequency: omega / (2 * Math.PI * NS),
+  })); // prettier-ignore
 }
 
 /** Regimes over powers (W) and detunings (Hz): coarse at once, then fine; then the curves. A generator of parts. */
@@ -151,8 +143,7 @@ function transmission(request) {
     const s = -end + (2 * end * k) / n;
     const p = tilted(s, drive, system);
     if (p.detuning < first - 1 || p.detuning > last + 1) {
-      z = null;
-      cut = true;
+      [z, cut] = [null, true];
       continue;
     }
     if (!z || !follow(z.re, z.im, p.U, p.D, system)) z = spectrumAt(p.U, p.D, system);
@@ -160,4 +151,86 @@ function transmission(request) {
     cut = false;
   }
   return points;
+}
+
+const LISTEN = 30; // ms between two looks for a newer request
+
+/** Answer one request; `report` is called for every part, `stale` says whether a newer request has come. */
+async function answer(engine, request, report, stale) {
+  const result = engine[request.kind](request);
+  if (!result.next) return report(result, true);
+  let since = performance.now();
+  for (const part of result) {
+    if (part) report(part, false);
+    if (performance.now() - since < LISTEN) continue;
+    await new Promise((resume) => setTimeout(resume)); // 4 ms at least, for a browser
+    if (stale()) return undefined;
+    since = performance.now();
+  }
+  return report(null, true);
+}
+
+/** What runs in a worker. */
+export function serve(scope) {
+  const engine = engineOf();
+  let ready = null;
+  let newest = 0;
+  scope.onmessage = async ({ data }) => {
+    if (data.kernel) {
+      ready = loadKernel(data.kernel);
+      return;
+    }
+    newest = data.id;
+    const report = (part, last) => scope.postMessage({ id: data.id, part, last });
+    try {
+      await ready;
+      await answer(engine, data.request, report, () => newest !== data.id);
+    } catch (error) {
+      scope.postMessage({ id: data.id, error: String(error.message || error), last: true });
+    }
+  };
+}
+
+const DEPTH = 2; // requests with a worker: it begins the next while the page draws
+
+/**
+ * A channel: ask(request) runs the newest request that was asked; what comes while the worker has enough to do waits, and only
+ * the last of it. `preempt` says that a newer request ends those that run (their parts are given up between two of them).
+ */
+export function channel(code, kernel, receive, { preempt = false } = {}) {
+  const running = new Map();
+  let waiting = null;
+  let id = 0;
+  const arrived = ({ id: of, part, last, error }) => {
+    const request = running.get(of);
+    if (!request) return;
+    if (error) receive({ error }, request);
+    else if (part !== null) receive(part, request);
+    if (!last) return;
+    running.delete(of);
+    if (waiting) ask(waiting);
+  };
+  let post;
+  try {
+    const url = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
+    const worker = new Worker(url);
+    worker.onmessage = ({ data }) => arrived(data);
+    worker.onerror = () => [...running.keys()].forEach((of) => arrived({ id: of, error: "the worker stopped", last: true }));
+    worker.postMessage({ kernel });
+    post = (message) => worker.postMessage(message);
+  } catch {
+    channel.local = true;
+    const scope = { postMessage: arrived };
+    serve(scope);
+    post = (data) => setTimeout(() => scope.onmessage({ data }));
+    post({ kernel });
+  }
+  function ask(request) {
+    if (preempt) running.clear();
+    waiting = running.size < DEPTH ? null : request;
+    if (waiting) return;
+    running.set(++id, request);
+    post({ id, request });
+  }
+  return ask;
 }

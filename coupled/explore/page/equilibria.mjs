@@ -4,33 +4,26 @@
 //   D = gamma sinh s,   U gamma(U)^2 = drive^2/cosh^2 s,   detuning(s) = shift(U) - gamma sinh s
 // Cut at its turning points, every piece holds a detuning at most once.
 
-import { absorbedPower, dispersion } from "./ring.mjs";
 import { bisect, eigenvalues } from "./eigen.mjs";
 import { slopes } from "./kernel.mjs";
+import { absorbedPower, dispersion } from "./ring.mjs";
 
 const SPACING = 0.02;
 const CLOSE = 4e-16;
-const pair = new Float64Array(2);
 
-const carried = new Float64Array(4);
-
-/** N, dN/dU, gamma and dgamma/dU at a fixed point of energy U, written to `carried`. */
+/** N, dN/dU, gamma and dgamma/dU at a fixed point of energy U. */
 function carry(U, sys) {
   const k = sys.tau0 * sys.g * U * U;
   const p = 1 - sys.a * k;
   const root = Math.sqrt(p * p + 4 * sys.b * k);
   const N = p > 0 ? (2 * k) / (p + root) : (root - p) / (2 * sys.b);
   const NSlope = (2 * sys.tau0 * sys.g * U * (1 + sys.a * N)) / root;
-  carried[0] = N;
-  carried[1] = NSlope;
-  carried[2] = sys.loss + sys.fca * N + sys.tpa * U;
-  carried[3] = sys.fca * NSlope + sys.tpa;
+  return { N, NSlope, gamma: sys.loss + sys.fca * N + sys.tpa * U, gammaSlope: sys.fca * NSlope + sys.tpa };
 }
 
 /** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
 export function balance(U, sys) {
-  carry(U, sys);
-  const [N, NSlope, gamma, gammaSlope] = [carried[0], carried[1], carried[2], carried[3]];
+  const { N, NSlope, gamma, gammaSlope } = carry(U, sys);
   const z = sys.R * absorbedPower(U, N, sys);
   const lift = 1 + 2 * sys.curvature * z;
   const dT = z + sys.curvature * z * z;
@@ -45,18 +38,16 @@ export function balance(U, sys) {
 export function energy(s, drive, sys) {
   const target = 2 * (Math.log(drive) - Math.log(Math.cosh(s)));
   let high = target - 2 * Math.log(sys.loss);
-  carry(Math.exp(high), sys);
-  let low = target - 2 * Math.log(carried[2]);
+  let low = target - 2 * Math.log(carry(Math.exp(high), sys).gamma);
   let x = high;
   for (let i = 0; i < 200; i++) {
     const U = Math.exp(x);
-    carry(U, sys);
-    const gamma = carried[2];
+    const { gamma, gammaSlope } = carry(U, sys);
     const f = x + 2 * Math.log(gamma) - target;
     if (f >= 0) high = x;
     if (f <= 0) low = x;
     const before = x;
-    x -= f / (1 + (2 * U * carried[3]) / gamma);
+    x -= f / (1 + (2 * U * gammaSlope) / gamma);
     if (!(low <= x && x <= high)) x = 0.5 * (low + high);
     if (Math.abs(x - before) < 1e-9 * (1 + Math.abs(x))) break; // the step squares the error
   }
@@ -82,59 +73,14 @@ export function reach(detuning, drive, sys) {
   return Math.asinh((Math.abs(detuning) + largest) / sys.loss + 1);
 }
 
-/** Where the detuning turns between two s, at which its slopes differ in sign. */
-function slopeZero(left, right, drive, sys) {
-  const sign = tilted(left, drive, sys).slope > 0;
-  return bisect((s) => tilted(s, drive, sys).slope > 0 === sign, left, right);
-}
-
-function flattest(left, right, drive, sys) {
-  const golden = 0.6180339887498949;
-  const at = (s) => tilted(s, drive, sys).slope;
-  const sign = at(left) > 0;
-  let a = right - golden * (right - left);
-  let b = left + golden * (right - left);
-  let fa = at(a);
-  let fb = at(b);
-  for (let i = 0; i < 40; i++) {
-    if (fa > 0 !== sign) return a;
-    if (fb > 0 !== sign) return b;
-    if (Math.abs(fa) < Math.abs(fb)) {
-      [right, b, fb] = [b, a, fa];
-      a = right - golden * (right - left);
-      fa = at(a);
-    } else {
-      [left, a, fa] = [a, b, fb];
-      b = left + golden * (right - left);
-      fb = at(b);
-    }
-  }
-  return 0.5 * (left + right);
-}
-
 /** -end, every s between where detuning(s) turns, and end, in increasing order. */
-export function turningPoints(end, drive, sys) {
+function turningPoints(end, drive, sys) {
   const n = Math.ceil((2 * end) / SPACING) + 1;
-  const s = Float64Array.from({ length: n }, (_, k) => (k === n - 1 ? end : -end + (2 * end * k) / (n - 1)));
-  const slope = s.map((x) => tilted(x, drive, sys).slope);
-  const out = [-end];
-  for (let k = 0; k < n - 1; k++) {
-    const here = slope[k] > 0;
-    if (here !== slope[k + 1] > 0) out.push(slopeZero(s[k], s[k + 1], drive, sys));
-    else if (
-      k > 0 &&
-      slope[k - 1] > 0 === here &&
-      Math.abs(slope[k]) < Math.abs(slope[k - 1]) &&
-      Math.abs(slope[k]) <= Math.abs(slope[k + 1])
-    ) {
-      const flat = flattest(s[k - 1], s[k + 1], drive, sys);
-      if (tilted(flat, drive, sys).slope > 0 !== here) {
-        out.push(slopeZero(s[k - 1], flat, drive, sys), slopeZero(flat, s[k + 1], drive, sys));
-      }
-    }
-  }
-  out.push(end);
-  return out;
+  const s = Array.from({ length: n }, (_, k) => -end + (2 * end * k) / (n - 1));
+  const rises = (x) => tilted(x, drive, sys).slope > 0;
+  const up = s.map(rises);
+  const turns = s.slice(1).flatMap((right, k) => (up[k] === up[k + 1] ? [] : [bisect((x) => rises(x) === up[k], s[k], right)]));
+  return [-end, ...turns, end];
 }
 
 /** Pieces of the curve that hold every detuning up to `farthest` at most once: their ends, and the last s found in each. */
@@ -218,67 +164,47 @@ export function follow(re, im, U, D, sys) {
   const c = secular(U, sys);
   for (let k = 0; k < m; k++) {
     const f = 1e-4 + 1e-5 * k;
-    const x = re[k];
-    re[k] = x * (1 + f) - im[k] * f;
-    im[k] = im[k] * (1 + f) + x * f;
+    [re[k], im[k]] = [re[k] * (1 + f) - im[k] * f, im[k] * (1 + f) + re[k] * f];
   }
   let largest = 1;
   for (let sweep = 0; sweep < 60; sweep++) {
     const before = largest;
     largest = 0;
     for (let k = 0; k < m; k++) {
-      newtonStep(re[k], im[k], c, D, sys);
+      const [x, y] = [re[k], im[k]];
+      const [pr, pi] = newtonStep(x, y, c, D, sys);
       let sr = 0;
       let si = 0;
-      const x = re[k];
-      const y = im[k];
       for (let j = 0; j < m; j++) {
-        if (j === k) continue;
         const dr = x - re[j];
         const di = y - im[j];
         const square = dr * dr + di * di;
-        if (square > 0) {
-          const f = 1 / square;
-          sr += dr * f;
-          si -= di * f;
-        }
+        if (square === 0) continue;
+        sr += dr / square;
+        si -= di / square;
       }
-      const pr = pair[0];
-      const pi = pair[1];
-      const qr = 1 - (pr * sr - pi * si);
-      const qi = -(pr * si + pi * sr);
-      const q = qr * qr + qi * qi;
-      const stepR = q > 0 ? (pr * qr + pi * qi) / q : 0;
-      const stepI = q > 0 ? (pi * qr - pr * qi) / q : 0;
-      re[k] = x - stepR;
-      im[k] = y - stepI;
-      const size = Math.sqrt((stepR * stepR + stepI * stepI) / (re[k] * re[k] + im[k] * im[k]));
+      const [qr, qi] = [1 - (pr * sr - pi * si), -(pr * si + pi * sr)];
+      const q = qr * qr + qi * qi || Infinity;
+      const [stepR, stepI] = [(pr * qr + pi * qi) / q, (pi * qr - pr * qi) / q];
+      [re[k], im[k]] = [x - stepR, y - stepI];
+      const size = Math.hypot(stepR, stepI) / Math.hypot(re[k], im[k]);
       if (!(size <= largest)) largest = size;
     }
     if (largest < 1e-13 || (largest < 1e-7 && largest > 0.5 * before)) break;
   }
-  let sumR = 0;
-  let sumI = 0;
-  for (let k = 0; k < m; k++) {
-    sumR += re[k];
-    sumI += im[k];
-  }
-  let trace = -(c.gamma + c.gamma2 + c.rho);
-  for (let i = 0; i < sys.rate.length; i++) trace -= sys.rate[i];
+  const [sumR, sumI] = [re, im].map((parts) => parts.reduce((sum, x) => sum + x, 0));
+  const trace = sys.rate.reduce((sum, rate) => sum - rate, -(c.gamma + c.gamma2 + c.rho));
   return largest < 1e-7 && Math.hypot(sumR - trace, sumI) < 1e-7 * Math.abs(trace);
 }
 
-/** p/p' of the characteristic polynomial at x + iy, written to `pair`. */
+/** p/p' of the characteristic polynomial at x + iy, [re, im]. */
 function newtonStep(x, y, c, D, sys) {
   const { gain, rate } = sys;
   let Gr = 0, Gi = 0, Hr = 0, Hi = 0, Lr = 0, Li = 0; // prettier-ignore
   for (let i = 0; i < rate.length; i++) {
     const a = x + rate[i];
     const square = a * a + y * y;
-    if (square === 0) {
-      pair[0] = pair[1] = 0;
-      return;
-    }
+    if (square === 0) return [0, 0];
     const vr = a / square;
     const vi = -y / square;
     const g = gain[i];
@@ -304,25 +230,17 @@ function newtonStep(x, y, c, D, sys) {
   const di = vwi + (y * (vr + wr) + 2 * ur * y) - D * (Hr * si + Hi * sr + c.heat * Gi);
   const nr = dr + Lr * Er - Li * Ei;
   const ni = di + Lr * Ei + Li * Er;
-  const square = nr * nr + ni * ni;
-  pair[0] = square > 0 ? (Er * nr + Ei * ni) / square : 0;
-  pair[1] = square > 0 ? (Ei * nr - Er * ni) / square : 0;
+  const square = nr * nr + ni * ni || Infinity;
+  return [(Er * nr + Ei * ni) / square, (Ei * nr - Er * ni) / square];
 }
 
 /** The kind of a fixed point from its eigenvalues: largest real part, angular frequency, and the regime in words. */
 export function kindOf({ re, im }) {
-  let first = 0;
-  let growing = 0;
-  for (let k = 0; k < re.length; k++) {
-    if (re[k] > re[first]) first = k;
-    if (re[k] > 0) growing++;
-  }
+  const first = re.indexOf(Math.max(...re));
+  const growing = re.filter((x) => x > 0).length;
   const omega = Math.abs(im[first]) > 1e-6 * Math.hypot(re[first], im[first]) ? Math.abs(im[first]) : 0;
-  let regime = "unstable node";
-  if (growing === 0) regime = "stable";
-  else if (growing % 2) regime = "saddle";
-  else if (omega) regime = "unstable focus";
-  return { growth: re[first], omega, regime };
+  const unstable = growing % 2 ? "saddle" : omega ? "unstable focus" : "unstable node";
+  return { growth: re[first], omega, regime: growing ? unstable : "stable" };
 }
 
 /** Every fixed point of one laser setting by increasing energy, with N, dT and kind; detuning in rad/ns. */
@@ -334,7 +252,6 @@ export function steadyStates(drive, detuning, sys) {
 
 /** Numbers of fixed and of stable points at one power over the detunings (rad/ns): { fixed, stable, growth }. */
 export function survey(detunings, drive, sys) {
-  const m = 3 + sys.gain.length;
   const farthest = detunings.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
   const branches = branchesOf(farthest, drive, sys);
   const near = branches.s.map(() => null);
@@ -349,10 +266,9 @@ export function survey(detunings, drive, sys) {
       const branch = points.length > 1 || D > 0 ? k : near.length - 1;
       let z = near[branch];
       if (!z || !follow(z.re, z.im, U, D, sys)) z = near[branch] = spectrumAt(U, D, sys);
-      let first = -Infinity;
-      for (let i = 0; i < m; i++) if (z.re[i] > first) first = z.re[i];
+      const first = Math.max(...z.re);
       if (first < 0) stable[j]++;
-      if (first < growth[j]) growth[j] = first;
+      growth[j] = Math.min(growth[j], first);
     });
   });
   return { fixed, stable, growth };

@@ -1,12 +1,11 @@
 // The figures of light: plane of power and detuning, traces, phase portrait, transmission.
 
-import { firstAt } from "./measure.mjs";
 import { boxOf, curve, dot, figure, stroke } from "./plot.mjs";
+import { extent, firstAt } from "./pulsing.mjs";
 import { FJ, UW, toPicometres } from "./ring.mjs";
 
 function padded(values, share = 0.06) {
-  let [low, high] = [Infinity, -Infinity];
-  for (const v of values) [low, high] = [Math.min(low, v), Math.max(high, v)];
+  const [low, high] = extent(values);
   if (!(low <= high)) return [0, 1];
   const gap = (high - low || Math.abs(high) || 1) * share;
   return [low - gap, high + gap];
@@ -37,6 +36,16 @@ export function mapImage({ n, m, stable }, colours) {
   return canvas.toDataURL("image/png");
 }
 
+/** Stretches of a curve within which `kind` stays the same, each up to the first point of the next, unless that is `cut` off. */
+function stretches(points, kind) {
+  const out = [];
+  points.forEach((p, k) => {
+    if (k && !p.cut) out.at(-1).push(p);
+    if (!k || p.cut || kind(p) !== kind(points[k - 1])) out.push([p]);
+  });
+  return out;
+}
+
 /** The plane of power and detuning, with the laser at the origin, and its scales in GHz and dBm, for the pointer. */
 export function planeFigure(width, height, { window, map, curves, cycles, kept, units, ring }, colours) {
   const box = boxOf(width, height, { bottom: 78 });
@@ -48,14 +57,8 @@ export function planeFigure(width, height, { window, map, curves, cycles, kept, 
     const smooth = map && map.n >= 100 ? "auto" : "pixelated";
     let content = map ? `<image href="${map.image}" x="${box.left}" y="${box.top}" width="${box.width}" height="${box.height}" preserveAspectRatio="none" style="image-rendering:${smooth}"/>` : "";
     for (const fold of curves.folds) content += line(fold, colours.fold, 1.8, "6 3");
-    for (const hopf of curves.hopf) {
-      let piece = [];
-      hopf.forEach((p, k) => {
-        piece.push(p);
-        if (k < hopf.length - 1 && hopf[k + 1].leading === p.leading) return;
-        content += line(piece, colours.hopf, p.leading ? 2.2 : 1.4, p.leading ? "" : "1 4");
-        piece = [p];
-      });
+    for (const piece of curves.hopf.flatMap((hopf) => stretches(hopf, (p) => p.leading))) {
+      content += line(piece, colours.hopf, ...(piece[0].leading ? [2.2, ""] : [1.4, "1 4"]));
     }
     for (const part of cycles) content += line(part, colours.folds, 2, "2 3");
     if (kept) content += dot(x(kept.state.detuning), y(kept.state.power), 6, "none", colours.ink);
@@ -123,14 +126,7 @@ export function transmissionFigure(width, height, { points, states, state, drop,
     const line = (piece, look, height = value) => stroke(curve(x, y, piece.map(place), piece.map(height)), ...look);
     let content = "";
     if (kept) content += line(kept.points.map((p) => (p.cut ? { ...p, detuning: NaN } : p)), [colours.soft, 1.4, "5 3"], (p) => output(p.energy / FJ, kept.drop)); // prettier-ignore
-    let piece = [];
-    points.forEach((p, k) => {
-      piece.push(p);
-      const next = points[k + 1];
-      if (next && !next.cut && next.regime === p.regime) return;
-      content += line(next && !next.cut ? [...piece, next] : piece, looks[p.regime] || looks.pulses);
-      piece = [];
-    });
+    for (const piece of stretches(points, (p) => p.regime)) content += line(piece, looks[piece[0].regime] || looks.pulses);
     for (const [from, to] of jumps(points)) content += stroke(`M${x(place(from))} ${y(value(from))}V${y(value(to))}`, colours.ink, 1.2, "1 3");
     content += `<path d="M${x(state.detuning * unit)} ${box.top}v${box.height}" stroke="${colours.ink}" stroke-opacity=".35"/>`;
     return content + states.map((p) => dot(x(state.detuning * unit), y(value(p)), 4.5, p.regime === "stable" ? colours.ink : colours.ground, colours.ink)).join("");

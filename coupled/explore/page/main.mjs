@@ -1,22 +1,18 @@
 // The page: its parts put together, requests sent out and answers shown.
 
-import { channel, serve } from "./channel.mjs";
-import { limitCycle } from "./cycle.mjs";
 import { foldCurves, hopfCurves, impedance, sheet } from "./curves.mjs";
-import { engineOf } from "./engine.mjs";
+import { limitCycle } from "./cycle.mjs";
+import { channel, engineOf, serve } from "./engine.mjs";
 import { balance, secular, steadyStates, survey } from "./equilibria.mjs";
-import { build, fill } from "./fields.mjs";
+import { build, fill, watchFigures, watchPlane } from "./fields.mjs";
 import { integrate, loadKernel } from "./kernel.mjs";
-import { columns } from "./measure.mjs";
 import { draw, recolour, say, summary } from "./paint.mjs";
 import { theme } from "./plot.mjs";
-import { watchFigures, watchPlane } from "./pointer.mjs";
-import { classify } from "./pulsing.mjs";
+import { classify, columns } from "./pulsing.mjs";
 import { cold, driveOf, heatedBy, setting, systemOf, turnOf } from "./ring.mjs";
 import { decoded, drawSection, play } from "./section.mjs";
-import { addFields, hashOf, modelOf, planeWindow, ringOf, stateOf, watts, windowOf } from "./state.mjs";
+import { addFields, hashOf, inSight, modelOf, page, planeWindow, resized, ringOf, shown, stateOf, watchSight, watts, windowOf } from "./state.mjs";
 import { watchButtons } from "./take.mjs";
-import { $, inSight, page, resized, shown, watchSight } from "./view.mjs";
 
 let ask = {};
 const LOOK_EVERY = 150; // ms between two traces from cold while a slider moves and the settled cycle is followed

@@ -1,13 +1,12 @@
 // From what is known to the figures, once a frame, and to the sentence above them.
 
 import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
-import { columns, firstAt } from "./measure.mjs";
 import { theme } from "./plot.mjs";
+import { columns, firstAt } from "./pulsing.mjs";
 import { NS, derivedRates, dropRate, toPicometres } from "./ring.mjs";
 import { drawSection } from "./section.mjs";
-import { bordersOf, modelOf, planeWindow, ringOf, windowOf } from "./state.mjs";
+import { bordersOf, inSight, modelOf, page, planeWindow, put, ringOf, shown, widthOf, windowOf } from "./state.mjs";
 import { errorFigure, spectrumFigure, stepFigure, sumOf } from "./thermal.mjs";
-import { $, inSight, page, put, shown, widthOf } from "./view.mjs";
 
 const HEAT_EVERY = 150; // ms between two drawings of the figures of heat while a slider moves, so that traces keep 30 frames a second
 let drawn = false;

@@ -1,5 +1,6 @@
 // Figures as SVG text: axes from d3-scale, lines thinned to what pixels show, colours of the present theme.
 
+
 const CATEGORICAL = { light: ["#0072b2", "#d55e00", "#007a5a", "#a2557f", "#8a6d00", "#4a4f57"], dark: ["#56b4e9", "#ee8a4a", "#2fbf95", "#d99bbd", "#d9b84a", "#b3bac4"] };
 const THEMES = {
   light: { ink: "#1d2329", soft: "#59626d", line: "#d9dee4", ground: "#ffffff", stable: "#dbe7f0", bistable: "#b9cfe0", pulsing: "#f6c9a0", accent: "#0072b2", warm: "#b04a00", hopf: "#a33c00", fold: "#005a8c", folds: "#7a3e9d" },

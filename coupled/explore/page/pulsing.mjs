@@ -1,6 +1,93 @@
-// Does a trace pulse, rest, or still move (coupled/runs/pulsing.py, repetition.py)? Every sample is an accepted step.
+// Numbers read off a trace, and whether it pulses, rests, or still moves (coupled/runs/pulsing.py, repetition.py). Every
+// sample is an accepted step.
 
-import { dutyOf, extent, firstAt, rises } from "./measure.mjs";
+import { bisect } from "./eigen.mjs";
+
+const DUTY_LEVEL = 0.45;
+
+/** Columns of rows (t, Re a, Im a, N, dT): { t, U, N, dT } from row `first` to `stop`. */
+export function columns(rows, first, stop) {
+  const column = (value) => Float64Array.from({ length: stop - first }, (_, i) => value(5 * (first + i)));
+  return { t: column((k) => rows[k]), U: column((k) => rows[k + 1] ** 2 + rows[k + 2] ** 2), N: column((k) => rows[k + 3]), dT: column((k) => rows[k + 4]) }; // prettier-ignore
+}
+
+/** When sign x rises through sign level, on the cubic through the four samples around each (kernels/levels.py). */
+export function rises(t, x, level, sign = 1) {
+  const out = [];
+  for (let at = 0; at + 1 < t.length; at++) {
+    if (!(sign * x[at] < sign * level && sign * x[at + 1] >= sign * level)) continue;
+    const i = Math.min(Math.max(at - 1, 0), t.length - 4);
+    const [s0, s1, s2, s3] = [t[i], t[i + 1], t[i + 2], t[i + 3]];
+    const [v0, v1, v2, v3] = [x[i] - level, x[i + 1] - level, x[i + 2] - level, x[i + 3] - level];
+    const a = (v1 - v0) / (s1 - s0);
+    const b = (v2 - v1) / (s2 - s1);
+    const c = (v3 - v2) / (s3 - s2);
+    const ab = (b - a) / (s2 - s0);
+    const abc = ((c - b) / (s3 - s1) - ab) / (s3 - s0);
+    const below = (s) => sign * (v0 + (s - s0) * (a + (s - s1) * (ab + (s - s2) * abc))) < 0;
+    out.push(bisect(below, t[at], t[at + 1], 48));
+  }
+  return out;
+}
+
+/** Smallest and largest value among the samples from `first` to `stop`. */
+export function extent(x, first = 0, stop = x.length) {
+  let [low, high] = [Infinity, -Infinity];
+  for (let i = first; i < stop; i++) [low, high] = [Math.min(low, x[i]), Math.max(high, x[i])];
+  return [low, high];
+}
+
+/** Largest minus smallest of these values. */
+function rangeOf(...samples) {
+  const [low, high] = extent(...samples);
+  return high - low;
+}
+
+/** Smallest and largest value of a smooth function within its samples, by the parabolas through the outermost three. */
+export function tipsOf(t, x) {
+  const outermost = (sign) => {
+    let k = 1;
+    for (let i = 2; i + 1 < x.length; i++) if (sign * x[i] > sign * x[k]) k = i;
+    const [h, g] = [t[k] - t[k - 1], t[k + 1] - t[k]];
+    const [a, b] = [(x[k] - x[k - 1]) / h, (x[k + 1] - x[k]) / g];
+    const slope = (a * g + b * h) / (h + g);
+    return b === a ? x[k] : x[k] - (slope * slope * (h + g)) / (4 * (b - a));
+  };
+  return [outermost(-1), outermost(1)];
+}
+
+/** The first sample at or after a time. */
+export function firstAt(t, time) {
+  let low = 0;
+  let high = t.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (t[middle] < time) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+/** Fraction of [begin, end] with the drop power, or energy, above min + 0.45 (max - min); `tips` are min and max. */
+export function dutyOf(t, U, begin, end, tips = null) {
+  const first = firstAt(t, begin);
+  const last = firstAt(t, end);
+  const [low, high] = tips || extent(U, first, last);
+  const level = low + DUTY_LEVEL * (high - low);
+  const from = Math.max(first - 3, 0);
+  const to = Math.min(last + 3, t.length);
+  const [tt, uu] = [t.subarray(from, to), U.subarray(from, to)];
+  const inside = [...rises(tt, uu, level), ...rises(tt, uu, level, -1)].filter((x) => x > begin && x < end);
+  const edges = [begin, ...inside.sort((a, b) => a - b), end];
+  let above = 0;
+  for (let k = 0; k + 1 < edges.length; k++) {
+    const middle = (edges[k] + edges[k + 1]) / 2;
+    const i = Math.min(Math.max(firstAt(tt, middle), 1), tt.length - 1);
+    const f = (middle - tt[i - 1]) / (tt[i] - tt[i - 1]);
+    if (uu[i - 1] + f * (uu[i] - uu[i - 1]) > level) above += edges[k + 1] - edges[k];
+  }
+  return above / (end - begin);
+}
 
 const SETTLED = 0.02; // relative change that counts as none
 const FAR = 0.1; // relative change of the period per cycle above which no period is given
@@ -21,8 +108,8 @@ export function classify({ t, U, N: carriers, dT }, rtol = 1e-6) {
   const N = carriers.some((x) => x > 0) ? carriers : U;
   const n = t.length;
   const passed = t[n - 1] - t[0];
-  const [coldest, hottest] = extent(dT, firstAt(t, (t[0] + t[n - 1]) / 2), n);
-  const quiet = { regime: "stable", period: NaN, duty: NaN, swing: hottest - coldest, cycles: 0 };
+  const late = firstAt(t, (t[0] + t[n - 1]) / 2);
+  const quiet = { regime: "stable", period: NaN, duty: NaN, swing: rangeOf(dT, late), cycles: 0 };
   const noise = Math.min(Math.max(QUIET_RANGE, 10 * rtol), SETTLED);
   const { rests, up, waits, level, repeats } = risesOf(t, N, noise);
   if (rests) return quiet;
@@ -41,8 +128,8 @@ export function classify({ t, U, N: carriers, dT }, rtol = 1e-6) {
   const [earlier, drift] = driftOf(up, pattern);
   if (Math.abs(drift) > longestChange(earlier, drift, heights.length > 2 * pattern)) return slow;
   const [begin, end] = [up.at(-1 - pattern), up.at(-1)];
-  const [low, high] = extent(dT, firstAt(t, begin), firstAt(t, end));
-  return { regime: "self-pulsing", period: end - begin, duty: dutyOf(t, U, begin, end), swing: high - low, cycles: heights.length, begin, end, level, pattern };
+  const swing = rangeOf(dT, firstAt(t, begin), firstAt(t, end));
+  return { regime: "self-pulsing", period: end - begin, duty: dutyOf(t, U, begin, end), swing, cycles: heights.length, begin, end, level, pattern };
 }
 
 /** Where N rises through the middle of its late range, and how long each cycle takes; a slow drift may hide a small oscillation. */
@@ -64,10 +151,7 @@ function risesOf(t, N, noise) {
 /** Range of N in every cycle. */
 function heightsOf(t, N, up) {
   const edges = up.map((x) => firstAt(t, x));
-  return edges.slice(1).map((stop, k) => {
-    const [low, high] = extent(N, edges[k], stop);
-    return high - low;
-  });
+  return edges.slice(1).map((stop, k) => rangeOf(N, edges[k], stop));
 }
 
 /** The largest height of every pattern, the last one at the end. */
@@ -116,10 +200,7 @@ function underWay(t, N, quiet) {
   const [before, after] = [middle - first, last - middle];
   const ratio = before ? Math.min(Math.max(after / before, 0), 0.95) : 0;
   const left = (Math.abs(after) * ratio) / (1 - ratio); // of an exponential
-  const range = (from, to) => {
-    const [least, most] = extent(valuesIn(t, N, from, to));
-    return most - least;
-  };
+  const range = (from, to) => rangeOf(valuesIn(t, N, from, to));
   const grows = range(1 / 8, 0) > Math.max(range(1 / 4, 1 / 8), GROWS * high);
   if ((high - low + left) / high <= SETTLED && !grows) return quiet;
   return { ...quiet, regime: "slow transient", wanted: LONGER * passed };
@@ -157,11 +238,7 @@ function patternOf(heights, waits) {
 function missOf(heights, waits, m) {
   const n = heights.length;
   if (n < 3 * m) return Infinity;
-  const of = (x) => {
-    let most = 0;
-    for (let k = n - 2 * m; k < n; k++) most = Math.max(most, Math.abs(x[k] - x[k - m]));
-    return most / Math.max(...x.slice(n - 3 * m, n));
-  };
+  const of = (x) => Math.max(...x.slice(n - 2 * m, n).map((v, k) => Math.abs(v - x[n - 3 * m + k]))) / Math.max(...x.slice(n - 3 * m, n));
   return Math.max(of(heights), of(waits));
 }
 

@@ -48,32 +48,17 @@ export function lifetimeTerms(carriers) {
   return { tau0: weighted / equilibrium, a: (tau_p + tau_n) / weighted, b: 1 / equilibrium };
 }
 
-export function dropRate(ring) {
-  return ring.drop_rate ?? ring.bus_rate;
-}
-
-export function linearRate(ring) {
-  return ring.bus_rate + dropRate(ring) + ring.loss_rate + ring.scattering_rate;
-}
-
-export function loadedQ(ring) {
-  return (Math.PI * ring.frequency) / linearRate(ring);
-}
-
-export function intrinsicQ(ring) {
-  return (Math.PI * ring.frequency) / (ring.loss_rate + ring.scattering_rate);
-}
+export const dropRate = (ring) => ring.drop_rate ?? ring.bus_rate;
+export const linearRate = (ring) => ring.bus_rate + dropRate(ring) + ring.loss_rate + ring.scattering_rate;
+export const loadedQ = (ring) => (Math.PI * ring.frequency) / linearRate(ring);
+export const intrinsicQ = (ring) => (Math.PI * ring.frequency) / (ring.loss_rate + ring.scattering_rate);
 
 /** Ring and thermal model in internal units; `model` has R (K/W), tau (s) and an optional coefficient (1/K). */
 export function systemOf(ring, model) {
   const rates = derivedRates(ring);
   const { tau0, a, b } = lifetimeTerms(ring.carriers);
   const index = indexRate(ring);
-  const fcd = new Float64Array(2 * ring.fcd.length);
-  ring.fcd.forEach(([c, p], k) => {
-    fcd[2 * k] = c * index * NS * DENSITY ** p;
-    fcd[2 * k + 1] = p;
-  });
+  const fcd = Float64Array.from(ring.fcd.flatMap(([c, p]) => [c * index * NS * DENSITY ** p, p]));
   const gain = Float64Array.from(model.R, (R, i) => (R * UW * NS) / model.tau[i]);
   const rate = Float64Array.from(model.tau, (tau) => NS / tau);
   return {
@@ -98,19 +83,13 @@ export function systemOf(ring, model) {
 }
 
 /** sqrt(2 gamma_e P) in sqrt(fJ)/ns for a power in W. */
-export function driveOf(system, power) {
-  return Math.sqrt((2 * system.bus * power) / UW);
-}
+export const driveOf = (system, power) => Math.sqrt((2 * system.bus * power) / UW);
 
 /** Detuning in Hz to rad/ns. */
-export function turnOf(detuning) {
-  return 2 * Math.PI * detuning * NS;
-}
+export const turnOf = (detuning) => 2 * Math.PI * detuning * NS;
 
 /** Detuning in GHz as a change of wavelength in pm, of the same sign. */
-export function toPicometres(detuning, ring) {
-  return (1e21 * detuning * C) / ring.frequency ** 2;
-}
+export const toPicometres = (detuning, ring) => (1e21 * detuning * C) / ring.frequency ** 2;
 
 /** Free-carrier dispersion S(N) and its slope. */
 export function dispersion(N, fcd) {
@@ -125,27 +104,18 @@ export function dispersion(N, fcd) {
   return [shift, slope];
 }
 
-export function absorbedPower(U, N, system) {
-  return 2 * (system.absorbed + system.fca * N + system.tpa * U) * U;
-}
+export const absorbedPower = (U, N, system) => 2 * (system.absorbed + system.fca * N + system.tpa * U) * U;
 
 /** Sizes of field, carriers and temperature below which errors are absolute (coupled/kernel/units.py). */
 export function floorOf(system, drive) {
   const U = (drive / system.loss) ** 2;
   const N = system.g > 0 ? system.tau0 * (system.b > 0 ? system.a / system.b : 1) * system.g * U ** 2 : 1;
-  const dT = system.R * 2 * system.absorbed * U;
-  const tiny = 1e-27;
-  return [
-    1e-3 * Math.max(Math.sqrt(U), tiny),
-    1e-3 * Math.min(Math.max(N, tiny), 1),
-    1e-3 * Math.min(Math.max(dT, tiny), 10),
-  ];
+  const sizes = [[Math.sqrt(U), Infinity], [N, 1], [system.R * 2 * system.absorbed * U, 10]]; // prettier-ignore
+  return sizes.map(([size, most]) => 1e-3 * Math.min(Math.max(size, 1e-27), most));
 }
 
 /** From nothing: no light, no carriers, no heat. */
-export function cold(system) {
-  return new Float64Array(3 + system.gain.length);
-}
+export const cold = (system) => new Float64Array(3 + system.gain.length);
 
 // Heaters of constant power beside the ring: coupled/heaters.py.
 //
@@ -154,9 +124,7 @@ export function cold(system) {
 // are switched on together; x_i then holds what is still missing of the heaters' rise.
 
 /** Powers in W of those heaters that a model has, by name. */
-export function powersOf(model, powers) {
-  return Object.fromEntries(Object.entries(powers).filter(([name, power]) => power > 0 && model.heaters && name in model.heaters));
-}
+export const powersOf = (model, powers) => Object.fromEntries(Object.entries(powers).filter(([name, power]) => power > 0 && model.heaters && name in model.heaters));
 
 /** The model with the static rise of every pole under its heaters, K. */
 export function heatedBy(model, powers) {
@@ -166,9 +134,7 @@ export function heatedBy(model, powers) {
 }
 
 /** What the heaters of a model add to the temperature in the end, K. */
-export function riseOf({ held = [] }) {
-  return held.reduce((sum, x) => sum + x, 0);
-}
+export const riseOf = ({ held = [] }) => held.reduce((sum, x) => sum + x, 0);
 
 /** What a request needs of its setting: ring, model, power (W), detuning (Hz). `moved` is the shift by heaters, rad/ns. */
 export function setting({ ring, model, power, detuning }) {
@@ -187,6 +153,4 @@ export function lifted(rows, rise) {
 }
 
 /** What heaters move the resonance by, Hz; added to a detuning it gives that of the ring without them. */
-export function turnedBy(ring, model) {
-  return (systemOf(ring, model).shift * riseOf(model)) / turnOf(1);
-}
+export const turnedBy = (ring, model) => (systemOf(ring, model).shift * riseOf(model)) / turnOf(1);

@@ -1,10 +1,10 @@
 // The cross-section with the temperature field at one phase of the cycle, and its player.
 
-import { columns, firstAt } from "./measure.mjs";
-import { fieldOf, periodicStates } from "./heat.mjs";
 import { figure, pathOf, theme } from "./plot.mjs";
+import { columns, firstAt } from "./pulsing.mjs";
 import { NS, UW, absorbedPower, systemOf } from "./ring.mjs";
-import { $, page, put, shown, widthOf } from "./view.mjs";
+import { page, put, shown, widthOf } from "./state.mjs";
+import { fieldOf, periodicStates } from "./thermal.mjs";
 
 /** The images of a cross-section from base64 to arrays of 8-bit numbers. */
 export function decoded(section) {

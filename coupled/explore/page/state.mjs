@@ -1,8 +1,54 @@
-// The state of the page: what its fields hold, the link that restores it, and the ring and the thermal model that follow from it.
+// The state of the page: what its fields hold and its figures show, the link that restores it, and the ring and the
+// thermal model that follow from it.
 
 import { dropRate, heatedBy, intrinsicQ, lifetimeTerms, linearRate, loadedQ, toPicometres, turnedBy } from "./ring.mjs";
 import { sumOf } from "./thermal.mjs";
-import { shown } from "./view.mjs";
+
+export const $ = (id) => document.getElementById(id);
+
+/** data: what the file holds; state: what the fields hold; changed: asks for the answers to a new state. */
+export const page = { data: null, state: null, changed: () => {} };
+
+/**
+ * Everything the figures show; answers fill it as they come. moving: whether the exact answer to the state is still to come.
+ * kept: a setting to compare with. zoom: by figure, what is zoomed in to. panels: by figure, its axes.
+ */
+export const shown = { moving: false, trace: null, states: [], ring: null, map: null, curves: { folds: [], hopf: [] }, points: [], plane: null, phase: 0, section: null, kept: null, zoom: {}, panels: {} };
+
+const widths = new Map();
+
+/** The width that a figure has, in pixels; read once, because a figure just put has to be laid out for it. */
+export function widthOf(id) {
+  if (!widths.has(id)) widths.set(id, Math.max(280, Math.min(760, $(id).clientWidth || 400)));
+  return widths.get(id);
+}
+
+/** Read the widths anew. */
+export const resized = () => widths.clear();
+
+const standing = new Map();
+
+/** Show a figure { svg, panels }, unless it is there already. */
+export function put(id, { svg, panels }) {
+  shown.panels[id] = panels;
+  if (standing.get(id) === svg) return;
+  standing.set(id, svg);
+  $(id).innerHTML = svg;
+}
+
+const inWindow = new Set();
+
+/** Whether a figure lies within the window. */
+export const inSight = (id) => inWindow.has(id);
+
+/** Watch which figures lie within the window; `draw` is called when one comes or goes. */
+export function watchSight(draw) {
+  const sight = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) inWindow[isIntersecting ? "add" : "delete"](target.id);
+    draw();
+  });
+  for (const plot of document.querySelectorAll(".plot")) sight.observe(plot);
+}
 
 /**
  * Fields with a slider, by group: unit, range and step; values are in the unit. Those of the ring, and the thermal
@@ -36,14 +82,10 @@ function ownValue(name, state, data) {
   return sumOf(bareModelOf(state, data, state.model).R) * 1e-3;
 }
 
-export function valueOf(name, state, data) {
-  return state[name] === null ? ownValue(name, state, data) : state[name];
-}
+export const valueOf = (name, state, data) => state[name] === null ? ownValue(name, state, data) : state[name];
 
 /** The unit that a field is shown in, and a value in it; and back. */
-export function shownUnit(name, state) {
-  return (state.units === "pm" && FIELDS[name].other) || FIELDS[name].unit;
-}
+export const shownUnit = (name, state) => (state.units === "pm" && FIELDS[name].other) || FIELDS[name].unit;
 
 export function toShown(name, value, state, data) {
   const other = state.units === "pm" && FIELDS[name].other;
@@ -98,9 +140,7 @@ export function windowOf(state, data, stretch = 1) {
 }
 
 /** The window of the plane: all of it, or what is zoomed in to. */
-export function planeWindow(state, data) {
-  return shown.zoom.plane || windowOf(state, data);
-}
+export const planeWindow = (state, data) => shown.zoom.plane || windowOf(state, data);
 
 /** Fields for the parameters of a family that the page moves, p0, p1, p2, and for the powers of heaters, h0, h1, .. */
 export function addFields({ family, heaters }) {
@@ -150,9 +190,7 @@ export function bordersOf(state, data) {
 }
 
 /** Power in W of a level in dBm. */
-export function watts(dBm) {
-  return 1e-3 * 10 ** (dBm / 10);
-}
+export const watts = (dBm) => 1e-3 * 10 ** (dBm / 10);
 
 /** Why a value cannot be taken, in words, or "" where it can. */
 export function objection(name, value, state, data) {

@@ -1,6 +1,6 @@
 """Reference values of a heated guide of finite length in three dimensions, by NGSolve (pip install ngsolve).
 
-    python tests/audit/finite_guide.py [order]
+    python benchmarks/check_finite_guide.py [order]
 
 A silicon core of 450 x 220 nm, heated evenly over a length L, goes on beyond it on either side; 2 um of oxide below and
 above it on a deep silicon substrate. A quarter of it, x > 0 and y > 0, is cut into graded bricks out to 4 mm, where it

@@ -1,7 +1,7 @@
 """The heated guide of femwell's example, solved by femwell (pip install femwell) on this package's own mesh.
 
-    python tests/audit/femwell_guide.py mesh.json             # with thermofem: writes the mesh, prints its own values
-    python tests/audit/femwell_guide.py mesh.json --femwell   # with femwell, in the same or another environment
+    python benchmarks/check_femwell_guide.py mesh.json            # with thermofem: writes the mesh, prints its values
+    python benchmarks/check_femwell_guide.py mesh.json --femwell  # with femwell, in the same or another environment
 
 At rest with quadratic elements; the step with femwell's linear ones on the mesh refined once and twice, by Crank and
 Nicolson with 20 and 40 ns; both errors of second order are removed. Printed are rises of core and heater in K per W at
