@@ -54,22 +54,22 @@ WIDTH = 5.7  # inches at most: in half a column of 88 mm "small", the smallest t
 SIZE = (WIDTH, 3.5)  # of a figure by default
 
 
-def axes(ax: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
-    """``ax``, or the Axes of a new figure."""
+def axes(ax: Any, size: tuple[float, float] = SIZE, rows: int = 1, **more: Any) -> Any:
+    """``ax``, or the Axes of a new figure; of several ``rows`` an array of them."""
     if ax is None:
-        _, ax = plt.subplots(figsize=size, layout="constrained")
+        _, ax = plt.subplots(rows, 1, figsize=size, layout="constrained", **more)
     return ax
 
 
-def time_unit(longest: float) -> tuple[float, str]:
-    """Factor from s and the unit in which a time axis up to ``longest`` (s) has short numbers.
+def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
+    """Values scaled so that their largest reads well, and the scaled unit.
 
-    >>> time_unit(20e-6), time_unit(95.8)
-    ((1000000.0, 'µs'), (1.0, 's'))
+    >>> readable(np.array([0.0, 2e-5]), "s")
+    (array([ 0., 20.]), 'µs')
     """
-    return next(
-        (f, unit) for f, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")) if longest * f >= 1 or f == 1e9
-    )
+    largest = float(np.max(np.abs(values), initial=0.0))
+    power = next((k for k in (9, 6, 3, 0, -3, -6, -9, -12) if largest >= 10.0**k), 0)
+    return values / 10.0**power, {9: "G", 6: "M", 3: "k", -3: "m", -6: "µ", -9: "n", -12: "p"}.get(power, "") + unit
 
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
@@ -292,9 +292,7 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     """
     model = bare(model)
     check_single(model)
-    if ax is None:
-        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
-    left, right = ax
+    left, right = axes(ax, (WIDTH, 5.6), 2)
     plot_step(model, left)
     times = _times(model)
     frequency = np.geomspace(0.02 / times[-1], 1 / times[0], 200)
