@@ -19,7 +19,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
-from ..checks import InputError
 from ..geometry.parameter_paths import Change, change
 from ..geometry.section_parts import LIGHT
 from ..materials.index_laws import constant, constant_index
@@ -162,8 +161,6 @@ class Variation:
 def variations(light: Light, parameters: Sequence[str | Sequence[str]]) -> list[Variation]:
     """How paths, as a campaign varies them, change the geometry of a light; a tuple changes together."""
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
-    if not each:
-        raise InputError("parameters is empty; name at least one path, e.g. 'part.core.width'")
     return _variations(light, [change(light.geometry, one) for one in each])
 
 
