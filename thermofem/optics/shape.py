@@ -85,8 +85,8 @@ def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]], **ru
     InputError
         a path that leads nowhere, or a motion at which a face would appear or vanish.
     """
-    varied = variations(mode.light, parameters)
-    found = over_parameters(varied, [slopes(mode, one, **rules) for one in varied], ABOUT)
+    each = variations(mode.light, parameters)
+    found = over_parameters(each, [slopes(mode, one, **rules) for one in each], ABOUT)
     return found.assign_attrs(mode=mode.name, **numbers(mode, **rules))
 
 
@@ -140,13 +140,10 @@ class Variation:
         """
         corners, moved = mode.window.mesh.p[:, mode.window.mesh.t], velocity[:, mode.window.mesh.t]
         sides, strains = (np.linalg.norm(one - np.roll(one, 1, axis=1), axis=0) for one in (corners, moved))
-        of = [abs(of[key]) for of in self.change.optical.values() for key in ("index", "thermo_optic") if key in of]
-        largest = max(
-            float((strains * UM / sides).max()),
-            abs(self.centre) / mode.radius,
-            abs(self.wavelength) / mode.wavelength,
-            *of,
-        )
+        relative = [(strains * UM / sides).max(), self.centre / mode.radius, self.wavelength / mode.wavelength]
+        for slopes in self.change.optical.values():
+            relative += [slopes.get("index", 0.0), slopes.get("thermo_optic", 0.0)]
+        largest = float(np.abs(relative).max())
         if not largest:
             return 1.0, (mode, mode)
 
@@ -207,7 +204,7 @@ def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:
 
 
 def over_parameters(
-    varied: Sequence[Variation], rows: Sequence[Mapping[str, float]], about: Mapping[str, tuple[str, str]]
+    each: Sequence[Variation], rows: Sequence[Mapping[str, float]], about: Mapping[str, tuple[str, str]]
 ) -> xr.Dataset:
     """Derivatives of some numbers, one row for each parameter; about: unit and words of each number."""
     import xarray as xr
@@ -221,9 +218,9 @@ def over_parameters(
         for name, (unit, words) in about.items()
     }
     coords: dict[str, Any] = {
-        "parameter": [one.change.name for one in varied],
-        "value": ("parameter", [one.change.value for one in varied]),
-        "unit": ("parameter", [one.change.unit for one in varied]),
+        "parameter": [one.change.name for one in each],
+        "value": ("parameter", [one.change.value for one in each]),
+        "unit": ("parameter", [one.change.unit for one in each]),
     }
     return xr.Dataset(variables, coords=coords)
 
