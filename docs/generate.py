@@ -14,7 +14,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from thermofem.data import quantity
+from thermofem.data import files, quantity
 from thermofem.geometry import geometry_file as geometry_file
 from thermofem.materials import material_library as materials
 
@@ -219,8 +219,8 @@ def _code(table: str) -> str:
 def _kind(kind: str) -> str:
     """What a key's value looks like."""
     words = {"text": "text", "true or false": "`true` or `false`", "anything": "see right", "a table": "table"}
-    if kind in (*words, "tables"):
-        return words.get(kind, kind)
+    if kind in words or kind == files.TABLES:
+        return words.get(kind, "tables")
     measures, example, _ = quantity._KINDS[kind]
     return f'{measures}, `"{example}"`'
 

@@ -7,7 +7,6 @@ Papers state times and bandwidths of this power, not of heat (Coenen et al., Pho
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -109,15 +108,19 @@ class _Readout(ABC):
         """
         of = thermal(model)
         if isinstance(wave, Constant):
-            return EdgeTimes(*_both(self._step(of, wave), None))
+            rise, rise_10_90 = _crossings(*self._step(of, wave))
+            return EdgeTimes(rise, np.nan, rise_10_90, np.nan)
         times, light = period_times(wave, SAMPLES), self.periodic_response(of, wave)
         power = np.asarray(wave(times[:-1]))
         if isinstance(wave, SquareWave):
             start, stop = 0, int(np.argmin(np.abs(times - wave.duty * wave.period)))
         else:
             start, stop = int(power.argmin()), int(power.argmax())
-        up, down = (_arc(times, light, *ends) for ends in ((start, stop), (stop, start)))
-        return EdgeTimes(*_both(up, down))
+        longer, lit = np.append(times, times[1:] + times[-1]), np.append(light, light[1:])
+        ends = (start, stop), (stop, start)
+        arcs = [slice(a, b + (1 if b > a else times.size)) for a, b in ends]  # one of them over the end of the period
+        (rise, rise_10_90), (fall, fall_10_90) = (_crossings(longer[arc] - longer[arc][0], lit[arc]) for arc in arcs)
+        return EdgeTimes(rise, fall, rise_10_90, fall_10_90)
 
     def _step(self, of: ThermalModel, wave: Constant) -> tuple[Array, Array]:
         """Times and light after a step; the light ends where heat has settled."""
@@ -206,24 +209,8 @@ def thermal(model: Any) -> ThermalModel:
     return of
 
 
-def _arc(times: Array, light: Array, start: int, stop: int) -> tuple[Array, Array]:
-    """The trace from one sample of a period to another, cyclically, with times from the first one on."""
-    if stop > start:
-        return times[start : stop + 1] - times[start], light[start : stop + 1]
-    later = times[1 : stop + 1] + times[-1]
-    return np.append(times[start:], later) - times[start], np.append(light[start:], light[1 : stop + 1])
-
-
-def _both(up: tuple[Array, Array], down: tuple[Array, Array] | None) -> tuple[float, float, float, float]:
-    """The fields of `EdgeTimes`."""
-    share = 1 - np.exp(-1)
-    rise = _first(*up)
-    fall: Callable[[float], float] = (lambda _: np.nan) if down is None else _first(*down)
-    return rise(share), fall(share), rise(0.9) - rise(0.1), fall(0.9) - fall(0.1)
-
-
-def _first(times: Array, light: Array) -> Callable[[float], float]:
-    """First time at a share of the way from the first to the last value, linear between samples; nan if flat."""
+def _crossings(times: Array, light: Array) -> tuple[float, float]:
+    """First time at 1 - 1/e of the way from the first to the last value, and from 10 % to 90 %; nan if flat."""
     way = light[-1] - light[0]
     part = (light - light[0]) / way if way else np.zeros(light.size)
 
@@ -233,4 +220,4 @@ def _first(times: Array, light: Array) -> Callable[[float], float]:
             return float("nan")
         return float(times[k - 1] + (times[k] - times[k - 1]) * (share - part[k - 1]) / (part[k] - part[k - 1]))
 
-    return at
+    return at(1 - np.exp(-1)), at(0.9) - at(0.1)

@@ -15,13 +15,15 @@ from . import checks
 from .data import dataset
 from .fem.heat_problem import HeatProblem
 from .models import StateSpace
-from .transient.integration import Trajectory, integrate, integrate_periodic
+from .transient.integration import Trajectory, check_run, integrate, integrate_periodic
 from .waveforms import Waveform, check_heating, check_wave, period_times
 
 if TYPE_CHECKING:
     from .mesh import Mesh
 
 
+# of a run, in the attributes of its data
+NUMBERS = ("method", "steps", "factorizations", "solves", "heat_in", "heat_stored", "heat_out")
 MOST_VALUES = 100_000_000  # of all fields of a run, .8 GB
 
 
@@ -79,23 +81,8 @@ def solve(
     >>> data.delta_T.round(1).values
     array([ 9.2, 15.4,  6.2])
     """
-    heated = _check(heat, wave, heated, method)
     check_fields(heat, field_times)
-    system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
-    run = None
-    if method == "auto" and isinstance(system, StateSpace):
-        run = heat.modal(heated).run(system.C, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger)
-    if run is None:
-        kept = checks.array("field_times", field_times, increasing=True, empty=True)
-        ends = np.append(kept, checks.array("times", times, increasing=True))
-        check_heating(wave, float(ends.max()))
-        factors = heat.discretization.factors
-        run = integrate(
-            system, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger, factors=factors, progress=progress
-        )
-    elif progress:
-        progress(float(run.times[-1]))
-    return _record(heat, wave, run, heated, read, rtol, field_times)
+    return _solved(heat, wave, times, heated, read, rtol, method, progress, field_times)
 
 
 def solve_periodic(
@@ -133,42 +120,46 @@ def solve_periodic(
     InputError
         a waveform without a period, too few samples for its edges.
     """
-    heated = _check(heat, wave, heated, method)
-    system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
-    run = None
-    if method == "auto" and isinstance(system, StateSpace):
-        times = period_times(wave, samples)
-        run = heat.modal(heated).run(system.C, wave, times, rtol=rtol, ledger=ledger, periodic=True)
-    if run is None:
-        check_heating(wave, getattr(wave, "period", None))
-        factors = heat.discretization.factors
-        run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=ledger, factors=factors, progress=progress)
-    elif progress:
-        progress(float(run.times[-1]))
-    return _record(heat, wave, run, heated, read, rtol, (), periodic=True)
+    times = period_times(wave, samples)
+    return _solved(heat, wave, times, heated, read, rtol, method, progress, (), periodic=True)
 
 
-def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -> str:
-    """Name of the heated part, after a check of the types of the arguments."""
-    check_wave("wave", wave)
-    checks.choice("method", method, ("auto", "stepping"))
-    return checks.choice("heated", heated, heat.heated, default=heat.heated[0])
-
-
-def _record(
+def _solved(
     heat: HeatProblem,
     wave: Waveform,
-    run: Trajectory,
-    heated: str,
+    times: ArrayLike,
+    heated: str | None,
     read: str | Sequence[str] | None,
     rtol: float,
+    method: str,
+    progress: Callable[[float], None] | None,
     field_times: ArrayLike,
     *,
     periodic: bool = False,
 ) -> xr.Dataset:
-    """Trajectory and provenance in the schema of `thermofem.dataset`."""
-    single = read is None or isinstance(read, str)
-    names: tuple[str, ...] = (read or heated,) if single else tuple(read or ())  # type: ignore[assignment]
+    """A run and its provenance in the schema of `thermofem.dataset`, in closed form where there is one."""
+    check_wave("wave", wave)
+    checks.choice("method", method, ("auto", "stepping"))
+    heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
+    read = heated if read is None else read
+    system, ledger, run = heat.model(heated, read), heat.audit(heated), None
+    if method == "auto" and isinstance(system, StateSpace):
+        run = heat.modal(heated).run(
+            system.C, wave, times, rtol=rtol, ledger=ledger, snapshots=field_times, periodic=periodic
+        )
+    if run is None:
+        t, kept = check_run(times, field_times, rtol)
+        check_heating(wave, max([t[-1], *kept]))
+        options: dict[str, Any] = {"rtol": rtol, "ledger": ledger, "progress": progress}
+        options["factors"] = heat.discretization.factors
+        if periodic:
+            run = integrate_periodic(system, wave, t.size, **options)
+        else:
+            run = integrate(system, wave, t, snapshots=kept, **options)
+    elif progress:
+        progress(float(run.times[-1]))
+    single = isinstance(read, str)
+    names = (read,) if isinstance(read, str) else tuple(read)
     attributes = _provenance(heat, run, heated, names[0] if single else heated, rtol)
     if not single:
         attributes["thermal_resistances"] = [heat.thermal_resistance(heated, name) for name in names]
@@ -179,7 +170,7 @@ def _record(
 
 def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
     """Provenance of the data: geometry, mesh, materials, solver, energy balance."""
-    materials = {heat.geometry.material_of(name).name: heat.geometry.material_of(name).source for name in heat.regions}
+    materials = [heat.geometry.material_of(name) for name in heat.regions]
     mesh_error, domain_error = heat.errors(heated, read)
     return {
         "heated": heated,
@@ -190,15 +181,9 @@ def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol
         "mesh_hash": mesh_hash(heat.mesh),
         "accuracy": heat.accuracy,
         "unknowns": heat.unknowns,
-        "materials": json.dumps(materials),
+        "materials": json.dumps({material.name: material.source for material in materials}),
         "rtol": rtol,
-        "method": run.method,
-        "steps": run.steps,
-        "factorizations": run.factorizations,
-        "solves": run.solves,
-        "heat_in": run.heat_in,
-        "heat_stored": run.heat_stored,
-        "heat_out": run.heat_out,
+        **{name: getattr(run, name) for name in NUMBERS},
         "heat_imbalance": run.imbalance,
     }
 

@@ -10,10 +10,11 @@ from typing import Annotated, Any
 import typer
 
 import surrogate
-import thermofem
-from thermofem import __version__
+import thermofem as th
+from thermofem import __version__, checks
 from thermofem.data import files
 from thermofem.errors import InputError, one_line, prefixed
+from thermofem.materials.material_library import VOID, find
 
 from . import options
 from .command_files import expect
@@ -98,17 +99,12 @@ def references(provenance: dict[str, Any]) -> list[Citation]:
 def _materials(provenance: dict[str, Any]) -> dict[str, str]:
     """Source of every material: recorded in data, looked up in the geometry for models."""
     if provenance.get("materials"):
-        try:
-            found = files.from_json(provenance["materials"]).items()
-            return {one_line(str(name)): one_line(str(source)) for name, source in found}
-        except (InputError, TypeError, AttributeError):
-            raise InputError("the file's record of its materials is damaged; is it one of thermofem's?") from None
+        hint = "the file's record of its materials is damaged; is it one of thermofem's?"
+        found = checks.mapping("materials", files.from_json(str(provenance["materials"])), hint=hint)
+        return {one_line(name): one_line(str(source)) for name, source in found.items()}
     if not provenance.get("geometry"):
         return {}
-    from thermofem.geometry import CrossSection
-    from thermofem.materials.material_library import VOID, find
-
-    section = CrossSection.from_toml_text(str(provenance["geometry"]))
+    section = th.CrossSection.from_toml_text(str(provenance["geometry"]))
     names = dict.fromkeys([layer.material for layer in section.layers] + [part.material for part in section.parts])
     return {name: one_line(find(name, section.materials).source) for name in names if name != VOID}
 
@@ -117,14 +113,8 @@ def _provenance(file: Path) -> dict[str, Any]:
     """Provenance that a file records."""
     expect(file, "data", "result", "model")
     if file.suffix == ".json":
-        from thermofem.models import load_provenance
-
-        kind = type(surrogate.load_model(file)).__name__
-        return {**load_provenance(file), "kind": kind}
-    from thermofem.data import dataset
-
-    data = dataset.load(file)
-    return dict(data.attrs)
+        return {**th.models.load_provenance(file), "kind": type(surrogate.load_model(file)).__name__}
+    return dict(th.load(file).attrs)
 
 
 def reproduce(
@@ -137,7 +127,7 @@ def reproduce(
 
     Started again, it goes on where it was, however it ended.
     """
-    if not Path(thermofem.__file__).parents[1].joinpath("paper", "report", "runner.py").is_file():
+    if not Path(th.__file__).parents[1].joinpath("paper", "report", "runner.py").is_file():
         where = "it stands in paper/ of the sources: `make demo` there installs and runs it"
         raise InputError("reproduce needs a checkout", where)
     runner = importlib.import_module("paper.report.runner")

@@ -36,9 +36,7 @@ def validate(
     heated: options.Heated = None,
     read: options.Read = None,
     figure: options.Figure = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Curves (.nc); for a geometry also the figure (.png).")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Curves (.nc) or the figure (.png).")] = None,
 ) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
@@ -46,104 +44,85 @@ def validate(
     given models, those.
     """
     low, high = quantity.positive(shortest, "s", name="--shortest"), quantity.positive(longest, "s", name="--longest")
-    if low >= high:
-        raise InputError(f"--shortest = {shortest} must be below --longest = {longest}")
-    checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
-    wave = {"periods": np.geomspace(low, high, 41), "power": quantity.positive(power, "W", name="--power")}
-    settings: dict[str, Any] = {**wave, "duty": duty, "heated": heated, "read": read}
-    if any(path.suffix.lower() == ".toml" for path in inputs):
-        if len(inputs) > 1 or reference:
-            raise InputError("validate takes one geometry alone; models with --reference, without a geometry")
-        curves = output if output and output.suffix.lower() == ".nc" else None
-        figures = [path for path in (figure, output) if path and path != curves]
-        figures = figures if figures or curves else [Path("period_error.png")]
-        return _geometry(inputs[0], figures, curves, accuracy=accuracy, **settings)
-    if reference is None:
-        raise InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
-    options.unused(context, "is that of a geometry's mesh; models have none", "accuracy")
-    return _models(inputs, reference, output or Path("period_error.nc"), figure, **settings)
+    checks.ordered("--shortest", low, "--longest", high, unit="s")
+    wave = {
+        "periods": np.geomspace(low, high, 41),
+        "power": quantity.positive(power, "W", name="--power"),
+        "duty": duty,
+    }
+    image = output is not None and output.suffix.lower() in IMAGES
+    figures, curves = [path for path in (figure, output if image else None) if path], None if image else output
+    geometry = any(path.suffix.lower() == ".toml" for path in inputs)
+    if geometry and (len(inputs) > 1 or reference):
+        raise InputError("validate takes one geometry alone; models with --reference, without a geometry")
+    if geometry and not (figures or curves):
+        figures = [Path("period_error.png")]
+    if not geometry:
+        options.unused(context, "is that of a geometry's mesh; models have none", "accuracy")
+        curves = curves if output else Path("period_error.nc")
+    check_outputs([*figures, curves], images=figures, inputs=[*inputs, reference])
+    if geometry:
+        found, title, more = _geometry(inputs[0], accuracy, heated, read, wave)
+    else:
+        found, title, more = _models(inputs, reference, heated, read, wave), "", {}
+    for picture in figures:
+        _draw(found, picture, title)
+    if curves:
+        joined = xr.concat(list(found.values()), dim="model", combine_attrs="drop_conflicts")
+        th.save(joined.assign_coords(model=list(found)), curves)
+    wrote(*figures, curves)
+    return {
+        "models": {name: _judged(curve) for name, curve in found.items()},
+        **more,
+        "figures": figures,
+        "curves": curves,
+    }
 
 
 def _models(
-    models: list[Path],
-    reference: Path,
-    output: Path,
-    figure: Path | None,
-    *,
-    heated: str | None,
-    read: str | None,
-    **wave: Any,
-) -> dict[str, Any]:
-    """Judge models from files."""
-    check_outputs([output, figure], images=[figure], inputs=[*models, reference])
-    if output.suffix.lower() in IMAGES:
-        raise InputError(f"--output = {output} takes the curves (.nc); --figure {output} draws them")
+    models: list[Path], reference: Path | None, heated: str | None, read: str | None, wave: dict[str, Any]
+) -> dict[str, xr.Dataset]:
+    """Judge models from files by another one; of those with several parts the channel that is asked for."""
+    if reference is None:
+        raise InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
     names = [path.stem for path in models]
     checks.unique("MODELS", names, hint="curves are named after the files")
-    judge, curves = _channel(reference, heated, read), {}
-    for name, path in zip(names, models, strict=True):
-        curves[name] = surrogate.period_error(_channel(path, heated, read), judge, **wave)
+    channels: list[Any] = []
+    for path in (reference, *models):
+        expect(path, "model")
+        model: Any = surrogate.load_model(path)
+        if len(model.inputs) > 1 or len(model.outputs) > 1:
+            heat = checks.choice("--heated", heated, model.inputs)
+            model = model.channel(heat, checks.choice("--read", read or heat, model.outputs))
+        channels.append(model)
+    curves = {}
+    for name, model in zip(names, channels[1:], strict=True):
+        curves[name] = surrogate.period_error(model, channels[0], **wave)
         say(f"{name}: {curves[name].attrs['validity']}")
-    _save(curves, output)
-    if figure:
-        _draw(curves, figure)
-    wrote(output, figure)
-    return {"models": {name: _judged(curve) for name, curve in curves.items()}, "curves": output, "figure": figure}
-
-
-def _channel(path: Path, heated: str | None, read: str | None) -> th.models.ThermalModel:
-    """Thermal model of a file; of one with several parts the channel that is asked for."""
-    expect(path, "model")
-    model: Any = surrogate.load_model(path)
-    if len(model.inputs) == len(model.outputs) == 1:
-        return model
-    if heated is None:
-        parts = f"inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}"
-        raise InputError(f"{path} has several parts ({parts}): pick two with --heated and --read")
-    checks.choice("--heated", heated, model.inputs)
-    return model.channel(heated, checks.choice("--read", read or heated, model.outputs))
+    return curves
 
 
 def _geometry(
-    path: Path,
-    figures: list[Path],
-    curves: Path | None,
-    *,
-    accuracy: float,
-    power: float,
-    duty: float,
-    periods: Any,
-    heated: str | None,
-    read: str | None,
-) -> dict[str, Any]:
+    path: Path, accuracy: float, heated: str | None, read: str | None, wave: dict[str, Any]
+) -> tuple[dict[str, xr.Dataset], str, dict[str, Any]]:
     """Train the usual kinds of model on a geometry and judge them by its FEM, with k(T) at the power given."""
     from surrogate.judging.ladder import judge_geometry, verdict
 
-    check_outputs([*figures, curves], images=figures, inputs=[path])
     expect(path, "geometry")
     geometry = th.CrossSection.from_toml(path)
     with working("solving, training models, judging"):
         heat = th.assemble(geometry, accuracy)
-        heated = checks.choice("--heated", heated or heat.heated[0], heat.heated)
-        read = checks.choice("--read", read or heated, heat.readable)
-        channel = {"heated": heated, "read": read}
-        ladder, errors = judge_geometry(heat, power=power, periods=periods, duty=duty, **channel)
+        ladder, errors = judge_geometry(heat, heated=heated, read=read, **wave)
         lines = [verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
         lines += _against_power(ladder.reference) if heat.nonlinear else [SAME]
     whole = errors.squeeze("power").rename(period_error="relative_error")
     found = {name: whole.sel(model=name) for name in whole["model"].values.tolist()}
     by = "its FEM with k(T)" if heat.nonlinear else "its FEM"
-    of = f"{geometry.name}: square waves of {power * 1e3:g} mW, {duty:.0%} duty, against {by}"
-    for figure in figures:
-        _draw(found, figure, of)
-    if curves:
-        _save(found, curves)
-    show(_table(found, ladder.refused, of))
+    title = f"{geometry.name}: square waves of {wave['power'] * 1e3:g} mW, {wave['duty']:.0%} duty, against {by}"
+    show(_table(found, ladder.refused, title))
     for line in lines:
         say(line)
-    wrote(*figures, curves)
-    judged = {name: _judged(curve) for name, curve in found.items()}
-    return {"models": judged, "refused": dict(ladder.refused), "advice": lines, "figures": figures, "curves": curves}
+    return found, title, {"refused": dict(ladder.refused), "advice": lines}
 
 
 def _against_power(system: Any) -> list[str]:
@@ -163,12 +142,6 @@ def _against_power(system: Any) -> list[str]:
     return [*lines, f"k(T): the steady rise of a linear model with output map is {reach}"]
 
 
-def _save(curves: Mapping[str, xr.Dataset], path: Path) -> None:
-    """Write the curves of several models over a dimension ``model``."""
-    joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
-    th.save(joined.assign_coords(model=list(curves)), path)
-
-
 def _judged(curve: xr.Dataset) -> dict[str, Any]:
     """Largest error of a model, and the periods (s) over which it is within 1 and 10 %."""
     error = np.abs(curve["relative_error"].values)
@@ -176,11 +149,11 @@ def _judged(curve: xr.Dataset) -> dict[str, Any]:
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
 
 
-def _draw(curves: Mapping[str, xr.Dataset], figure: Path, of: str = "") -> None:
+def _draw(curves: Mapping[str, xr.Dataset], figure: Path, title: str) -> None:
     from surrogate.plot import plot_period_errors
     from thermofem.plot import save_figure
 
-    save_figure(plot_period_errors(curves, title=of)[0], figure)
+    save_figure(plot_period_errors(curves, title=title)[0], figure)
 
 
 def _table(curves: Mapping[str, xr.Dataset], refused: Mapping[str, str], title: str) -> Table:

@@ -31,6 +31,7 @@ from thermofem import CrossSection
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.fem.mesh_division import resistances
+from thermofem.fem.surfaces import Side
 from thermofem.geometry.parameter_paths import Change
 from thermofem.geometry.regions import outlines
 from thermofem.materials.material_library import VOID
@@ -38,8 +39,6 @@ from thermofem.materials.material_library import VOID
 from .parameter_box import Box, Properties
 
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
-GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
 SAMPLES = 300  # members at which coefficients are compared
 ARRAYS = "place", "along", "interval", "outward"  # fields of `SurfacePoints` that are arrays
 
@@ -255,60 +254,51 @@ def surface_points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[Surf
 
     intervals [shape (triangles, 2)]: across r and z. None where the geometry has no such surfaces.
     """
-    basis, s = heat.discretization.basis, heat.discretization.surfaces
-    grid, none = basis.mesh, np.empty(0, dtype=np.intp)
+    s, grid = heat.discretization.surfaces, heat.discretization.basis.mesh
+    none = np.empty(0, dtype=np.intp)
     groups = [(s.open, none, "open"), *((one, other, "") for one, other in s.contacts.values())]
     for facets in s.convection.values():
         r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
         sides = ("top", "bottom", "outer")
         groups += [(facets[heat.geometry.on_boundary(side, r, z)], none, side) for side in sides]
-    groups = [group for group in groups if len(group[0])]
-    if not groups:
+    pairs = [_on(heat, intervals, *group) for group in groups if len(group[0])]
+    if not pairs:
         return None
-    found = [_on(heat, intervals, *group) for group in groups]
+    found, traces = zip(*pairs, strict=True)
     arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
     series, material = ([x for one in found for x in getattr(one, name)] for name in ("series", "material"))
-    traces = [
-        _trace(basis, facets) - _trace(basis, other) if len(other) else _trace(basis, facets)
-        for facets, other, _ in groups
-    ]
     return SurfacePoints(**arrays, series=series, material=material), vstack(traces).tocsr()
 
 
-def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
-    """Properties of all functions at the three Gauss points of each facet, sparse, shape (3 f, n)."""
-    x = GAUSS
-    shape = np.array([(1 - x) * (1 - 2 * x), x * (2 * x - 1), 4 * x * (1 - x)])  # (function, point)
-    dofs = np.vstack([basis.nodal_dofs[0][basis.mesh.facets[:, facets]], basis.facet_dofs[0][facets]])
-    values = np.broadcast_to(shape.T, (len(facets), 3, 3))
-    columns = np.broadcast_to(dofs.T[:, None, :], values.shape)
-    rows = np.broadcast_to(np.arange(3 * len(facets)).reshape(-1, 3, 1), values.shape)
-    return csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * len(facets), basis.N))
+def _trace(side: Side) -> Any:
+    """All functions at the Gauss points of each facet, sparse, shape (3 f, n)."""
+    (f, _, q), values = side.shape.shape, side.shape
+    rows = np.broadcast_to(np.arange(f * q).reshape(f, 1, q), values.shape)
+    columns = np.broadcast_to(side.dofs[..., None], values.shape)
+    return csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(f * q, side.basis.N))
 
 
 def _on(
-    heat: HeatProblem, intervals: NDArray[np.intp], facets: NDArray[np.intp], other: NDArray[np.intp], side: str
-) -> SurfacePoints:
-    """Points of facets on a side; ``other`` are the same facets of a contact, on its other side."""
-    grid, base = heat.discretization.basis.mesh, heat.geometry
-    beside = grid.f2t[0, facets]
-    ends = np.moveaxis(grid.p[:, grid.facets[:, facets]], (0, 1, 2), (2, 1, 0))  # (f, end, axis)
-    centre = grid.p[:, grid.t[:, beside]].mean(axis=1).T
-    along = ends[:, 1] - ends[:, 0]
-    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
-    normal *= np.sign(np.sum(normal * (ends.mean(axis=1) - centre), axis=1))[:, None]
-    names, limit = np.array(heat.mesh.region_names), resistances(base)
-    own = [names[heat.mesh.region[grid.f2t[0, each]]].tolist() for each in (facets, other) if len(each)]
-    outside = (f"boundary.{side}",) if side and side != "open" and getattr(base, side).exchange else ()
+    heat: HeatProblem, intervals: NDArray[np.intp], facets: NDArray[np.intp], other: NDArray[np.intp], where: str
+) -> tuple[SurfacePoints, Any]:
+    """Points of facets and their traces; ``other`` are the same facets of a contact, on its other side."""
+    base, limit = heat.geometry, resistances(heat.geometry)
+    sides = [Side.of(heat.discretization.basis, each) for each in (facets, other) if len(each)]
+    one, names = sides[0], np.array(heat.mesh.region_names)
+    own = [names[heat.mesh.region[side.cells]].tolist() for side in sides]
+    outside = (f"boundary.{where}",) if where and where != "open" and getattr(base, where).exchange else ()
     series = [(*outside, *(f"interface.{part}" for part in pair if part in limit)) for pair in zip(*own, strict=True)]
-    return SurfacePoints(
-        place=(ends[:, :1] * (1 - GAUSS[:, None]) + ends[:, 1:] * GAUSS[:, None]).reshape(-1, 2),
-        along=(along[:, None] * WEIGHT[:, None]).reshape(-1, 2),
-        interval=np.repeat(intervals[beside], 3, axis=0),
-        outward=np.repeat(normal, 3, axis=0),
-        series=[() if side == "open" else one for one in series for _ in range(3)],
-        material=[base.material_of(name).name for name in own[0] for _ in range(3)],
+    along = one.ends[:, 1] - one.ends[:, 0]  # (2, f)
+    normal = one.outward * np.array([along[1], -along[0]]) / np.hypot(*along)
+    points = SurfacePoints(
+        place=one.along(one.ends).T.reshape(-1, 2),
+        along=(along[:, None] * one.weight[:, None]).T.reshape(-1, 2),
+        interval=np.repeat(intervals[one.cells], len(one.at), axis=0),
+        outward=np.repeat(normal.T, len(one.at), axis=0),
+        series=[() if where == "open" else each for each in series for _ in one.at],
+        material=[base.material_of(name).name for name in own[0] for _ in one.at],
     )
+    return points, _trace(one) - _trace(sides[1]) if len(sides) > 1 else _trace(one)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 FORMAT, SCHEMA = "thermofem family", 2
 _PLAIN = "inputs", "outputs", "tolerance", "floor", "factor", "engine", "provenance"  # of a family, as JSON has them
-_MEMBERS = "ports", "volumes"  # arrays of `AffineMembers`, beside K and M
-_GRID = "left", "lower"  # arrays of its `CellGrid`, beside the lines
 
 
 def save(family: Family, path: str | Path) -> Path:
@@ -66,7 +64,7 @@ def _of_lines(members: AffineMembers) -> tuple[dict[str, Any], dict[str, Any]]:
     c, grid, upper = members.coefficients, members.coefficients.grid, np.triu_indices(members.size)
     words: dict[str, Any] = {"owner": grid.owner, "statics": members.statics}
     arrays: dict[str, Any] = {"K": members.K[:, *upper], "M": members.M[:, *upper]}
-    arrays |= {name: getattr(members, name) for name in _MEMBERS} | {name: getattr(grid, name) for name in _GRID}
+    arrays |= {"ports": members.ports, "volumes": members.volumes, "left": grid.left, "lower": grid.lower}
     for name, axis in (("r", grid.r), ("z", grid.z)):
         arrays |= {f"{name}_base": axis.base, f"{name}_slope": axis.slope}
     for name, (kind, ratio) in (("stiffness", c.stiffness), ("capacity", c.capacity)):

@@ -49,30 +49,13 @@ log = logging.getLogger("thermofem")
 TAIL = 1e-4  # probability beyond either end of the span on which members are worked out
 
 
-@dataclass(frozen=True, eq=False)
-class Interpolant:
-    """A property as a function of the varied parameters.
-
-    low, high [shape (p,)]: span of the computed members; samples outside it are moved to its ends.
-    curve: of `smooth`.
-    error, worst: rms and largest error over held-out members, relative to their mean.
-    """
-
-    low: Array
-    high: Array
-    curve: Callable[[Array], Array]
-    error: float
-    worst: float
-
-    def __call__(self, x: Array) -> Array:
-        """The property at parameters of shape (p, n)."""
-        return self.curve(_shares(x, self.low, self.high))
-
-
 def interpolate_members(
     values: Callable[[Array], Any], span: Array, count: int, reason: Callable[[], str]
-) -> Interpolant:
-    """Compute a property for ``count`` members, and interpolate between them.
+) -> tuple[Callable[[Array], Array], float, float]:
+    """Compute a property for ``count`` members, and interpolate between them; rms and largest error at held-out ones.
+
+    The interpolant takes parameters of shape (p, n), and moves those outside the span to its ends; the errors are
+    relative to the mean of the members.
 
     values: the property from parameters of shape (p, n).
     span [shape (p, 2)]: ends of the ranges in which the members lie.
@@ -97,8 +80,13 @@ def interpolate_members(
     scale = float(abs(found.mean())) or 1.0
     curve = smooth(u[~test], found[~test])
     off = (curve(u[test]) - found[test]) / scale
-    rms, worst = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
-    return Interpolant(span[:, 0], span[:, 1], curve, rms, worst)
+    width = np.ptp(span, axis=1)
+
+    def interpolant(x: Array) -> Array:
+        shares = np.clip((x.T - span[:, 0]) / np.where(width > 0, width, 1.0), 0.0, 1.0)
+        return curve(np.where(width > 0, shares, 0.5))  # the middle where a parameter has one value only
+
+    return interpolant, float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
 
 
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
@@ -114,12 +102,6 @@ def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
         warnings.simplefilter("ignore", ConvergenceWarning)
         process.fit(u, y - _terms(u) @ curve)
     return lambda x: np.asarray(_terms(x) @ curve + process.predict(x))
-
-
-def _shares(x: Array, low: Array, high: Array) -> Array:
-    """Place in the span, shape (n, p); the middle where a parameter has one value only."""
-    span = high - low
-    return np.where(span > 0, np.clip((x.T - low) / np.where(span > 0, span, 1.0), 0.0, 1.0), 0.5)
 
 
 def _terms(u: Array) -> Array:

@@ -238,10 +238,12 @@ def train_family(
         members = trainer.run()
     small = [members.member(row) for row in rows]
     modes = [one.modes() for one in small]
-    errors = [difference(one, truth, heated) for one, truth in zip(modes, fine_members, strict=True)]
-    meshes = [difference(one, truth, heated) for one, truth in zip(references, fine_members, strict=True)]
-    rest = [difference(one, reference, heated) for one, reference in zip(modes, references, strict=True)]
-    ratios = [each / max(coarse_difference(one, heated), 1e-12) for each, one in zip(rest, small, strict=True)]
+    each = zip(modes, references, fine_members, strict=True)
+    errors, meshes, rest = zip(
+        *((difference(a, c, heated), difference(b, c, heated), difference(a, b, heated)) for a, b, c in each),
+        strict=True,
+    )
+    ratios = [off / max(coarse_difference(one, heated), 1e-12) for off, one in zip(rest, small, strict=True)]
     error = HeldOut(max(errors), float(np.median(errors)), len(errors))
     family = Family(
         box=box,

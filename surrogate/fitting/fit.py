@@ -199,9 +199,8 @@ def _smallest_order(training: Training) -> int:
     samples, before = training.problem.weight.size, np.inf
     for order in range(1, min(12, samples // 3) + 1):
         found = optimum(training.problem, order)
-        deviation = np.sqrt(np.maximum(found.covariance.diagonal()[:order], 0))
         tau, (shortest, longest) = np.exp(-found.log_rate), training.problem.span
-        unseen = np.any(found.gain == 0) or deviation.max() > UNSEEN or tau.max() > OUTSIDE * longest
+        unseen = np.any(found.gain == 0) or found.deviation.max() > UNSEEN or tau.max() > OUTSIDE * longest
         if order > 1 and (unseen or tau.min() < shortest / OUTSIDE):
             return order - 1
         misfit, n = max(found.relative_residual, ROUND_OFF), max(found.independent, math.e)

@@ -122,7 +122,7 @@ def model_notes(model: Foster, found: Optimum, problem: FitProblem, transfer: bo
         *starts(found),
         *offsets(found, problem.responses),
         *low,
-        *unseen(found, problem.span),
+        *unseen_times(found.log_rate, found.gain, found.deviation, problem.span),
         *cancelling(model.R),
         *other_gain(model, common([r.thermal_resistance for r in problem.responses])),
     )
@@ -200,14 +200,11 @@ def undetermined(found: Optimum, span: tuple[float, float], jacobian: Array) -> 
     return np.asarray((np.abs(jacobian @ along) > 1e-9 * (np.abs(jacobian) @ np.abs(along))).any(axis=1))
 
 
-def unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
-    """Sentences on time constants that the data do not determine."""
-    deviation = np.sqrt(np.maximum(found.covariance.diagonal()[: found.log_rate.size], 0))
-    return unseen_times(found.log_rate, found.gain, deviation, span)
-
-
 def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[float, float]) -> list[str]:
-    """The same of logarithms of rates, slowest first, their gains and standard deviations."""
+    """Sentences on time constants that the data do not determine.
+
+    rates, gains, deviations [shape (n,)]: logarithms of the rates, slowest first, and their standard deviations.
+    """
     notes = []
     for log_rate, gain, sd in zip(rates[::-1], gains[::-1], deviations[::-1], strict=True):
         tau = np.exp(-log_rate)

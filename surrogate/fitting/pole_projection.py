@@ -138,6 +138,11 @@ class Optimum:
     independent: float
     swarm_residual: float | None = None
 
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of every ``log_rate``, shape (n,)."""
+        return np.sqrt(np.maximum(self.covariance.diagonal()[: self.log_rate.size], 0))
+
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:

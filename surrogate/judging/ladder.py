@@ -302,22 +302,10 @@ def linear_reach(system: NonlinearSystem, powers: ArrayLike = WARM) -> xr.Datase
 def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     """Which model suffices where: the smallest that suffices at all periods, and the ranges of those that do not.
 
-    Parameters
-    ----------
-    judged : Dataset
-        of `judge`: ``period_error`` over model, power (W) and period (s), and ``states`` of each model.
-    within : float
-        relative error that is allowed.
-
-    Returns
-    -------
-    str
-        for each power one line, and one for each model that does not suffice at all periods.
-
-    Raises
-    ------
-    InputError
-        no Dataset of `judge`, or a limit that is not positive.
+    judged [Dataset of `judge`]: ``period_error`` over model, power (W) and period (s), and ``states`` of each model.
+    within: relative error that is allowed.
+    Returns: for each power one line, and one for each model that does not suffice at all periods.
+    Raises InputError: no Dataset of `judge`, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
     needed = ("model", "power", "period", "states", "period_error")

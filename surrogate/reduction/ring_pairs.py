@@ -69,17 +69,15 @@ def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) 
     every = list(heat) if isinstance(heat, list | tuple) else [heat] * count
     checks.integer("len(heat)", len(every), count, count, hint="give one heat problem for each ring, or one for all")
     kinds: list[Kind] = []
-    of = np.empty(count, dtype=np.intp)
+    of = []
     for i, one in enumerate(every):
-        known = next((k for k, kind in enumerate(kinds) if _equal(kind.heat, one)), None)
-        if known is None:
-            part = one.heated[0] if heated is None else checks.choice("heated", heated, one.heated)
+        of.append(next((k for k, kind in enumerate(kinds) if _equal(kind.heat, one)), len(kinds)))
+        if of[-1] == len(kinds):
+            part = checks.choice("heated", heated, one.heated, default=one.heated[0])
             _check_heaters(one, heaters, part)
+            _check_stack(every[0], one, i)
             kinds.append(Kind(one, part))
-            _check_stack(kinds[0].heat, one, i)
-            known = len(kinds) - 1
-        of[i] = known
-    return RingKinds(kinds, of)
+    return RingKinds(kinds, np.array(of))
 
 
 def _equal(one: HeatProblem, other: HeatProblem) -> bool:
@@ -128,13 +126,12 @@ def check_positions(rings: RingKinds, centres: Array) -> Array:
             f"positions[{i}] and positions[{j}] are {between[i, j]:g} m apart, and rings that reach "
             f"{radius[i]:g} and {radius[j]:g} m overlap below {radius[i] + radius[j]:g} m; positions are in m"
         )
-    for g, kind in enumerate(rings.kinds):
-        for other, reader in enumerate(rings.kinds):
-            pairs = np.where(np.outer(rings.of == g, rings.of == other) & ~np.eye(len(centres), dtype=bool), between, 0)
-            i, j = np.unravel_index(np.argmax(pairs), pairs.shape)
-            if pairs[i, j] > 0:
-                who = f"positions[{i}] and positions[{j}]"
-                check_distance(kind.heat.geometry, reader.core, float(pairs[i, j]), who)
+    for k in np.argsort(-between, axis=None):  # the most distant pair first
+        i, j = np.unravel_index(k, between.shape)
+        if i != j:
+            source, reader = rings.kinds[rings.of[i]], rings.kinds[rings.of[j]]
+            who = f"positions[{i}] and positions[{j}]"
+            check_distance(source.heat.geometry, reader.core, float(between[i, j]), who)
     return np.asarray(between)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -88,12 +88,12 @@ def uncertainty(
     _check(family, distributions, fixed, samples)
     study = _Study(Property(family, quantity, optics), distributions, fixed, executor)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
-    values = study.values
+    values: Callable[[Array], Any] = study.values
     if interpolate is not None:
         tails = np.tile([TAIL, 1 - TAIL], (len(distributions), 1))
         span = np.clip(study.quantiles(tails), *(ends[:, None] for ends in study.box))
-        values = made = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
-        attrs |= {"interpolate": interpolate, "interpolation_error": made.error, "interpolation_worst": made.worst}
+        values, rms, worst = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
+        attrs |= {"interpolate": interpolate, "interpolation_error": rms, "interpolation_worst": worst}
     found: list[Any] = []
     for x in study.sets(samples, seed):
         found.extend(values(x))

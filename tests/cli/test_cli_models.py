@@ -168,7 +168,6 @@ def test_simulate_reads_a_ring_file(folder):
         (["validate", "ring.toml", "second.json"], "one geometry alone"),
         (["validate", "missing.toml", "-o", "x.png"], "missing.toml"),
         (["validate", "missing.toml", "-o", "x.nc"], "missing.toml"),
-        (["validate", "second.json", "--reference", "fem.json", "-o", "c.png"], "--figure c.png draws them"),
         (["validate", "second.json", "--reference", "fem.json", "--shortest", "20 us"], "must be below --longest"),
         (["simulate", "fem.json", "--detuning", "-10"], "--detuning"),
         (["simulate", "fem.json", "--power", "8 dB"], "--power"),
@@ -213,7 +212,7 @@ def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
         fitted: "--read core",
         (*fitted, "--heated", "core"): "says that 'heater' was heated",
         (*fitted, "--read", "near"): "'near'",
-        judged: "--heated and --read",
+        judged: "--heated = None is unknown",
         (*judged, "--heated", "near"): "'near'",
         (*whole, "--read", "near"): "'near'",
     }.items():

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import skfem
 from scipy.signal import lfilter
+from scipy.sparse import diags
 
 import thermofem as th
 
@@ -82,3 +83,11 @@ def autoregressive(rng, rho, count):
     """Noise of unit variance, AR(1): the correlation of samples k apart is rho^k."""
     drawn = rng.standard_normal(count if rho == 0 else 200 + count)
     return lfilter([np.sqrt(1 - rho**2)], [1, -rho], drawn)[-count:]
+
+
+def slicot():
+    """SLICOT's heat-cont (Chahlaoui, Van Dooren, 2002): A = 0.01 201^2 tridiag(1, -2, 1), collocated at state 67."""
+    n = 200
+    A = 0.01 * 201**2 * diags([np.ones(n - 1), -2 * np.ones(n), np.ones(n - 1)], [-1, 0, 1])
+    e = np.eye(n)[66]
+    return th.StateSpace(diags(np.ones(n)).tocsc(), A.tocsc(), e[:, None], e[None])

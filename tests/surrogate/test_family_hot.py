@@ -9,10 +9,9 @@ import pytest
 
 import surrogate
 import thermofem as th
-from thermofem.campaign import Drive, Variation
+from thermofem.campaign import Variation
 
 POWER = 10e-3  # W; 78 K
-STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
 BOX = Variation("box", ("layer.box.thickness",), "m", low=1e-6, high=3e-6)
 LAWS = """
 [material.Si]
@@ -27,7 +26,7 @@ specific_heat = "703 J/kg/K"
 
 
 def campaign(text: str) -> th.Campaign:
-    return th.Campaign(text, (BOX,), (STEP,), samples=1)
+    return th.Campaign(text, (BOX,), samples=1)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,7 @@ def test_the_stated_error_covers_the_hottest_corner():
     """At 40 mW the corner of 3 um erred by 4.2 %, and the family said 2.6 %."""
     radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=15e-6)
     text, power = th.strip_ring().to_toml() + LAWS, 40e-3
-    family = surrogate.train_family(th.Campaign(text, (radius, BOX), (STEP,), samples=1), 0.02, held_out=2, power=power)
+    family = surrogate.train_family(th.Campaign(text, (radius, BOX), samples=1), 0.02, held_out=2, power=power)
     heat = th.assemble(family.box.geometry(np.array([3e-6, 3e-6])), 1e-3)
     off = family.model(radius=3e-6, box=3e-6).steady_rise(power / 2) / heat.steady_rise(power / 2) - 1
     assert abs(off) > 0.03

@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from test_family import BOX, STEP, campaign
+from test_family import BOX, campaign
 
 import surrogate
 import thermofem as th
@@ -96,8 +96,8 @@ def test_engines_travel_to_other_processes():
 
 
 @pytest.mark.slow
-def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
-    plan = th.Campaign(th.strip_ring().to_toml(), (BOX,), (STEP,), samples=1)
+def test_a_kept_training_gives_the_same_family(tmp_path):
+    plan = campaign(BOX)
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         first = surrogate.train_family(plan, 1e-2, held_out=2, executor=pool, folder=tmp_path)
     store = Store(tmp_path, ".npz")

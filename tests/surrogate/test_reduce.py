@@ -7,7 +7,7 @@ import pytest
 from audit import reductions
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
-from surrogate_systems import discretized, geometries, strip
+from surrogate_systems import discretized, geometries, slicot, strip
 
 import surrogate
 import thermofem as th
@@ -185,15 +185,12 @@ def test_for_several_ports_a_finer_sampling_finds_nothing_higher(monkeypatch):
 
 
 def test_slicot_heat_conduction(validated):
-    """SLICOT's heat-cont (Chahlaoui, Van Dooren, 2002): A = 0.01 201^2 tridiag(1, -2, 1), collocated at state 67."""
-    n, at = 200, 66
-    A = 0.01 * 201**2 * diags([np.ones(n - 1), -2 * np.ones(n), np.ones(n - 1)], [-1, 0, 1])
-    e = np.eye(n)[at]
-    system = th.StateSpace(diags(np.ones(n)).tocsc(), A.tocsc(), e[:, None], e[None])
+    """A smooth system: what the basis leaves of the port is soon 1e-5 of it."""
+    system = slicot()
     source, ours = "published with ten digits", system.thermal_resistance
     validated("Compact models", "static gain of SLICOT heat-cont", ours, 0.1105583195, within=5e-11, source=source)
     frequency = np.geomspace(1e-4, 1e5, 50)
-    for tolerance in (1e-3, 1e-6, 1e-7):  # a smooth system: what the basis leaves of the port is soon 1e-5 of it
+    for tolerance in (1e-3, 1e-6, 1e-7):
         rom = surrogate.reduce(system, tolerance)
         error = abs(system.impedance(frequency) - rom.model.impedance(frequency)) / 0.1105583195
         assert error.max() <= rom.error_bound <= tolerance

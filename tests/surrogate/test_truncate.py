@@ -4,21 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import diags
-from surrogate_systems import discretized, geometries, strip
+from surrogate_systems import discretized, geometries, slicot, strip
 
 import surrogate
 import thermofem as th
 
 FREQUENCY = np.geomspace(1e3, 1e12, 50)
-
-
-def slicot():
-    """SLICOT's heat-cont (Chahlaoui, Van Dooren, 2002): A = 0.01 201^2 tridiag(1, -2, 1), collocated at state 67."""
-    n = 200
-    A = 0.01 * 201**2 * diags([np.ones(n - 1), -2 * np.ones(n), np.ones(n - 1)], [-1, 0, 1])
-    e = np.eye(n)[66]
-    return th.StateSpace(diags(np.ones(n)).tocsc(), A.tocsc(), e[:, None], e[None])
 
 
 @pytest.mark.parametrize("geometry", list(geometries(2)))

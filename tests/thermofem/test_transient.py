@@ -225,19 +225,6 @@ def test_a_far_probe_does_not_rule_the_steps():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"times": [1e-6, 0.5e-6]}, r"times\[1\] = 5e-07 is before"),
-        ({"times": [1e-6], "rtol": 0.5}, "rtol = 0.5 must lie between"),
-        ({"times": []}, "one non-empty dimension"),
-    ],
-)
-def test_bad_input(arguments, words):
-    with pytest.raises(th.InputError, match=words):
-        integrate(three_poles(), th.Constant(1.0), **arguments)
-
-
-@pytest.mark.parametrize(
     ("wave", "words"),
     [
         (

@@ -74,11 +74,12 @@ class Pencil:
     def __init__(self, E: Any, K: Any) -> None:
         n = E.shape[0]
         triangles = [_upper_triangle(matrix) for matrix in (E, K)]
-        self._pattern = np.union1d(triangles[0][0], triangles[1][0])
+        (place, _), (other, _) = triangles
+        self._pattern = place if np.array_equal(place, other) else np.union1d(place, other)
         self._indices, self._indptr = self._pattern % n, np.searchsorted(self._pattern, np.arange(n + 1) * n)
         self._data = np.zeros((2, self._pattern.size))
-        for row, (place, data) in zip(self._data, triangles, strict=True):
-            row[np.searchsorted(self._pattern, place)] = data
+        for row, (at, data) in zip(self._data, triangles, strict=True):
+            row[np.searchsorted(self._pattern, at)] = data
         self._shape = E.shape
         self.__setstate__({})
 

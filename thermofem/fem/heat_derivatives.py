@@ -225,10 +225,9 @@ def project(
     tangents: Sequence[Tangent], channel: tuple[str, str], free: NDArray[np.intp], V: Array
 ) -> tuple[Array, Array, Array, Array]:
     """dK, dM, db and dc between the fields V, each with the parameters first."""
-    heated, read = channel
     of_K = np.array([V.T @ (one.K[free][:, free] @ V) for one in tangents])
     of_M = np.array([V.T @ (one.M[free][:, free] @ V) for one in tangents])
-    of_b, of_c = (np.array([V.T @ one.means[name][free] for one in tangents]) for name in (heated, read))
+    of_b, of_c = (np.array([V.T @ one.means[name][free] for one in tangents]) for name in channel)
     return of_K, of_M, of_b, of_c
 
 
@@ -239,37 +238,29 @@ def _responses(
     heat: HeatProblem, tangents: Sequence[Tangent], channel: tuple[str, str], t: Array | None, f: Array | None
 ) -> Answers:
     """Derivatives of R_th, of the step response and of the impedance, on a space grown until they settle."""
-    space = _space(heat, *channel, t, f)
+    space, free, means = _space(heat, *channel, t, f), heat.discretization.free, heat.discretization.means
+
+    def answers() -> Answers:
+        basis = space.basis()
+        V, Z = basis.fields, basis.rotation
+        b, c = (Z.T @ (V.T @ means[name][free]) for name in channel)
+        of_K, of_M, of_b, of_c = project(tangents, channel, free, V)
+        modal = ModalDerivative(basis.rate, b, c, Z.T @ of_K @ Z, Z.T @ of_M @ Z, of_b @ Z, of_c @ Z)
+        step = None if t is None else modal.step_response(t)
+        return modal.resistance(), step, None if f is None else modal.impedance(f)
+
     static = t is None and f is None
     for _ in range(1 if static else FEWEST):
         space.grow()
-    found = _answers(heat, space, tangents, channel, t, f)
+    found = answers()
     while not static and len(space.sizes) <= ROUNDS:
         size = space.order
         space.grow()
         space.grow()
-        before, found = found, _answers(heat, space, tangents, channel, t, f)
+        before, found = found, answers()
         if space.order == size or _settled(found, before):
             break
     return found
-
-
-def _answers(
-    heat: HeatProblem,
-    space: Rounds,
-    tangents: Sequence[Tangent],
-    channel: tuple[str, str],
-    t: Array | None,
-    f: Array | None,
-) -> Answers:
-    """Derivatives as the present space gives them."""
-    free, means = heat.discretization.free, heat.discretization.means
-    rate, Z = np.linalg.eigh(space.stiffness)
-    b, c = (Z.T @ (space.V.T @ means[name][free]) for name in channel)
-    of_K, of_M, of_b, of_c = project(tangents, channel, free, space.V)
-    modal = ModalDerivative(rate, b, c, Z.T @ of_K @ Z, Z.T @ of_M @ Z, of_b @ Z, of_c @ Z)
-    step = None if t is None else modal.step_response(t)
-    return modal.resistance(), step, None if f is None else modal.impedance(f)
 
 
 def _settled(found: Answers, before: Answers) -> bool:

@@ -56,13 +56,15 @@ EMBEDDED = np.array(
     ]
 )
 
+
+def through(nodes: Array, x: float) -> Array:
+    """Weights of values at the nodes in the value at ``x`` of the polynomial through them."""
+    powers = np.arange(len(nodes))
+    return np.linalg.solve(np.power.outer(nodes, powers).T, x**powers)
+
+
 _THIRDS = np.array([0, 1 / 3, 2 / 3])
-_EXTRAPOLATE = np.array(
-    [
-        np.prod([(STAGE_TIMES[4] - b) / (a - b) for b in (0, 1 / 3, 2 / 3, 1) if b != a])  # Lagrange basis at 1.04
-        for a in (0, 1 / 3, 2 / 3, 1)
-    ]
-)
+_EXTRAPOLATE = through(np.append(_THIRDS, 1), STAGE_TIMES[4])
 
 
 class Stepper:

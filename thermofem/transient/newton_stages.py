@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix, hstack
 from ..algebra.factor import Pencil, Solve
 from ..arrays import Array
 from ..waveforms import Waveform
-from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper
+from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper, through
 from .nonlinear import NodalOperator, NonlinearEquations, factorize_general
 
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
@@ -31,9 +31,7 @@ SHARE = 0.02  # of the step's error, left by the iteration; a larger share distu
 # value at each stage of the polynomial through the stages before it
 GUESS = np.zeros((6, 6))
 for _i in range(1, 6):
-    for _j in range(_i):
-        _others = np.delete(STAGE_TIMES[:_i], _j)
-        GUESS[_i, _j] = np.prod((STAGE_TIMES[_i] - _others) / (STAGE_TIMES[_j] - _others))
+    GUESS[_i, :_i] = through(STAGE_TIMES[:_i], STAGE_TIMES[_i])
 # the same through some of them, with the slope at one as the last column: (states, slope), the best found (measured)
 THROUGH = {1: ((0,), 0), 2: ((0, 1), 0), 3: ((0, 1, 2), 1), 4: ((1, 3), 3), 5: ((0, 1, 2, 3, 4), 4)}
 SLOPED = np.zeros((6, 7))
