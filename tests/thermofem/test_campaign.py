@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
-from campaigns import FILE, STEP, TIMES, make, marks, write
+from campaigns import FILE, STEP, TIMES, make, write
 from paths import ROOT
 
 import thermofem as th
@@ -61,7 +61,7 @@ def test_every_drive_is_kept_and_the_file_trains(tmp_path, threads):
         assert np.array_equal(data.delta_T_step[0, :, 0], th.solve(heat, STEP.wave, TIMES).delta_T)
 
 
-def test_the_index_is_the_same_from_rows_kept_and_from_files(tmp_path, threads):
+def test_the_index_is_made_anew_where_it_is_lost(tmp_path, threads):
     two = (STEP, Drive("unknowns", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31))  # a drive may be called like this
     bad = make(3, bad=1)
     th.Campaign(bad.geometry, bad.variations, two, read=("core", "box")).run(tmp_path, threads)
@@ -179,12 +179,6 @@ def test_the_hash_covers_the_base_geometry():
     assert one.geometry_of((7e-6,)) == other.geometry_of((7e-6,))
     assert one.cases()[0].key != other.cases()[0].key
     assert one.cases() == same.cases()
-
-
-def test_names_that_are_not_there_stop_before_the_first_geometry(tmp_path, threads):
-    with pytest.raises(th.InputError, match="did you mean 'core'"):
-        make(2, read=("cor",)).run(tmp_path, threads)
-    assert not marks(tmp_path)
 
 
 @pytest.mark.parametrize(

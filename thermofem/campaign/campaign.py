@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from ..mesh.element_sizes import sizes
 from ..solving import solve, solve_periodic
 from . import campaign_file
 from .campaign_file import Drive, Value, Variation
-from .collection import NUMBERS, Folder, Row, write_collections
+from .collection import Folder, write_collections
 from .stored_tasks import completed
 
 LARGEST = 1_000_000  # geometries of one campaign
@@ -78,11 +78,10 @@ class Summary:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a worker reports of one geometry: the reason of a failure, CPU seconds, and its row of the index."""
+    """What a worker reports of one geometry: the reason of a failure, and CPU seconds."""
 
     reason: str
     cpu: float
-    row: Row = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -246,7 +245,7 @@ class Campaign:
             if waiting:
                 _assembled(self, self.geometry)
             report(summary)
-            rows, begin = {}, time.perf_counter()
+            begin = time.perf_counter()
             work = partial(compute, self, folder)
             for case, future in completed(work, waiting, executor=executor, workers=workers):
                 error = future.exception()
@@ -261,12 +260,11 @@ class Campaign:
                 else:
                     folder.store.enter(case.key)
                     folder.failure(case.key).unlink(missing_ok=True)
-                    rows[case.key] = outcome.row
                     summary = replace(summary, finished=summary.finished + 1)
                 spent = summary.cpu_seconds + outcome.cpu
                 summary = replace(summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)
                 report(summary)
-            write_collections(folder, rows)
+            write_collections(folder)
         return summary
 
 
@@ -287,14 +285,13 @@ def compute(campaign: Campaign, folder: Folder, case: Case) -> Outcome:
     """
     start = time.thread_time()
     try:
-        results = _solved(campaign, case)
-        _write(results, folder.store.path(case.key))
+        _write(_solved(campaign, case), folder.store.path(case.key))
     except MissingLibraryError:
         raise
     except Exception as error:  # whatever stops one geometry is recorded, and the others go on
         kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
         return Outcome(f"{kind}{error}" or "no message", time.thread_time() - start)
-    return Outcome("", time.thread_time() - start, _row(results))
+    return Outcome("", time.thread_time() - start)
 
 
 def _solved(campaign: Campaign, case: Case) -> dict[str, xr.Dataset]:
@@ -328,14 +325,3 @@ def _write(results: dict[str, xr.Dataset], path: Path) -> None:
             data.to_netcdf(temporary, engine="h5netcdf", group=name if number else None, mode="a" if number else "w")
 
     files.write_whole(path, write)
-
-
-def _row(results: dict[str, xr.Dataset]) -> Row:
-    """Values of one geometry for the index, see `collection`."""
-    first = next(iter(results.values())).attrs
-    row = {name: np.asarray(first[name], dtype=float) for name in NUMBERS}
-    row["thermal_resistance"] = np.asarray(first["thermal_resistances"], dtype=float)
-    for name, data in results.items():
-        rise = data["delta_T"].values
-        row[f"delta_T_{name}"] = rise[:, None] if rise.ndim == 1 else rise
-    return row

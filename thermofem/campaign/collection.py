@@ -152,26 +152,23 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
         index = netcdf.load(path)
         if index["key"].values.tolist() == keys and index["status"].values.tolist() == folder.status(keys):
             return index
-    return _index(folder, plan, {})
+    return _index(folder, plan)
 
 
-def write_collections(folder: Folder, rows: Mapping[str, Row]) -> None:
-    """Write index and training collection of a campaign, each whole or not at all.
-
-    rows: results that are in memory already, by the key of their geometry; the others are read from their files.
-    """
+def write_collections(folder: Folder) -> None:
+    """Write index and training collection of a campaign, each whole or not at all."""
     plan = folder.read_plan()
-    index = _index(folder, plan, rows)
+    index = _index(folder, plan)
     netcdf.save(index, folder.directory / "index.nc")
     netcdf.save(_training(index, [v["name"] for v in plan["variations"]]), folder.directory / "training.nc")
 
 
-def _index(folder: Folder, plan: dict[str, Any], rows: Mapping[str, Row]) -> xr.Dataset:
+def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
     """All geometries of a plan as one Dataset."""
     keys = [case[0] for case in plan["cases"]]
     status = folder.status(keys)
     found = [
-        (rows.get(key) or _read(folder.store.path(key), plan["drives"])) if one == "finished" else None
+        _read(folder.store.path(key), plan["drives"]) if one == "finished" else None
         for key, one in zip(keys, status, strict=True)
     ]
     there = next((k for k, row in enumerate(found) if row is not None), None)

@@ -241,17 +241,14 @@ def locked(path: Path, what: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def own_folder(folder: Path, inner: Sequence[str], check: Callable[[], None] = lambda: None) -> Iterator[None]:
+def own_folder(folder: Path, inner: Sequence[str]) -> Iterator[None]:
     """Make the folder of a store and those in it, lock it, and delete half-written files of a killed run.
 
     inner: names of the folders in it.
-    check: raises InputError where the locked folder holds files of others; nothing is made or deleted before.
-
     Raises InputError: it cannot be made or written, or another run is using it.
     """
     folder = make_folder(folder)
     with locked(folder / ".lock", f"folder {folder}"):
-        check()
         for one in (folder, *(make_folder(folder / name) for name in inner)):
             for path in one.iterdir():
                 if _TEMPORARY.fullmatch(path.name):

@@ -98,23 +98,16 @@ def _declared(file: Any) -> int:
     """Bytes of all values; InputError where values lie in another file."""
     import h5py
 
-    groups, seen, total, depth = [file], 0, 0, 0
-    while groups:
-        below = []
-        for group in groups:
-            for name in group:
-                seen += 1  # a group may hold itself under many names, and at the next depth each of them again
-                link = not isinstance(group.get(name, getlink=True), h5py.HardLink)
-                if link or seen > MOST_OBJECTS or depth > DEPTH:
-                    rule = f"is a link, more than {MOST_OBJECTS} variables or {DEPTH} groups deep"
-                    raise InputError(f"{shown(name)} {rule}")
-                item = group[name]
-                if isinstance(item, h5py.Group):
-                    below.append(item)
-                elif isinstance(item, h5py.Dataset):
-                    total += _values(name, item)
-        groups, depth = below, depth + 1
-    return total
+    names: list[str] = []
+
+    def wrong(name: str, link: Any) -> str | None:
+        names.append(name)
+        inside = isinstance(link, h5py.HardLink) and len(names) <= MOST_OBJECTS and name.count("/") <= DEPTH
+        return None if inside else name
+
+    if found := file.visititems_links(wrong):  # which ends at the first one
+        raise InputError(f"{shown(found)} is a link, more than {MOST_OBJECTS} variables or {DEPTH} groups deep")
+    return sum(_values(name, item) for name in names if isinstance(item := file[name], h5py.Dataset))
 
 
 def _values(name: str, item: Any) -> int:

@@ -10,13 +10,13 @@ from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from scipy.interpolate import PchipInterpolator, PPoly
 
 from .. import checks
 from ..arrays import Array, ArrayLike
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
-QUIET = np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
 
 
 class Law(Protocol):
@@ -93,11 +93,11 @@ class Polynomial:
 
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
-        return _horner((1.0, *self.coefficients), _kelvins("T", T) - self.reference)
+        return _polynomial(_kelvins("T", T) - self.reference, (1.0, *self.coefficients))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """Closed form, expanded about ``start`` so that nothing cancels at a small rise."""
-        return _horner(_primitive(self, _start(start)), _kelvins("rise", rise))
+        return _polynomial(_kelvins("rise", rise), _primitive(self, _start(start)))
 
 
 @lru_cache(maxsize=64)
@@ -108,13 +108,10 @@ def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
     return (0.0, *about)
 
 
-@QUIET
-def _horner(coefficients: tuple[float, ...], x: Array) -> Array:
+@np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
+def _polynomial(x: Array, coefficients: tuple[float, ...]) -> Array:
     """Sum of c_k x^k."""
-    total = coefficients[-1] + 0 * x
-    for c in coefficients[-2::-1]:
-        total = c + total * x
-    return np.asarray(total)
+    return np.asarray(polyval(x, coefficients))
 
 
 @dataclass(frozen=True)
@@ -157,19 +154,16 @@ class Table:
 
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
-        return _evaluated(_pieces(self, 0.0, integrated=False), _kelvins("T", T))
+        return np.asarray(_pieces(self, 0.0, integrated=False)(_kelvins("T", T)))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """From the cubics' antiderivative, with straight continuations."""
-        return _evaluated(_pieces(self, _start(start), integrated=True), _kelvins("rise", rise))
+        return np.asarray(_pieces(self, _start(start), integrated=True)(_kelvins("rise", rise)))
 
 
 @lru_cache(maxsize=64)
-def _pieces(table: Table, start: float, *, integrated: bool) -> tuple[Array, Array]:
-    """f, or its integral from ``start``, over the rise above ``start``; with a knot at 0, so that no digits cancel.
-
-    Knots in K and coefficients, highest power first: an integration asks so often that SciPy's checks would count.
-    """
+def _pieces(table: Table, start: float, *, integrated: bool) -> PPoly:
+    """f, or its integral from ``start``, over the rise above ``start``; with a knot at 0, so that no digits cancel."""
     T = table.temperatures
     knots = np.unique([*T, start, 0.0, HOTTEST])
     left = knots[:-1]
@@ -179,18 +173,8 @@ def _pieces(table: Table, start: float, *, integrated: bool) -> tuple[Array, Arr
     if integrated:
         curve = curve.antiderivative()
         curve.c[-1] -= curve(0.0)
-    return curve.x, np.ascontiguousarray(curve.c) / float(table.value(table.reference))
-
-
-@QUIET
-def _evaluated(pieces: tuple[Array, Array], x: Array) -> Array:
-    """Piecewise polynomials; the first and the last hold beyond their ends."""
-    knots, coefficients = pieces
-    k = knots[1:-1].searchsorted(x, side="right")
-    u, total = x - knots[k], coefficients[0].take(k)
-    for row in coefficients[1:]:
-        total = total * u + row.take(k)
-    return np.asarray(total)
+    curve.c /= float(table.value(table.reference))
+    return curve
 
 
 def _start(value: float) -> float:
