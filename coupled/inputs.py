@@ -87,6 +87,8 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
 
 def add(parts: list[Pieces]) -> Pieces:
     """The sum of functions on one window."""
+    if len(parts) == 1:
+        return parts[0]
     edges = joint(*parts)
     return Pieces(edges, np.sum([part.on(edges).coefficients for part in parts], axis=0))
 
@@ -131,7 +133,7 @@ def integral(rates: Polynomials) -> Polynomials:
 
 def largest(power: Pieces) -> float:
     """Largest power at the breakpoints; above 0 in the dark, too."""
-    return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power.ends[-1])), 1e-300)
+    return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power(power.edges[-1]))), 1e-300)
 
 
 def table(functions: Sequence[Pieces]) -> Polynomials:

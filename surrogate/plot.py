@@ -15,7 +15,7 @@ from matplotlib.colors import LogNorm
 from thermofem import checks
 from thermofem.data.dataset import response_of
 from thermofem.data.variables import contents, unit_of
-from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, time_unit
+from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, readable
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
 
@@ -134,13 +134,9 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         rise = np.interp(response.times, times, model.periodic_response(response.wave, FINE))
     else:
         rise = np.asarray(model.response(response.wave, response.times))
-    if ax is None:
-        layout: dict[str, Any] = {"sharex": True, "height_ratios": [3, 1], "layout": "constrained"}
-        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 4.2), **layout)
-    upper, lower = ax
-    factor, unit = time_unit(float(response.times[-1]))
+    upper, lower = _axes(ax, (WIDTH, 4.2), 2, sharex=True, height_ratios=[3, 1])
     rise_unit = unit_of(data.attrs.get("assumed", ""))
-    t, missed = response.times * factor, rise - response.rise
+    (t, unit), missed = readable(response.times, "s"), rise - response.rise
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
     gaps = np.diff(t)

@@ -26,12 +26,12 @@ _NAME = re.compile(r"\w[\w .+-]*")
 
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
-    number, rule = math.nan, f"{shown(value)} is not a number"
+    number: float | None = None
     if not isinstance(value, str | bytes | bool | np.bool_):  # float() would take them
         with contextlib.suppress(TypeError, ValueError, OverflowError):
             number = float(value)
-            rule = f"{number:g} is not finite"
-    if not abs(number) <= LARGEST:
+    if number is None or not abs(number) <= LARGEST:
+        rule = f"{shown(value)} is not a number" if number is None else f"{number:g} is not finite"
         raise InputError(_rule(f"{name} = {rule}", unit), hint)
     return number
 

@@ -20,13 +20,13 @@ from .checks import InputError, choice, positive
 from .data.fields import check_field
 from .data.files import check_image, check_target, write_whole
 from .data.variables import contents
+from .geometry.cross_section import CrossSection
 from .models.contract import bare, check_single
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from .geometry.cross_section import CrossSection
     from .mesh import Mesh
     from .models import ThermalModel
     from .optics import Mode
@@ -54,22 +54,22 @@ WIDTH = 5.7  # inches at most: in half a column of 88 mm "small", the smallest t
 SIZE = (WIDTH, 3.5)  # of a figure by default
 
 
-def axes(ax: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
-    """``ax``, or the Axes of a new figure."""
+def axes(ax: Any, size: tuple[float, float] = SIZE, rows: int = 1, **more: Any) -> Any:
+    """``ax``, or the Axes of a new figure; of several ``rows`` an array of them."""
     if ax is None:
-        _, ax = plt.subplots(figsize=size, layout="constrained")
+        _, ax = plt.subplots(rows, 1, figsize=size, layout="constrained", **more)
     return ax
 
 
-def time_unit(longest: float) -> tuple[float, str]:
-    """Factor from s and the unit in which a time axis up to ``longest`` (s) has short numbers.
+def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
+    """Values scaled so that their largest reads well, and the scaled unit.
 
-    >>> time_unit(20e-6), time_unit(95.8)
-    ((1000000.0, 'µs'), (1.0, 's'))
+    >>> readable(np.array([0.0, 2e-5]), "s")
+    (array([ 0., 20.]), 'µs')
     """
-    return next(
-        (f, unit) for f, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")) if longest * f >= 1 or f == 1e9
-    )
+    largest = float(np.max(np.abs(values), initial=0.0))
+    power = next((k for k in (9, 6, 3, 0, -3, -6, -9, -12) if largest >= 10.0**k), 0)
+    return values / 10.0**power, {9: "G", 6: "M", 3: "k", -3: "m", -6: "µ", -9: "n", -12: "p"}.get(power, "") + unit
 
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
@@ -110,9 +110,11 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     ax.set_ylim(max(z.min(), z[hottest] - half), min(z.max(), z[hottest] + half))
     ax.set_aspect("equal")
     ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
-    for face in _geometry(data).subdivision.faces if "geometry" in data.attrs else ():
-        for ring in face.rings:
-            ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
+    if "geometry" in data.attrs:
+        text = checks.text("data.attrs['geometry']", data.attrs["geometry"])
+        for face in CrossSection.from_toml_text(text).subdivision.faces:
+            for ring in face.rings:
+                ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
     ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
     return ax
 
@@ -173,13 +175,6 @@ def check_film(path: FilePath) -> str:
     if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
         raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")
     return kind
-
-
-def _geometry(data: xr.Dataset) -> CrossSection:
-    """The cross-section that a dataset was made from."""
-    from .geometry.cross_section import CrossSection
-
-    return CrossSection.from_toml_text(checks.text("data.attrs['geometry']", data.attrs["geometry"]))
 
 
 def plot_cross_section(
@@ -292,9 +287,7 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     """
     model = bare(model)
     check_single(model)
-    if ax is None:
-        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
-    left, right = ax
+    left, right = axes(ax, (WIDTH, 5.6), 2)
     plot_step(model, left)
     times = _times(model)
     frequency = np.geomspace(0.02 / times[-1], 1 / times[0], 200)

@@ -250,9 +250,6 @@ class Circuit:
                     checks.choice(f"terminal that light {what}s by", terminal, known)
             checks.unique(f"list of terminals that light {what}s by", terminals)
 
-    def __hash__(self) -> int:
-        return hash((self.names, self.resonators, self.waveguides, self.lasers, self.detectors, self.splitters))
-
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the rings."""
@@ -266,14 +263,16 @@ class Circuit:
     @cached_property
     def entries(self) -> tuple[str, ...]:
         """Terminals that light enters by."""
-        rings = [f"{name}.{side}" for name in self.names for side in IN]
-        return (*rings, *(f"{splitter.name}.{side}" for splitter in self.splitters for side in SPLITTER_IN))
+        return self._terminals(IN, SPLITTER_IN)
 
     @cached_property
     def exits(self) -> tuple[str, ...]:
         """Terminals that light leaves by, in the order of `entries`."""
-        rings = [f"{name}.{side}" for name in self.names for side in OUT]
-        return (*rings, *(f"{splitter.name}.{side}" for splitter in self.splitters for side in SPLITTER_OUT))
+        return self._terminals(OUT, SPLITTER_OUT)
+
+    def _terminals(self, of_ring: Sequence[str], of_splitter: Sequence[str]) -> tuple[str, ...]:
+        every = [(name, of_ring) for name in self.names] + [(one.name, of_splitter) for one in self.splitters]
+        return tuple(f"{name}.{side}" for name, sides in every for side in sides)
 
     @cached_property
     def outputs(self) -> dict[str, str]:

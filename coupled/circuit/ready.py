@@ -23,10 +23,6 @@ def bus(
     phase, loss, delay : float; rad, dB, s
         of the waveguide between two rings.
 
-    Returns
-    -------
-    Circuit
-
     Raises
     ------
     InputError
@@ -59,10 +55,6 @@ def scissor(
     phase, loss, delay : float; rad, dB, s
         of the waveguide between two rings, on each bus.
 
-    Returns
-    -------
-    Circuit
-
     Raises
     ------
     InputError
@@ -93,10 +85,6 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     ----------
     rings : RingResonator or sequence of RingResonator
         from the one with the laser to the one with the drop port, each with two couplers.
-
-    Returns
-    -------
-    Circuit
 
     Raises
     ------

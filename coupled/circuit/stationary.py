@@ -119,10 +119,12 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
 
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     """States to start from: the branch of low power, then random detunings of the hot rings."""
-    n = len(system.circuit.names)
-    y = np.zeros(system.size)
+    n, drive = len(system.circuit.names), system.drive
+    y = system.problem(Method.RODAS5P).zero()
     for share in np.geomspace(1e-3, 1.0, RAMP):
-        following = _newton(system, system.scaled(float(share)).problem(Method.RODAS5P), y)
+        power = drive.power._replace(coefficients=share * drive.power.coefficients)
+        weaker = replace(system, drive=drive._replace(power=power))
+        following = _newton(weaker, weaker.problem(Method.RODAS5P), y)
         if following is None:
             break
         y = following

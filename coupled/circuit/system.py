@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -58,11 +58,6 @@ class System:
         found[first : first + len(bandwidths)] = 2 * np.pi * eq.NS * np.array(bandwidths)[: found.size]
         return found
 
-    @property
-    def size(self) -> int:
-        """Number of states."""
-        return 3 * len(self.circuit.names) + int(self.heat.gain.size)
-
     def problem(self, method: Method, *, corner: Array | None = None, energies: bool = False) -> Problem:
         """The problem for the kernel; a ring alone, whose waves follow from its rows, is one of `simulate`."""
         corner, heat = np.empty(0) if corner is None else corner, self.heat
@@ -79,11 +74,6 @@ class System:
         hair = 2 * SAME_TIME * self.powers[0].edges[-1] / eq.NS
         network = network_of(self.light, corner=corner, energies=energies, hair=hair)
         return Problem(self.rings, PoleHeat(gain, rate, own, cross), self.drive, method, network)
-
-    def scaled(self, share: float) -> System:
-        """The same under a ``share`` of the light's power."""
-        power = self.drive.power._replace(coefficients=share * self.drive.power.coefficients)
-        return replace(self, drive=self.drive._replace(power=power))
 
     def waves(self, fields: Array, times: Array) -> Array:
         """Observed waves in sqrt(W), (Q, m), of fields in sqrt(J), (N, m), at times in s, without delays."""

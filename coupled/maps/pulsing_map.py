@@ -267,7 +267,7 @@ def _row(
                 watch=watch,
             )  # fmt: skip
             end, rise = run.final, float(max(run.delta_T.max(), *([] if rest is None else rest.delta_T)))
-            cells.append(Cell(str(found.regime), found.period, found.duty, found.swing, found.reason, rise))
+            cells.append(Cell(found.regime, found.period, found.duty, found.swing, found.reason, rise))
         except (checks.InputError, RuntimeError) as error:
             cells.append(Cell(FAILED, reason=str(error)))
             end = cold

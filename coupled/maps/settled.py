@@ -126,10 +126,11 @@ class _Row:
                 if found is not None:
                     return self._words(p, found), found
             if at is not None:
-                return _resting(rest_words(p.where, passed, at)), None
+                return Cell(Regime.STABLE, swing=0.0, reason=rest_words(p.where, passed, at)), None
             if tries == TRIES:
                 return self._carefully(p, y), None
-        return _slow(f"no settled cycle{p.where}: {passed / 1e3:.4g} us from a cold ring do not lead to one"), None
+        words = f"no settled cycle{p.where}: {passed / 1e3:.4g} us from a cold ring do not lead to one"
+        return Cell(Regime.SLOW_TRANSIENT, reason=words), None
 
     def _pursued(self, y: Array, seen: Part, still: bool) -> Closed | None:
         """The stable cycle that a transient in ``y`` comes to; where a cycle has doubled, that of twice the pulses."""
@@ -184,9 +185,9 @@ class _Row:
         try:
             orbit = p.settled(y, look=self.look)
         except RestError as rest:
-            return _resting(str(rest))
+            return Cell(Regime.STABLE, swing=0.0, reason=str(rest))
         except InputError as error:
-            return _slow(str(error))
+            return Cell(Regime.SLOW_TRANSIENT, reason=str(error))
         seen = measure(orbit)
         return _pulsing(orbit.T, seen.duty, seen.swing, orbit.size, orbit.pulses, orbit.trace.rows)
 
@@ -199,17 +200,9 @@ def _is_stable(found: Closed | None) -> TypeGuard[Closed]:
     return bool(np.ptp(N) > FLAT * N.max())
 
 
-def _resting(words: str) -> Cell:
-    return Cell(str(Regime.STABLE), swing=0.0, reason=words)
-
-
-def _slow(words: str) -> Cell:
-    return Cell(str(Regime.SLOW_TRANSIENT), reason=words)
-
-
 def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int, rows: Array) -> Cell:
     """A settled cycle of the period T in ns, with ``rows`` as of the kernel."""
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
     if pulses > 1:
         words += f"; {pulses} pulses in a period"
-    return Cell(str(Regime.SELF_PULSING), T * NS, duty, swing, words, float(rows[:, 4].max()))
+    return Cell(Regime.SELF_PULSING, T * NS, duty, swing, words, float(rows[:, 4].max()))

@@ -1,26 +1,19 @@
 """Figures of fits; those of curves, maps, runs and circuits have files of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 
 from thermofem.data.variables import contents
 from thermofem.plot import INK, WIDTH
 from thermofem.plot import axes as new_axes
 
+from ..identification.identify import Identification
 from .curves import HEAT, dbm, plot_branch, plot_transmission
 from .maps import plot_map, plot_maps
 from .runs import plot_sweep, plot_traces
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-
-    from ..identification.identify import Identification
 
 __all__ = [
     "plot_branch",
@@ -44,11 +37,8 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     cycles, errors = found.cycles, found.residuals
     n, given = cycles.sizes["trace"], str(cycles["drop"].attrs.get("units", "W"))
     unit, label = (1e3, "drop power (mW)") if given == "W" else (1.0, f"drop signal ({given})")
-    if axes is None:
-        size = (WIDTH, 2.2 * n + 0.4)
-        _, column = plt.subplots(n, 1, figsize=size, layout="constrained", sharey=given == "W", squeeze=False)
-        axes = list(column[:, 0])
-    for k, ax in enumerate(axes):
+    column = np.atleast_1d(new_axes(axes, (WIDTH, 2.2 * n + 0.4), n, sharey=given == "W"))
+    for k, ax in enumerate(column):
         one, at = cycles.isel(trace=k), errors.isel(trace=k)
         first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
         phase = one["phase"].values
@@ -59,9 +49,9 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
         periods = f"{float(at['period']) * 1e9:.0f} ns, model {float(at['period_model']) * 1e9:.0f} ns"
         ax.set_title(f"{drive}\n{periods}", fontsize="small")
         ax.set(xlabel="fraction of the period", xlim=(0, 1))
-    axes[0].set_ylabel(label)
-    axes[0].legend(frameon=False, fontsize="small")
-    return np.array(axes)
+    column[0].set_ylabel(label)
+    column[0].legend(frameon=False, fontsize="small")
+    return column
 
 
 def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: float | None = None) -> Axes:
@@ -96,9 +86,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     """
     dims = ("time", "carriers", "lifetime")
     decay = contents("decay", decay, dims, what="a Dataset of coupled.carriers.carrier_decay")
-    if axes is None:
-        _, axes = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
-    left, right = axes
+    left, right = new_axes(axes, (WIDTH, 5.6), 2)
     t, N, tau = (decay[name].values for name in ("time", "carriers", "lifetime"))
     left.semilogy(t * 1e9, N * 1e-6, color=INK, linewidth=1.6)
     for at, where, dash in ((0, "first", "--"), (-1, "last", ":")):

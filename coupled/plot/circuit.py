@@ -1,22 +1,15 @@
 """Pictures of circuits: rings, waveguides, lasers and detectors; and traces of several rings."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
 from thermofem.data.variables import contents, label
 from thermofem.plot import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-
-    from ..circuit import Circuit
+from ..circuit import Circuit
 
 RUN = "a Dataset of coupled.simulate"
 PITCH, RADIUS, BUS = 2.4, 0.7, 0.85  # distance and size of the rings, and height of the buses above and below
@@ -96,12 +89,9 @@ def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes
     if ax is None:
         # further lines share the eighth panel
         panels = min(names.size, 8)
-        size = (SIZE[0], 0.9 + 1.1 * panels)
-        figure, column = plt.subplots(
-            panels, 1, figsize=size, sharex=True, sharey=True, squeeze=False, layout="constrained"
-        )
-        every = [column[min(k, panels - 1), 0] for k in range(names.size)]
-        figure.supylabel(label, fontsize="medium")
+        column = np.atleast_1d(axes(None, (SIZE[0], 0.9 + 1.1 * panels), panels, sharex=True, sharey=True))
+        every = [column[min(k, panels - 1)] for k in range(names.size)]
+        every[0].figure.supylabel(label, fontsize="medium")
     else:
         every = [axes(ax)] * names.size
         every[0].set(ylabel=label)

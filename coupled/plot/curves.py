@@ -1,22 +1,18 @@
 """Figures of curves of fixed points and of cycles; the units of axes and styles of lines that all figures share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 
 from thermofem.checks import choice, mapping, text
 from thermofem.data.variables import contents
 from thermofem.plot import BLUE as LIGHT
-from thermofem.plot import GREEN, INK, PURPLE, axes
+from thermofem.plot import GREEN, INK, PURPLE, axes, readable
 from thermofem.plot import VERMILION as HEAT
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
 
 MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
          "Hopf": ("o", "Hopf point")}  # fmt: skip
@@ -26,13 +22,6 @@ BRANCH = "a Dataset of coupled.continue_cycle"
 def dbm(power: np.ndarray) -> np.ndarray:
     """Power in W as dBm."""
     return 10 * np.log10(power * 1e3)
-
-
-def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
-    """Scale values so that their largest reads well, and name the scaled unit."""
-    largest = float(np.max(np.abs(values), initial=0.0))
-    power = next((k for k in (9, 6, 3, 0, -3, -6, -9, -12) if largest >= 10.0**k), 0)
-    return values / 10.0**power, {9: "G", 6: "M", 3: "k", -3: "m", -6: "µ", -9: "n", -12: "p"}.get(power, "") + unit
 
 
 def curves_over(name: str, given: Any, needed: Sequence[str], *, what: str) -> list[Any]:

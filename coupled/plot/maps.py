@@ -1,25 +1,21 @@
 """Figures of maps over power and detuning, with their curves."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import InputError, choice, mapping
 from thermofem.data.variables import contents
-from thermofem.plot import INK, WIDTH
+from thermofem.plot import INK, WIDTH, readable
 from thermofem.plot import axes as new_axes
 
-from .curves import LIGHT, curves_over, dbm, joined, readable
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
+from .curves import LIGHT, curves_over, dbm, joined
 
 MAP = "a Dataset of coupled.pulsing_map or coupled.stability_map"
 REGIMES = {  # light to dark, so that the order survives in grey
@@ -29,10 +25,17 @@ REGIMES = {  # light to dark, so that the order survives in grey
     "self-pulsing": "#D8734A",
     "failed": "#222222",
 }
-_HOPF: dict[str, Any] = {"color": INK, "linewidth": 1.3}
-_DASHED = (0, (3.5, 1.8))
-_CYCLE_FOLD: dict[str, Any] = {"color": "#7B2D8B", "linewidth": 1.5, "linestyle": (0, (5, 1.2, 1, 1.2))}
-_FOLD: dict[str, Any] = {"color": LIGHT, "linewidth": 1.3, "linestyle": (0, (1, 1.2))}
+_LINES: dict[str, dict[str, Any]] = {
+    "Hopf, supercritical": {"color": INK, "linewidth": 1.3},
+    "Hopf, subcritical": {"color": INK, "linewidth": 1.3, "linestyle": (0, (3.5, 1.8))},
+    "fold": {"color": LIGHT, "linewidth": 1.3, "linestyle": (0, (1, 1.2))},
+    "fold of cycles": {"color": "#7B2D8B", "linewidth": 1.5, "linestyle": (0, (5, 1.2, 1, 1.2))},
+}
+_BEHIND: dict[str, Any] = {
+    "color": INK,
+    "linewidth": 1.3,
+    "linestyle": ":",
+}  # of Hopf curves: another mode grows already
 _SCALED = {
     "period": (1e9, "period (ns)"),
     "frequency": (1e-6, "pulsing frequency (MHz)"),
@@ -77,7 +80,8 @@ def plot_map(
     if show == "regime":
         _draw_regimes(data, ax, x, y)
         if key:
-            ax.legend(*_regime_key([data]), fontsize="small", loc="upper right", framealpha=0.9)
+            found = _regime_key([data])
+            ax.legend(list(found.values()), list(found), fontsize="small", loc="upper right", framealpha=0.9)
     else:
         factor, label = _SCALED[show]
         values = 1 / data["period"] if show == "frequency" and "period" in data else data[show]
@@ -89,12 +93,13 @@ def plot_map(
     for curve in hopf:
         nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
         leading, hard = curve["leading"].values, curve["lyapunov"].values > 0
-        for style, part in (("-", leading & ~hard), (_DASHED, leading & hard), (":", ~leading)):
+        for name, part in (("supercritical", leading & ~hard), ("subcritical", leading & hard), ("", ~leading)):
             if part.any():
-                ax.plot(nu, np.where(joined(part), power, np.nan), **{**_HOPF, "linestyle": style})
+                style = {"label": f"Hopf, {name}", **_LINES[f"Hopf, {name}"]} if name else _BEHIND
+                ax.plot(nu, np.where(joined(part), power, np.nan), **style)
     for curve in folds:
-        nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
-        ax.plot(nu, power, **(_CYCLE_FOLD if _of_cycles(curve) else _FOLD))
+        name = "fold of cycles" if curve.attrs.get("kind") == "fold-of-cycles curve" else "fold"
+        ax.plot(curve["detuning"].values * 1e-9, dbm(curve["power"].values), label=name, **_LINES[name])
     ax.set(xlabel=x_label, ylabel=y_label, xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     return ax
 
@@ -113,19 +118,14 @@ def plot_maps(
     hopf, folds [mapping from the model's name to its curves]
     """
     maps = {name: _check("maps", one, f"a mapping from names to maps, each {MAP}") for name, one in maps.items()}
-    lines = {title: _hopf_of(f"hopf[{title!r}]", one) for title, one in mapping("hopf", hopf).items()}
-    borders = {title: _folds_of(f"folds[{title!r}]", one) for title, one in mapping("folds", folds).items()}
+    lines, borders = mapping("hopf", hopf), mapping("folds", folds)
     for title in (*lines, *borders):
         choice("a name in hopf and folds", title, maps)
-    handles, names = _maps_key(maps, show, lines, borders)
     rows, across = len(show), len(maps)
     width = max(WIDTH, 1.6 * across + 0.9)
     columns = int(width // 1.8)  # inches that the longest name takes
-    size = (width, 2.6 * rows + 0.2 + 0.2 * -(-len(names) // columns))
-    figure, axes = plt.subplots(
-        rows, across, figsize=size, layout="constrained", sharex=True, sharey=True, squeeze=False
-    )
-    axes = axes.reshape(len(show), len(maps))
+    shared: dict[str, Any] = {"layout": "constrained", "sharex": True, "sharey": True, "squeeze": False}
+    figure, axes = plt.subplots(rows, across, **shared)
     for row, name in zip(axes, show, strict=True):
         limits = _common_limits(maps, name)
         for ax, (title, data) in zip(row, maps.items(), strict=True):
@@ -135,10 +135,13 @@ def plot_maps(
             ax.label_outer()
     for ax, title in zip(axes[0], maps, strict=True):
         ax.set_title(textwrap.fill(title, int(11 * width / across)), fontsize="medium")  # letters an inch
-    if names:
-        figure.legend(
-            handles, names, loc="outside lower center", ncols=columns, frameon=False, fontsize="small", borderpad=0
-        )
+    key = _regime_key([*maps.values()]) if "regime" in show else {}
+    drawn = {line.get_label(): line for ax in axes.flat for line in ax.lines}
+    key |= {name: drawn[name] for name in _LINES if name in drawn}
+    figure.set_size_inches(width, 2.6 * rows + 0.2 + 0.2 * -(-len(key) // columns))
+    if key:
+        below: dict[str, Any] = {"loc": "outside lower center", "ncols": columns, "frameon": False, "borderpad": 0}
+        figure.legend(list(key.values()), list(key), fontsize="small", **below)
     return axes
 
 
@@ -160,32 +163,6 @@ def _check(name: str, data: Any, what: str) -> Any:
     return contents(name, data, ("regime", *dims), what=what)
 
 
-def _maps_key(
-    maps: Mapping[str, xr.Dataset],
-    show: Sequence[str],
-    hopf: Mapping[str, Sequence[xr.Dataset]],
-    folds: Mapping[str, Sequence[xr.Dataset]],
-) -> tuple[list[Any], list[str]]:
-    """Legend handles and labels of the regimes and curves that the maps contain."""
-    handles, names = _regime_key(list(maps.values())) if "regime" in show else ([], [])
-    lines = [curve for several in hopf.values() for curve in several]
-    soft, hard = (any(np.any(np.sign(c["lyapunov"].values) == sign) for c in lines) for sign in (-1, 1))
-    for wanted, name, style in (
-        (soft, "Hopf, supercritical", _HOPF),
-        (hard, "Hopf, subcritical", {**_HOPF, "linestyle": _DASHED}),
-        (any(not _of_cycles(c) for several in folds.values() for c in several), "fold", _FOLD),
-        (any(_of_cycles(c) for several in folds.values() for c in several), "fold of cycles", _CYCLE_FOLD),
-    ):
-        if wanted:
-            handles, names = [*handles, plt.Line2D([], [], **style)], [*names, name]
-    return handles, names
-
-
-def _of_cycles(curve: xr.Dataset) -> bool:
-    """Whether a curve is one of folds of cycles."""
-    return bool(curve.attrs.get("kind") == "fold-of-cycles curve")
-
-
 def _common_limits(maps: Mapping[str, xr.Dataset], name: str) -> tuple[float, float] | None:
     """Smallest and largest drawn value over several maps."""
     if name == "regime":
@@ -204,13 +181,11 @@ def _draw_regimes(data: xr.Dataset, ax: Axes, x: np.ndarray, y: np.ndarray) -> N
     ax.pcolormesh(x, y, index, cmap=colours, norm=norm, rasterized=True)
 
 
-def _regime_key(maps: Sequence[xr.Dataset]) -> tuple[list[Any], list[str]]:
-    """Legend handles and names of the regimes that occur."""
-    seen = [name for name in REGIMES if any(np.any(data["regime"].values == name) for data in maps)]
-    handles = [
-        plt.Rectangle((0, 0), 1, 1, facecolor=REGIMES[name], edgecolor="#555555", linewidth=0.5) for name in seen
-    ]
-    return handles, seen
+def _regime_key(maps: Sequence[xr.Dataset]) -> dict[str, Any]:
+    """Names of the regimes that occur, with a patch of their colour."""
+    look: dict[str, Any] = {"edgecolor": "#555555", "linewidth": 0.5}
+    seen = {str(name) for data in maps for name in np.unique(data["regime"].values)}
+    return {name: plt.Rectangle((0, 0), 1, 1, facecolor=REGIMES[name], **look) for name in REGIMES if name in seen}
 
 
 def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:

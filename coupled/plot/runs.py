@@ -1,21 +1,16 @@
 """Figures of single runs: traces against time, with what drives them, and sweeps against detuning or power."""
 
-from __future__ import annotations
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
-import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 
 from thermofem.checks import InputError, choice
 from thermofem.data.variables import contents
-from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes
+from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes, readable
 
-from .curves import HEAT, LIGHT, readable
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
+from .curves import HEAT, LIGHT
 
 RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate"
 OTHERS = (GREEN, PURPLE, ORANGE)
@@ -44,9 +39,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     if ax is None:
         drives = _drives(run)
         heights = [1.9, 1.9, *(1.2 for _ in drives)]
-        _, column = plt.subplots(
-            len(heights), 1, figsize=(WIDTH, sum(heights)), height_ratios=heights, sharex=True, layout="constrained"
-        )
+        column = axes(None, (WIDTH, sum(heights)), len(heights), height_ratios=heights, sharex=True)
         style: Any = "-"
         ax, right = column[0], column[1]
         for below, (label, curves) in zip(column[2:], drives, strict=True):

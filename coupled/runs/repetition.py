@@ -19,10 +19,7 @@ def pattern(heights: Array, waits: Array, close: float = SETTLED) -> int:
     Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 %, or ``close``,
     count as equal: an oscillation that settles looks like a pattern, too.
     """
-    for together in range(1, LONGEST_PATTERN + 1):
-        if miss(heights, waits, together) <= close:
-            return together
-    return 1
+    return next((n for n in range(1, LONGEST_PATTERN + 1) if miss(heights, waits, n) <= close), 1)
 
 
 def miss(heights: Array, waits: Array, together: int) -> float:

@@ -201,6 +201,8 @@ def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
     A resonance that no laser is on any more loses it within some lifetimes of its light, and is left out.
     """
     attrs = getattr(initial, "attrs", {})
+    if "final_fields" not in attrs:
+        return {}
     fields, places = (
         checks.array(f"initial.attrs[{name!r}]", np.ravel(attrs.get(name, ())), empty=True)
         for name in ("final_fields", "final_resonances")

@@ -20,7 +20,7 @@ from thermofem.piecewise import Pieces
 
 from ..inputs import Input, Spans, add, beats, changes, integral, joint, largest, pieces, table, values
 from ..kernel import units as eq
-from ..kernel.integrator import Crossing, Drive, Problem
+from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator, origin
 from ..states import State
@@ -232,16 +232,18 @@ def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: 
     first = [at.index(f) for f in range(len(resonances))]
     powers = [pieces("power", one.power, start, stop) for one in lasers]
     detunings = [pieces("detuning", one.detuning, start, stop) for one in lasers]
-    heat = pieces("offset", offset, start, stop)
+    heat = [] if isinstance(offset, float) and offset == 0 else [pieces("offset", offset, start, stop)]
     inside, turns = [], []
     for f, power, detuning in zip(at, powers, detunings, strict=True):
         inside.append(power.times(2 * resonances[f].bus_rate * eq.NS / eq.UW))
-        turns.append(add([detuning.times(2 * np.pi * eq.NS), heat.times(resonances[f].thermal_shift * eq.NS)]))
-    none = Pieces.constant(start, stop, 0.0)
-    pairs = [(turn, turns[first[f]]) for f, turn in zip(at, turns, strict=True)]
-    apart = table([none if turn is own else add([turn, own.times(-1.0)]) for turn, own in pairs])
-    phase = integral(apart)
-    phase.coefficients[:, :, 0] += [one.phase - lasers[first[f]].phase for f, one in zip(at, lasers, strict=True)]
+        shift = resonances[f].thermal_shift * eq.NS
+        turns.append(add([detuning.times(2 * np.pi * eq.NS), *(rise.times(shift) for rise in heat)]))
+    phase, beat = Polynomials(powers[0].edges[[0, -1]] / eq.NS, np.zeros((1, len(lasers), 1))), 0.0
+    if len(lasers) > len(resonances):
+        pairs = [(turn, turns[first[f]].times(-1.0)) for f, turn in zip(at, turns, strict=True)]
+        apart = table([add([*pair]) for pair in pairs])
+        phase, beat = integral(apart), float(np.abs(apart.coefficients[:, :, 0]).max())
+        phase.coefficients[:, :, 0] += [one.phase - lasers[first[f]].phase for f, one in zip(at, lasers, strict=True)]
     drive = Drive(
         edges=joint(*inside, *turns) / eq.NS,
         power=table(inside),
@@ -250,7 +252,7 @@ def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: 
         entry=(np.array(at) == np.arange(len(resonances))[:, None]).astype(complex),
         brightest=np.array([largest(power) for power in inside]),
     )
-    return Lights(resonances, at, powers, detunings, drive, float(np.abs(apart.coefficients[:, :, 0]).max()))
+    return Lights(resonances, at, powers, detunings, drive, beat)
 
 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
