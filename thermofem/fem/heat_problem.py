@@ -198,8 +198,7 @@ class HeatProblem:
         """
         if checks.choice("heated", heated, self.heated) not in self._kept:
             known, contents = self._mesh_error.known(heated), self._mesh_error.contents
-            others = np.column_stack(contents) if contents else None
-            self._kept[heated] = Modal(self.channels(heated), self.discretization.factors, known, others)
+            self._kept[heated] = Modal(self.channels(heated), self.discretization.factors, known, contents)
         kept: Modal = self._kept[heated]
         return kept
 
