@@ -20,13 +20,13 @@ from .checks import InputError, choice, positive
 from .data.fields import check_field
 from .data.files import check_image, check_target, write_whole
 from .data.variables import contents
+from .geometry.cross_section import CrossSection
 from .models.contract import bare, check_single
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from .geometry.cross_section import CrossSection
     from .mesh import Mesh
     from .models import ThermalModel
     from .optics import Mode
@@ -110,9 +110,11 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     ax.set_ylim(max(z.min(), z[hottest] - half), min(z.max(), z[hottest] + half))
     ax.set_aspect("equal")
     ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
-    for face in _geometry(data).subdivision.faces if "geometry" in data.attrs else ():
-        for ring in face.rings:
-            ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
+    if "geometry" in data.attrs:
+        text = checks.text("data.attrs['geometry']", data.attrs["geometry"])
+        for face in CrossSection.from_toml_text(text).subdivision.faces:
+            for ring in face.rings:
+                ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
     ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
     return ax
 
@@ -173,13 +175,6 @@ def check_film(path: FilePath) -> str:
     if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
         raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")
     return kind
-
-
-def _geometry(data: xr.Dataset) -> CrossSection:
-    """The cross-section that a dataset was made from."""
-    from .geometry.cross_section import CrossSection
-
-    return CrossSection.from_toml_text(checks.text("data.attrs['geometry']", data.attrs["geometry"]))
 
 
 def plot_cross_section(

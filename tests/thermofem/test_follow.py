@@ -14,7 +14,7 @@ from thermofem.fem.assembly import Leader, assemble_like
 
 @pytest.fixture(scope="module")
 def leader():
-    return Leader.of(th.strip_ring(), 1e-3)
+    return Leader(th.strip_ring(), 1e-3)
 
 
 @pytest.mark.parametrize("changes", [{"radius": 5e-6, "width": 550e-9}, {"radius": 11e-6, "box": 1.2e-6}])

@@ -9,7 +9,7 @@ import pytest
 
 import thermofem as th
 from thermofem.fem.assembly import on_mesh
-from thermofem.fem.mesh_division import parted, split
+from thermofem.fem.mesh_division import split
 from thermofem.mesh.mesh_motion import Motion
 from thermofem.mesh.triangles import Mesh
 
@@ -28,7 +28,7 @@ def checkerboard(*squares):
 
 def test_squares_that_touch_in_a_point_are_parted_there():
     mesh = checkerboard(*CHECKERS[:2])
-    found = parted(mesh)
+    found = split(mesh, {})
     assert len(found.points) == len(mesh.points) + 1
     assert np.array_equal(found.points[found.triangles], mesh.points[mesh.triangles])
     assert not set(found.triangles[:2].ravel()) & set(found.triangles[2:].ravel())
@@ -37,7 +37,7 @@ def test_squares_that_touch_in_a_point_are_parted_there():
 @pytest.mark.parametrize("count", [3, 4])
 def test_squares_that_share_edges_stay_together(count):
     mesh = checkerboard(*CHECKERS[:count])
-    assert parted(mesh) is mesh
+    assert split(mesh, {}) is mesh
 
 
 def test_squares_with_a_boundary_resistance_part_their_neighbours():
@@ -87,10 +87,10 @@ def test_derivatives_on_a_parted_mesh_agree_with_a_difference(needs_mesher):
 def test_a_parted_mesh_is_read_again(tmp_path):
     """Points of a file at one place are one: a mesh is parted when it is used, and a contact is no part of the file."""
     whole = checkerboard(*CHECKERS[:2])
-    mesh = parted(whole)
+    mesh = split(whole, {})
     for cut in (mesh, split(whole, {"low left": 1e-8})):
         cut.save(tmp_path / "m.msh")
         again = th.mesh.load(tmp_path / "m.msh")
         assert len(again.points) == len(whole.points)
-        assert len(parted(again).points) == len(mesh.points)
+        assert len(split(again, {}).points) == len(mesh.points)
         assert again.volumes() == pytest.approx(mesh.volumes(), rel=1e-15)

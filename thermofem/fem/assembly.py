@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -98,17 +99,14 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int 
 class Leader:
     """The mesh of one geometry, to be moved.
 
-    mesh: of ``geometry``, with an estimated error below ``accuracy``.
+    mesh: with an estimated error below ``accuracy``; default one that is made with `MARGIN`.
     """
 
-    def __init__(self, geometry: CrossSection, mesh: Mesh, accuracy: float) -> None:
+    def __init__(self, geometry: CrossSection, accuracy: float, mesh: Mesh | None = None) -> None:
+        if mesh is None:
+            mesh = adapted(geometry, mesh_for(geometry, accuracy), MARGIN * accuracy)[1]
         self.motion, self.accuracy = Motion(mesh, geometry), accuracy
         self.last: Discretization | None = None
-
-    @classmethod
-    def of(cls, geometry: CrossSection, accuracy: float) -> Leader:
-        """Make its mesh with `MARGIN`."""
-        return cls(geometry, adapted(geometry, mesh_for(geometry, accuracy), MARGIN * accuracy)[1], accuracy)
 
     def follow(self, geometry: CrossSection) -> tuple[HeatProblem, Mesh] | None:
         """The heat problem of another geometry on the moved mesh, and that mesh without the cuts of contacts.
@@ -210,22 +208,14 @@ def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatPro
     """
     if not base:
         return meshed(geometry, accuracy)[0]
-    key = base, accuracy
-    if getattr(_thread, "key", None) != key:
-        _thread.leader = _leader(base, accuracy)
-        _thread.key = key
+    if getattr(_thread, "key", None) != (base, accuracy):
+        _thread.key, _thread.leader = (base, accuracy), None
+        with suppress(InputError):  # the base geometry itself cannot be solved
+            _thread.leader = Leader(CrossSection.from_toml_text(base), accuracy)
     if _thread.leader is None:
         return meshed(geometry, accuracy)[0]
     found = _thread.leader.follow(geometry) or adapted(geometry, mesh_for(geometry, accuracy), accuracy)
     return found[0]
-
-
-def _leader(base: str, accuracy: float) -> Leader | None:
-    """None where the base geometry cannot be solved itself."""
-    try:
-        return Leader.of(CrossSection.from_toml_text(base), accuracy)
-    except InputError:
-        return None
 
 
 def _like_a_strip(geometry: CrossSection) -> bool:
@@ -240,5 +230,5 @@ def _strip(accuracy: float) -> Leader | None:
     if accuracy not in kept:
         geometry = strip_ring()
         there = [find_committed(geometry, a) for a in COMMITTED if a <= accuracy <= COARSER * a]
-        kept[accuracy] = Leader(geometry, read_committed(there[0]), accuracy) if there and there[0] else None
+        kept[accuracy] = Leader(geometry, accuracy, read_committed(there[0])) if there and there[0] else None
     return kept[accuracy]

@@ -22,6 +22,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from ..arrays import Array, NDArray
 from ..mesh.triangles import Mesh
@@ -128,17 +130,34 @@ def resistances(geometry: CrossSection) -> dict[str, float]:
 
 
 def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
-    """The mesh with nodes doubled on the surface of every region in ``resistance`` (m^2 K/W), and at `pinched` points.
+    """The mesh with nodes doubled on the surface of every region in ``resistance`` (m^2 K/W), and where regions touch.
 
-    Points keep their place; those of one side follow each other in the order that they had.
+    One node for each group of triangles around a vertex that edges of one side hold together. Those of one side follow
+    each other in the order that they had, those of further groups come last; the mesh itself where nothing is doubled.
     """
-    side = _side(mesh, resistance)
-    if not side.any():
-        return parted(mesh)
-    count = len(mesh.points)
-    pairs = side[:, None] * count + mesh.triangles
-    used, triangles = np.unique(pairs, return_inverse=True)
-    return parted(replace(mesh, points=mesh.points[used % count], triangles=triangles.reshape(-1, 3).astype(np.int64)))
+    grid, side = mesh.skfem, _side(mesh, resistance)
+    first, second = grid.f2t
+    inner = (second >= 0) & (side[first] == side[second])
+    first, second = first[inner], second[inner]
+    joined = np.concatenate([_corners(mesh, end, first, second) for end in grid.facets[:, inner]], axis=1)
+    count = mesh.triangles.size
+    graph = coo_matrix((np.ones(joined.shape[1]), joined), shape=(count, count))
+    number, group = connected_components(graph, directed=False)
+    if number == len(mesh.points):
+        return mesh
+    corner = np.unique(group, return_index=True)[1]  # the first one of each group
+    place, of_side = mesh.triangles.ravel()[corner], side[corner // 3]
+    order = np.lexsort([corner, place, of_side])
+    again = np.append(False, (np.diff(place[order]) == 0) & (np.diff(of_side[order]) == 0))
+    order = np.concatenate([order[~again], order[again]])
+    new = np.empty(number, dtype=np.int64)
+    new[order] = np.arange(number)
+    return replace(mesh, points=mesh.points[place[order]], triangles=new[group].reshape(-1, 3))
+
+
+def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Numbers 3 t + k of the corners that are some vertices, of triangles t beside them; a row for each."""
+    return np.array([3 * t + (mesh.triangles[t] == vertices[:, None]).argmax(axis=1) for t in triangles])
 
 
 def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[NDArray[np.intp], NDArray[np.intp]]]:
@@ -172,36 +191,3 @@ def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
 def _place(mesh: Mesh) -> NDArray[np.intp]:
     """A number for each point, the same for points that lie on each other."""
     return np.unique(mesh.points, axis=0, return_inverse=True)[1].ravel()
-
-
-def parted(mesh: Mesh) -> Mesh:
-    """The mesh with one vertex for each group of triangles that hold together by edges there; else the mesh itself.
-
-    Vertices keep their order, the copies follow.
-    """
-    grid, count = mesh.skfem, len(mesh.points)
-    ends = grid.facets[:, grid.boundary_facets()]
-    pinched = np.flatnonzero(np.bincount(ends.ravel(), minlength=count) > 2)  # two edges of the boundary otherwise
-    if not pinched.size:
-        return mesh
-    triangles = mesh.triangles.copy()
-    copied: list[int] = []
-    for vertex in pinched:
-        around = np.flatnonzero((mesh.triangles == vertex).any(axis=1))
-        group = groups(mesh.triangles[around], int(vertex))
-        for number in range(1, group.max() + 1):
-            own = around[group == number]
-            triangles[own] = np.where(triangles[own] == vertex, count + len(copied), triangles[own])
-            copied.append(int(vertex))
-    return replace(mesh, points=np.concatenate([mesh.points, mesh.points[copied]]), triangles=triangles)
-
-
-def groups(triangles: NDArray[np.int64], vertex: int) -> NDArray[np.intp]:
-    """For each of the triangles around a vertex the number of its group, which edges at the vertex hold together."""
-    number = np.arange(len(triangles))
-    first: dict[int, int] = {}
-    for k, corners in enumerate(triangles.tolist()):
-        for end in corners:
-            if end != vertex:  # its other triangle, if there is one
-                number[number == number[k]] = number[first.setdefault(end, k)]
-    return np.unique(number, return_inverse=True)[1].ravel()
