@@ -273,11 +273,11 @@ def base_of(base: RingResonator | None, material: Any, wavelength: float) -> Rin
 def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, count: int | None) -> tuple[_Bus, ...]:
     """kappa^2 of every bus, from the arguments or else from the [[bus]] tables."""
     section = mode.light.geometry
-    if gap is not None and given is not None:
-        raise InputError("gap and coupling are both given; give one of them, the gap in m or kappa^2")
-    if gap is None and given is None and not section.buses:
-        raise InputError("gap and coupling are missing: give one of them, or a [[bus]] with its gap in the geometry")
-    number = checks.integer("buses", count or (2 if (gap, given) != (None, None) else len(section.buses)), 1, 2)
+    own = gap is None and given is None
+    if (gap is None) == (given is None) and not (own and section.buses):
+        rule = "gap and coupling are missing" if own else "gap and coupling are both given"
+        raise InputError(rule, "give the gap in m or kappa^2, one of them, or [[bus]] with its gap in the geometry")
+    number = checks.integer("buses", count or (len(section.buses) if own else 2), 1, 2)
     if given is not None:
         hint = "it is the power that a bus takes in one pass; the rate model fails above 0.5"
         given = checks.between("coupling", given, 1e-9, MOST, hint=hint)

@@ -74,13 +74,10 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
     right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
     right.xaxis.set_major_formatter("{x:g}")
     right.margins(x=0)
-    legend = left.get_legend()
-    if legend is not None:
-        names = [text.get_text() for text in legend.get_texts()]
-        figure.legend(
-            legend.legend_handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize="small"
-        )
-        legend.remove()
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize="small"
+    )
+    left.legend().remove()
     if title:
         figure.suptitle(title, fontsize="medium")
     return np.array([left, right])

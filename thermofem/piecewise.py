@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import checks
-from .arrays import Array, ArrayLike, NDArray
+from .arrays import Array, ArrayLike
 from .errors import InputError
 
 MOST_PIECES = 200_000
@@ -159,7 +159,15 @@ def _stretch(
         values = function(left[:, None] + (last - left)[:, None] * NODES)
         values[:, -1] = function.before(last)
         scaled = values @ TO_COEFFICIENTS
-        bad = _misfits(function, left, last, scaled, seen if depth < level else None, allowed)
+        if depth < level:
+            count = CHECKED.size * 2 ** (level - depth)  # checked times in each cell
+            index = (np.rint((left - a) / size)[:, None] * count + np.arange(count)).astype(np.intp)
+            times, checked = seen[0][index], seen[1][index]
+        else:
+            times = left[:, None] + (last - left)[:, None] * CHECKED
+            checked = function(times)
+        u = (times - left[:, None]) / (last - left)[:, None]
+        bad = np.any(np.abs(cubic(scaled[:, None], u) - checked) > allowed, axis=1)
         if size <= SHORTEST * length:  # a jump: constant up to the end of the cell, where a cubic would overshoot
             scaled[bad] = values[bad, :1] * [1.0, 0.0, 0.0, 0.0]
             bad[:] = False
@@ -175,20 +183,3 @@ def _stretch(
     edges = np.concatenate([d[0] for d in done])
     order = np.argsort(edges)
     return edges[order], np.concatenate([d[1] for d in done])[order]
-
-
-def _misfits(
-    function: Any, left: Array, last: Array, scaled: Array, seen: tuple[Array, Array] | None, allowed: float
-) -> NDArray[np.bool_]:
-    """Which cells differ from the function by more than ``allowed`` at a checked time."""
-    if seen is None:
-        times, cell = left[:, None] + (last - left)[:, None] * CHECKED, np.repeat(np.arange(left.size), CHECKED.size)
-        times, values = times.ravel(), function(times).ravel()
-    else:
-        first, end = np.searchsorted(seen[0], left), np.searchsorted(seen[0], last)
-        cell = np.repeat(np.arange(left.size), end - first)
-        index = np.arange(cell.size) + np.repeat(first - np.append(0, np.cumsum(end - first)[:-1]), end - first)
-        times, values = seen[0][index], seen[1][index]
-    u = (times - left[cell]) / (last - left)[cell]
-    off = np.abs(cubic(scaled[cell], u) - values) > allowed
-    return np.bincount(cell[off], minlength=left.size) > 0

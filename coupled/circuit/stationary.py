@@ -52,7 +52,8 @@ def circuit_steady_states(
     n = len(circuit.names)
     for guess in _guesses(system, starts, seed):
         y = _newton(system, problem, guess)
-        if y is not None and all(_distance(y[: 3 * n], other[: 3 * n]) > SAME for other in found):
+        light = np.linalg.norm(y[: 3 * n]) if y is not None else 0.0
+        if y is not None and all(np.linalg.norm((y - other)[: 3 * n]) > SAME * light for other in found):
             found.append(y)
     found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
     states = _described(system, problem, found)
@@ -154,11 +155,6 @@ def _state_at(system: System, D: Array) -> Array:
     heating = 2 * (absorbed + fca * N + tpa * U) * U
     x = system.heat.gain / system.heat.rate * eq.UW * heating[:, None]
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
-
-
-def _distance(light: Array, other: Array) -> float:
-    """Relative difference of fields and carriers."""
-    return float(np.linalg.norm(light - other) / np.linalg.norm(light))
 
 
 def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:

@@ -120,14 +120,9 @@ def one_sign(z: Array, points: int = 3) -> NDArray[np.bool_]:
     return np.asarray((square.min(axis=(2, 3)) > 0) | (square.max(axis=(2, 3)) < 0))
 
 
-def _around(z: Array) -> Array:
-    """The nine values about every inner point, shape (..., 3, 3)."""
-    return sliding_window_view(z, (3, 3))
-
-
 def _reach(z: Array) -> Array:
     """Bound on |z| at each inner point minus its minimum between lines, by parabolas through nine points."""
-    nine = np.abs(_around(z))
+    nine = np.abs(sliding_window_view(z, (3, 3)))  # about every inner point
     total = np.abs(nine[..., 2, 2] - nine[..., 2, 0] - nine[..., 0, 2] + nine[..., 0, 0]) / 4
     for before, after in ((nine[..., 1, 0], nine[..., 1, 2]), (nine[..., 0, 1], nine[..., 2, 1])):
         bend = before - 2 * nine[..., 1, 1] + after
@@ -143,7 +138,7 @@ def _boxes(marked: NDArray[np.bool_]) -> Iterator[Box]:
 
 def _dips(z: Array) -> Iterator[Box]:
     """Where a function of one sign comes near zero between lines."""
-    lowest = np.abs(z[1:-1, 1:-1]) <= np.abs(_around(z)).min(axis=(2, 3))
+    lowest = np.abs(z[1:-1, 1:-1]) <= np.abs(sliding_window_view(z, (3, 3))).min(axis=(2, 3))
     yield from _boxes(lowest & one_sign(z) & (np.abs(z[1:-1, 1:-1]) <= 2 * _reach(z)))
 
 

@@ -241,10 +241,9 @@ template <int F, class System> struct Integration {
         const int next = L.piece + 2 < p.pieces ? L.piece + 2 : p.pieces;
         const double coming = L.t < stop ? stop - L.t : p.edges[next] - L.t;
         bool resting = false;
-        if (fmin(L.h, coming) > QUIET_STEP * tau0) {
-          if (moved > QUIET) L.looked = 0, L.cap = INFINITY;
-          else resting = L.h > 4 * L.looked || L.accepted >= L.look_again;
+        if (fmin(L.h, coming) > QUIET_STEP * tau0 && moved <= QUIET) {
           L.h = fmin(L.h, L.cap);
+          resting = L.h > 4 * L.looked || L.accepted >= L.look_again;
         }
         if (event <= 1) return EVENT;
         if (resting) return RESTING;

@@ -16,7 +16,7 @@ from thermofem.data.variables import in_si
 
 from ..arguments import LONGEST
 from ..inputs import varies_in
-from .repetition import FAR, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss, pattern
+from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss
 from .resting import Rest, resistance_of_run, rest_of_run
 
 if TYPE_CHECKING:
@@ -221,7 +221,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
     missed = 0.0 if every_step else blur(N, edges, heights)
     close = SETTLED if every_step else max(SETTLED, missed, 0.5 / samples)
-    together = pattern(heights, waits[:-1], close)
+    # the fewest cycles after which heights and lengths return; what settles looks like a pattern of close ones, too
+    together = next((n for n in range(1, LONGEST_PATTERN + 1) if miss(heights, waits[:-1], n) <= close), 1)
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:

@@ -13,17 +13,11 @@ FAR = 0.1  # relative change of the period per cycle above which no period is gi
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
 
 
-def pattern(heights: Array, waits: Array, close: float = SETTLED) -> int:
-    """Number of cycles that repeat together: the smallest after which heights and lengths return, or 1 if none does.
-
-    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 %, or ``close``,
-    count as equal: an oscillation that settles looks like a pattern, too.
-    """
-    return next((n for n in range(1, LONGEST_PATTERN + 1) if miss(heights, waits, n) <= close), 1)
-
-
 def miss(heights: Array, waits: Array, together: int) -> float:
-    """Largest relative change of heights and lengths over ``together`` cycles; infinity where there are too few."""
+    """Largest relative change of heights and lengths over ``together`` cycles; infinity where there are too few.
+
+    Three repetitions are needed, so that a drift is no pattern.
+    """
     if heights.size < 3 * together:
         return np.inf
     pairs = [(x[-2 * together :], x[-3 * together : -together]) for x in (heights, waits)]

@@ -270,11 +270,8 @@ def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
 
 def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> dict[str, Any]:
     """Attributes of every run: ring and laser."""
-    return {
-        **origin("coupled", ring),
-        **{name: value for name, value in light.items() if isinstance(value, float)},
-        "duration": float(duration),
-    }
+    constant = {name: value for name, value in light.items() if isinstance(value, float)}
+    return origin("coupled", ring) | constant | {"duration": float(duration)}
 
 
 def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:

@@ -82,20 +82,16 @@ def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
     Raises InputError: no such file, not a family, one of another schema, or one that cannot be made.
     """
     raw = read_bytes(path, "family")
-    try:
+    with checks.prefixed(f"{path} is not a family that thermofem wrote", *DAMAGE, hint="is it complete?"):
         arrays = unpack(raw)
         content = from_json(str(arrays.pop("header")))
         found = content["format"], content["schema"]
-    except (KeyError, TypeError, ValueError) as error:
-        raise checks.InputError(f"{path} is not a family that thermofem wrote ({error}); is it complete?") from None
     if found != (FORMAT, SCHEMA):
         raise checks.InputError(f"{path} has schema {checks.shown(found[1])}; this version reads {SCHEMA}")
-    try:
+    with checks.prefixed(f"{path} is not a complete family", *DAMAGE):
         for name, values in arrays.items():
             checks.numbers(name, values.astype(float))
         return make(_fields(content, arrays))
-    except DAMAGE as error:
-        raise checks.InputError(f"{path} is not a complete family: {error}") from None
 
 
 def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:

@@ -284,8 +284,8 @@ class OpticalNumbers:
         """The inverse of `content`."""
         names = checks.check_names("optics", words["names"])
         powers, coefficients, errors = (arrays[f"optics_{name}"] for name in ("powers", "coefficients", "errors"))
-        if coefficients.shape != (len(powers), len(names)) or errors.shape != (len(names),):
-            raise ValueError("optics: names and coefficients do not fit")
+        checks.shape("optics: coefficients", coefficients, (len(powers), len(names)))
+        checks.shape("optics: errors", errors, (len(names),))
         return cls(names, powers, coefficients, errors, checks.integer("solved", words["solved"], 1, np.inf))
 
 

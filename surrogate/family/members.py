@@ -62,10 +62,9 @@ class MemberMatrices:
         tau, v = eigh(self.M, self.K, check_finite=False)
         return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
 
-    def resistances(self, heated: int, count: int | None = None) -> Array:
-        """Static gains in K/W of the first ``heated`` ports, read by all, in the first functions."""
-        ports = self.ports[:, :count]
-        return np.asarray(ports[:heated] @ np.linalg.solve(self.K[:count, :count], ports.T))
+    def resistances(self, heated: int) -> Array:
+        """Static gains in K/W of the first ``heated`` ports, read by all."""
+        return np.asarray(self.ports[:heated] @ np.linalg.solve(self.K, self.ports.T))
 
     def first(self, count: int) -> MemberMatrices:
         """The member in the first functions alone."""
@@ -221,9 +220,9 @@ class Member:
     fields: Array
 
 
-def solve_member(row: Array, heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> Member:
-    """Reduce one ring of the family and compute its temperature fields at many shifts."""
-    modes, found = certified_modes(heat, ports, tolerance)
+def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: float) -> Member:
+    """Reduce a member on the reference mesh and compute its temperature fields at many shifts."""
+    modes, found = certified_modes(engine.heat(row), ports, tolerance)
     rate, beta = found.projection.rate, found.projection.ports  # (k,), (k, ports)
     slow = min(rate[0], FASTEST / 10)
     real = np.append(0.0, np.geomspace(slow, FASTEST, int(PER_DECADE * np.log10(FASTEST / slow))))
@@ -272,11 +271,6 @@ def fine_member(geometry: str, ports: tuple[str, ...], tolerance: float) -> Memb
     """A member on its own finer mesh, from the text of its geometry."""
     heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST))
     return certified_modes(heat, ports, tolerance)[0]
-
-
-def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: float) -> Member:
-    """A member on the reference mesh."""
-    return solve_member(row, engine.heat(row), ports, tolerance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,11 +41,8 @@ class MovedMeshEngine:
         Raises InputError: the mesh cannot follow: a face appears or vanishes inside the box, or triangles turn over.
         """
         geometry = self.box.geometry(row)
-        try:
+        with checks.prefixed(f"no family over this box: at {self.box.words(row)}", hint="take smaller ranges"):
             moved = replace(self.mesh, points=self._motion.moved(geometry))
-        except checks.InputError as error:
-            where = self.box.words(row)
-            raise checks.InputError(f"no family over this box: at {where} {error}; take smaller ranges") from None
         return on_mesh(geometry, moved, self.accuracy)
 
     def project(self, V: Array, ports: tuple[str, ...], statics: int) -> MovedMeshMembers:

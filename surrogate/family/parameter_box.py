@@ -38,8 +38,8 @@ class Box:
 
         Raises InputError: nothing is varied, words are varied, a single value, or corners that are no geometry.
         """
-        if not campaign.variations:
-            raise checks.InputError("the campaign varies nothing; add a [[vary]] table with from and to")
+        hint = "add a [[vary]] table with from and to"
+        checks.enough("the campaign", len(campaign.variations), 1, "parameters", hint=hint)
         low, high = np.array([_range(v) for v in campaign.variations]).T
         box = cls(campaign, low, high)
         for corner in box.corners():

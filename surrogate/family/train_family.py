@@ -152,7 +152,7 @@ class Trainer:
         def holds_static(fewer: int) -> bool:
             """Whether so many functions have the thermal resistances of ``count`` of them, up to `STATIC`."""
             pairs = zip(looked, gains, strict=True)
-            off = (np.abs(one.resistances(self.heated, fewer) / R - 1).max() for one, R in pairs)
+            off = (np.abs(one.first(fewer).resistances(self.heated) / R - 1).max() for one, R in pairs)
             return all(error <= STATIC * self.tolerance for error in off)
 
         return terms.first(count, _smallest(statics - 1, count, holds_static))

@@ -33,7 +33,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -54,11 +54,9 @@ WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keep
 SEED = 0
 UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 
-Identified = TypeVar("Identified", Network, Quadratic)
-
 
 @dataclass(frozen=True, eq=False)
-class SindyFit(HasModel, Generic[Identified]):
+class SindyFit(HasModel):
     """An identified network and how well it fits.
 
     Attributes
@@ -79,7 +77,7 @@ class SindyFit(HasModel, Generic[Identified]):
         as TOML, of the data.
     """
 
-    model: Identified
+    model: Any
     equations: tuple[str, ...]
     parameters: Mapping[str, float]
     standard_errors: Mapping[str, float]
@@ -97,9 +95,7 @@ class SindyFit(HasModel, Generic[Identified]):
         return {**made, "training": list(self.training), "geometry": self.geometry}
 
 
-def fit_sindy(
-    data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None
-) -> SindyFit[Network]:
+def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None) -> SindyFit:
     """Identify a thermal network from the rises of the core and of shells around it.
 
     Parameters
@@ -190,7 +186,7 @@ class Units:
 def fitted(
     model: Any, equations: tuple[str, ...], parameters: dict[str, float], misfit: Array, data: Sequence[Probed],
     geometry: str | None,
-) -> SindyFit[Any]:  # fmt: skip
+) -> SindyFit:  # fmt: skip
     """Make the result of an identification; ``misfit`` is the network's error in K at the core."""
     rms = float(np.sqrt(np.mean(misfit**2)))
     return SindyFit(
@@ -286,7 +282,7 @@ def fit_sindy_quadratic(
     power: float,
     steady: Sequence[float],
     window: float | None = None,
-) -> SindyFit[Quadratic]:
+) -> SindyFit:
     """Identify a quadratic thermal network from rises of the core and of shells around it, with k(T) and c_p(T).
 
     Parameters

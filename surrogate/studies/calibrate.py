@@ -119,8 +119,7 @@ def calibrate(
     _check_channel(family, data)
     warn_of(responses)
     measured = np.concatenate([response.rise for response in responses])
-    if measured.size <= len(low):
-        raise checks.InputError(f"{measured.size} samples do not determine {len(low)} parameters; give more of both")
+    checks.enough("data", measured.size, len(low) + 1)
     span = replace(family.box, low=low, high=high)
     scale = checks.between("noise", noise, *NOISE, unit="K") if noise is not None else float(np.std(measured)) or 1.0
 

@@ -249,7 +249,7 @@ def pareto_front(
     Source: Deb et al., IEEE Trans. Evol. Comput. 6, 182 (2002).
     """
     generations = checks.integer("generations", generations, 1, 10000)
-    checks.integer("number of targets", len(target), 2, 1000, hint="surrogate.design takes one")
+    checks.enough("target", len(target), 2, "quantities", hint="surrogate.design takes one")
     for value in wanted_of(target).values():
         if isinstance(value, str):
             checks.choice("target", value, ("smallest", "largest"), hint="or give a number")

@@ -112,7 +112,6 @@ def uncertainty(
 
 
 def _check(family: Family, distributions: Mapping[str, Any], fixed: Mapping[str, float], samples: int) -> None:
-    checks.instance("family", family, Family, hint="surrogate.train_family gives one")
     for name in (*distributions, *fixed):
         checks.choice("parameter", name, family.names)
     checks.unique("distributions and fixed", [*distributions, *fixed], hint="a parameter varies or is fixed")

@@ -24,22 +24,8 @@ def test_help_and_version(tmp_path):
 
 def test_solve_writes_what_the_library_computes(tmp_path):
     (tmp_path / "ring.toml").write_text(GEOMETRY)
-    arguments = [
-        "ring.toml",
-        "--power",
-        "1 mW",
-        "--pulse",
-        "1 us",
-        "--duration",
-        "2 us",
-        "--samples",
-        "11",
-        "--read",
-        "core",
-    ]
-    done = thermofem(
-        "solve", *arguments, "-o", "heat.nc", "--figure", "heat.png", "--preview", "mesh.png", cwd=tmp_path
-    )
+    arguments = "--power=1 mW", "--pulse=1 us", "--duration=2 us", "--samples=11", "--read=core", "--preview=mesh.png"
+    done = thermofem("solve", "ring.toml", *arguments, "-o", "heat.nc", "--figure", "heat.png", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     data = th.load(tmp_path / "heat.nc")
     expected = th.solve(th.assemble(th.strip_ring()), th.Pulse(1e-3, 1e-6), np.linspace(0, 2e-6, 11))

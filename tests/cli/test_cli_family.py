@@ -136,7 +136,7 @@ def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
         ),
         (
             ("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--fix", "box=2 um"),
-            "box is fixed and has a distribution, too",
+            "distributions and fixed holds 'box' twice",
         ),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "1 degC"), "difference of temperatures"),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "nan"), "does not begin with a number"),

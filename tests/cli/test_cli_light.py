@@ -104,7 +104,7 @@ def test_the_order_example(folder):
     ("name", "more", "words"),
     [
         ("narrow", ("--gap", "250 nm"), "guides no mode"),
-        ("strip", (), "--gap or --coupling is missing"),
+        ("strip", (), "gap and coupling are missing"),
         ("strip", ("--gap", "0 nm"), "gap = 0"),
         ("strip", ("--gap", "100 nm", "--straight", "10 um"), "above 0.5"),
         ("strip", ("--coupling", "0.7"), "above 0.5"),

@@ -257,19 +257,8 @@ def test_a_circuit_is_exported_with_a_deck_that_ngspice_runs(folder, tmp_path):
     """At rest, 1 mW and -20 GHz; ngspice at reltol 1e-4 against the fixed point."""
     program = shutil.which("ngspice") or pytest.skip("ngspice is not installed")
     (tmp_path / "bus.toml").write_text(BUS)
-    light = ("--power", "1 mW", "--detuning", "-20 GHz")
-    done = thermofem(
-        "export",
-        str(folder / "second.json"),
-        "--circuit",
-        "bus.toml",
-        "--to",
-        "spice",
-        *light,
-        "-o",
-        "bus.cir",
-        cwd=tmp_path,
-    )
+    arguments = "--circuit=bus.toml", "--to=spice", "--power=1 mW", "--detuning=-20 GHz", "--output=bus.cir"
+    done = thermofem("export", str(folder / "second.json"), *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     subprocess.run([program, "-b", "bus_demo.cir"], cwd=tmp_path, capture_output=True, check=True)
     names, *rows = (tmp_path / "bus_demo.csv").read_text().splitlines()

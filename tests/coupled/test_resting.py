@@ -9,6 +9,7 @@ from audit import verdicts
 
 import coupled
 import thermofem as th
+from coupled.kernel.integrator import Problem
 from coupled.runs.resting import Rest, rest_of_run, ring_in
 from thermofem.data import dataset
 
@@ -138,3 +139,12 @@ def test_pulses_under_heat_that_still_rises_say_so():
     assert "the mean rise is 47% of what the absorbed power leads to" in found.reason
     assert "limit_cycle" in found.reason
     assert "mean rise" not in coupled.pulsing(coupled.simulate(RING, quick, **light)).reason
+
+
+def test_a_quiet_trace_is_looked_at_once_in_twenty_steps(monkeypatch):
+    """Pulses of 14 poles that never repeat: a look at every step took ten times as long as the steps."""
+    looks, slopes = [], Problem.slopes
+    monkeypatch.setattr(Problem, "slopes", lambda *a: looks.append(0) or slopes(*a))
+    model = th.Foster(R=np.full(14, 556.0), tau=np.geomspace(3e-8, 3e-6, 14))
+    run = coupled.simulate(RING, model, power=3.36e-3, detuning=-17.9e9, duration=50e-6)
+    assert 1 <= len(looks) <= run.attrs["steps"] / 20 + 10  # and where a step has grown fourfold

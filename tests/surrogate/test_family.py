@@ -267,7 +267,7 @@ def test_leaning_walls_and_shells_move_the_mesh(tmp_path):
 @pytest.mark.parametrize(
     ("variations", "message"),
     [
-        ((), "varies nothing"),
+        ((), "has 0 parameters"),
         (
             (Variation("oxide", ("layer.box.material",), "", values=("SiO2", "Si3N4")),),
             "lists SiO2, Si3N4; a family needs a range",

@@ -108,13 +108,13 @@ def read_trace(
         t = _times(table, found[0], unit, said)
         wave = watts = None
         if isinstance(power, str):
-            watts = _scaled(found[2], given.get("power", found[2].unit), "power", (POWER,))[1]
+            watts = _scaled(found[2], given.get("power") or found[2].unit, "power", (POWER,))[1]
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
         unit = given.get("temperature") or _named_unit(found[1], temperature)
-        y, reading = _temperatures(table, found[1], unit, sensitivity, wave, said)
+        y = _temperatures(table, found[1], unit, sensitivity, wave, said)
         t, (y, *more) = _distinct(t, [y] if watts is None else [y, watts], said)
-        level = None if baseline is None else _level(baseline, *reading)
+        level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
         first = quantity.parse(start, "s", name="--start") if isinstance(start, str) else start
         if wave is None:
             first = min(float(t[0]), 0.0) if first is None else first
@@ -250,8 +250,8 @@ def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> A
 def _temperatures(
     table: NumberTable, column: Column, given: str, sensitivity: str | float | None, wave: Waveform | None,
     said: list[str],
-) -> tuple[Array, tuple[str, float]]:  # fmt: skip
-    """Temperatures in K; the dimensions of the reading, and how many K are one of it in SI."""
+) -> Array:  # fmt: skip
+    """Temperatures in K."""
     readings, unit = READINGS, given or _unit(table, column, READINGS, said)
     if not unit:
         unit = "K" if sensitivity is None else "V"
@@ -274,8 +274,7 @@ def _temperatures(
             'measured, --sensitivity "10 mV/K" makes kelvin of it'
         )
     # beyond is the code of an overloaded instrument, such as 9.9E+37
-    y = checks.numbers(f"{column.label} in K", kelvin * y, most=HOTTEST, hint="an overload, or another unit?")
-    return y, (scale.dimensions, kelvin)
+    return checks.numbers(f"{column.label} in K", kelvin * y, most=HOTTEST, hint="an overload, or another unit?")
 
 
 def _sensitivity(given: str | float) -> tuple[float, str]:
@@ -287,18 +286,6 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
     if match is None or scale is None or scale.offset or scale.factor == 0:
         raise InputError(f"--sensitivity = {given!r} must be a reading per kelvin", 'such as "10 mV/K" or "75 pm/K"')
     return (-1 if match[1] == "-" else 1) * scale.factor, scale.dimensions
-
-
-def _level(given: str | float, dimensions: str, kelvin: float) -> float:
-    """A baseline in K, given in K or in the unit of the column, of which one in SI is ``kelvin`` K."""
-    if not isinstance(given, str):
-        return checks.finite("baseline", given, unit="K")
-    match = re.fullmatch(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(.*)", given)
-    scale = scale_of(match[2]) if match else None
-    if match is None or scale is None or scale.dimensions not in (dimensions, TEMPERATURE):
-        raise InputError(f"--baseline = {given!r} must be a temperature or in the unit of the column")
-    value = scale.offset + scale.factor * float(match[1])
-    return value if scale.dimensions == TEMPERATURE else value * kelvin
 
 
 def _distinct(t: Array, values: list[Array], said: list[str]) -> tuple[Array, list[Array]]:

@@ -29,20 +29,19 @@ MARKS = "%#!/\"' "  # that begin a remark or a header in some program
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?|[+-]?nan|[+-]?inf", re.ASCII | re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)  # 1,234: or a decimal comma before three digits
 
-SPELLED = {
-    "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "secs": "s", "kelvin": "K", "kelvins": "K",
-    "millivolt": "mV", "millivolts": "mV", "microvolts": "uV", "microsecond": "us", "microseconds": "us", "usec": "us",
-    "nanosecond": "ns", "nanoseconds": "ns", "nsec": "ns", "millisecond": "ms", "milliseconds": "ms", "msec": "ms",
-    "picoseconds": "ps", "minutes": "min", "minute": "min", "hours": "h", "hour": "h", "hrs": "h", "hr": "h",
+SPELLED = {  # in lower case; spelled out, pint knows them
     "c": "degC", "deg c": "degC", "deg. c": "degC", "degc": "degC", "celsius": "degC", "degrees c": "degC",
-    "degrees celsius": "degC", "f": "degF", "deg f": "degF", "degf": "degF", "fahrenheit": "degF", "watt": "W",
-    "watts": "W", "ohms": "ohm", "c/w": "K/W", "degc/w": "K/W", "deg c/w": "K/W", "k/w": "K/W", "counts": "count",
-    "ohm": "ohm", "kohm": "kohm", "s": "s", "ms": "ms", "us": "us", "ns": "ns", "ps": "ps", "k": "K", "v": "V",
-    "mv": "mV", "uv": "uV",
+    "degrees celsius": "degC", "f": "degF", "deg f": "degF", "degf": "degF", "fahrenheit": "degF",
+    "c/w": "K/W", "degc/w": "K/W", "deg c/w": "K/W", "k/w": "K/W",
+    **{unit.lower(): unit for unit in ("s", "ms", "us", "ns", "ps", "K", "V", "mV", "uV", "ohm", "kohm")},
 }  # fmt: skip
+_SPELLED_OUT = re.compile(
+    r"(?:milli|micro|nano|pico)?(?:volt|second|kelvin|watt|ohm|minute|hour|count)s?|[mun]?secs?|hrs?"
+)
 _SYMBOL = r"(?:[fpnumckMG]?(?:s|K|W|V|A|Hz|rad|m|ohm|g|J)|deg[CF]?|min|h|hour|count|percent|%)"
 _UNIT = re.compile(  # a number that may be left out, and a product of symbols
-    rf"(?:((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*)?({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII
+    rf"(?:((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*)?({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}}|{_SPELLED_OUT.pattern})",
+    re.ASCII,
 )
 BRACKETS = re.compile(r"\s*[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 _ENDING = re.compile(  # T_mK, T/mK, T in mK and T mK, but for "type K" and T_per_V
@@ -75,7 +74,8 @@ def scale_of(text: str) -> Scale | None:
     bare = (
         text.strip().strip("()[]").replace("°", "deg").replace("µ", "u").replace("μ", "u").replace("Ω", "ohm").strip()
     )
-    match = _UNIT.fullmatch(SPELLED.get(bare.lower(), bare))
+    word = bare.lower()
+    match = _UNIT.fullmatch(word if _SPELLED_OUT.fullmatch(word) else SPELLED.get(word, bare))
     if match is None:
         return None
     size, unit = float(match[1] or 1), SPELLED.get(match[2].lower(), match[2])

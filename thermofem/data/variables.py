@@ -98,7 +98,7 @@ def in_si(name: str, data: xr.Dataset) -> xr.Dataset:
     """The Dataset with every known variable in the unit of `VARIABLES`; no unit counts as that unit.
 
     name: what the Dataset is called in the error.
-    Raises InputError: a unit that is no text, unknown, or of another dimension; values that the file calls missing.
+    Raises InputError: a unit that is no text, unknown, or of another dimension.
     """
     what = f"{name}: variable"
     changed = {}
@@ -106,7 +106,6 @@ def in_si(name: str, data: xr.Dataset) -> xr.Dataset:
         field, given = known(str(key)), variable.attrs.get("units")
         if field is None or _is_derivative(str(key), variable, field.unit):
             continue
-        _check_valid(f"{what} {key!r}", variable)
         if given is None or str(given) == field.unit or (str(given) in ("", "1") and field.unit in ("", "1")):
             continue
         if variable.dtype.kind not in "fiu":
@@ -121,17 +120,6 @@ def _is_derivative(name: str, variable: Any, unit: str) -> bool:
     """Whether a variable is a derivative with respect to parameters, or an energy for 1 W in a linear spectrum."""
     given = str(variable.attrs.get("units"))
     return (given.startswith(f"{unit} {PER}") and "parameter" in variable.dims) or (name, given) == ("energy", "J/W")
-
-
-def _check_valid(name: str, variable: Any) -> None:
-    """InputError where a value is one that the attributes of its variable call missing, or outside its valid range."""
-    attrs, values = variable.attrs, variable.values
-    if values.dtype.kind not in "fiu" or "scale_factor" in variable.encoding:
-        return
-    low, high = attrs.get("valid_range", (attrs.get("valid_min", -np.inf), attrs.get("valid_max", np.inf)))
-    missing = (values < low) | (values > high) | np.isin(values, attrs.get("missing_value", np.nan))
-    if np.any(missing):
-        raise InputError(f"{name} holds {values[missing][0]:g}, which its attributes call missing; leave it out")
 
 
 def _line(given: Any, field: Variable, name: str) -> tuple[float, float]:

@@ -198,8 +198,7 @@ class HeatProblem:
         """
         if checks.choice("heated", heated, self.heated) not in self._kept:
             known, contents = self._mesh_error.known(heated), self._mesh_error.contents
-            others = np.column_stack(contents) if contents else None
-            self._kept[heated] = Modal(self.channels(heated), self.discretization.factors, known, others)
+            self._kept[heated] = Modal(self.channels(heated), self.discretization.factors, known, contents)
         kept: Modal = self._kept[heated]
         return kept
 
@@ -228,14 +227,10 @@ class HeatProblem:
     @cached_property
     def _everywhere(self) -> tuple[NodalOperator, NodalOperator]:
         """F and H with the rows of all unknowns, held ones included."""
-        d, (k, c) = self.discretization, properties(self.geometry, self.mesh)
-        flows, contents = [], []
-        for law, cells in self._cells("conductivity_law").items():
-            flows.append((conduction(d.basis, k * cells), law))
-        for law, cells in self._cells("specific_heat_law").items():
-            contents.append((capacity(d.basis, c * cells), law))
+        d, (k, c), T0 = self.discretization, properties(self.geometry, self.mesh), self.geometry.ambient
+        flows = [(conduction(d.basis, k * cells), law) for law, cells in self._cells("conductivity_law").items()]
+        contents = [(capacity(d.basis, c * cells), law) for law, cells in self._cells("specific_heat_law").items()]
         rest = d.stiffness - sum(matrix for matrix, _ in flows), d.mass - sum(matrix for matrix, _ in contents)
-        T0 = self.geometry.ambient
         return nodal_operator(flows, rest[0], d.free, T0), nodal_operator(contents, rest[1], d.free, T0)
 
     @cached_property

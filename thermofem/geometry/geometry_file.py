@@ -157,9 +157,7 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
     if value is None:
         return default
     if isinstance(value, dict):
-        values = read_table(value, _COEFFICIENT, f"boundary {side}")
-        if len(values) != 1:
-            raise InputError(f"boundary {side} = {value!r} must have one key of {', '.join(_COEFFICIENT)}")
+        values = read_table(value, _COEFFICIENT, f"boundary {side}", required=tuple(_COEFFICIENT))
         return Boundary(*values.popitem())
     hint = 'convection is written { convection = "1e4 W/m^2/K" }'
     return Boundary(checks.choice(f"boundary {side}", value, Boundary.KINDS.keys() - _COEFFICIENT.keys(), hint=hint))

@@ -75,12 +75,17 @@ def _measure(item: dict[str, Any], key: str) -> None:
         return
     one, two = (quantity.parse(item.pop(name), "m") for name in other)
     if wanted == _CENTRE:
-        if not one:
-            raise InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
+        _no_disc(item["name"], one)
         sizes = ((one + two) / 2, two - one)
     else:
         sizes = (one - two / 2, one + two / 2)
     item |= {name: quantity.write(size, "m") for name, size in zip(wanted, sizes, strict=True)}
+
+
+def _no_disc(name: str, inner_radius: float) -> None:
+    """InputError where a part has no centre line: to vary its radius would make it a ring."""
+    if not inner_radius:
+        raise InputError(f"part {name!r} is a disc; take part.{name}.outer_radius")
 
 
 def place(table: dict[str, Any], path: str, text: Any) -> None:
@@ -205,8 +210,8 @@ def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
     parts = {part.name: part for part in geometry.parts}
     part = parts[checks.choice(f"path {path!r}: part", name, parts)]
     checks.choice(f"path {path!r}: key", key, _PART[geometry.kind], hint="a material has no derivative")
-    if not part.straight and not part.inner_radius and key in ("radius", "width", "inner_radius"):
-        raise InputError(f"path {path!r}: part {name!r} is a disc; take part.{name}.outer_radius")
+    if not part.straight and key in ("radius", "width", "inner_radius"):
+        _no_disc(name, part.inner_radius)
     if not part.height:
         raise InputError(f"path {path!r}: part {name!r} has height 0 and is not there; nothing moves")
     values = {

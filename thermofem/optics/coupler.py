@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 WIDER = np.array([0.0, 0.1, 0.25])  # um, added to the gap: where the supermodes are solved
 TRUSTED = 0.2  # relative error of kappa^2
-SMALLEST, LARGEST = 2e-8, 3e-6  # m, of a gap
+SMALLEST, LARGEST = 2e-8, 3e-6  # m, of half a gap at the foot of the walls, and of a gap
 STEP = 1e-30  # of complex differences, which have no round-off
 SIZES = 2e-3  # accuracy whose heat mesh sizes hold here
 POINTS = 801  # of the integral along the bend
@@ -124,14 +124,13 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
 
     Raises InputError: a gap that is not positive or in another unit; kappa^2 above `MOST`.
     """
-    gap = checks.between("gap", gap, SMALLEST, LARGEST, unit="m", hint="did you mean 250e-9?")
-    straight = checks.between("straight", straight, 0, 1e-2, unit="m", hint="did you mean 3e-6?")
-    bend = checks.positive("radius of the bends", mode.radius if radius is None else radius, unit="m")
     light = mode.light
     outer = light.outline[1:3, 0] - light.centre
+    least = 2 * (SMALLEST + float(outer.max() - outer.mean()))
+    gap = checks.between("gap", gap, least, LARGEST, unit="m", hint="did you mean 250e-9? It is that at half height")
+    straight = checks.between("straight", straight, 0, 1e-2, unit="m", hint="did you mean 3e-6?")
+    bend = checks.positive("radius of the bends", mode.radius if radius is None else radius, unit="m")
     foot, middle = float(outer.max()) * UM, float(outer.mean()) * UM + gap * UM / 2
-    if middle - foot < SMALLEST * UM:
-        raise checks.InputError(f"gap = {gap * 1e9:g} nm at half height is closed at the foot of the sidewalls")
     room = light.reach(mode.n_eff, 1e-7)
     low, _, bottom, top = light.box(room, 0.0, room, room)
     left = max(low, light.centre - foot / UM - room)

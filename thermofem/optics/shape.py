@@ -19,7 +19,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
-from ..checks import InputError
 from ..geometry.parameter_paths import Change, change
 from ..geometry.section_parts import LIGHT
 from ..materials.index_laws import constant, constant_index
@@ -86,8 +85,8 @@ def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]], **ru
     InputError
         a path that leads nowhere, or a motion at which a face would appear or vanish.
     """
-    varied = variations(mode.light, parameters)
-    found = over_parameters(varied, [slopes(mode, one, **rules) for one in varied], ABOUT)
+    each = variations(mode.light, parameters)
+    found = over_parameters(each, [slopes(mode, one, **rules) for one in each], ABOUT)
     return found.assign_attrs(mode=mode.name, **numbers(mode, **rules))
 
 
@@ -141,13 +140,10 @@ class Variation:
         """
         corners, moved = mode.window.mesh.p[:, mode.window.mesh.t], velocity[:, mode.window.mesh.t]
         sides, strains = (np.linalg.norm(one - np.roll(one, 1, axis=1), axis=0) for one in (corners, moved))
-        of = [abs(of[key]) for of in self.change.optical.values() for key in ("index", "thermo_optic") if key in of]
-        largest = max(
-            float((strains * UM / sides).max()),
-            abs(self.centre) / mode.radius,
-            abs(self.wavelength) / mode.wavelength,
-            *of,
-        )
+        relative = [(strains * UM / sides).max(), self.centre / mode.radius, self.wavelength / mode.wavelength]
+        for slopes in self.change.optical.values():
+            relative += [slopes.get("index", 0.0), slopes.get("thermo_optic", 0.0)]
+        largest = float(np.abs(relative).max())
         if not largest:
             return 1.0, (mode, mode)
 
@@ -162,8 +158,6 @@ class Variation:
 def variations(light: Light, parameters: Sequence[str | Sequence[str]]) -> list[Variation]:
     """How paths, as a campaign varies them, change the geometry of a light; a tuple changes together."""
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
-    if not each:
-        raise InputError("parameters is empty; name at least one path, e.g. 'part.core.width'")
     return _variations(light, [change(light.geometry, one) for one in each])
 
 
@@ -210,7 +204,7 @@ def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:
 
 
 def over_parameters(
-    varied: Sequence[Variation], rows: Sequence[Mapping[str, float]], about: Mapping[str, tuple[str, str]]
+    each: Sequence[Variation], rows: Sequence[Mapping[str, float]], about: Mapping[str, tuple[str, str]]
 ) -> xr.Dataset:
     """Derivatives of some numbers, one row for each parameter; about: unit and words of each number."""
     import xarray as xr
@@ -224,9 +218,9 @@ def over_parameters(
         for name, (unit, words) in about.items()
     }
     coords: dict[str, Any] = {
-        "parameter": [one.change.name for one in varied],
-        "value": ("parameter", [one.change.value for one in varied]),
-        "unit": ("parameter", [one.change.unit for one in varied]),
+        "parameter": [one.change.name for one in each],
+        "value": ("parameter", [one.change.value for one in each]),
+        "unit": ("parameter", [one.change.unit for one in each]),
     }
     return xr.Dataset(variables, coords=coords)
 

@@ -16,6 +16,7 @@ parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -64,8 +65,8 @@ class Modal:
     system: E and -A symmetric positive definite; of its outputs nothing is kept.
     factors: of E and -A, where the caller keeps them.
     known [shape (n, f)]: (K + s M)^-1 B at one s a decade, the last one 0, of one input; where the caller has them.
-    contents [shape (n, e)]: (K + s M)^-1 M 1 at slow s: without them few fields hold the core long before they hold all
-        heat.
+    contents [each of shape (n,)]: (K + s M)^-1 M 1 at slow s: without them few fields hold the core long before they
+        hold all heat.
     """
 
     def __init__(
@@ -73,28 +74,16 @@ class Modal:
         system: StateSpace,
         factors: Pencil | None = None,
         known: Array | None = None,
-        contents: Array | None = None,
+        contents: Sequence[Array] = (),
     ) -> None:
-        self.system = system
+        self.system, self.known, self.contents = system, known, contents
         self.factors = factors or Pencil(system.E, -system.A)
-        self.known = known
-        constant = np.ones((system.order, 1))
-        self._contents = constant if contents is None else np.column_stack([constant, contents])
-        self._forget()
-
-    def _forget(self) -> None:
-        """Drop all spaces."""
         self._spaces: dict[tuple[float, bool], Rounds] = {}
         self._lock = threading.Lock()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """All but the spaces and the lock: the factors in them cannot be copied or sent to another process."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_spaces", "_lock")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Spaces are made again when they are needed."""
-        self.__dict__.update(state)
-        self._forget()
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy makes its spaces again: the factors in them cannot be copied or sent to another process."""
+        return Modal, (self.system, self.factors, self.known, self.contents)
 
     def run(
         self,
@@ -193,7 +182,8 @@ class Modal:
                 shifts = np.geomspace(low, high, gaps + 1)
                 if not short:
                     shifts = np.append(0.0, shifts)
-                start, others = (self.known, self._contents) if short else (None, np.ones((self.system.order, 1)))
+                start, contents = (self.known, self.contents) if short else (None, ())
+                others = np.column_stack([np.ones(self.system.order), *contents])
                 solvers = [self.factors.keep(s, 1.0) for s in shifts]
                 self._spaces[key] = Rounds(self.system, shifts, solvers, start, others)
             space = self._spaces[key]

@@ -10,7 +10,6 @@ import typer
 import coupled
 import thermofem as th
 from thermofem.data import files, quantity
-from thermofem.errors import InputError
 
 from .. import options
 from ..command_files import check_outputs, ring_of, section_of
@@ -124,8 +123,6 @@ def ring(
     """
     section = section_of(geometry)
     check_outputs([output], inputs=[geometry])
-    if gap is None and coupling is None and not section.buses:
-        raise InputError("--gap or --coupling is missing; give one of them, or [[bus]] with its gap in the geometry")
     length = wavelength_of(section, wavelength)
     if loss is None and (section.light is None or section.light.loss is None):
         loss = "2 dB/cm"

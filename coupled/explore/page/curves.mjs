@@ -138,12 +138,8 @@ function mark(points, sys) {
   let z = null;
   for (const p of points.filter((one) => !one.meets)) {
     if (!z || !follow(z.re, z.im, p.U, p.D, sys)) z = spectrumAt(p.U, p.D, sys);
-    const rest = Array.from(z.re, (re, k) => ({ re, im: z.im[k] }));
-    for (const w of [p.w, -p.w]) {
-      const off = rest.map((v) => Math.hypot(v.re, v.im - w));
-      rest.splice(off.indexOf(Math.min(...off)), 1);
-    }
-    p.leading = rest.every((v) => v.re < 0);
+    const near = Array.from(z.re, (re, k) => ({ re, off: Math.hypot(re, Math.abs(z.im[k]) - p.w) })).sort((a, b) => a.off - b.off);
+    p.leading = near.slice(2).every(({ re }) => re < 0);
   }
   points.forEach((p, k) => p.meets && (p.leading = points[k ? k - 1 : 1].leading));
 }
