@@ -181,5 +181,5 @@ def test_an_output_map_of_another_ring_is_told_apart(caplog):
         linear, th.solve(there, th.Constant(1e-3), np.geomspace(1e-9, 2e-5, 40))
     )
     assert any("of another geometry" in message for message in caplog.messages)
-    with pytest.raises(th.InputError, match="heat is of another geometry than the model 'model'"):
+    with pytest.raises(th.InputError, match="heat is of another geometry than the model 'Reduction"):
         coupled.explore(coupled.borghi2021(), surrogate.reduce(here.system), heat=there)
