@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,8 @@ from pathlib import Path
 
 SOURCES = Path(__file__).parent
 FLAGS = ("-std=c++17", "-ffast-math", "-fno-finite-math-only", "-fvisibility=hidden", "-s")
+# vectors of 256 bits, but where 7 derivatives and a value fill 512: steps take 5 to 15 % less
+NARROW = ("-mprefer-vector-width=256",) if platform.machine() in ("x86_64", "AMD64") else ()
 NAME = "ring" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 NO_COMPILER = "coupled/kernel is not compiled, and there is no C++ compiler: pip install ziglang, or set CXX"
 
@@ -48,7 +51,8 @@ def build(target: Path, flags: tuple[str, ...] = (), command: list[str] | None =
         def compiled(source: Path) -> str:
             out = str(Path(folder, source.stem + ".o"))
             level = "-O2" if source.stem == "several" else "-O3"  # where g++ takes ten seconds more, for nothing
-            _run([*command, level, *FLAGS, *position, *flags, "-c", str(source), "-o", out])
+            width = NARROW if source.stem != "follow" and not flags else ()
+            _run([*command, level, *FLAGS, *width, *position, *flags, "-c", str(source), "-o", out])
             return out
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
