@@ -1,10 +1,14 @@
 """What makes a Dataset doubtful: it contradicts the thermal resistance that it states, or its trace was clipped.
 
 A Dataset that was scaled, shifted or stored in another unit contradicts the ``thermal_resistance`` beside it. Where
-no property depends on temperature, these hold for every geometry:
+no property depends on temperature, these hold for every geometry, the last where the heated part is read:
 
     the step response rises from 0 to R_th, so that     dT(t) <= R_th max P
     over one period of a periodic state                 mean dT = R_th mean P
+    before any heat                                     dT = 0
+    the step response of a heated part is concave       dT(t0) >= dT(t) t0 / t under constant power, t0 < t
+
+What is left after a settled step has no such bound: a pole much slower than the record is possible. It is noted.
 
 A trace is clipped where its instrument ran out of range at one end. In a settled trace, too, many rows hold the very
 same extreme value, where noise is below the resolution. So they count as clipped only if the noise exceeds the
@@ -23,6 +27,7 @@ from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..piecewise import bounds
 from ..waveforms import Waveform
+from . import quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,18 +49,22 @@ def static_gain(data: xr.Dataset) -> float | None:
     return checks.positive("data.attrs['thermal_resistance']", np.asarray(stated).tolist(), unit="K/W")
 
 
-def check_gain(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> None:
-    """InputError where a Dataset contradicts the thermal resistance that it states.
+def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> tuple[str, ...]:
+    """Doubts about a Dataset in words; InputError where it contradicts the thermal resistance that it states.
 
     wave, times, rise, periodic: the drive and the response, as `dataset.Response` has them.
     Raises InputError: a rise above R_th max P, or whose mean over a period is not R_th mean P, beyond the error of the
         solver, of the sampling and of the noise. Not where conductivity or specific heat depend on temperature.
     """
-    R = static_gain(data)
-    if R is None or _varies(data):
-        return
+    swing = float(np.ptp(rise))
     # 6 sigmas of the noise of one sample: 1e-9 a sample
-    noise = 6.0 * float(np.median(np.abs(np.diff(rise, 2)))) / (0.6745 * np.sqrt(6))
+    noise = 6.0 * float(np.median(np.abs(np.diff(rise, 2)))) / (0.6745 * np.sqrt(6)) if rise.size > 4 else 0.0
+    R = static_gain(data)
+    notes = [] if periodic else _before_heat(wave, times, rise, noise + _rtol(data) * swing)
+    if not periodic and data.attrs.get("heated") in (None, data.attrs.get("read")):
+        notes += _cold(wave, times, rise, noise + _rtol(data) * swing)
+    if R is None or _varies(data):
+        return tuple(notes)
     pieces = wave.pieces(float(times[0]), float(times[-1]))
     most, slack = R * bounds(pieces)[1], 10.0 * _rtol(data)  # 10 rtol: errors of the solver add up to a few rtol
     if rise.max() > most * (1 + slack) + noise:
@@ -66,13 +75,76 @@ def check_gain(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, p
     if periodic and abs(times[-1] - times[0] - (wave.period or 0.0)) < 1e-6 * (times[-1] - times[0]):
         length = float(times[-1] - times[0])
         mean, coarse = (float(np.trapezoid(rise[::k], times[::k])) / length for k in (1, 2))
-        sampling = abs(mean - coarse) if times.size % 2 else float(np.ptp(rise)) / times.size
+        sampling = abs(mean - coarse) if times.size % 2 else swing / times.size
         due = R * pieces.integral() / length
         if abs(mean - due) > slack * most + noise + 2 * sampling:
             raise InputError(
                 f"the mean of delta_T over its period is {mean:.4g} K, but thermal_resistance = {R:.5g} K/W makes "
                 f"it {due:.4g} K; {WRONG}"
             )
+    return (*notes, *_settled(wave, times, rise, R, noise + slack * most))
+
+
+def _before_heat(wave: Waveform, times: Array, rise: Array, tolerance: float) -> list[str]:
+    """A sentence where a transient from rest is warm before any heat."""
+    heated = np.flatnonzero(wave(times) > 0)
+    first = rise[: heated[0] + 1] if heated.size and times[0] == 0 else rise[:0]
+    offset = float(np.abs(first).max()) if first.size else 0.0
+    if offset <= max(tolerance, 0.01 * float(np.ptp(rise))):
+        return []
+    return [f"delta_T is {first[np.argmax(np.abs(first))]:.4g} K before any heat, 0 K is at rest; {WRONG}"]
+
+
+def _cold(wave: Waveform, times: Array, rise: Array, tolerance: float) -> list[str]:
+    """A sentence where a heated part is colder at the first sample than the power before it allows.
+
+    Under constant power, and from period to period, the rise from rest is concave in time.
+    """
+    first, period = float(times[0]), wave.period
+    if first <= 0:
+        return []
+    if period is None or first < period:
+        try:
+            low, high = bounds(wave.pieces(0.0, first))[0], bounds(wave.pieces(0.0, float(times[-1])))[1]
+        except InputError:  # samples of the power that begin later say nothing about the time before
+            return []
+        due = float(np.max(rise * (first / times))) * (max(low, 0.0) / high if high > 0 else 0.0)
+    else:
+        before = first // period
+        later = np.arange(1, min(1000, (times[-1] - first) // period + 1))
+        due = float(np.max(np.interp(first + later * period, times, rise) * before / (before + later), initial=0))
+    if rise[0] >= 0.5 * due - tolerance:
+        return []
+    return [
+        f"delta_T is {rise[0]:.4g} K at the first sample, {quantity.rounded(first, 's')} after the power set in, which "
+        f"heats to at least {due:.4g} K by then: does time begin where the power does?"
+    ]
+
+
+def _settled(wave: Waveform, times: Array, rise: Array, R: float, tolerance: float) -> list[str]:
+    """A sentence where a step, or the mean of a square wave, has settled far below its static rise."""
+    half, end = float(times[0] + times[-1]) / 2, float(times[-1])
+    power = wave(times[times >= half][:-1])
+    period = wave.period or 0.0
+    if power.size > 1 and np.ptp(power) == 0 and power[0] > 0:
+        due = R * float(power[0])
+        late, early = (float(np.interp(t, times, rise)) for t in (end, half))
+    elif 0 < 4 * period <= end - times[0] and times.size > 8 * (end - times[0]) / period:
+        energy = np.append(0.0, np.cumsum(np.diff(times) * (rise[1:] + rise[:-1]) / 2))
+        due = R * wave.mean(end - period, end)
+        late, early = (
+            float(np.diff(np.interp([stop - period, stop], times, energy))[0]) / period for stop in (end, half)
+        )
+        tolerance += float(np.ptp(rise)) * float(np.diff(times).max()) / period
+    else:
+        return []
+    # 20.0: a rise that goes with log t gains as much in every octave; a million times longer are 20
+    if due - late <= 20.0 * abs(late - early) + tolerance:
+        return []
+    return [
+        f"delta_T has settled at {late:.4g} K, but thermal_resistance = {R:.5g} K/W ends at {due:.4g} K: only a pole "
+        f"much slower than {quantity.rounded(end, 's')} explains it; {WRONG}"
+    ]
 
 
 def _rtol(data: xr.Dataset) -> float:

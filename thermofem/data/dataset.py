@@ -21,7 +21,7 @@ import xarray as xr
 
 from .. import __version__, checks, waveforms
 from ..arrays import Array, ArrayLike
-from .data_doubts import check_gain, clipping, static_gain
+from .data_doubts import clipping, contradictions, static_gain
 from .netcdf import SCHEMA, load, save
 from .variables import contents, describe, unit_of
 
@@ -174,9 +174,9 @@ def response_of(data: xr.Dataset) -> Response:
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
     if periodic:
         _check_one_period("data.time", times, wave)
-    check_gain(data, wave, times, rise, periodic=periodic)
-    clipped = clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times))
-    doubts = (clipped,) if clipped else ()
+    doubts = contradictions(data, wave, times, rise, periodic=periodic)
+    if clipped := clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times)):
+        doubts = (*doubts, clipped)
     words = f"{wave.words}, {'periodic state' if periodic else 'from rest'}"
     gain = static_gain(data)
     if periodic:
