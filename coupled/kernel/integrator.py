@@ -152,8 +152,8 @@ class Network(NamedTuple):
     seen_ring, seen_laser, seen_late [shapes (Q, R), (Q, L), (Q, D)]; the first D waves start the delays.
     corner [shape (Q,), 1/ns]: 2 pi times the bandwidth of the detector of a wave, 0 for none; None where all have none.
     energies: whether the energy of every wave since the start is kept.
-    hair [ns]: delayed light is read so much later at the start of a step and earlier at its end, as a front that stands
-        there may be off by round-off.
+    hair [ns]: by which the time of a front may be off by round-off. Of delayed light that has a front so near to an end
+        of a step, the side that lies within the step is taken.
     """
 
     light: int
