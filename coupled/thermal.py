@@ -64,7 +64,11 @@ def compact(model: ThermalModel) -> Compact:
 
 
 def linear(model: ThermalModel, purpose: str) -> Foster:
-    """Return `compact` of a linear model; InputError for another kind, which cannot be used to ``purpose``."""
+    """The Foster network of a linear thermal model (`compact`).
+
+    purpose: a verb phrase for the error, "to PURPOSE, a linear one is needed".
+    Raises InputError: a model that is not linear, such as an output map or a quadratic model.
+    """
     small = compact(model)
     hint = f"to {purpose}, a linear one is needed: Foster, StateSpace, Network or Cauer, or a fit or reduction"
     checks.instance("model.dynamics", small, Foster, hint=hint)

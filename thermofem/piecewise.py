@@ -11,7 +11,7 @@ from .arrays import Array, ArrayLike
 from .errors import InputError
 
 MOST_PIECES = 200_000
-SHORTEST = 1e-12  # of a stretch: a shorter cell that does not fit contains a jump that is no breakpoint
+SHORTEST = 1e-12  # of the whole interval: where a cell this short has no cubic that fits, the function jumps in it
 NODES = np.array([0, 1 / 3, 2 / 3, 1])
 CHECKED = np.array([0.1273, 0.4529, 0.5471, 0.8727])  # of a cell; not evenly spaced, so that they miss no harmonic
 TO_COEFFICIENTS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ this = coefficients of u^j

@@ -99,7 +99,10 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
 
 
 def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of `EVERYWHERE` to a command; it is called with those alone that it declares."""
+    """The command with the options that all commands have (`EVERYWHERE`: --json, --quiet, --verbose, --threads) added.
+
+    They set up the console; ``command`` itself gets only those of them that are among its own arguments.
+    """
     own = inspect.signature(command, eval_str=True).parameters
     common = {
         name: inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)

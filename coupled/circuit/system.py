@@ -146,8 +146,10 @@ def powers_of(circuit: Circuit, power: Mapping[str, Any], duration: float) -> li
 
 
 def detunings_of(circuit: Circuit, detuning: Any, duration: float) -> list[Pieces]:
-    """Detuning of every laser in Hz as a piecewise cubic: all together, or by the lasers' names.
+    """Detuning of every laser in Hz over a run, as a piecewise cubic of time; in the order of the lasers.
 
+    detuning: a number, waveform or list for all lasers alike, or a mapping from their names, where 0 Hz is the default.
+    duration [s]: of the run.
     Raises InputError: a name that is no laser, or one that varies in a circuit with delays.
     """
     names = [laser.name for laser in circuit.lasers]

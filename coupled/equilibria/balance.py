@@ -154,13 +154,19 @@ PUMPS = 1000  # surveyed at one go: 1000 x 500 points of s are 4 MB an array
 
 
 class InternalRing(NamedTuple):
-    """A ring and its heat in internal units."""
+    """A ring and its heat in internal units (ns, fJ, uW, K, 1e23/m^3).
+
+    model: the thermal model in SI.
+    fcd [shape (terms, 2)]: rows (c_k, p_k) of the free-carrier dispersion S(N), see `dispersion`.
+    heat: the same thermal model at rest and under small changes.
+    problem: ring and heat as the C++ kernel takes them.
+    """
 
     model: Compact
     rates: Rates
-    fcd: Array  # rows (c_k, p_k) of S(N)
+    fcd: Array
     heat: Heat
-    problem: kernel.Problem  # as the kernel takes it
+    problem: kernel.Problem
 
 
 class Balance(NamedTuple):

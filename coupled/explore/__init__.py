@@ -72,8 +72,8 @@ def explore(
 
     The page runs the kernel of `simulate`, compiled to WebAssembly; it finds fixed points, their stability, Hopf and
     fold curves as `steady_states`, `stability_map`, `hopf_curves` and `fold_curves` do, and settled cycles by Newton's
-    method on the return map. The curves of `cycle_fold_curves` are computed here for the first view, and shown while
-    ring and model are those.
+    method on the return map. Curves of `cycle_fold_curves` are computed when the page is written, for the
+    ring and model that it opens with; it shows them as long as ring and model are these.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def explore(
     reference : str, optional
         name of the model that judges the others' period errors; by default the first reduction, or the family's member.
     family : surrogate.family.Family, optional
-        sliders for its first three parameters; its member is the first thermal model. Between the points of a grid the
-        step response is linear; the page states the error.
+        adds sliders for its first three parameters; the member that they pick is the first thermal model. Its step
+        response is interpolated linearly between members on a grid of the parameters; the page states the error.
     heaters : mapping of name to float, W, optional
         powers of heaters when the page opens. Every input of a model but the one that the light heats gets a slider.
     heated, read : str, optional

@@ -37,10 +37,10 @@ FEWEST = 64  # samples of a trace
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
 LAST = 3  # cycles of a simulated trace, which has no noise to average
 SAMPLES = 2048  # of a simulated cycle
-BETWEEN, MANY = 8, 100_000  # points of the autocorrelation in a sample, of traces with at most so many samples
-PARTS, MOVES = 32, 0.05  # pieces of a trace at rest, and the share of the mean by which their means may differ
+BETWEEN, MANY = 8, 100_000  # points of the autocorrelation for each sample; in traces of more than `MANY` samples 1
+PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
 LEVEL = 0.05  # of the mean: a smaller swing counts as that
-NEAR = 0.1  # of a whole number, relative: a ratio of periods that is one
+NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
 LONGEST = 40e-6  # s simulated for a trace that is longer, or
 SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
 MOST = 50_000  # samples of a simulated trace
@@ -85,7 +85,12 @@ class Cycle:
 
 
 class Seen(NamedTuple):
-    """The cycle of a trace; standard deviations of its ln(period) and of the parts of its harmonics, shape (33,)."""
+    """The mean cycle of a measured trace, and how far noise leaves it open.
+
+    period_deviation: standard deviation of ln(period); nan where the trace does not pulse.
+    deviations [shape (33,), unit of the trace]: standard deviation of the real part of each harmonic c_k, and of the
+        imaginary part; inf for harmonics that the samples do not show.
+    """
 
     cycle: Cycle
     period_deviation: float

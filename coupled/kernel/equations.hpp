@@ -121,7 +121,7 @@ struct Problem {
   const double *seen_ring, *seen_laser, *seen_late;  // waves x rings, lasers, delays complex
   const double* corner;          // waves or null: 1/ns of the detectors, 0 for none
   int energies;                  // whether the energy of every wave since the start is kept
-  double hair;                   // ns by which the times of fronts may be off
+  double hair;                   // ns by which the times of fronts may be off by round-off
 };
 
 // dx_k/dt of quadratic heat.

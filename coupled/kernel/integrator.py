@@ -34,8 +34,8 @@ MOST_NUMBERS = 100_000_000  # that rows may hold: 800 MB
 RETURN = 0.1  # s of work until the kernel returns for Ctrl-C and progress
 CAP = 0.25  # step times the rate of what grows, where the state rests
 LARGEST_SPECTRUM = 100  # states; in a larger circuit every ring is looked at alone
-DONE, STEPS, FULL, EVENT, RESTING, TOO_SMALL = range(6)
-SINGLE, ORDERED, LOOPS = range(3)
+DONE, STEPS, FULL, EVENT, RESTING, TOO_SMALL = range(6)  # why the kernel returns, as in loop.hpp
+SINGLE, ORDERED, LOOPS = range(3)  # how light passes the rings, as in equations.hpp
 
 _D, _I, _L, _P = c.c_double, c.c_int, c.c_int64, c.c_void_p
 
@@ -137,7 +137,24 @@ class Drive(NamedTuple):
 
 
 class Network(NamedTuple):
-    """Light between the rings of a circuit, its delays, and the waves that are observed."""
+    """Light between the R rings of a circuit, its D delays and the Q waves that are observed; from L lasers.
+
+        da_i/dt = ... + sum_j M_ij a_j + i sum_d late_id u_d(t),    u_d(t) = wave_d(t - delay_d)
+        wave_q  = sum_j seen_ring_qj a_j + sum_l seen_laser_ql s_l + sum_d seen_late_qd u_d
+
+    light: ORDERED where light passes the rings in an order, LOOPS where it comes back to one.
+    own [shape (R,), 1/ns]: M_ii, light that a ring sends back to itself.
+    sequence [shape (R,)]: the rings in the order in which light passes them.
+    between [shape (R, R), 1/ns]: M_ij from ring j to ring i; None where it is taken_i sent_j, as along one bus.
+    taken, sent [shape (R,)]
+    delay [shape (D,), ns]
+    late [shape (R, D)]: what comes into a ring from the end of a delay.
+    seen_ring, seen_laser, seen_late [shapes (Q, R), (Q, L), (Q, D)]; the first D waves start the delays.
+    corner [shape (Q,), 1/ns]: 2 pi times the bandwidth of the detector of a wave, 0 for none; None where all have none.
+    energies: whether the energy of every wave since the start is kept.
+    hair [ns]: by which the time of a front may be off by round-off. Of delayed light that has a front so near to an end
+        of a step, the side that lies within the step is taken.
+    """
 
     light: int
     own: NDArray[np.complex128]
@@ -246,6 +263,7 @@ class Problem:
         return int(self._kept[-1].ctypes.data)
 
     def _call(self, name: str, *arguments: Any) -> int:
+        """Call a function of `kernel.hpp`; the first time with no memory, when it returns how many bytes it needs."""
         function = getattr(library(), name)
         function.restype = _L
         if name not in self._memory:
@@ -341,10 +359,13 @@ class Problem:
         )  # fmt: skip
 
     def _look(self, y: Array, loop: Any, looks: float) -> float:
-        """Bound the step where the state rests by what grows there; returns how many looks are left.
+        """Where the state rests: bound the step by the fastest eigenvalue that grows there.
 
-        An L-stable method damps with a long step what grows by the equations. A look at a circuit costs hundreds of
-        steps: there are ten, and one more every 4000 steps.
+            step <= CAP/max |lambda|   over the eigenvalues of the Jacobian with Re(lambda) > 0
+
+        A long step of an L-stable method damps what grows by the equations: it would stay on an unstable fixed point.
+        Eigenvalues of a circuit cost as much as hundreds of steps: it begins with ten such looks, and gains one every
+        4000 steps. ``looks`` are those left before; returns how many are left now.
         """
         if self.rings > 1:
             left = min(looks + (loop.accepted - max(loop.look_again - 20, 0)) / 4000, 10.0)

@@ -10,9 +10,11 @@
 struct Loop {
   double t, h, h_before, size_before, growth;  // the step to try; the last one and its size
   double rtol, longest, restart;               // bound of every step; the step to try after a jump
-  double cap, looked;                          // bound where the state rests; step at the last look
+  double cap, looked;  // where the state rests: bound of the step; step when RESTING came last
   double level, seen, crossing;                // of an event: distance from the level, last time
-  int64_t accepted, rejected, look_again, filled, room, budget;  // room: of `steps`
+  int64_t accepted, rejected;
+  int64_t look_again;            // number of accepted steps from which RESTING comes again
+  int64_t filled, room, budget;  // rows written; room of `steps`; steps until it returns STEPS
   int begun, piece, entered, fresh, per_step;
   int quantity, ring, stop;  // event: 0 none, 1 U, 2 N, 3 dT, of which ring; whether it ends there
   Past past;

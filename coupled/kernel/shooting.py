@@ -17,10 +17,10 @@ from .integrator import DONE, EVENT, FULL, TOO_SMALL, PoleHeat, Problem, no_step
 from .library import library
 
 ROOM, MOST_ROOM = 8192, 2_000_000  # rows of a trace; a second of work
-MOST_SLOW = 8  # states of heat for which Newton's method is
+MOST_SLOW = 8  # states of heat that Newton's method solves for
 ROUGH, FINE = 1e-5, 3e-7  # rtol of traces
-SURE = 50.0  # by how much a trace's error may grow in that of the period
-OUTLASTS = 40.0  # time constants in a period after which heat has forgotten
+SURE = 50.0  # relative error of the period over that of a trace (`_growth`), above which the trace is made more precise
+OUTLASTS = 40.0  # time constants of a state of heat in a period, with which nothing is left of where it began
 
 
 _P, _D = c.c_void_p, c.c_double

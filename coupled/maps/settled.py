@@ -37,11 +37,11 @@ class Cell(NamedTuple):
 
 
 TRIES = 4  # of closing a cycle near a transient
-AGAIN = 3  # turns by which a cycle is verified
-ASIDE = 3e-4  # of the warmest state of heat, beside a cycle
-LONG = 2400  # rows of a cycle; one with more may be a burst
-PRECISE = 1e-9  # rtol, with Rodas5P, of such a one
-REACH = 4.0  # periods within which a trace returns
+LONG = 2400  # steps of a cycle; one with more may be a burst, of which a stable return map alone proves little
+ASIDE = 3e-4  # of the largest state of heat: the distance from a cycle at which a trace begins that tests it
+AGAIN = 3  # periods of that trace, in which its distance must change as the return map says
+PRECISE = 1e-9  # rtol, with Rodas5P, of the numbers of a cycle that is `LONG`
+REACH = 4.0  # periods within which a trace must come back to the section where the carriers rise
 AHEAD = ([1.0], [2.0, -1.0], [3.0, -3.0, 1.0])  # the polynomial through one to three neighbours at the next point
 
 

@@ -255,7 +255,11 @@ class OpticalNumbers:
         return np.asarray(found)
 
     def moves(self, k: int) -> bool:
-        """Whether the k-th parameter moves any number over its range."""
+        """Whether any of the optical numbers depends on the k-th parameter.
+
+        That is, whether one differs by more than 1e-6 of itself between the ends of the parameter's range, with all
+        other parameters in the middle of theirs.
+        """
         ends = np.full((2, self.powers.shape[1]), 0.5)
         ends[:, k] = 0.0, 1.0
         low, high = self.rows(ends)

@@ -105,7 +105,12 @@ class Box:
         return np.asarray(np.exp(x, out=x, where=self.logarithmic))
 
     def share(self, rows: Array) -> Array:
-        """The inverse of `at`."""
+        """Place of each parameter in its range, 0 at the low and 1 at the high end; the inverse of `at`.
+
+            share = (f(x) - f(low))/(f(high) - f(low)),    f(x) = ln x where the range is logarithmic, else x
+
+        rows [shape (..., p), SI]: parameters x; the result has the same shape.
+        """
         low, high = self._spacing(self.low), self._spacing(self.high)
         return np.asarray((self._spacing(rows) - low) / (high - low))
 

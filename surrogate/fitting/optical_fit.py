@@ -41,7 +41,12 @@ class Optical:
     shift: float
 
     def phases(self, logs: Array) -> Array:
-        """phi at every sample for ln R_i and then ln tau_i; shape (samples,)."""
+        """Phase phi(t) of the light in rad at all samples of all traces, one after the other; shape (samples,).
+
+            phi(t) = phi_T sum_i R_i y_i(t; tau_i)
+
+        logs [shape (2 poles,)]: ln R_i (R in K/W) of all poles, then ln tau_i (tau in s).
+        """
         R, tau = np.exp(logs.reshape(2, -1))
         answers = [pole_responses(1 / tau, d.wave, d.times, periodic=d.periodic) for d in self.responses]
         return np.asarray(self.shift * np.concatenate(answers) @ (R / tau))

@@ -106,9 +106,12 @@ def time_constant(model: Model) -> float:
 
 
 def channel_steps(model: Any) -> list[dict[str, Any]] | None:
-    """R_th (K/W) and rise time (s) of every channel of a linear model, with its ``heated`` and ``read``; outputs first.
+    """Thermal resistance and rise time of every channel of a linear model, from a heated input to a read output.
 
-    None where the model has no independent poles.
+        step(t) = sum_i R_i (1 - exp(-t/tau_i)),    R_th = sum_i R_i,    rise time: from 10 % to 90 % of R_th
+
+    Returns a dict for each channel: "heated", "read", "thermal_resistance" (K/W), "rise_time" (s); all inputs of the
+    first output, then those of the next. None where the model cannot be written as a sum of poles.
     """
     try:
         found = poles_of(getattr(model, "linear", model))

@@ -1,6 +1,8 @@
 """Campaigns: base geometry, varied quantities, drives and probes, and the loop over the geometries.
 
-Each geometry is solved in a worker, which writes its file; the process that called keeps the books.
+Each geometry is solved in a worker process, which writes its file (`compute`); the process that called `Campaign.run`
+records which are finished and which failed. The way of a campaign: `campaign_file` reads it, `Campaign.cases` lists the
+geometries, `stored_tasks` hands them to workers, `collection` joins their files.
 """
 
 from __future__ import annotations

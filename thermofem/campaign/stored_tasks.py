@@ -45,8 +45,11 @@ class Store:
 
     @contextlib.contextmanager
     def opened(self, *inner: str) -> Iterator[None]:
-        """Make the folder (and folders in it), lock it, and delete half-written files of a killed run.
+        """The folder of the store, locked for this process as long as the with-block runs.
 
+        It is made where there is none, and half-written files of a killed run are deleted.
+
+        inner: names of folders in it that are made beside "results".
         Raises InputError: it cannot be made or written, or another run is using it.
         """
         with files.own_folder(self.folder, ("results", *inner)):

@@ -226,9 +226,10 @@ def make_folder(path: str | Path) -> Path:
 
 @contextlib.contextmanager
 def locked(path: Path, what: str) -> Iterator[None]:
-    """Lock the file ``path`` for this process, made where it does not exist; InputError where another run holds it.
+    """Hold a lock on the file ``path`` as long as the with-block runs; the file is made where there is none.
 
-    A killed process gives its lock back.
+    what: which thing the lock guards, as the error calls it.
+    Raises InputError: another run holds the lock, or the file cannot be written. A killed process gives its lock back.
     """
     lock = filelock.FileLock(path, timeout=0)
     with prefixed(f"{what} cannot be written", OSError):

@@ -97,7 +97,7 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int 
 
 
 class Leader:
-    """The mesh of one geometry, to be moved.
+    """Keeps the mesh of one geometry and moves it to similar ones, which saves making a mesh for each.
 
     mesh: with an estimated error below ``accuracy``; default one that is made with `MARGIN`.
     """

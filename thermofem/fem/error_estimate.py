@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 # of a quadratic element of length 1: int phi' phi', int phi phi
 _SLOPES = np.array([[7.0, 1.0, -8.0], [1.0, 7.0, -8.0], [-8.0, -8.0, 16.0]]) / 3
 _VALUES = np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30
-STRONG = 0.5  # lambda below which a vertex is looked at
+STRONG = 0.5  # the field goes with distance^lambda at a vertex; where lambda is smaller, cubic functions see too little
 
 
 def saturation(exponent: float) -> float:
@@ -104,11 +104,11 @@ def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray
 Channel = tuple[str, str]  # heated, read
 
 SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary chip, and of the step at 1 ns
-FAINT = 1e-2  # of R_th: what another part feels less of is not worth a finer mesh
+FAINT = 1e-2  # of the R_th of the heated part: where another part warms less, its error hardly counts for the mesh
 SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
-CROSS = 1.75  # for another part that is read: the most it took on 200 random cross-sections (there)
+CROSS = 1.75  # the same where another part is read than heated: the most found on 200 random cross-sections (there)
 STORED = 1.1e6  # 1/s; the stored heat of slower processes needs fields of its own
-PEAK = 1.2  # between 0 and the last shift: what the error of the step may exceed its average over a decade by
+PEAK = 1.2  # most that the error of the step at one time is over its average around it; not for s = 0 and the last s
 
 
 @dataclass(frozen=True, eq=False)

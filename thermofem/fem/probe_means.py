@@ -144,7 +144,12 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
 
 
 def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Integral of 2 pi r times each basis function over what a probe reads, in m^3."""
+    """Integral over what a probe reads, by which its mean temperature follows from the unknowns x.
+
+        v_i = int 2 pi r u_i dA  in m^3, shape (n,),    mean = v . x / sum_i v_i
+
+    with u_i the n basis functions; in a straight section its length stands for 2 pi r.
+    """
     if probe.shell is None:
         return off_axis_integral(geometry, basis, probe)
     return shell_integral(geometry, mesh, basis, probe)

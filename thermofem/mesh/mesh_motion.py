@@ -168,9 +168,10 @@ class Motion:
         return np.stack([self._weights[k] @ corner_velocity[:, k] for k in (0, 1)], axis=1)
 
     def moved(self, geometry: CrossSection) -> Array:
-        """Points (r, z) in m, shape (vertices, 2), of the mesh of another geometry.
+        """Vertices (r, z) in m, shape (vertices, 2), of the same mesh moved to another geometry.
 
-        Raises InputError: as `corners_of`; triangles that turn over.
+        geometry: with the same faces as the one that the mesh was made for.
+        Raises InputError: its faces are others (`corners_of`), or a triangle would turn over.
         """
         corners = self.corners_of(geometry)
         points = self._once.points + self._velocity(corners - self.corners)

@@ -131,9 +131,9 @@ class AtSmallPower(Delegates):
 
 
 class HasModel(Delegates):
-    """Makes a result that holds a thermal model, such as a fit or a reduction, a thermal model itself.
+    """Base class of results that hold a thermal model, such as a fit or a reduction, and can be used as that model.
 
-    Every point of the contract is that of ``self.model``.
+    Every method of the contract is passed on to ``self.model``.
     """
 
     model: Any

@@ -122,7 +122,10 @@ class Foster:
     @classmethod
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Foster:
-        """The network of a model file."""
+        """The network that the content of a model file describes, as `to_json` wrote it: R in K/W and tau in s.
+
+        Raises InputError: content of another layout, or a network that is not passive (`check_passive`).
+        """
         model = cls(**columns(content, "poles", R="K/W", tau="s"), **parts(content))
         model.check_passive()
         return model

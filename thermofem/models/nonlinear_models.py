@@ -306,7 +306,10 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
         return at_times(run, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
-        """One period of the periodic state in K (`transient.integrate_periodic`)."""
+        """Rise in K over one period, shape (samples,), when a periodic power has been on for so long that it repeats.
+
+        Times are `waveforms.period_times`, both ends included; found by `transient.integrate_periodic`.
+        """
         check_single(self.linear)
         waveforms.check_heating(wave, getattr(wave, "period", None))
         return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]

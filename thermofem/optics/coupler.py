@@ -36,7 +36,7 @@ WIDER = np.array([0.0, 0.1, 0.25])  # um, added to the gap: where the supermodes
 TRUSTED = 0.2  # relative error of kappa^2
 SMALLEST, LARGEST = 2e-8, 3e-6  # m, of half a gap at the foot of the walls, and of a gap
 STEP = 1e-30  # of complex differences, which have no round-off
-SIZES = 2e-3  # accuracy whose heat mesh sizes hold here
+SIZES = 2e-3  # the mesh is as fine as one for heat of this relative accuracy
 POINTS = 801  # of the integral along the bend
 MOST = 0.5  # of kappa^2: beyond it the rate equations do not hold
 
