@@ -1,7 +1,5 @@
 """Arguments that the package's functions share: powers, detunings, times, and the bar that shows progress."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any

@@ -1,7 +1,5 @@
 """Free-carrier recombination, with one lifetime or through one trap level; decays after a pump pulse and their fit."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

@@ -6,8 +6,6 @@ A linear model adds the rises by the heaters to the rise by the light, so the li
 temperature that is known beforehand. The residues R_ih of a transfer channel have either sign.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

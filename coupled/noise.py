@@ -16,8 +16,6 @@ Sources: Petermann, Laser Diode Modulation and Noise (1988) (RIN); Di Domenico, 
 Opt. 49, 4801 (2010) (linewidth of white frequency noise: pi times its density).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -5,8 +5,6 @@
 A ring that was given follows the geometry in proportion: number(p) = number(p_0) computed(p)/computed(p_0).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

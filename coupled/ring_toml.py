@@ -27,8 +27,6 @@ eta_fca = "1e-13 m^3/s"          # eta_tpa ("1/s/J"), g_tpa ("1/m^3/s/J^2"), the
 ```
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import math

@@ -1,7 +1,5 @@
 """Thermal models in the form that is integrated with the optics, and whether their geometry is that of the ring."""
 
-from __future__ import annotations
-
 import functools
 import logging
 import warnings

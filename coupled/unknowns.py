@@ -1,7 +1,5 @@
 """Free parameters of `identify`: fields of the ring, of its carriers and of the thermal law, as logarithms."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Protocol, runtime_checkable

@@ -1,7 +1,5 @@
 """A circuit, its heat and its drive, in SI and as the kernel takes them; the breakpoints that delays bring back."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -21,8 +21,6 @@ f are Chebyshev series through the steady states of the model, over the powers t
 ns, fJ, uW, K and 1e23 carriers per m^3.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Least squares in a box for residuals that jump here and there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -9,8 +9,6 @@ with s_x half a step of the sweep and s_y the noise: no branch has to be guessed
 matter, and a jump at the wrong place is a distance that shrinks as the fold moves, not a step that has no slope.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Parameters of a ring, its carriers and its heat from drop traces: forced filters, settled cycles, a test."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

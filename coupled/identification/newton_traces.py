@@ -1,7 +1,5 @@
 """Newton's law fitted to each drop trace by itself: how its heat capacity and lifetime drift with the period."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Sequence

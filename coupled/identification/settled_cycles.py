@@ -1,7 +1,5 @@
 """Settled cycles of traces and of free runs of a model: how far apart they are, and what makes a fit doubtful."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The compiled library: compiled again when a source is newer, with $CXX, ziglang or the machine's compiler."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import os

@@ -3,8 +3,6 @@
 Everything is in the kernel's units. `shooting.cpp` has the equations.
 """
 
-from __future__ import annotations
-
 import ctypes as c
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Coefficients of the Rosenbrock methods, read from tableaus.json, which names their sources."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """Whether the cycles of a trace repeat: their heights and lengths from one to the next."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

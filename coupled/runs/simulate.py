@@ -1,7 +1,5 @@
 """Time traces of a driven ring: energy, carriers, temperature and port powers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

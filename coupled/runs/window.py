@@ -4,8 +4,6 @@ Every resonance that a laser is on has a field of its own. All share carriers an
 the Kerr effect of another resonance count twice. Lasers on one resonance beat.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

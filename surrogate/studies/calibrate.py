@@ -1,7 +1,5 @@
 """Calibration: geometry and materials from measured thermal traces, on a family of models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Design: the member of a family with wanted properties, and members that no other beats in all of them at once."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from concurrent.futures import Executor

@@ -1,7 +1,5 @@
 """Properties of the members of a family, and searches over them with the free ranges as a unit cube."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field

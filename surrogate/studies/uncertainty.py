@@ -1,7 +1,5 @@
 """Uncertainty of a property of a ring under fabrication tolerances, with the sensitivity to each parameter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace

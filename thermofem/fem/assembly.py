@@ -10,8 +10,6 @@ depend on those before it. Moved meshes share the sparsity pattern of their matr
 factorizations are made once, too (`Pencil.inherit`).
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 from contextlib import suppress

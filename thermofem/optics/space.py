@@ -11,8 +11,6 @@ e and grad p are 1-forms, so that only the weights change.
 Source: derived; the form of J.-F. Lee, D.-K. Sun, Z. J. Cendes, IEEE Trans. Microw. Theory Tech. 39, 1262 (1991).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
