@@ -266,7 +266,7 @@ def _row(
                 ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, rest=rest,
                 watch=watch,
             )  # fmt: skip
-            end, rise = run.final, float(max(run.delta_T.max(), *([] if rest is None else rest.delta_T)))
+            end, rise = run.final, float(max([run.delta_T.max(), *([] if rest is None else rest.delta_T)]))
             cells.append(Cell(found.regime, found.period, found.duty, found.swing, found.reason, rise))
         except (checks.InputError, RuntimeError) as error:
             cells.append(Cell(FAILED, reason=str(error)))

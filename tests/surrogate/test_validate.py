@@ -256,7 +256,7 @@ def test_telegraph_dwells_as_long_as_it_says():
         (lambda: surrogate.period_error(FAST, SLOW, [1e-6], power=-1), "power"),
         (lambda: surrogate.compare({"a": FAST}, FAST, [th.Pulse(0.0, 1e-6)]), "does not move"),
         (lambda: surrogate.compare({"a": FAST}, FAST, [th.Sampled([0, 1e-6], [0, 1e-3])]), "how long a Sampled"),
-        (lambda: th.Chirp(1e-3, 1e-6, 1e-6, 1e-5), "take a SquareWave"),
+        (lambda: th.Chirp(1e-3, 1e-6, 1e-6, 1e-5), "a SquareWave"),
         (lambda: th.Chirp(1e-3, 1e-6, 2e-6, 1e-5, duty=2.0), "duty"),
         (lambda: th.Telegraph(1e-3, -1e-6, 1e-5), "dwell"),
     ],
