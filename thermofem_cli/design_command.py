@@ -94,7 +94,7 @@ def design(
     free = [name for name in found.names if name not in fixed]
     for name, slopes in result.sensitivity.items():
         words = [
-            f"{100 * slope * result.values[one] / result.achieved[name]:+.3g} % a % of {one}"
+            f"{slope * result.values[one] / result.achieved[name]:+.3g} % for 1 % of {one}"
             for one, slope in slopes.items()
         ]
         say(f"{name} changes by {', '.join(words)}")
@@ -106,6 +106,8 @@ def design(
     own = written(result.certified.thermal_resistance, "K/W")
     say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
     front = None
+    if result.front is None and not result.reached and len(target) > 1:
+        note('a Pareto front of the targets needs pymoo: pip install "thermofem[swarm]"')
     if result.front is not None:
         front = {str(name): column.values.tolist() for name, column in result.front.items()}
         count = result.front.sizes["member"]

@@ -44,11 +44,17 @@ def test_a_campaign_without_drives_becomes_a_family(folder):
 
 
 def test_design(folder):
-    wanted = surrogate.load_family(folder / "family.json").model(box=2.1e-6).thermal_resistance
+    low, wanted, high = (
+        surrogate.load_family(folder / "family.json").model(box=box * 1e-6).thermal_resistance
+        for box in (2.079, 2.1, 2.121)
+    )
     text = run("design", str(folder / "family.json"), "--resistance", f"{wanted!r} K/W")
     assert "reached" in text
     assert "box = 2.1 um" in text
     assert " K/mW, wanted " in text
+    (slope,) = re.findall(r"thermal_resistance changes by (\S+) % for 1 % of box", text)
+    # a difference over 1 % either way errs by 1e-4, the text by half of its third digit
+    assert float(slope) == pytest.approx((high - low) / (0.02 * wanted), rel=1e-2)
 
 
 def test_a_family_is_no_model(folder):
