@@ -142,9 +142,6 @@ def explore(
         **dict.fromkeys(MOVED), "duration": 20, "view": "cycle", "units": "GHz",
     }  # fmt: skip
     rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE)
-    rings[0]["window"] = {  # with the laser in it
-        name: (min(low, start[name]), max(high, start[name])) for name, (low, high) in rings[0]["window"].items()
-    }
     sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
     start |= _heater_powers(sliders, heaters)
     grid = family_of(family) if family is not None else None
