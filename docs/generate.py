@@ -324,7 +324,8 @@ Every command takes `--json`, `--quiet` (`-q`), `--verbose` (`-v`), `--seed` and
 | light | geometry | modes; `ring.toml`, a ring with the origin of every number | [modes](#modes), [ring](#ring) |
 | compact models | data, table or geometry | model (JSON) | [fit](#fit), [reduce](#reduce), [show](#show) |
 | judging | model or geometry | error curves | [validate](#validate) |
-| many rings | campaign (TOML) | family (JSON), its designs and spreads | [family](#family), [design](#design), [uncertainty](#uncertainty), [calibrate](#calibrate) |
+| many rings | campaign (TOML) | family (JSON) | [family](#family) |
+| | family | designs, spreads | [design](#design), [uncertainty](#uncertainty), [calibrate](#calibrate) |
 | ring and light | model, `--ring` (TOML) | traces | [simulate](#simulate) |
 | | | maps | [map](#map), [stability](#stability) |
 | | model, traces of light | parameters of the ring | [identify](#identify) |

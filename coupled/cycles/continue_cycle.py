@@ -7,7 +7,6 @@ import numpy as np
 import xarray as xr
 
 from thermofem import checks
-from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
@@ -97,7 +96,9 @@ def continue_cycle(
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
     if detuning is None and not is_hopf_point(guess):
         _check_heaters(guess, warm.rise)
-    ends = _ends(values)
+    ends = checks.array("values", values)
+    if ends.shape != (2,) or ends[0] == ends[1]:
+        raise checks.InputError(f"values = {values!r} must be two different numbers, the ends of the range")
     p = CycleProblem(ring, warm.model, P, nu, warm.rise)
     family = Family(p, (parameter,), np.array([ends.max() - ends.min()]))
     here = value_of(p, parameter)
@@ -114,14 +115,6 @@ def continue_cycle(
     path = _dataset(family, found, why).assign_attrs(warm.attributes | doubts)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path
-
-
-def _ends(values: Any) -> Array:
-    """The ends of the range, in the order given."""
-    ends = checks.array("values", values)
-    if ends.shape != (2,) or ends[0] == ends[1]:
-        raise checks.InputError(f"values = {values!r} must be two different numbers, the ends of the range")
-    return np.asarray(ends)
 
 
 def _laser(guess: Any, power: float | None, detuning: float | None, turn: float) -> tuple[float, float]:

@@ -217,12 +217,6 @@ def _bordered(M: Array, w: Array) -> tuple[Array, int]:
     return A, row
 
 
-def returns(flow: Flow, y: Array, duration: float, level: float) -> Array | None:
-    """The state where a trace next rises through ``level``, None if not within ``duration`` ns."""
-    run = flow.run(y, duration, level=level)
-    return run.y if run.crossings.size else None
-
-
 BOOLE = np.array([7, 32, 12, 32, 7]) / 90  # weights of five rows of a step, of its length
 
 

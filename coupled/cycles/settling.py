@@ -14,7 +14,7 @@ import numpy as np
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
-from .return_map import FINE, FLAT, MIDDLE, ROUGH, Flow, Orbit, close, returns
+from .return_map import FINE, FLAT, MIDDLE, ROUGH, Flow, Orbit, close
 
 FIRST_PART, LONGEST_PART, LONGEST_SEEN = 4e3, 1e5, 1e6  # ns; the last without three pulses in it
 REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
@@ -153,8 +153,9 @@ def pulse_train(
 
     Where that is known, only a trace that repeats itself is tried (``wary``); precisely the ``last`` time.
     """
-    met = returns(flow, y, 4 * seen.longest, (seen.low + seen.high) / 2)
-    if met is None:
+    run = flow.run(y, 4 * seen.longest, level=(seen.low + seen.high) / 2)
+    met = run.y
+    if run.crossings.size == 0:
         return None, "the pulses end", False
     reach = 30 * seen.longest
     off = _distances(flow, met, reach)
@@ -230,8 +231,9 @@ def once(flow: Flow, orbit: Orbit, reach: float) -> Orbit:
 
 def comes_nearer(flow: Flow, y: Array, orbit: Orbit, reach: float) -> bool:
     """Whether the trace through ``y`` is nearer to the orbit after as many turns as halve a small deviation."""
-    at = returns(flow, y, reach, flow.value(orbit.start))
-    if at is None:
+    run = flow.run(y, reach, level=flow.value(orbit.start))
+    at = run.y
+    if run.crossings.size == 0:
         return False
     starts = [orbit.trace.crossings[k] for k in range(orbit.pulses)]
     first = [distance(flow, at, start) for start in starts]

@@ -1,9 +1,7 @@
 // The derivative of the flow, and of the equations.
 #include "kernel.hpp"
 
-// Directions that are followed at once, where there are many: a number of 7 and its value fill a
-// line of the cache, which is 2.4 times as fast as 8.
-constexpr int COLUMNS = 7;
+constexpr int COLUMNS = 7;  // directions at once; and the value: a line of the cache
 
 // The `count` steps of these lengths again, from y0 to y_end; V, size x columns, is replaced by its
 // product with the derivative of the flow. Returns the bytes of memory it needs.

@@ -139,14 +139,12 @@ class Drive(NamedTuple):
 class Network(NamedTuple):
     """Light between the R rings of a circuit, its D delays and the Q waves that are observed; from L lasers.
 
-        da_i/dt = ... + sum_j M_ij a_j + i sum_d late_id u_d(t),    u_d(t) = wave_d(t - delay_d)
-        wave_q  = sum_j seen_ring_qj a_j + sum_l seen_laser_ql s_l + sum_d seen_late_qd u_d
+    Equations: `network.hpp`.
 
     light: ORDERED where light passes the rings in an order, LOOPS where it comes back to one.
     own [shape (R,), 1/ns]: M_ii, light that a ring sends back to itself.
     sequence [shape (R,)]: the rings in the order in which light passes them.
-    between [shape (R, R), 1/ns]: M_ij from ring j to ring i; None where it is taken_i sent_j, as along one bus.
-    taken, sent [shape (R,)]
+    between [(R, R), 1/ns]: M_ij from ring j to i; None where it is taken_i sent_j [(R,) each], as along one bus.
     delay [shape (D,), ns]
     late [shape (R, D)]: what comes into a ring from the end of a delay.
     seen_ring, seen_laser, seen_late [shapes (Q, R), (Q, L), (Q, D)]; the first D waves start the delays.
