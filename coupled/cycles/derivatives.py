@@ -133,11 +133,10 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), np.empty(0))
     q, n, alone = len(names), orbit.start.size, Family(p, (), np.empty(0))
     closed = corrected(alone, nodes, np.empty((0, n + 1)), weights(alone, orbit.trace), rtol=FINEST)
-    there = nodes if closed is None else closed.nodes._replace(values=family.start())
-    known = linearised(family, there, FINEST)
+    there = closed and closed.nodes._replace(values=family.start())
+    known = there and linearised(family, there, FINEST)
     planes, unit = np.eye(n + 1 + q)[n + 1 :], weights(family, orbit.trace)
-    step = closed and known and newton(there, known, planes, np.zeros(q), unit)
-    if not step:
+    if there is None or known is None or (step := newton(there, known, planes, np.zeros(q), unit)) is None:
         raise checks.InputError(
             f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
         )

@@ -24,7 +24,6 @@ from ..runs.pulsing import DUTY_LEVEL
 
 ROUGH, MIDDLE, FINE = 1e-5, 1e-6, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P
 CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, FINE: 3e-10}  # relative step of Newton's method that is enough at each
-EXACT = 1e-7  # error of the multiplier 1
 LARGEST = 0.3  # relative step of Newton's method
 CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
 TURNS = 30  # of Newton's method
@@ -144,14 +143,10 @@ class Flow:
         return Trace(y, at, T, np.concatenate(rows), parts)
 
     def derivative(self, trace: Trace, rtol: float) -> Array:
-        """V of a trace. Every two steps of a precise one are taken as one, unless the multiplier 1 shows the error."""
-        problem, n = self.rough if rtol >= MIDDLE else self.fine, trace.end.size
-        for every in (1,) if rtol >= MIDDLE else (2, 1):
-            V = np.eye(n)
-            for start, steps in trace.parts:
-                _, V = problem.follow(start, np.add.reduceat(steps, np.arange(0, steps.size, every)), V)
-            if every == 2 and np.isfinite(V).all() and np.abs(np.linalg.eigvals(V) - 1).min() < EXACT:
-                break
+        """V of a trace of this tolerance, shape (n, n), along its very steps."""
+        problem, V = self.rough if rtol >= MIDDLE else self.fine, np.eye(trace.end.size)
+        for start, steps in trace.parts:
+            _, V = problem.follow(start, steps, V)
         return V
 
     def projected(self, columns: Array, end: Array) -> Array:
