@@ -3,10 +3,9 @@
     python benchmarks/bench_campaign.py [geometries] [workers]
 
 A Latin hypercube over radius, width and oxide thickness, each geometry meshed and driven by a step to 20 us at accuracy
-1e-3. Parallel efficiency is CPU time of the geometries over wall time times workers: on an idle machine what is missing
-to 1 is start, waiting, writing and the index; on a busy one also what others take, so the share of all CPU time of the
-run (parent and workers) that went into geometries stands beside it. So does the error of the first geometry's R_th and
-step against accuracy 1e-4. Memory is the largest resident set of the parent process.
+1e-3, with the error of the first geometry's R_th and step against accuracy 1e-4. CPU time is that of parent and
+workers: over wall time times workers, what is missing to 1 on an idle machine is start, waiting and the index. Memory
+is the largest resident set of the parent process.
 """
 
 from __future__ import annotations
@@ -59,15 +58,10 @@ def main() -> None:
         summary = plan.run(folder, workers=workers)
         wall, used = time.perf_counter() - begin, cpu() - used
         resistance, step = error(plan, folder)
-    rest = wall - summary.seconds
-    rate = summary.finished / summary.seconds
-    print(f"{summary.finished} geometries, {summary.failed} failed, {workers} workers")
-    print(f"solving {summary.seconds:.1f} s, start of the workers, index and training data {rest:.1f} s")
-    print(f"{rate:.2f} geometries/s; 1000 would take {(1000 / rate + rest) / 60:.1f} min")
-    print(f"CPU {1e3 * summary.cpu_seconds / summary.finished:.0f} ms a geometry")
-    print(f"efficiency {summary.cpu_seconds / (workers * summary.seconds):.1%} while solving", end=", ")
-    print(f"{summary.cpu_seconds / (workers * wall):.1%} with start and index")
-    print(f"share of all CPU time {summary.cpu_seconds / used:.1%}, the start of the workers included")
+    rate = summary.finished / wall
+    print(f"{summary.finished} geometries, {summary.failed} failed, {workers} workers, {wall:.1f} s")
+    print(f"{rate:.2f} geometries/s; 1000 would take {1000 / rate / 60:.1f} min")
+    print(f"CPU {1e3 * used / summary.finished:.0f} ms a geometry, {used / (workers * wall):.1%} of the workers' time")
     print(f"error against accuracy 1e-4: R_th {resistance:.1e}, step {step:.1e} (promised 1e-3)")
     print(f"parent's memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 

@@ -79,8 +79,7 @@ Processes = Annotated[int, typer.Option("--workers", min=1, max=1024, help="Work
 Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")]
 
 FieldTimes = Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")]
-PARAVIEW = "Write the fields for ParaView: .xdmf; .vtu of one time; or .pvd, with NAME_0000.vtu and so on beside it."
-Paraview = Annotated[Path | None, typer.Option(help=PARAVIEW)]
+Paraview = Annotated[Path | None, typer.Option(help="Write the fields for ParaView: .xdmf, or .vtu of one time.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 NetCDF = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]

@@ -82,7 +82,7 @@ def solve(
     if (paraview or animation) and not kept:
         kept = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
     if paraview:
-        th.fields.files_of(paraview, len(kept))
+        th.fields.field_file(paraview, len(kept))
 
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy)

@@ -10,7 +10,7 @@ import thermofem as th
 
 def test_traces_fields_and_figure(tmp_path):
     done = thermofem(
-        "cosimulate", "--duration", "2 us", "--field-times", "0.5 us, 1 us", "--paraview", "heat.pvd",
+        "cosimulate", "--duration", "2 us", "--field-times", "0.5 us, 1 us", "--paraview", "heat.xdmf",
         "--figure", "traces.png", "-o", "run.nc", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -20,7 +20,7 @@ def test_traces_fields_and_figure(tmp_path):
     assert run.field.sizes["field_time"] == 2
     assert run.attrs["largest_discrepancy"] < 1e-3
     assert abs(run.attrs["heat_imbalance"]) < 1e-6
-    assert (tmp_path / "heat_0001.vtu").exists()
+    assert (tmp_path / "heat.xdmf").exists()
     assert (tmp_path / "traces.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -43,7 +43,7 @@ def test_a_heater_a_ring_file_and_no_predictor(tmp_path):
     [
         (["--heater", "heatr=5 mW"], "'heatr' is unknown"),
         (["--heater", "5 mW"], "NAME=VALUE"),
-        (["--paraview", "a.pvd"], "--field-times"),
+        (["--paraview", "a.xdmf"], "--field-times"),
         (["--max-discrepancy", "1 mW"], "--max-discrepancy"),
         (["--predictor", "missing.json"], "missing.json"),
         (["--figure", "a.txt"], "a.txt"),

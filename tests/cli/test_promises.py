@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -133,15 +132,6 @@ def test_the_ending_for_paraview_is_refused_before_the_work(tmp_path):
     assert "'.vtk' is unknown" in refused("solve", "--paraview", "t.vtk", cwd=tmp_path)
     told = refused("solve", "--paraview", "t.vtu", "--field-times", "1 us, 2 us", cwd=tmp_path)
     assert "holds one time and the data 2" in told
-
-
-def test_names_in_a_series_for_paraview_are_escaped(tmp_path):
-    """The list of 'a & "b" <c>.pvd' was no XML."""
-    name = 'a & "b" <c>'
-    done = thermofem("solve", *SHORT, "--field-times", "1 us", "--paraview", f"{name}.pvd", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    listing = ET.parse(tmp_path / f"{name}.pvd")
-    assert [entry.get("file") for entry in listing.iter("DataSet")] == [f"{name}_0000.vtu"]
 
 
 @pytest.mark.slow

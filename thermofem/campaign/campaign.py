@@ -7,7 +7,6 @@ geometries, `stored_tasks` hands them to workers, `collection` joins their files
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 import math
@@ -24,7 +23,7 @@ import xarray as xr
 from scipy.stats import qmc
 
 from .. import __version__, checks, waveforms
-from ..data import files, netcdf
+from ..data import files
 from ..data.variables import known
 from ..errors import InputError, MissingLibraryError
 from ..fem import HeatProblem
@@ -61,8 +60,8 @@ class Summary:
     ----------
     total, reused, finished, failed : int
         all geometries; with a result from earlier runs; with one from this run; without a result, now or earlier.
-    seconds, cpu_seconds : float
-        of this run: wall time of the solving, CPU time of the geometries in the workers.
+    seconds : float
+        wall time of this run.
     """
 
     total: int
@@ -70,20 +69,11 @@ class Summary:
     finished: int = 0
     failed: int = 0
     seconds: float = 0.0
-    cpu_seconds: float = 0.0
 
     @property
     def done(self) -> int:
         """Geometries that need no more work."""
         return self.reused + self.finished + self.failed
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a worker reports of one geometry: the reason of a failure, and CPU seconds."""
-
-    reason: str
-    cpu: float
 
 
 @dataclass(frozen=True)
@@ -198,7 +188,7 @@ class Campaign:
         seen: dict[str, Case] = {}
         for values in self._values():
             content = json.dumps((self.geometry_of(values), *shared))
-            key = hashlib.sha256(content.encode()).hexdigest()[:16]
+            key = files.digest(content.encode())[:16]
             seen.setdefault(key, Case(key, values))
         return list(seen.values())
 
@@ -234,6 +224,7 @@ class Campaign:
         MissingLibraryError
             meshes must be made and gmsh cannot be loaded.
         """
+        begin = time.perf_counter()
         hint = "add a [[drive]] table (a family needs none)"
         checks.enough(f"campaign {self.name!r}", len(self.drives), 1, "drives", hint=hint)
         report = report or (lambda summary: None)
@@ -247,7 +238,6 @@ class Campaign:
             if waiting:
                 _assembled(self, self.geometry)
             report(summary)
-            begin = time.perf_counter()
             work = partial(compute, self, folder)
             for case, future in completed(work, waiting, executor=executor, workers=workers):
                 error = future.exception()
@@ -255,19 +245,18 @@ class Campaign:
                     kept = f"{summary.reused + summary.finished} finished geometries are kept, run again with a new one"
                     raise InputError(f"the executor broke ({error})", kept)
                 known = error is None or isinstance(error, MissingLibraryError)  # which no other geometry gets around
-                outcome = future.result() if known else Outcome(str(error), 0.0)
-                if outcome.reason:
-                    folder.write_failure(case.key, outcome.reason, self.named(case))
+                reason = future.result() if known else str(error)
+                if reason:
+                    folder.write_failure(case.key, reason, self.named(case))
                     summary = replace(summary, failed=summary.failed + 1)
                 else:
                     folder.store.enter(case.key)
                     folder.failure(case.key).unlink(missing_ok=True)
                     summary = replace(summary, finished=summary.finished + 1)
-                spent = summary.cpu_seconds + outcome.cpu
-                summary = replace(summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)
+                summary = replace(summary, seconds=time.perf_counter() - begin)
                 report(summary)
             write_collections(folder)
-        return summary
+        return replace(summary, seconds=time.perf_counter() - begin)
 
 
 def _assembled(campaign: Campaign, geometry: str) -> HeatProblem:
@@ -280,20 +269,19 @@ def _assembled(campaign: Campaign, geometry: str) -> HeatProblem:
     return heat
 
 
-def compute(campaign: Campaign, folder: Folder, case: Case) -> Outcome:
-    """Solve one geometry under every drive and write its file; this runs in a worker.
+def compute(campaign: Campaign, folder: Folder, case: Case) -> str:
+    """Solve one geometry under every drive and write its file, in a worker; returns the reason of a failure, or "".
 
     Raises MissingLibraryError: no other geometry would fare better.
     """
-    start = time.thread_time()
     try:
         _write(_solved(campaign, case), folder.store.path(case.key))
     except MissingLibraryError:
         raise
     except Exception as error:  # whatever stops one geometry is recorded, and the others go on
         kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
-        return Outcome(f"{kind}{error}" or "no message", time.thread_time() - start)
-    return Outcome("", time.thread_time() - start)
+        return f"{kind}{error}" or "no message"
+    return ""
 
 
 def _solved(campaign: Campaign, case: Case) -> dict[str, xr.Dataset]:
@@ -323,7 +311,6 @@ def _write(results: dict[str, xr.Dataset], path: Path) -> None:
 
     def write(temporary: Path) -> None:
         for number, (name, data) in enumerate(results.items()):
-            data.attrs = netcdf.signed(data.variables, data.attrs)
             data.to_netcdf(temporary, engine="h5netcdf", group=name if number else None, mode="a" if number else "w")
 
     files.write_whole(path, write)

@@ -208,8 +208,7 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
     Raises
     ------
     InputError
-        an empty list; a trace that stands twice, which would make the standard errors too small; traces of two
-        channels.
+        an empty list; traces of two channels.
     """
     datasets: Any = data if isinstance(data, list | tuple) else [data]
     responses: list[Response] = []
@@ -217,11 +216,6 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
         with checks.prefixed(f"data[{k}]" if len(datasets) > 1 else ""):
             responses.append(response_of(one))
     checks.enough("data", len(responses), 1, "Datasets")
-    seen: dict[bytes, int] = {}
-    for k, response in enumerate(responses):
-        first = seen.setdefault(response.times.tobytes() + response.rise.tobytes(), k)
-        if first < k:
-            raise checks.InputError(f"data[{k}] is the same trace as data[{first}]; give every trace once")
     doubts = check_together([at_probe(one) for one in datasets])
     return [replace(one, doubts=(*one.doubts, *doubts)) for one in responses]
 

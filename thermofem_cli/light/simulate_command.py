@@ -138,9 +138,9 @@ def cosimulate(
     if paraview and not settings["field_times"]:
         raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
     if paraview:
-        from thermofem.data.fields import files_of
+        from thermofem.data.fields import field_file
 
-        files_of(paraview, len(settings["field_times"]))
+        field_file(paraview, len(settings["field_times"]))
     section = section_of(geometry)
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy)
