@@ -84,7 +84,7 @@ def fit(
         options.unused(context, f"shows one file; {len(data)} are given", "figure")
     check_outputs([output, figure], images=[figure], inputs=data)
     read_as: dict[str, Any] = {"columns": columns, "units": units, "time": time, "temperature": temperature}
-    read_as |= {"sensitivity": sensitivity, "start": start, "baseline": baseline, "fall": fall or None}
+    read_as |= {"sensitivity": sensitivity, "start": start, "baseline": baseline, "fall": fall}
     training, assumed = _training(context, data, read_as)
     with about(data):
         training = [_channel(path, one, heated, read) for path, one in zip(data, training, strict=True)]

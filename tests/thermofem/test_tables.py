@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import logging
 
 import hostile_tables
 import numpy as np
@@ -12,7 +11,6 @@ from paths import MEASURED
 
 import surrogate
 import thermofem as th
-from thermofem.waveforms import from_json
 
 TIMES = np.linspace(0, 10e-6, 101)
 MODEL = th.Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6])
@@ -238,11 +236,10 @@ def test_a_fall_after_a_long_heating_is_the_rise_upside_down(cold, unit, before,
     t = (np.arange(600) - before) * 20e-9
     y = cold + 7.0 - np.where(t > 0, MODEL.response(th.Constant(1e-3), np.clip(t, 0, None)), 0.0)
     path = write(tmp_path / "fall.csv", f"Time (s),T ({unit})\n", [t, y])
-    for fall in (True, None):
-        data = th.read_trace(path, 1e-3, fall=fall)
-        fit = surrogate.fit_foster(data, order=2)
-        np.testing.assert_allclose(fit.model.R, MODEL.R, rtol=1e-4)
-        assert fall or "falls: taken as the fall" in data.attrs["assumed"]
+    fit = surrogate.fit_foster(th.read_trace(path, 1e-3, fall=True), order=2)
+    np.testing.assert_allclose(fit.model.R, MODEL.R, rtol=1e-4)
+    with pytest.raises(th.InputError, match=r"the rows fall.*--fall"):
+        th.read_trace(path, 1e-3)
 
 
 def test_a_fall_after_a_heating_of_any_length(tmp_path):
@@ -286,25 +283,18 @@ def test_published_measurements(name):
     assert fit.model.thermal_resistance == pytest.approx(data.delta_T.values[-1], rel=0.1, abs=0)
 
 
-@pytest.mark.parametrize(("edges", "phase"), [("row", 0.0), ("middle", 20e-9)])
-def test_an_edge_between_two_rows_is_a_jump_where_asked(edges, phase, tmp_path, caplog):
+def test_an_edge_is_a_ramp_unless_two_rows_stand_at_its_time(tmp_path, caplog):
     """Second-order response to 2 mW, sampled every 40 ns."""
-    on, off = 0.52e-6 - phase, 3.04e-6 - phase
     model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
-    t = np.arange(200) * 40e-9
-    rise = 2e-3 * (model.step_response(np.maximum(t - on, 0)) - model.step_response(np.maximum(t - off, 0)))
-    power = np.where((t > on - 1e-12) & (t < off - 1e-12), 2e-3, 0.0)
-    path = write(tmp_path / "scope.csv", "t (s),P (W),T (K)\n", [t, power, rise])
-    with caplog.at_level(logging.WARNING, "thermofem"):
-        ramps = th.read_trace(path, "P")
-    assert "the power changes by more than half its range between rows, 2 times" in caplog.text
-    jumps = th.read_trace(path, "P", edges=edges)
-    times = np.asarray(from_json(jumps.attrs["waveform"]).times)
-    assert times[:-1][np.diff(times) == 0] == pytest.approx([on, off], rel=1e-9, abs=0)
-    # with the true edges the fit has the true model; with ramps of 40 ns it has not
-    found = [surrogate.fit_second_order(data).parameters["kappa"] for data in (ramps, jumps)]
-    assert found[1] == pytest.approx(8.87e5, rel=1e-4)
-    assert abs(found[0] / 8.87e5 - 1) > 0.01
+    t = np.sort(np.append(np.arange(200) * 40e-9, 1.2e-6))
+    rise = 2e-3 * model.step_response(np.maximum(t - 1.2e-6, 0))
+    power = np.where(np.arange(201) > 30, 2e-3, 0.0)
+    data = th.read_trace(write(tmp_path / "twice.csv", "t (s),P (W),T (K)\n", [t, power, rise]), "P")
+    assert surrogate.fit_second_order(data).parameters["kappa"] == pytest.approx(8.87e5, rel=1e-4)
+    assert not caplog.text
+    once = [np.delete(column, 30) for column in (t, power, rise)]
+    th.read_trace(write(tmp_path / "once.csv", "t (s),P (W),T (K)\n", once), "P")
+    assert "the power changes by more than half its range between rows, 1 times" in caplog.text
 
 
 def german(text):

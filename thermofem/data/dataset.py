@@ -175,7 +175,7 @@ def response_of(data: xr.Dataset) -> Response:
     if periodic:
         _check_one_period("data.time", times, wave)
     doubts = contradictions(data, wave, times, rise, periodic=periodic)
-    if clipped := clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times)):
+    if clipped := clipping(rise, unit_of(data.attrs.get("assumed", ""))):
         doubts = (*doubts, clipped)
     words = f"{wave.words}, {'periodic state' if periodic else 'from rest'}"
     gain = static_gain(data)

@@ -36,10 +36,6 @@ NOTHING = 0.005  # of the swing: an offset below it is none
 FOLLOWED = 1e-3  # of the swing: what the grid of time constants leaves of an exact sum of poles
 DRIFT = 0.05  # of the swing: more before the heating is no rest
 UNEVEN = 3.0  # longest step over the shortest from which rows are no even samples
-STEEP = 0.5  # of the range of the power: a change by more within `ROWS` intervals is an edge
-FLANK = 0.1  # of the range, in one interval: less is noise beside an edge
-ROWS = 3
-EDGES = ("row", "middle")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,22 +76,25 @@ class Rows:
 
 
 def rise_of(
-    rows: Rows, start: float | None, level: float | None, fall: bool | None, sampled: bool
+    rows: Rows, start: float | None, level: float | None, fall: bool, sampled: bool
 ) -> tuple[Array, Array, dict[str, Any]]:
     """Times from the start on, the rise, and attributes: start, baseline and how well both are known.
 
-    start [s], level [K]: of the heating and the baseline, None to find them; fall: None to find out; sampled: whether
-        the power is that of a column.
+    start [s], level [K]: of the heating and the baseline, None to find them; sampled: whether the power is that of a
+        column.
+    Raises InputError: rows that fall without ``fall``.
     """
     t, wave = rows.t, rows.wave
     checks.enough("table", t.size, dataset.FEWEST, "rows")
-    if fall is None:
-        fall = isinstance(wave, Constant) and start is None and level is None and _falls(rows)
+    few = max(1, t.size // 10)
+    drop = float(np.median(rows.y[:few]) - np.median(rows.y[-few:]))
+    if not fall and isinstance(wave, Constant) and start is None and level is None and drop > 0.2 * rows.swing:
+        raise InputError("the rows fall: a fall after heating (--fall), or a diode (a negative --sensitivity)?")
     sign, length, what = 1.0, 0.0, "heating"
     if fall and isinstance(wave, Pulse):
         length = wave.width
         start = _start(replace(rows, y=-rows.y, wave=Constant(wave.power)), start, "fall")[0] - length
-    elif fall and not sampled:
+    elif fall:
         if not isinstance(wave, Constant):
             raise InputError("--fall goes with a constant --power, or with --pulse and the length of the heating")
         sign, what = -1.0, "fall"
@@ -122,21 +121,6 @@ def rise_of(
     if before.size >= dataset.FEWEST:
         about[dataset.NOISE] = float(before.std(ddof=1))
     return t[kept] - t0, rows.y[kept] - off, about
-
-
-def _falls(rows: Rows) -> bool:
-    """Whether the rows fall as after a heating; of a voltage, which may fall when heated, InputError."""
-    few = rows.thin()
-    part = max(1, few.t.size // 10)
-    if np.median(few.y[-part:]) >= np.median(few.y[:part]):
-        return False
-    rise, fall = (_best(replace(few, y=sign * few.y))[1] for sign in (1.0, -1.0))
-    if fall > 0.1 * rise or fall > 0.1 * np.sum((few.y - few.y.mean()) ** 2):
-        return False
-    if rows.unit == "V":
-        raise InputError("the voltage falls: a fall after heating (--fall), or a diode (a negative --sensitivity)?")
-    rows.said.append("the temperature falls: taken as the fall after a long heating, as with --fall")
-    return True
 
 
 def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
@@ -263,56 +247,16 @@ def _check_rest(rows: Rows, start: float) -> None:
         )
 
 
-def sampled_power(times: Array, power: Array, edges: str | None = None) -> Waveform:
-    """The drive of a column of power (W): straight between its rows, from t = 0 on with its first value.
-
-    edges: None: a change between two rows is a ramp, and the log tells where that looks wrong; "row": an edge is a jump
-        at the first row with the new power, as in tables of a simulation; "middle": a jump where it keeps the energy,
-        as in traces of an oscilloscope.
-    """
-    steep = _edges(times, power)
-    if edges is not None:
-        times, power = _with_jumps(times, power, steep, checks.choice("edges", edges, EDGES))
-    elif steep:
+def sampled_power(times: Array, power: Array) -> Waveform:
+    """The drive of a column of power (W): straight between its rows, from t = 0 on with its first value."""
+    steep = np.flatnonzero((np.abs(np.diff(power)) > 0.5 * np.ptp(power)) & (np.diff(times) > 0))
+    if steep.size:
         log.warning(
             "the power changes by more than half its range between rows, %d times, first at t = %g s; these are taken "
-            'as ramps; where they are edges, give edges="row" or "middle"',
-            len(steep),
-            times[steep[0][0]],
+            "as ramps; where they are edges, write a row for both sides of each at one time",
+            steep.size,
+            times[steep[0]],
         )
     if times[0] > 0:
         times, power = np.append(0.0, times), np.append(power[0], power)
     return Sampled(times, power)
-
-
-def _edges(times: Array, power: Array) -> list[tuple[int, int]]:
-    """First and last row of every change by more than `STEEP` of the range within at most `ROWS` intervals."""
-    change, range_ = np.diff(power), float(np.ptp(power))
-    found: list[tuple[int, int]] = []
-    k = 0
-    while k < change.size:
-        stop = k + 1
-        if abs(change[k]) > FLANK * range_:
-            on = change * np.sign(change[k]) > FLANK * range_  # a product of powers may overflow
-            while stop < min(change.size, k + ROWS) and on[stop]:
-                stop += 1
-            if abs(power[stop] - power[k]) > STEEP * range_ and times[stop] > times[k]:
-                found.append((k, stop))
-        k = stop
-    return found
-
-
-def _with_jumps(times: Array, power: Array, steep: list[tuple[int, int]], edges: str) -> tuple[Array, Array]:
-    """Samples with every edge moved to one time: that of its last row, or the time that conserves the energy."""
-    keep = np.ones(times.size, dtype=bool)
-    jumps: list[tuple[float, float]] = []
-    for a, b in steep:
-        at = float(times[b])
-        if edges == "middle":
-            at -= float(np.trapezoid(power[a : b + 1] - power[a], times[a : b + 1]) / (power[b] - power[a]))
-        keep[a + 1 : b + (edges == "row")] = False
-        jumps += [(at, power[a]), (at, power[b])]
-    t = np.concatenate([times[keep], [time for time, _ in jumps]])
-    p = np.concatenate([power[keep], [watts for _, watts in jumps]])
-    order = np.argsort(t, kind="stable")  # both sides of a jump stay in their order
-    return t[order], p[order]

@@ -56,8 +56,7 @@ def read_trace(
     sensitivity: str | float | None = None,
     start: str | float | None = None,
     baseline: str | float | None = None,
-    fall: bool | None = None,
-    edges: str | None = None,
+    fall: bool = False,
 ) -> xr.Dataset:
     """Read a table of time and temperature that was measured or simulated under a known power.
 
@@ -81,9 +80,7 @@ def read_trace(
     baseline : str or float, K
         temperature at rest, or before a fall, to subtract; default: the mean before the start, or fitted.
     fall : bool
-        whether the rows are the fall after a heating: a long one, or a `Pulse` of known width. Default: if it falls.
-    edges : "row" or "middle"
-        where the power of a column jumps between two rows, see `thermofem.data.sampled_power`; default: it is a ramp.
+        whether the rows are the fall after a heating: a long one, or a `Pulse` of known width.
 
     Returns
     -------
@@ -119,10 +116,10 @@ def read_trace(
         if wave is None:
             first = min(float(t[0]), 0.0) if first is None else first
             y, watts, t = y[t >= first], more[0][t >= first], t[t >= first]
-            wave = heating_start.sampled_power(t - first, watts, edges)
+            wave = heating_start.sampled_power(t - first, watts)
         rows = heating_start.Rows(t, y, wave, unit_of(said), said)
         sampled = watts is not None
-        times, rise, about = heating_start.rise_of(rows, first, level, False if sampled else fall, sampled)
+        times, rise, about = heating_start.rise_of(rows, first, level, fall, sampled)
     attributes = {
         "source": path.name,
         "source_sha256": digest,
