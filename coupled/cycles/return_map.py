@@ -6,7 +6,7 @@
 
 The kernel follows V along the very steps of a trace. Rough traces (Rodas4) lead near the orbit; chord steps on precise
 ones (Rodas5P), with the V of rough ones, close it. The eigenvalues of V are the Floquet multipliers; one of them, that
-of a shift in time, is 1.
+of a shift in time, is 1: V f(y_0) = f(y_T).
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
 """
@@ -23,6 +23,7 @@ from ..kernel.integrator import CARRIERS, Crossing, Problem, Run
 from ..runs.pulsing import DUTY_LEVEL
 
 ROUGH, MIDDLE, FINE = 1e-5, 1e-6, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P
+FOLLOWED = 1e-8  # rtol of the trace along which V is followed: multipliers to 5e-7, in half the time of FINE
 CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, FINE: 3e-10}  # relative step of Newton's method that is enough at each
 LARGEST = 0.3  # relative step of Newton's method
 CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
@@ -196,13 +197,21 @@ def close(
             return None
         rounded = fresh and 0.5 * before < size < 1e-7  # round-off of the traces
         if (size < CLOSED[tolerance] or (rounded and tolerance == FINE)) and not tolerances:
-            return Orbit(trace, V if fresh else flow.derivative(trace, tolerance), size, pulses)
+            return Orbit(trace, V if fresh else _followed(flow, trace, longest), size, pulses)
         if size < CLOSED[tolerance]:
             tolerance, before = tolerances.pop(0), 1.0
         elif tolerance == FINE:
             before = np.inf if size > CONTRACTION * before and not fresh else size
         y = y + dy * min(1.0, LARGEST / size)
     return None
+
+
+def _followed(flow: Flow, trace: Trace, longest: float) -> Array:
+    """V of a precise trace, along a coarser one, with V f(y_0) = f(y_T): the multiplier 1 is known."""
+    V = flow.derivative(flow.trace(trace.start, FOLLOWED, len(trace.parts), longest) or trace, FOLLOWED)
+    begin, end = (flow.fine.slopes(y)[0] for y in (trace.start, trace.end))
+    along = begin / flow.scale(trace.rows) ** 2
+    return np.asarray(V + np.outer(end - V @ begin, along) / (along @ begin))
 
 
 def _bordered(M: Array, w: Array) -> tuple[Array, int]:

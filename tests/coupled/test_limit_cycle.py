@@ -30,7 +30,7 @@ def test_periods_and_multipliers_of_an_independent_program(model, period, multip
     validated("Coupled dynamics", what, ours, period * 1e9, rel=1e-9, unit="ns", source="independent implementation")
     found = cycle["multipliers"].values
     assert np.iscomplexobj(found)
-    assert np.abs(found - 1).min() < 1e-8  # the trivial one; round-off through 1900 steps
+    assert np.abs(found - 1).min() < 1e-8  # that of a shift in time
     rest = np.delete(found, np.argmin(np.abs(found - 1)))
     np.testing.assert_allclose(rest[: len(multipliers)].real, multipliers, atol=1e-5 if len(multipliers) > 1 else 5e-5)
     assert cycle.attrs["stability"] == "stable"
