@@ -63,18 +63,21 @@ inline T optics(const Ring<F>& ring, const T* y, const T& z, const T& rise, cons
 
 // ---- what the caller hands over ---------------------------------------------------------------
 
+// The last k of n pieces with begin(k) <= t; 0 where t lies before all.
+template <class Begin> inline int piece_of(int n, double t, const Begin& begin) {
+  int low = 0, high = n - 1;
+  while (low < high) {
+    const int middle = (low + high + 1) / 2;
+    if (begin(middle) <= t) low = middle; else high = middle - 1;
+  }
+  return low;
+}
+
 struct Table {  // functions of time: polynomials in t - edges[k] between edges[k] and edges[k + 1]
   int pieces, columns, terms;
   const double *edges, *c;  // pieces + 1; pieces x columns x terms
 
-  int at(double t) const {
-    int low = 0, high = pieces - 1;
-    while (low < high) {
-      const int middle = (low + high + 1) / 2;
-      if (edges[middle] <= t) low = middle; else high = middle - 1;
-    }
-    return low;
-  }
+  int at(double t) const { return piece_of(pieces, t, [&](int k) { return edges[k]; }); }
   const double* piece(int k, int column) const { return c + (k * columns + column) * terms; }
 };
 inline double polynomial(const double* c, int terms, double u) {

@@ -27,13 +27,3 @@ int64_t with_system(const Problem& p, const Call& call) {
   else
     return call(Type<Single<F, 0, T, Poles<0, T>>>());
 }
-
-template <int F>
-int64_t integrate(const Problem& p, Loop& L, double* y, double* rows, int64_t capacity,
-                  const double* times, int64_t wanted, double* steps, char* memory) {
-  return with_system<F, double, F == 1>(p, [&](auto type) -> int64_t {
-    Arena arena = {memory};
-    Integration<F, typename decltype(type)::System> integration(p, L, y, rows, arena);
-    return memory ? integration.run(capacity, times, wanted, steps) : (int64_t)arena.used;
-  });
-}

@@ -48,9 +48,8 @@ def build(target: Path, flags: tuple[str, ...] = (), command: list[str] | None =
 
         def compiled(source: Path) -> str:
             out = str(Path(folder, source.stem + ".o"))
-            level = "-O2" if source.stem == "several" else "-O3"  # where g++ takes ten seconds more, for nothing
             width = NARROW if source.stem != "follow" and not flags else ()
-            _run([*command, level, *FLAGS, *width, *position, *flags, "-c", str(source), "-o", out])
+            _run([*command, "-O3", *FLAGS, *width, *position, *flags, "-c", str(source), "-o", out])
             return out
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:

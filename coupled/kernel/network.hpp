@@ -127,13 +127,8 @@ template <class T> struct Network {
 
   // ---- waves -----------------------------------------------------------------------------------
 
-  int past_step(double t) const {  // the one that holds t; the first where t lies before all
-    int low = 0, high = past.filled - 1;
-    while (low < high) {
-      const int middle = (low + high + 1) / 2;
-      if (past.steps[middle * entry] <= t) low = middle; else high = middle - 1;
-    }
-    return low;
+  int past_step(double t) const {  // the one that holds t
+    return piece_of((int)past.filled, t, [&](int k) { return past.steps[k * entry]; });
   }
   // The wave behind a delay at t, and its slope; at a front that of the side of `aside`. 0 before
   // the start.

@@ -1,5 +1,6 @@
 // The kernel as the page calls it: one ring, one field, poles of heat, constant light.
 #include "../../kernel/loop.hpp"
+#include "../../kernel/slopes.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
@@ -23,20 +24,6 @@ EXPORT void ring_follow(const Problem* p, const double* y0, const double* steps,
 
 // dy/dt and its derivative, size x size.
 EXPORT void ring_slopes(const Problem* p, const double* y, double* dy, double* J) {
-  const Ring<1> ring = ring_of<1>(*p, 0);
-  const int size = 3 + p->order;
-  double z = 0;
-  for (int k = 3; k < size; k++) z += y[k];
-  Dual<4> at[3], f[3];
-  for (int m = 0; m < 3; m++) at[m] = seeded<4, double>(y[m], m);
-  auto factor = [&](int k, const Dual<4>& s) { return power(s, ring.e[k]); };
-  const Dual<4> P = optics<1>(ring, at, seeded<4, double>(z, 3), zero<Dual<4>>(), p->detuning.c, f,
-                              factor);
-  f[1].v += sqrt(p->power.c[0]);
-  for (int m = 0; m < size; m++) {
-    const double gain = m < 3 ? 0 : p->gain[m - 3], rate = m < 3 ? 0 : p->rate[m - 3];
-    dy[m] = m < 3 ? f[m].v : gain * P.v - rate * y[m];
-    for (int l = 0; l < size; l++)
-      J[m * size + l] = m < 3 ? f[m].d[l < 3 ? l : 3] : l < 3 ? gain * P.d[l] : l == m ? -rate : 0;
-  }
+  double in[] = {sqrt(p->power.c[0]), 0};
+  slopes<1>(*p, {in, (double*)p->detuning.c, nullptr, nullptr}, y, dy, J);
 }
