@@ -109,23 +109,11 @@ class Rounds(KrylovSpace):
 
     shifts [1/s]
     solvers: solve with K + s M, for each shift s.
-    start [shape (n, f)]: fields that it holds from the start; default none.
-    others [shape (n, e)]: fields that `basis` can add; they are no part of what grows.
     """
 
-    def __init__(
-        self,
-        system: StateSpace,
-        shifts: Array,
-        solvers: Sequence[Solve],
-        start: Array | None = None,
-        others: Array | None = None,
-    ) -> None:
+    def __init__(self, system: StateSpace, shifts: Array, solvers: Sequence[Solve]) -> None:
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
-        if start is not None:
-            self.extend(start)
         self.shifts, self.solvers, self.sizes = shifts, solvers, [self.order]
-        self.others = self.V[:, :0] if others is None else others
 
     def grow(self) -> None:
         """Add one solve at each shift; nothing once the space holds every unknown."""
@@ -134,36 +122,20 @@ class Rounds(KrylovSpace):
                 self.extend(np.column_stack([solve(b) for b in self.remainder.T]))
         self.sizes.append(self.order)
 
-    def basis(self, size: int | None = None, *, others: bool = False) -> Basis:
-        """Its first ``size`` fields (default all) in modal form, with the span of ``others`` on request."""
+    def basis(self, size: int | None = None, *, constant: bool = False) -> Basis:
+        """Its first ``size`` fields (default all) in modal form, with the ``constant`` field on request."""
         size = self.order if size is None else size
         V, stiffness, inside = self.V[:, :size], self.stiffness[:size, :size], self.inside[:size]
-        if others and self.others.shape[1] and size < len(V):
-            w = self._outside(size)
+        if constant and size < len(V):
+            one = np.ones((len(V), 1))
+            w, _ = orthonormal(one, self.M, V, self.MV[:, :size], smallest=self.smallest)
             Kw = self.K @ w
             across = V.T @ Kw
             V, inside = np.column_stack([V, w]), np.vstack([inside, w.T @ self.B])
             stiffness = np.block([[stiffness, across], [across.T, w.T @ Kw]])
-        rate, rotation = np.linalg.eigh(stiffness)
+        # slow fields come first: this triangle keeps the slow rates, and with them the heat balance, to 1e-11
+        rate, rotation = np.linalg.eigh(stiffness, UPLO="U")
         return Basis(rate, rotation.T @ inside, V, rotation)
-
-    @cached_property
-    def _beside(self) -> Array:
-        """M-orthonormal basis W of ``others``."""
-        none = np.empty((self.M.shape[0], 0))
-        return orthonormal(self.others, self.M, none, none, most=len(none), smallest=self.smallest)[0]
-
-    def _outside(self, size: int) -> Array:
-        """M-orthonormal basis of the part of ``others`` outside the first ``size`` fields V.
-
-        (W - V V^T M W) T with T^-2 = 1 - (V^T M W)^T (V^T M W); column by column where that is nearly singular.
-        """
-        V, MV, W = self.V[:, :size], self.MV[:, :size], self._beside
-        inside = MV.T @ W
-        left, turn = np.linalg.eigh(np.eye(W.shape[1]) - inside.T @ inside)
-        if left[0] <= MUCH:
-            return orthonormal(W, self.M, V, MV, most=len(V) - size, smallest=self.smallest)[0]
-        return np.asarray((W - V @ inside) @ (turn / np.sqrt(left)))
 
 
 def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:

@@ -107,7 +107,6 @@ SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary ch
 FAINT = 1e-2  # of the R_th of the heated part: where another part warms less, its error hardly counts for the mesh
 SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
 CROSS = 1.75  # the same where another part is read than heated: the most found on 200 random cross-sections (there)
-STORED = 1.1e6  # 1/s; the stored heat of slower processes needs fields of its own
 PEAK = 1.2  # most that the error of the step at one time is over its average around it; not for s = 0 and the last s
 
 
@@ -136,18 +135,11 @@ class Estimate:
 
 
 class MeshError:
-    """Estimates the mesh error in the channels of one heat problem.
-
-    fields [shape (unknowns, s)]: (K + s M)^-1 c of what was heated or read in estimates so far, at all shifts, 0 last.
-    contents [shape (unknowns,)]: (K + s M)^-1 M 1 at the shifts up to `STORED`.
-    """
+    """Estimates the mesh error in the channels of one heat problem."""
 
     def __init__(self, heat: HeatProblem) -> None:
         self.heat = heat
-        self.fields: dict[str, Array] = {}
-        self.contents: list[Array] = []
         self._statics: dict[str, Array] = {}
-        self._second: Array | None = None
 
     @cached_property
     def enrichment(self) -> Enrichment:
@@ -173,18 +165,10 @@ class MeshError:
     def shifts(self) -> Array:
         """One a decade from the slowest rate of the system to `FASTEST`, in 1/s; 0 last."""
         d, x = self.heat.discretization, self.static(self.heat.heated[0])
-        x = self._second = d.factors.solve(0.0, 1.0, d.E @ x)
-        self.contents = [d.factors.solve(0.0, 1.0, d.ledger.storage)]
+        x = d.factors.solve(0.0, 1.0, d.E @ x)
         slowest = float(x @ (d.K @ x)) / float(x @ (d.E @ x))  # Rayleigh's quotient after one inverse iteration
         first = min(SLOWEST, int(np.floor(np.log10(slowest))))
         return np.append(10.0 ** np.arange(FASTEST, first - 1, -1), 0.0)
-
-    def known(self, name: str) -> Array | None:
-        """Fields of a heated part from earlier estimates, shape (unknowns, f), static one last; None if none."""
-        fields = self.fields.get(name)
-        if fields is None or self._second is None or name != self.heat.heated[0]:
-            return fields
-        return np.column_stack([self._second, fields])
 
     def static(self, name: str) -> Array:
         """Static field K^-1 c of a part or probe with the mean functional c, shape (unknowns,)."""
@@ -206,12 +190,8 @@ class MeshError:
         load = np.column_stack([self.enrichment.mean(heat, name) for name in names])
         fields = np.empty((len(names), d.free.size, len(self.shifts)))
         fields[:, :, -1] = [self.static(name) for name in names]  # while the factors of 0 are there
-        # 1e6 1/s: the shift whose factors are left for the transient
-        order = np.argsort(self.shifts[:-1] == 1e6, kind="stable")
-        for k, s in zip(order, self.shifts[order], strict=True):
+        for k, s in enumerate(self.shifts[:-1]):
             fields[:, :, k] = [d.factors.solve(s, 1.0, mean) for mean in means[d.free].T]
-            if s <= STORED and not self.fields:
-                self.contents.append(d.factors.solve(s, 1.0, d.ledger.storage))
         found = np.zeros((len(means), len(self.shifts), len(names)))
         found[d.free] = fields.transpose(1, 2, 0)
         values = np.einsum("ia,isb->sab", means, found, optimize=True)
@@ -222,7 +202,6 @@ class MeshError:
             for k in range(0, len(self.shifts), at_once)
         ]
         totals, shares = (np.concatenate(each) for each in zip(*parts, strict=True))
-        self.fields.update(zip(names, fields, strict=True))
         between = (self.shifts > 0) & (self.shifts < self.shifts.max())
         factor = SATURATION * np.where(between, PEAK, 1.0)
         errors, local, weights = {}, {}, {}

@@ -197,8 +197,7 @@ class HeatProblem:
             a name that is no heated part.
         """
         if checks.choice("heated", heated, self.heated) not in self._kept:
-            known, contents = self._mesh_error.known(heated), self._mesh_error.contents
-            self._kept[heated] = Modal(self.channels(heated), self.discretization.factors, known, contents)
+            self._kept[heated] = Modal(self.channels(heated), self.discretization.factors)
         kept: Modal = self._kept[heated]
         return kept
 

@@ -16,7 +16,6 @@ parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -38,13 +37,9 @@ if TYPE_CHECKING:
 
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
-KNOWN_LOW, KNOWN_HIGH, KNOWN_SPAN = 3.0, 60.0, 3.3  # the same where one field a decade is known: half the fields do
-# smallest last shift there, 1/s, and the factor beyond it up to which the known fields are accurate
-KNOWN_LEAST, KNOWN_REACH = 0.8e9, 2.0
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # rounds before the first comparison, and before the integrator takes over
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
-STORED = 4.0  # the same of the stored heat, of which less is left at the end than at its largest
 LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such a breakpoint
 WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
 MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
@@ -64,26 +59,17 @@ class Modal:
 
     system: E and -A symmetric positive definite; of its outputs nothing is kept.
     factors: of E and -A, where the caller keeps them.
-    known [shape (n, f)]: (K + s M)^-1 B at one s a decade, the last one 0, of one input; where the caller has them.
-    contents [each of shape (n,)]: (K + s M)^-1 M 1 at slow s: without them few fields hold the core long before they
-        hold all heat.
     """
 
-    def __init__(
-        self,
-        system: StateSpace,
-        factors: Pencil | None = None,
-        known: Array | None = None,
-        contents: Sequence[Array] = (),
-    ) -> None:
-        self.system, self.known, self.contents = system, known, contents
+    def __init__(self, system: StateSpace, factors: Pencil | None = None) -> None:
+        self.system = system
         self.factors = factors or Pencil(system.E, -system.A)
-        self._spaces: dict[tuple[float, bool], Rounds] = {}
+        self._spaces: dict[float, Rounds] = {}
         self._lock = threading.Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy makes its spaces again: the factors in them cannot be copied or sent to another process."""
-        return Modal, (self.system, self.factors, self.known, self.contents)
+        return Modal, (self.system, self.factors)
 
     def run(
         self,
@@ -114,26 +100,22 @@ class Modal:
         wanted = _thinned(every, kept, edges)
         shown = wanted.searchsorted(kept)
         first, answers, last = _first(wave, wanted), list[Answer](), np.inf
-        short = self.known is not None and not shown.size and all(np.array_equal(c, self.system.B[:, 0]) for c in C)
-        content = ledger.storage[None] if short and isinstance(ledger, Ledger) else np.empty((0, self.system.order))
-        watched = np.vstack([C, content])
-        back = -2 if short else -3  # the known fields bring the core alone nearer in every round
         size = 0
         for rounds in range(FEWEST, ROUNDS):
             smaller = size
             try:
-                space, size = self._grown(rounds, first, short=short)
+                space, size = self._grown(rounds, first)
             except checks.InputError:  # E or -A is not definite
                 return None
             if smaller == size < self.system.order:
                 return None  # the space cannot grow, so convergence cannot be checked
-            basis = space.basis(size, others=ledger is not None)
+            basis = space.basis(size, constant=ledger is not None)
             if basis.rate[0] <= 0:  # a growing mode: -A is not positive definite
                 return None
             z = pole_responses(basis.rate, wave, wanted, periodic=periodic) * basis.heating[:, 0]
-            answers = [*answers[-2:], Answer(basis, z, z @ basis.read(watched).T)]
-            if len(answers) >= -back:
-                before, last = last, _moved(answers[back], answers[-1], watched, space, shown, len(content)) / rtol
+            answers = [*answers[-2:], Answer(basis, z, z @ basis.read(C).T)]
+            if len(answers) == 3:
+                before, last = last, _moved(answers[0], answers[-1], C, space, shown) / rtol
                 # 1e-2 of the tolerance: below it a change counts as none, however slowly the changes fall
                 if max(before, last) <= 1 and last <= max(before / 2, 1e-2):
                     break
@@ -141,7 +123,7 @@ class Modal:
             return None
         found = answers[-1]
         if wanted is every:
-            outputs = found.outputs[wanted.searchsorted(times), : len(C)]
+            outputs = found.outputs[wanted.searchsorted(times)]
         else:  # in chunks; each begins at t = 0 again
             rows = found.basis.read(C).T * found.basis.heating
             chunks = np.array_split(times, 1 + times.size // max(WATCHED, edges.size))
@@ -163,30 +145,18 @@ class Modal:
             method="closed form",
         )
 
-    def _grown(self, rounds: int, first: float, *, short: bool) -> tuple[Rounds, int]:
-        """The space with at least ``rounds`` rounds, for times from ``first`` in s on, and its size after them.
-
-        ``short`` begins with the known fields.
-        """
+    def _grown(self, rounds: int, first: float) -> tuple[Rounds, int]:
+        """The space with at least ``rounds`` rounds, for times from ``first`` in s on, and its size after them."""
         with self._lock:
             slow, fast = self._rates
-            low, high, span = SLOWEST * slow, FASTEST * fast, SPAN
-            if short:
-                low, high, span = _decade(KNOWN_LOW * slow), max(KNOWN_HIGH * fast, KNOWN_LEAST), KNOWN_SPAN
-            if EARLIEST / first > (KNOWN_REACH * high if short else high):
-                # rounded up to a decade and limited by the fastest rate of the mesh
+            low, high = SLOWEST * slow, FASTEST * fast
+            if EARLIEST / first > high:  # rounded up to a decade and limited by the fastest rate of the mesh
                 high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
-            key = high, short
-            if key not in self._spaces:
-                gaps = max(1, int(np.ceil(np.log10(high / low) / span)))
-                shifts = np.geomspace(low, high, gaps + 1)
-                if not short:
-                    shifts = np.append(0.0, shifts)
-                start, contents = (self.known, self.contents) if short else (None, ())
-                others = np.column_stack([np.ones(self.system.order), *contents])
-                solvers = [self.factors.keep(s, 1.0) for s in shifts]
-                self._spaces[key] = Rounds(self.system, shifts, solvers, start, others)
-            space = self._spaces[key]
+            if high not in self._spaces:
+                gaps = max(1, int(np.ceil(np.log10(high / low) / SPAN)))
+                shifts = np.append(0.0, np.geomspace(low, high, gaps + 1))
+                self._spaces[high] = Rounds(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts])
+            space = self._spaces[high]
             while len(space.sizes) <= rounds:
                 space.grow()
             return space, space.sizes[rounds]
@@ -194,19 +164,12 @@ class Modal:
     @cached_property
     def _rates(self) -> tuple[float, float]:
         """As `krylov.rates`."""
-        known = self.known
-        return rates(self.system, self.factors.keep(0.0, 1.0) if known is None else lambda b: known[:, -1])
+        return rates(self.system, self.factors.keep(0.0, 1.0))
 
     @cached_property
     def _cell(self) -> float:
         """About the rate of the fastest cell of the mesh."""
         return float((-self.system.A.diagonal() / self.system.E.diagonal()).max())
-
-
-def _decade(shift: float) -> float:
-    """The power of ten within a factor of two, whose factors the mesh error estimate may have left; else as it is."""
-    ten = float(10.0 ** np.round(np.log10(shift)))
-    return ten if ten / 2 < shift < 2 * ten else shift
 
 
 def _edges(wave: Waveform, end: float) -> NDArray[np.float64]:
@@ -249,10 +212,8 @@ def _first(wave: Waveform, wanted: Array) -> float:
     return float((np.append(wanted, np.inf)[at] - starts).min(initial=np.inf))
 
 
-def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp], contents: int) -> float:
+def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
     """Largest change of an output, or of a field ``shown``, since an older answer; `OTHERS` times but in the heat.
-
-    The last output is the stored heat where ``contents`` is 1: at the end, relative to its largest, `STORED` times.
 
     Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
     """
@@ -263,9 +224,6 @@ def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.
     scale = np.maximum(np.maximum.accumulate(np.abs(new.outputs), axis=0), np.multiply.outer(size, far))
     changes = (np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)).max(axis=0)
     weights = [1.0 if any(np.array_equal(row, b) for b in space.B.T) else OTHERS for row in C]
-    if contents:
-        weights[-1], last = STORED, np.abs(new.outputs[-1, -1] - old.outputs[-1, -1])
-        changes[-1] = last / max(np.abs(new.outputs[:, -1]).max(), tiny)
     moved = list(weights * changes)
     if shown.size:  # the new space contains the old one, so the fields are those of z
         z, was = new.z[shown], old.z[shown] @ (old.basis.vectors.T @ (space.M @ basis.vectors))
