@@ -148,8 +148,7 @@ class FieldIntegrator:
             if step is None:
                 if count > 4**20:  # 20 levels of 4 below a window before it is given up
                     raise checks.InputError(
-                        f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?",
-                        self.stepper.doubt(state.r),
+                        f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?"
                     )
                 self.stepper.rejected += 1
                 done, count = 4 * done, 4 * count

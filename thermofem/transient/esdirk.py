@@ -119,10 +119,6 @@ class Stepper:
         self.smooth_peak = max((float(np.abs(w(k)).max()) for w, k in zip(smooth, fits, strict=False)), default=0.0)
         return np.unique(np.concatenate([[0.0, stop], *(w.breakpoints(0.0, stop) for w in self.waves)]))
 
-    def doubt(self, x: Array) -> str:
-        """What beside rtol may keep steps from converging at ``x``."""
-        return ""
-
     def resolves(self, t: float, h: float) -> bool:
         """Whether no smooth power changes too fast for a step from ``t`` to ``t + h``.
 

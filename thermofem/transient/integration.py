@@ -223,8 +223,7 @@ def _cross(control: _Control, record: _Record, x: Array, start: float, stop: flo
         if error > 1:
             if level > FINEST:
                 raise checks.InputError(
-                    f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?",
-                    stepper.doubt(x),
+                    f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?"
                 )
             stepper.rejected += 1
             # 4**1.5 of a first step's error from level to level: behind a breakpoint the rise is t - a t^1.5 (measured)
@@ -251,9 +250,7 @@ def _march(plan: Sequence[Plan], x: Array, record: _Record) -> Array:
             h = (stop - start) / 4**level
             done = stepper.step(x, slope, h, stepper.sources(t, h, stop))
             if done is None:
-                raise checks.InputError(
-                    f"the step at t = {t:g} s does not converge; take a smaller rtol", stepper.doubt(x)
-                )
+                raise checks.InputError(f"the step at t = {t:g} s does not converge; take a smaller rtol")
             record.add(t, h, *done)
             slopes, states = done
             x, slope, t = states[-1], slopes[-1], t + h

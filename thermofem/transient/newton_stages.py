@@ -6,8 +6,8 @@ is sum_l M_l D_l + gamma h sum_l K_l D'_l with diagonal D, the laws' derivatives
     sum_l sqrt(D_l) M_l sqrt(D_l) + gamma h sum_l sqrt(D'_l) K_l sqrt(D'_l)
 
 is symmetric and has the ordering of the linear factors. It follows the state where a derivative has moved by `DRIFT`,
-or by `SLIGHT_DRIFT` when another step length asks for factors anyway. Each iteration costs one solve. A stage whose
-iterations stall is solved with factors of the Jacobian itself.
+or by `SLIGHT_DRIFT` when another step length asks for factors anyway. Each iteration costs one solve. A step with a
+stage whose iterations stall is made shorter.
 """
 
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, hstack
 
-from ..algebra.factor import Pencil, Solve
+from ..algebra.factor import Pencil
 from ..arrays import Array
 from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper, through
-from .nonlinear import NodalOperator, NonlinearEquations, factorize_general
+from .nonlinear import NodalOperator, NonlinearEquations
 
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
-ITERATIONS = 10  # per stage, before factors of the Jacobian itself are made
-STALLED = 0.95  # ratio of successive corrections above which they are made at once
+ITERATIONS = 10  # per stage, before the step is made shorter
+STALLED = 0.95  # ratio of successive corrections above which it is made shorter at once
 SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
 # value at each stage of the polynomial through the stages before it
@@ -60,7 +60,6 @@ class NewtonStepper(Stepper):
         self.system = system
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
         self._weight = self.E.diagonal()
-        self._renewed = 0  # stages that took factors of the Jacobian itself
         steady = self._measure(self.steady)
         # 1e-12 K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
         self.least = 1e-12 / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
@@ -71,10 +70,6 @@ class NewtonStepper(Stepper):
         self._near = Pencil(self.E, -self.A)
         self._neighbours = [_Neighbour(operator, self._near) for operator in (system.content, system.flow)]
         self._last: tuple[Array, Array] | None = None  # slope and dH/dt in W where the last step ended
-
-    def doubt(self, x: Array) -> str:
-        """The law that changed most since ambient: what may keep steps from converging."""
-        return max(self.system.flow.extreme(x), self.system.content.extreme(x))[1]
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
         """E^-1 dH/dt at the start of a smooth piece."""
@@ -96,32 +91,15 @@ class NewtonStepper(Stepper):
         return rate
 
     def step(self, x: Array, slope: Array, h: float, sources: Array) -> tuple[Array, Array] | None:
-        """One step as `Stepper.step`; None where a stage does not converge: the step is too long."""
+        """One step as `Stepper.step`; None where a stage does not converge: the step is too long.
+
+        Exact in dH/dt of the heat content H; slopes are E^-1 dH/dt node by node, for the error estimate.
+        """
         allowed = DRIFT if self._near.ready(1.0, GAMMA * h) else SLIGHT_DRIFT
         if max(one.drift(x) for one in self._neighbours) > allowed:
             self._near.replace(*(one.at(x) for one in self._neighbours))
-        slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
+        slopes, states, flows = np.empty((3, 6, x.size))
         slopes[0], states[0] = slope, x
-        stages = self._with_content if self.system.content.laws else self._without
-        done = stages(slopes, states, h, sources)
-        self.steps += done
-        return (slopes, states) if done else None
-
-    def _without(self, slopes: Array, states: Array, h: float, sources: Array) -> bool:
-        """Stages where no capacity depends on temperature: dH/dt = E dx/dt."""
-        shift = GAMMA * h
-        for i in range(1, 6):
-            known = states[0] + h * (STAGES[i, :i] @ slopes[:i])
-            found = self.stage(_predicted(i, states, slopes, h), shift * sources[i], shift, known)
-            if found is None:
-                return False
-            states[i] = found
-            slopes[i] = (found - known) / shift  # not from F: that would blow up what the iteration left
-        return True
-
-    def _with_content(self, slopes: Array, states: Array, h: float, sources: Array) -> bool:
-        """Stages in the heat content H: exact in dH/dt; slopes E^-1 dH/dt node by node, for the error estimate."""
-        x, slope, flows = states[0], slopes[0], np.empty_like(states)
         flows[0] = self._last[1] if self._last and np.array_equal(self._last[0], slope) else self.E @ slope
         extended, matrix = self.system.content.extended(x), self.system.content.matrix
         shift, nodal, start = GAMMA * h, self.nodal.integral(extended), matrix @ extended
@@ -130,33 +108,22 @@ class NewtonStepper(Stepper):
             known = start + h * (STAGES[i, :i] @ flows[:i])
             found = self.stage(_predicted(i, states, slopes, per_slope), known + shift * sources[i], shift)
             if found is None:
-                return False
+                return None
             states[i], extended = found, self.system.content.extended(found)
-            flows[i] = (matrix @ extended - known) / shift
+            flows[i] = (matrix @ extended - known) / shift  # not from F: that would blow up what the iteration left
             slopes[i] = (self.nodal.integral(extended) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
         self._last = slopes[5], flows[5]
-        return True
+        self.steps += 1
+        return slopes, states
 
     @np.errstate(over="ignore", invalid="ignore")  # a size that is not finite ends the iteration
-    def stage(self, x: Array, target: Array, shift: float, known: Array | float = 0.0) -> Array | None:
-        """Solve H(x) + shift F(x) = target from the guess ``x``; None where the iterations do not converge.
-
-        ``known`` is taken from x in H, where that is linear.
-        """
-        found = self._iterated(x, target, shift, known, lambda rest: self._near.solve(1.0, shift, rest))
-        if found is None:
-            self._renewed += 1
-            jacobian = self.system.content.jacobian(x) + shift * self.system.flow.jacobian(x)
-            found = self._iterated(x, target, shift, known, factorize_general(jacobian))
-        return found
-
-    def _iterated(self, x: Array, target: Array, shift: float, known: Array | float, solve: Solve) -> Array | None:
-        """`stage` with one approximation of the Jacobian."""
+    def stage(self, x: Array, target: Array, shift: float) -> Array | None:
+        """Solve H(x) + shift F(x) = target from the guess ``x``; None where the iterations do not converge."""
         flow, content = self.system.flow, self.system.content
         rate, last = 0.0, np.inf
         for k in range(ITERATIONS):
-            both = np.concatenate([content.extended(x) - known, shift * flow.extended(x)])
-            change = solve(target - self._both @ both)
+            both = np.concatenate([content.extended(x), shift * flow.extended(x)])
+            change = self._near.solve(1.0, shift, target - self._both @ both)
             self.solves += 1
             x = x + change
             if not k:
@@ -176,7 +143,7 @@ class NewtonStepper(Stepper):
     @property
     def factorizations(self) -> int:
         """Factorizations so far."""
-        return super().factorizations + self._near.factorizations + self._renewed
+        return super().factorizations + self._near.factorizations
 
     @property
     def rise(self) -> float:

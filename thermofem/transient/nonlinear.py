@@ -15,9 +15,8 @@ ambient and the rise `HOT`:
 
     f(z) = V^T [F(x) - K x] = flow[z, z],    e(z) = V^T [H(x) - E x] = content[z, z],
 
-with Q[y, z]_i = sum_jk Q_ijk y_j z_k. Where the enthalpy is no parabola, as of a table with a kink, its difference from
-the parabola is added to e(z) at the mean fields of `GROUPS` groups of nodes. The inverse of the enthalpy's slope is
-1 - inverse[z, .], by the parabola of the rise over the enthalpy.
+with Q[y, z]_i = sum_jk Q_ijk y_j z_k. The inverse of the enthalpy's slope is 1 - inverse[z, .], by the parabola of the
+rise over the enthalpy.
 
 Sources: I. Christie et al., IMA J. Numer. Anal. 1, 253 (1981) (laws at the nodes: product approximation); G. Kirchhoff,
 Vorlesungen ueber die Theorie der Waerme (Teubner, 1894).
@@ -29,7 +28,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
 from scipy.sparse import csc_matrix, csr_matrix, hstack, identity, vstack
 from scipy.sparse.linalg import splu
 
@@ -67,16 +65,6 @@ class NodalOperator:
             for (law, at), factor in zip(self.laws, factors, strict=True):
                 check_positive(law, self.ambient + x[at], factor)
         return [factor / reference for factor, reference in zip(factors, self.references, strict=True)]
-
-    def extreme(self, x: Array) -> tuple[float, str]:
-        """The largest change of a law since ambient, as a logarithm, and in words."""
-        found = [(0.0, "")]
-        for (law, at), slope in zip(self.laws, self.slopes(x), strict=True):
-            change = np.abs(np.log(np.maximum(slope, np.finfo(float).tiny)))
-            k = int(np.argmax(change))
-            words = f"the law {law} gives {slope[k]:.3g} of its value at ambient at {self.ambient + x[at[k]]:.5g} K"
-            found.append((float(change[k]), words))
-        return max(found)
 
     def extended(self, x: Array) -> Array:
         """[x, g_1(x), g_2(x), ...] in K, from x of shape (..., n)."""
@@ -209,37 +197,6 @@ def rows(operator: NodalOperator, matrix: Any) -> NodalOperator:
 
 # K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone
 HOT = 10.0
-GROUPS = 32  # 16 take a third more steps where pulses cross a kink of c_p, 64 the same (measured); they change the work
-
-
-@dataclass(frozen=True, eq=False)
-class Departure:
-    """Deviation of the integral of one law from its parabola, d(x) = integral - x - chord x^2, at groups of nodes.
-
-    fields [shape (groups, k)]: mean of V over a group.
-    loads [shape (groups, k), J/K]: what the heat in a group adds to the amplitudes.
-    """
-
-    law: Law
-    ambient: float
-    reference: float
-    chord: float
-    fields: Array
-    loads: Array
-
-    def of(self, x: Array) -> Array:
-        """d(x) in K."""
-        return np.asarray(self.law.integral(self.ambient, x) / self.reference - x - self.chord * x**2)
-
-    def __call__(self, z: Array) -> Array:
-        """Contribution of this law to the quadratic correction e(z); z [shape (times, k)]: amplitudes."""
-        return np.asarray(self.of(z @ self.fields.T) @ self.loads)
-
-    def along(self, z: Array, slope: Array) -> Array:
-        """Its derivative where z moves with ``slope``."""
-        x = z @ self.fields.T
-        steep = self.law.factor(self.ambient + x) / self.reference - 1 - 2 * self.chord * x
-        return np.asarray((steep * (slope @ self.fields.T)) @ self.loads)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,27 +205,19 @@ class Curvature:
 
     flow [1/(K s) in amplitudes of K]
     content, inverse [1/K]
-    departures: of c_p.
     """
 
     flow: Array
     content: Array
     inverse: Array
-    departures: tuple[Departure, ...] = ()
 
     def __call__(self, z: Array) -> tuple[Array, Array]:
         """f(z) and e(z) of amplitudes of shape (times, k)."""
-        flow, content = self._forms(z, z)
-        return flow, sum((one(z) for one in self.departures), content)
+        return self.along(z, z / 2)
 
     def along(self, z: Array, slope: Array) -> tuple[Array, Array]:
         """Their derivatives where z moves with ``slope``."""
-        flow, content = self._forms(z, 2 * slope)
-        return flow, sum((one.along(z, slope) for one in self.departures), content)
-
-    def _forms(self, y: Array, z: Array) -> tuple[Array, Array]:
-        """flow[y, z] and content[y, z]."""
-        products = y[:, :, None] * z[:, None, :]
+        products = 2 * z[:, :, None] * slope[:, None, :]
         flow, content = (np.tensordot(products, form, ((1, 2), (1, 2))) for form in (self.flow, self.content))
         return flow, content
 
@@ -277,29 +226,14 @@ def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
     """Return the forms for the fields V of a basis, shape (n, k)."""
     V = basis.vectors
     flow, content, inverse = (np.zeros((V.shape[1],) * 3) for _ in range(3))
-    T0, departures = system.flow.ambient, []
+    T0 = system.flow.ambient
     for law, at, block in system.flow.parts():
         flow += _chord(law, T0) * cubic_form(block.T @ V, V[at])
     for law, at, block in system.content.parts():
-        loads, reference, chord = block.T @ V, float(law.factor(T0)), _chord(law, T0)
-        form = cubic_form(loads, V[at])
+        chord, form = _chord(law, T0), cubic_form(block.T @ V, V[at])
         content += chord * form
         inverse += 2 * chord / (1 + chord * HOT) ** 2 * form  # x = h - a h^2/(1 + a HOT)^2
-        if groups := _groups(V[at] * np.linalg.norm(basis.heating / basis.rate[:, None], axis=1)):
-            means = np.stack([V[at][group].mean(axis=0) for group in groups])
-            sums = np.stack([loads[group].sum(axis=0) for group in groups])
-            one = Departure(law, T0, reference, chord, means, sums)
-            # 2e-5 of `HOT`: with 1e-4, pulses under the tables of Si and SiO2 are 1.9 mK off, not 0.8 (measured)
-            if np.abs(one.of(np.linspace(0, HOT, 64))).max() > 2e-5 * HOT:
-                departures.append(one)
-    return Curvature(flow, content, inverse, tuple(departures))
-
-
-def _groups(points: Array) -> list[NDArray[np.intp]]:
-    """Parts of the points, shape (nodes, k), that lie close together, at most `GROUPS` (k-means)."""
-    count = min(GROUPS, len(points) // 4) if points.size else 0
-    label = kmeans2(points, count, minit="++", seed=0)[1] if count else np.empty(0)
-    return [np.flatnonzero(label == k) for k in np.unique(label)]
+    return Curvature(flow, content, inverse)
 
 
 def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
