@@ -15,7 +15,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.parameters import HEAT_CAPACITY
-from coupled.plot import plot_identification, plot_newton_traces
+from coupled.plot import plot_identification
 
 ring = coupled.borghi2021()
 heat = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-3).model
@@ -46,7 +46,9 @@ figure = plt.figure(figsize=(5.7, 12), layout="constrained")
 top, bottom = figure.subfigures(2, 1, height_ratios=(1.3, 1))
 plot_identification(found, top.subplots(3, 1, sharex=True, sharey=True))
 above, below = bottom.subplots(2, 1)
-plot_newton_traces(newton, above, reference=HEAT_CAPACITY)
+dots = above.scatter(newton.tau_th * 1e9, newton.heat_capacity / HEAT_CAPACITY, c=newton.period * 1e9, s=22)
+figure.colorbar(dots, ax=above, label="period (ns)")
+above.set(xlabel="thermal lifetime (ns)", ylabel="heat capacity / (m c$_{p,ref}$)")
 t = np.geomspace(1e-9, 20e-6, 300)
 below.semilogx(
     t * 1e9, heat.step_response(t) / 1e3, color="#111111", linewidth=2.4, alpha=0.45, label="finite elements"

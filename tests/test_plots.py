@@ -200,7 +200,6 @@ def drawn(name: str) -> plt.Figure:
         "plot_fit": lambda f: f(MODEL, data),
         "plot_preview": lambda f: f(geometry, th.assemble(geometry, accuracy=0.05).mesh),
         "plot_traces": lambda f: f(run),
-        "plot_circuit": lambda f: f(coupled.scissor([ring] * 3)),
         "plot_map": lambda f: f(xr.Dataset({"regime": regimes})),
         "plot_maps": lambda f: f({"Foster": xr.Dataset({"regime": regimes, **numbers})}),
         "plot_period_errors": lambda f: f({"Foster": xr.Dataset(errors).set_coords("period")}),
@@ -210,7 +209,7 @@ def drawn(name: str) -> plt.Figure:
 
 @pytest.mark.parametrize(
     "name",
-    ["plot_model", "plot_step", "plot_fit", "plot_preview", "plot_traces", "plot_circuit", "plot_map", "plot_maps",
+    ["plot_model", "plot_step", "plot_fit", "plot_preview", "plot_traces", "plot_map", "plot_maps",
      "plot_period_errors"],
 )  # fmt: skip
 def test_a_figure_is_legible_in_half_a_column(name):

@@ -1,4 +1,4 @@
-"""Figures of fits; those of curves, maps, runs and circuits have files of their own."""
+"""Figures of fits and circuits; those of curves, maps and runs have files of their own."""
 
 from collections.abc import Sequence
 
@@ -6,8 +6,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from thermofem.data.variables import contents
-from thermofem.plot import INK, WIDTH
+from thermofem.checks import choice
+from thermofem.data.variables import contents, label
+from thermofem.plot import CYCLE, INK, WIDTH
 from thermofem.plot import axes as new_axes
 
 from ..identification.identify import Identification
@@ -17,15 +18,17 @@ from .runs import plot_sweep, plot_traces
 
 __all__ = [
     "plot_branch",
-    "plot_carrier_decay",
     "plot_identification",
     "plot_map",
     "plot_maps",
-    "plot_newton_traces",
+    "plot_ports",
+    "plot_rings",
     "plot_sweep",
     "plot_traces",
     "plot_transmission",
 ]
+
+RUN = "a Dataset of coupled.simulate of a circuit"
 
 
 def plot_identification(found: Identification, axes: Sequence[Axes] | None = None) -> np.ndarray:
@@ -54,48 +57,31 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     return column
 
 
-def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: float | None = None) -> Axes:
-    """Draw heat capacity against lifetime of Newton's law, a dot for each trace, coloured by its period.
-
-    found: from `fit_newton_per_trace`.
-    reference [J/K]: heat capacity m c_p to divide by; without it the axis is in pJ/K.
-    """
-    what = "a Dataset of coupled.identification.newton_traces.fit_newton_per_trace"
-    dims = ("tau_th", "heat_capacity", "period")
-    found = contents("found", found, dims, what=what)
-    slope, intercept, correlation = (found.attrs[name] for name in ("slope", "intercept", "correlation"))
-    ax = new_axes(ax, (4.6, 3.4))
-    unit = reference or 1e-12
-    tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
-    ends = np.array([np.nanmin(tau), np.nanmax(tau)])
-    line = (slope * ends * 1e-9 + intercept) / unit
-    ax.plot(ends, line, color="#777777", linewidth=1, zorder=1)
-    dots = ax.scatter(tau, capacity, c=found["period"].values * 1e9, cmap="viridis", s=22, edgecolor="white", lw=0.4)
-    ax.figure.colorbar(dots, ax=ax, label="period (ns)")
-    label = "heat capacity / (m c$_{p,ref}$)" if reference else "heat capacity (pJ/K)"
-    ax.set(xlabel="thermal lifetime (ns)", ylabel=label)
-    if np.isfinite(correlation):
-        ax.set_title(f"correlation {correlation:.2f}", fontsize="small", loc="left")
-    return ax
+def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -> Axes:
+    """Draw one quantity of every ring of a circuit against time (us): a panel for each, or all in given Axes."""
+    choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
+    run = contents("run", run, ("time", "ring", name), what=RUN)
+    return _lines(ax, run[name], "ring", label(run[name], name))
 
 
-def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) -> np.ndarray:
-    """Draw a carrier decay with the exponentials of its first and last lifetime, and the lifetime against density.
+def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the power (mW) at every port of a circuit against time (us): a panel for each, or all in given Axes."""
+    run = contents("run", run, ("time", "port", "output"), what=RUN)
+    return _lines(ax, run["output"] * 1e3, "port", "power (mW)")
 
-    decay: from `carrier_decay`.
-    """
-    dims = ("time", "carriers", "lifetime")
-    decay = contents("decay", decay, dims, what="a Dataset of coupled.carriers.carrier_decay")
-    left, right = new_axes(axes, (WIDTH, 5.6), 2)
-    t, N, tau = (decay[name].values for name in ("time", "carriers", "lifetime"))
-    left.semilogy(t * 1e9, N * 1e-6, color=INK, linewidth=1.6)
-    for at, where, dash in ((0, "first", "--"), (-1, "last", ":")):
-        line = N[at] * np.exp(-(t - t[at]) / tau[at]) * 1e-6
-        label = f"{where} lifetime, {tau[at] * 1e9:.0f} ns"
-        left.semilogy(t * 1e9, line, color=HEAT, linestyle=dash, linewidth=1.2, label=label)
-    left.legend(frameon=False, fontsize="small", loc="lower left")
-    left.set(xlabel="time (ns)", ylabel="carrier density (cm$^{-3}$)", xlim=(t[0] * 1e9, t[-1] * 1e9))
-    left.set_ylim(0.6 * N[-1] * 1e-6, 1.6 * N[0] * 1e-6)
-    right.semilogx(N * 1e-6, tau * 1e9, color=INK, linewidth=1.6)
-    right.set(xlabel="carrier density (cm$^{-3}$)", ylabel="lifetime (ns)")
-    return np.array([left, right])
+
+def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes:
+    """A line against time (us) for every ring or port, in panels of one scale, of which the first is returned."""
+    names = values[over].values
+    if ax is None:
+        every = np.atleast_1d(new_axes(None, (WIDTH, 0.9 + 1.1 * names.size), names.size, sharex=True, sharey=True))
+        every[0].figure.supylabel(label, fontsize="medium")
+    else:
+        every = np.array([ax] * names.size)
+        ax.set(ylabel=label)
+    for k, (one, panel) in enumerate(zip(names, every, strict=True)):
+        panel.plot(values["time"] * 1e6, values.sel({over: one}), color=CYCLE[k % len(CYCLE)], label=str(one), lw=1)
+        panel.legend(frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        panel.margins(x=0)
+    every[-1].set(xlabel="time (µs)")
+    return every[0]

@@ -17,7 +17,6 @@ from thermofem.plot import axes as new_axes
 
 from .curves import LIGHT, curves_over, dbm, joined
 
-MAP = "a Dataset of coupled.pulsing_map or coupled.stability_map"
 REGIMES = {  # light to dark, so that the order survives in grey
     "stable": "#E8EEF4",
     "bistable": "#A9C8E3",
@@ -66,16 +65,18 @@ def plot_map(
     key: whether to draw the legend or the colour bar.
     Raises InputError: an unknown name, a curve of another kind, or curves over other axes than power and detuning.
     """
-    data = _check("data", data, MAP)
-    hopf, folds = _hopf_of("hopf", hopf), _folds_of("folds", folds)
-    if (hopf or folds) and set(map(str, data["regime"].dims)) != {"power", "detuning"}:
-        raise InputError(
-            f"data is a map over {' and '.join(map(str, data['regime'].dims))}; hopf and folds are curves of power and "
-            "detuning, and have no place there"
-        )
+    dims = [str(one) for one in data["regime"].dims]
+    data = contents("data", data, ("regime", *dims), what="a Dataset of coupled.pulsing_map or coupled.stability_map")
+    hopf = curves_over(
+        "hopf", hopf, ("power", "detuning", "leading", "lyapunov"), what="a Dataset of coupled.hopf_curves"
+    )
+    folds = curves_over("folds", folds, ("power", "detuning"), what="a Dataset of fold_curves or cycle_fold_curves")
+    if (hopf or folds) and {*dims} != {"power", "detuning"}:
+        rule = "hopf and folds are curves of power and detuning, and have no place there"
+        raise InputError(f"data is a map over {' and '.join(dims)}; {rule}")
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     ax = new_axes(ax, (5, 3.8))
-    (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, str(dim)) for dim in data["regime"].dims)
+    (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, dim) for dim in dims)
     x, y = _edges(x_axis), _edges(y_axis)
     if show == "regime":
         _draw_regimes(data, ax, x, y)
@@ -83,12 +84,10 @@ def plot_map(
             found = _regime_key([data])
             ax.legend(list(found.values()), list(found), fontsize="small", loc="upper right", framealpha=0.9)
     else:
-        factor, label = _SCALED[show]
-        values = 1 / data["period"] if show == "frequency" and "period" in data else data[show]
         low, high = limits or (None, None)
-        cells = ax.pcolormesh(x, y, values.values * factor, cmap="viridis", vmin=low, vmax=high, rasterized=True)
+        cells = ax.pcolormesh(x, y, _shown(data, show), cmap="viridis", vmin=low, vmax=high, rasterized=True)
         if key:
-            ax.figure.colorbar(cells, ax=ax, label=label)
+            ax.figure.colorbar(cells, ax=ax, label=_SCALED[show][1])
         ax.set_facecolor("white")  # no colour of a regime: points without this number are of any
     for curve in hopf:
         nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
@@ -117,17 +116,18 @@ def plot_maps(
     show: what to draw, as in `plot_map`.
     hopf, folds [mapping from the model's name to its curves]
     """
-    maps = {name: _check("maps", one, f"a mapping from names to maps, each {MAP}") for name, one in maps.items()}
     lines, borders = mapping("hopf", hopf), mapping("folds", folds)
     for title in (*lines, *borders):
         choice("a name in hopf and folds", title, maps)
     rows, across = len(show), len(maps)
     width = max(WIDTH, 1.6 * across + 0.9)
-    columns = int(width // 1.8)  # inches that the longest name takes
     shared: dict[str, Any] = {"layout": "constrained", "sharex": True, "sharey": True, "squeeze": False}
-    figure, axes = plt.subplots(rows, across, **shared)
+    figure, axes = plt.subplots(rows, across, figsize=(width, 2.6 * rows + 0.6), **shared)
     for row, name in zip(axes, show, strict=True):
-        limits = _common_limits(maps, name)
+        limits = None
+        if name != "regime":
+            values = np.concatenate([_shown(data, name).ravel() for data in maps.values()])
+            limits = (np.nanmin(values), np.nanmax(values)) if np.isfinite(values).any() else None
         for ax, (title, data) in zip(row, maps.items(), strict=True):
             last = ax is row[-1] and name != "regime"
             over = {"hopf": lines.get(title, []), "folds": borders.get(title, [])}
@@ -138,39 +138,16 @@ def plot_maps(
     key = _regime_key([*maps.values()]) if "regime" in show else {}
     drawn = {line.get_label(): line for ax in axes.flat for line in ax.lines}
     key |= {name: drawn[name] for name in _LINES if name in drawn}
-    figure.set_size_inches(width, 2.6 * rows + 0.2 + 0.2 * -(-len(key) // columns))
     if key:
-        below: dict[str, Any] = {"loc": "outside lower center", "ncols": columns, "frameon": False, "borderpad": 0}
+        below: dict[str, Any] = {"loc": "outside lower center", "ncols": 3, "frameon": False, "borderpad": 0}
         figure.legend(list(key.values()), list(key), fontsize="small", **below)
     return axes
 
 
-def _hopf_of(name: str, given: Any) -> list[Any]:
-    dims = ("power", "detuning", "leading", "lyapunov")
-    return curves_over(name, given, dims, what="a Dataset of coupled.hopf_curves")
-
-
-def _folds_of(name: str, given: Any) -> list[Any]:
-    what = "a Dataset of coupled.fold_curves or coupled.cycles.cycle_folds.cycle_fold_curves"
-    return curves_over(name, given, ("power", "detuning"), what=what)
-
-
-def _check(name: str, data: Any, what: str) -> Any:
-    """The map in SI; InputError unless this is one with its two axes."""
-    dims = [str(one) for one in data["regime"].dims]
-    if len(dims) != 2 or not set(dims) <= {*data.variables}:
-        raise InputError(f"{name}['regime'] is over ({', '.join(dims)}), not over two axes; this function takes {what}")
-    return contents(name, data, ("regime", *dims), what=what)
-
-
-def _common_limits(maps: Mapping[str, xr.Dataset], name: str) -> tuple[float, float] | None:
-    """Smallest and largest drawn value over several maps."""
-    if name == "regime":
-        return None
-    factor = _SCALED[name][0]
-    drawn = [1 / m["period"] if name == "frequency" and "period" in m else m[name] for m in maps.values()]
-    values = factor * np.concatenate([v.values.ravel() for v in drawn])
-    return (float(np.nanmin(values)), float(np.nanmax(values))) if np.any(np.isfinite(values)) else None
+def _shown(data: xr.Dataset, name: str) -> np.ndarray:
+    """The values of a variable in the unit that is drawn."""
+    values = 1 / data["period"] if name == "frequency" and "period" in data else data[name]
+    return np.asarray(values) * _SCALED[name][0]
 
 
 def _draw_regimes(data: xr.Dataset, ax: Axes, x: np.ndarray, y: np.ndarray) -> None:

@@ -7,12 +7,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from thermofem.checks import InputError, choice
+from thermofem.data import quantity
 from thermofem.data.variables import contents
 from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes, readable
 
-from .curves import HEAT, LIGHT
+from .curves import HEAT, LIGHT, joined
 
-RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate"
+RUN = "a Dataset of coupled.simulate or coupled.cosimulate; plot_rings and plot_ports draw that of a circuit"
 OTHERS = (GREEN, PURPLE, ORANGE)
 OUTPUTS = {
     "drop": "drop power",
@@ -48,6 +49,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         right.spines["right"].set_visible(False)
         ax.spines["right"].set_visible(False)
         column[0].figure.align_ylabels(column)
+        ax.set_title(_title(run), fontsize="small", loc="left")
     else:
         right, style = ax.twinx(), (0, (5, 1))
         ax.set_xlabel(f"time ({time_unit})")
@@ -62,6 +64,14 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     for one in (ax, right):
         one.spines["top"].set_visible(False)
     return ax
+
+
+def _title(run: xr.Dataset) -> str:
+    """Name of the ring, and the power and detuning that are constant."""
+    held = ((name, unit) for name, unit in (("input_power", "W"), ("detuning", "Hz")) if name in run.attrs)
+    return ", ".join(
+        [str(run.attrs.get("ring", "")), *(quantity.rounded(run.attrs[name], unit) for name, unit in held)]
+    )
 
 
 def _switched(t: np.ndarray) -> int:
@@ -125,32 +135,14 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     first = _switched(run["time"].values)  # before it the light follows no detuning yet
     x, y = x[first:], y[first:]
     rising = np.append(np.diff(x) >= 0, np.diff(x)[-1] >= 0)
-    turns = np.flatnonzero(np.diff(rising.astype(int)) != 0) + 1
-    seen = set()
-    for part in np.split(np.arange(x.size), turns):
-        whole = np.append(part, part[-1] + 1) if part[-1] + 1 < x.size else part
-        up = bool(rising[part[0]])
-        style: dict[str, Any] = {"color": HEAT if up else LIGHT, "linewidth": 1.1, "alpha": 0.9}
-        ax.plot(x[whole], y[whole], label=None if up in seen else ("upwards" if up else "downwards"), **style)
-        seen.add(up)
-        _arrow(ax, x[whole], y[whole], style["color"])
+    for label, part, colour in (("upwards", rising, HEAT), ("downwards", ~rising, LIGHT)):
+        if part.any():
+            ax.plot(x, np.where(joined(part), y, np.nan), label=label, color=colour, linewidth=1.1, alpha=0.9)
     ax.set(
         xlabel=f"{'detuning' if swept[0] == 'detuning' else 'power'} ({x_unit})", ylabel=f"{OUTPUTS[show]} ({y_unit})"
     )
     ax.set_xlim(x.min(), x.max())
-    ax.set_ylim(0, 1.15 * y.max() or None)  # room for the arrows
+    ax.set_ylim(0, 1.05 * y.max() or None)
     ax.legend(frameon=False, fontsize="small")
     ax.spines[["top", "right"]].set_visible(False)
     return ax
-
-
-def _arrow(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
-    """Draw an arrow that shows the direction of a sweep, above the curves."""
-    if x.size < 2 or abs(x[-1] - x[0]) == 0:
-        return
-    span, up = x[-1] - x[0], x[-1] > x[0]
-    height = 0.93 if up else 0.97
-    ends = [(x[0] + share * span, height) for share in (0.35, 0.65)]
-    arrow = {"arrowstyle": "->", "color": colour, "lw": 1.3}
-    where = ax.get_xaxis_transform()
-    ax.annotate("", ends[1], ends[0], xycoords=where, textcoords=where, arrowprops=arrow, annotation_clip=False)

@@ -274,18 +274,6 @@ def test_a_detector_with_a_bandwidth_is_a_low_pass():
     assert means.mean_output.sel(port="drop").values[1:] == pytest.approx(sums, rel=0, abs=1e-4 * power.max())
 
 
-def test_a_picture_has_every_ring_port_and_laser():
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from coupled.plot.circuit import plot_circuit
-
-    ax = plot_circuit(coupled.scissor([RING] * 3, delay=1e-9))
-    words = {text.get_text() for text in ax.texts}
-    assert {"ring 1", "ring 2", "ring 3", "in", "through", "drop", "1 ns"} <= words
-    mpl.pyplot.close("all")
-
-
 def test_heaters_shift_and_a_switched_one_rises_as_its_model_says():
     both = pair()
     B = np.column_stack([both.B, 0.3 * both.B[:, 0]])

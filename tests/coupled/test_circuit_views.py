@@ -8,8 +8,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from coupled.plot import plot_traces
-from coupled.plot.circuit import plot_ports, plot_rings
+from coupled.plot import plot_ports, plot_rings, plot_traces
 
 mpl.use("Agg")
 
@@ -60,5 +59,5 @@ def test_every_line_has_its_panel(run, plot, count):
 
 
 def test_traces_of_one_ring_refuse_a_circuit(run):
-    with pytest.raises(th.InputError, match=r"run has no 'drop'.*coupled\.plot\.circuit draws those of"):
+    with pytest.raises(th.InputError, match=r"run has no 'drop'.*plot_rings and plot_ports draw"):
         plot_traces(run)

@@ -9,7 +9,7 @@ from rings import RING, SECOND_ORDER
 
 import coupled
 import thermofem as th
-from coupled.plot import plot_branch, plot_identification, plot_map, plot_newton_traces, plot_transmission
+from coupled.plot import plot_branch, plot_identification, plot_map, plot_transmission
 
 POWERS, DETUNINGS = np.geomspace(2e-3, 8e-3, 3), np.linspace(-30e9, 40e9, 4)
 
@@ -101,11 +101,3 @@ def test_traces_in_a_unit_of_their_own_keep_it():
     (ax,) = plot_identification(found)
     assert ax.get_ylabel() == "drop signal (V)"
     assert ax.lines[0].get_ydata().max() == pytest.approx(float(found.cycles["drop"].max()), abs=0)
-
-
-def test_two_traces_have_no_line_and_are_drawn():
-    """The slope of fewer than three is nan, as documented, and the figure was refused."""
-    traces = [coupled.simulate(RING, SECOND_ORDER, power=p, duration=12e-6) for p in (5e-3, 6e-3)]
-    found = coupled.identification.newton_traces.fit_newton_per_trace(RING, traces)
-    assert np.isnan(found.attrs["slope"])
-    assert plot_newton_traces(found).get_title(loc="left") == ""

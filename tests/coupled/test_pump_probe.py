@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,7 +11,6 @@ from scipy.optimize import curve_fit
 
 import coupled
 import thermofem as th
-from coupled.plot import plot_carrier_decay
 
 PRINTED = coupled.borghi2021().carriers
 SWAPPED = coupled.borghi2021().with_swapped_srh().carriers
@@ -107,16 +105,6 @@ def test_trap_energies_are_the_range_about_the_one_held():
         assert other.residual < 1e-9
     with pytest.raises(th.InputError, match=r"only -0\.56 to -0\.296 and 0\.297 to 0\.56 eV do"):
         coupled.carriers.fit_carrier_decay(data, replace(true, trap_energy=0.0))
-
-
-def test_figure_labels_itself():
-    axes = plot_carrier_decay(coupled.carriers.carrier_decay(PRINTED, 2e23, TIMES))
-    assert [ax.get_xlabel() for ax in axes] == ["time (ns)", "carrier density (cm$^{-3}$)"]
-    names = [
-        text.get_text() for text in axes[0].get_legend().get_texts()
-    ]  # in a legend: text at the ends hid the lines
-    assert [name.partition(",")[0] for name in names] == ["first lifetime", "last lifetime"]
-    plt.close("all")
 
 
 @pytest.mark.parametrize(
