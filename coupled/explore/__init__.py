@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from thermofem import __version__, checks
-from thermofem.data.dataset import other_geometry
 from thermofem.data.files import check_target, write_whole
 from thermofem.fem import HeatProblem
 from thermofem.models import ThermalModel
@@ -26,6 +25,7 @@ from .geometries import family_of
 from .section import section_of
 
 MOVED = ("loadedQ", "intrinsicQ", "absorbed", "lifetime", "volume", "thermoOptic", "resistance")  # None until they are
+POWER = 8.0  # dBm, of the papers
 STEP_TIMES = np.geomspace(1e-9, 1e-4, 26)  # s, at which the FEM's own step response is drawn
 
 
@@ -59,10 +59,9 @@ def explore(
     models: ThermalModel | Mapping[str, ThermalModel] | None = None,
     path: str | Path | None = None,
     *,
-    power: float = 10**0.8 * 1e-3,
+    power: float | None = None,
     detuning: float = 0.0,
     heat: HeatProblem | None = None,
-    reference: str | None = None,
     family: Any = None,
     heaters: Mapping[str, float] | None = None,
     heated: str | None = None,
@@ -73,7 +72,8 @@ def explore(
     The page runs the kernel of `simulate`, compiled to WebAssembly; it finds fixed points, their stability, Hopf and
     fold curves as `steady_states`, `stability_map`, `hopf_curves` and `fold_curves` do, and settled cycles by Newton's
     method on the return map. Curves of `cycle_fold_curves` are computed when the page is written, for the
-    ring and model that it opens with; it shows them as long as ring and model are these.
+    ring and model that it opens with; it shows them as long as ring and model are these. The first reduction among the
+    models judges the period errors of the others.
 
     Parameters
     ----------
@@ -83,14 +83,13 @@ def explore(
     path : str or Path, optional
         the file to write; without it the page is only returned.
     power, detuning : float, W and Hz
-        where the laser stands when the page opens.
+        where the laser stands when the page opens; by default at 8 dBm, or at the end of the plane that is next to it.
     heat : HeatProblem, optional
         draws the FEM's own step response, and with a result of `surrogate.reduce` among the models the cross-section.
-    reference : str, optional
-        name of the model that judges the others' period errors; by default the first reduction, or the family's member.
     family : surrogate.family.Family, optional
         adds sliders for its first three parameters; the member that they pick is the first thermal model. Its step
         response is interpolated linearly between members on a grid of the parameters; the page states the error.
+        Without a reduction among the models the member judges their period errors.
     heaters : mapping of name to float, W, optional
         powers of heaters when the page opens. Every input of a model but the one that the light heats gets a slider.
     heated, read : str, optional
@@ -114,7 +113,6 @@ def explore(
     >>> coupled.explore(coupled.borghi2021(), {"second order": model}).html.startswith("<!doctype html>")
     True
     """
-    power = check_power(power)
     detuning = check_detuning(detuning)
     if path is not None:
         check_target(path)
@@ -125,23 +123,18 @@ def explore(
     order = getattr(models, "order", None)
     alone = f"{type(models).__name__}{f', {order} poles' if order else ''}"
     given: Mapping[str, Any] = {} if models is None else models if isinstance(models, Mapping) else {alone: models}
-    for name, model in given.items():
-        origin = getattr(getattr(model, "model", model), "origin", None)
-        if heat is not None and other_geometry(origin, {"geometry": heat.geometry.to_toml()}):
-            raise checks.InputError(f"heat is of another geometry than the model {name!r}, whose field it would draw")
     check_geometry(ring, next((one for one in (heat, family, *given.values()) if one is not None), None))
     parts = contents.Parts(heated, read)
     own = [] if models is None else contents.models_of(given, parts)
     names = [model["name"] for model in own]
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
-    if reference is not None:
-        checks.choice("reference", reference, names)
-    judge = reference or reduction
+    rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE)
+    low, high = rings[0]["window"]["power"]
+    level = min(max(POWER, low), high) if power is None else 10 * math.log10(check_power(power) / 1e-3)
     start = {
-        "ring": 0, "model": 0, "power": round(10 * math.log10(power / 1e-3), 6), "detuning": round(detuning / 1e9, 9),
+        "ring": 0, "model": 0, "power": round(level, 6), "detuning": round(detuning / 1e9, 9),
         **dict.fromkeys(MOVED), "duration": 20, "view": "cycle", "units": "GHz",
     }  # fmt: skip
-    rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE)
     sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
     start |= _heater_powers(sliders, heaters)
     grid = family_of(family) if family is not None else None
@@ -157,14 +150,14 @@ def explore(
         "title": rings[0]["name"],
         "rings": rings,
         "models": everything,
-        "judge": names.index(judge) if judge else len(own) - 1 if grid else None,
+        "judge": names.index(reduction) if reduction else len(own) - 1 if grid else None,
         "heaters": sliders,
         "start": start,
         "presets": contents.presets(rings, everything, start),
         "kernel": bundle.kernel(),
         "reference": _step(heat) if heat is not None else None,
         "section": section_of(heat, found, parts) if heat is not None and found is not None else None,
-        "borders": contents.borders(rings, everything, ring, first),
+        "borders": contents.curves_of(ring, first, rings[0]["window"]) if first is not None else [],
         "family": grid,
     }
     text = _filled(data)

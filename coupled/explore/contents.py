@@ -1,6 +1,5 @@
 """Content of the page: rings, thermal models, presets, as JSON of plain numbers in SI."""
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
@@ -19,8 +18,6 @@ from ..cycles.cycle_folds import cycle_fold_curves
 from ..equilibria.bifurcation_curves import subcritical
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..resonator import RingResonator
-from ..ring_toml import write_text
-from .bundle import text_of
 
 Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in GHz
 
@@ -28,14 +25,12 @@ ROUND_OFF = 1e-12  # relative; a ring file writes a temperature for kT and may c
 OF_MAPS: Window = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # the maps of Borghi et al.
 OF_SMALL: Window = {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}
 RESISTANCE = 8e3  # K/W of the strips of the papers
-LABELS = ("name", "window", "python", "toml")  # of a ring on the page; everything else is its numbers
+LABELS = ("name", "window", "python")  # of a ring on the page; everything else is its numbers
 LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
 HEATERS = 3
 TRAINED_LAW = "second order, experiment (Borghi 2021)"
 NEWTON_LAW = "Newton's law, 275 ns (Borghi 2021)"
 SMALL_LAW = "Newton's law, 65 ns (Van Vaerenbergh 2012)"
-# the preset's folds of cycles: `curves_of` LUMPED with Newton's law of its maps in the window OF_MAPS
-STORED = "cycle_folds.json"
 POINTS = 80  # of a curve
 LUMPED = parameters.borghi2021().with_lumped_fcd()
 # rings of the papers, each with the window of its plane
@@ -164,20 +159,6 @@ def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: di
     return [{"name": name, "state": start | state, "text": text} for name, state, text in rows]
 
 
-def borders(
-    rings: list[dict[str, Any]], models: list[dict[str, Any]], ring: RingResonator, model: ThermalModel | None
-) -> list[dict[str, Any]]:
-    """Return the folds of cycles of the first view and of a preset, which the page does not follow itself.
-
-    With the places of ring and model among those of the page; points (W, Hz).
-    """
-    place = {"ring": place_of(LUMPED, rings), "model": place_of_law(NEWTON_LAW, models)}
-    out = [place | {"curves": json.loads(text_of(STORED))}]
-    if model is not None:
-        out.append({"ring": 0, "model": 0, "curves": curves_of(ring, model, rings[0]["window"])})
-    return [entry for entry in out if entry["curves"]]
-
-
 def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[list[list[float]]]:
     """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
     axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
@@ -203,7 +184,7 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     """
     check_ring(ring)
     given, *known = (
-        asdict(one) | {"python": repr(one), "toml": write_text(one, {}), "window": window}
+        asdict(one) | {"python": repr(one), "window": window}
         for one, window in ((ring, window_of(ring, resistance)), *PUBLISHED)
     )
     usual = 0.3 < resistance / RESISTANCE < 3

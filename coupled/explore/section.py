@@ -4,9 +4,12 @@ import base64
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+from scipy.linalg import eigh
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
+from thermofem.materials.material_library import VOID
 from thermofem.models import Foster
 
 from .contents import Parts
@@ -30,9 +33,8 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
     at_r, at_z = (edges[0] + (np.arange(n) + 0.5) / n * (edges[1] - edges[0]) for edges, n in ((r, WIDTH), (z, HEIGHT)))
     fields = heat.field(np.concatenate([modes[kept], *heaters.values()]))
     grid = np.stack(np.meshgrid(at_r, at_z), axis=-1)
-    corners = heat.mesh.triangles
-    shown = on_grid(heat.mesh.points[corners], fields[:, corners], at_r, at_z) * _within(heat, grid)
-    images = [_packed(image) for image in shown]
+    shown = LinearNDInterpolator(heat.mesh.points, fields.T, fill_value=0.0)(grid) * _within(heat, grid)[..., None]
+    images = [_packed(image) for image in np.moveaxis(shown, -1, 0)]
     return {
         "width": WIDTH,
         "height": HEIGHT,
@@ -53,8 +55,6 @@ def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str
         return np.asarray(model.R), np.asarray(model.tau), basis.T, {}
     light = parts.heated or model.inputs[0]
     read = model.C[model.outputs.index(parts.read or light)]
-    from scipy.linalg import eigh
-
     rate, modes = eigh(-model.A, model.E)
     seen = read @ modes
     R = seen * (model.B[:, model.inputs.index(light)] @ modes) / rate
@@ -87,41 +87,14 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
     return (left, min(left + span, geometry.outer_radius)), (bottom, min(bottom + high, ceiling))
 
 
-def on_grid(corners: Array, values: Array, r: Array, z: Array) -> Array:
-    """Return fields that are linear on triangles at the pixels (z, r) of a regular grid; 0 outside all triangles.
-
-    corners [shape (m, 3, 2)]: of the triangles.
-    values [shape (fields, m, 3)]: at the corners.
-    r, z [shape (width,) and (height,)]: evenly spaced.
-    Returns [shape (fields, height, width)]
-    """
-    slack = 1e-9
-    origin, pitch = np.array([r[0], z[0]]), np.array([r[1] - r[0], z[1] - z[0]])
-    at = (corners - origin) / pitch  # in pixels
-    first = np.maximum(np.ceil(at.min(axis=1) - slack), 0).astype(int)
-    last = np.minimum(np.floor(at.max(axis=1) + slack), [r.size - 1, z.size - 1]).astype(int)
-    size = np.maximum(last - first + 1, 0)  # of the box of pixels around each triangle
-    count = size.prod(axis=1)
-    which = np.repeat(np.arange(len(at)), count)
-    within = np.arange(which.size) - np.repeat(np.cumsum(count) - count, count)
-    j, i = first[which].T + np.array(np.divmod(within, size[which, 0]))[::-1]
-    a, b, c = at[which].transpose(1, 0, 2)
-    p = np.column_stack([j, i]) - c
-    one, two, whole = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in ((p, b - c), (a - c, p), (a - c, b - c)))
-    weights = np.array([one, two, whole - one - two]) / whole
-    inside = weights.min(axis=0) >= -slack
-    out = np.zeros((len(values), z.size, r.size))
-    out[:, i[inside], j[inside]] = np.einsum("fkc,ck->fk", values[:, which[inside]], weights[:, inside])
-    return out
-
-
 def _within(heat: HeatProblem, grid: Array) -> NDArray[np.bool_]:
-    """Whether points lie in the layers or in a part that stands on them, not in the air beside it."""
+    """Whether points lie in a material: in the layers or in a part that stands on them, not in a void or in the air."""
     r, z = grid[..., 0], grid[..., 1]
-    parts = [
-        (p.inner_radius <= r) & (r <= p.outer_radius) & (p.bottom <= z) & (z <= p.top) for p in heat.geometry.parts
-    ]
-    return np.any([z <= heat.geometry.top_z, *parts], axis=0)
+    solid = z <= heat.geometry.top_z
+    for part in heat.geometry.parts:  # a later part overwrites an earlier one
+        covered = (part.inner_radius <= r) & (r <= part.outer_radius) & (part.bottom <= z) & (z <= part.top)
+        solid = np.where(covered, part.material != VOID, solid)
+    return solid
 
 
 def _outlines(heat: HeatProblem) -> list[list[list[float]]]:

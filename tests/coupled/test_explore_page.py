@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import asdict
 
 import numpy as np
 import pytest
-from browser import opened, run_in_a_shell, settled
+from browser import opened, settled
 
 import coupled
 import surrogate
 import thermofem as th
-from coupled.explore import bundle
-from coupled.explore.contents import STORED
 from coupled.parameters import NEWTON_MAPS
 
 pytestmark = pytest.mark.slow
@@ -136,14 +133,6 @@ def test_a_kept_setting_lies_under_the_next_one(page):
     assert page.inner_text("#kept") == ""
 
 
-def test_the_hint_of_a_first_visit(page):
-    assert page.is_visible("#hint")
-    page.click("#hint-read")
-    page.reload()
-    settled(page)
-    assert not page.is_visible("#hint")
-
-
 def test_the_laser_is_dragged_on_the_plane(page):
     box = page.locator("#plane").bounding_box()  # its picture is replaced while one looks
     page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
@@ -242,54 +231,14 @@ def test_the_copied_script_gives_the_same_numbers(page, capsys):
     assert period == pytest.approx(page.evaluate("ringPage.shown.trace.pulsing.period"), rel=1e-6)
 
 
-def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
-    """The block runs in a shell as it is; drop power and heat of its file at the times of the page's trace."""
-    for name, value in {"loadedQ": 7000, "volume": 5.1, "absorbed": 0.9, "power": 9}.items():
-        page.fill(f"#{name}", str(value))
-    page.check("input[value=cold]")
-    settled(page)
-    page.click("#command")
-    block = page.input_value("#copied-text")
-    run_in_a_shell(block, tmp_path)
-    run = th.load(tmp_path / "traces.nc")
-    found = coupled.pulsing(run)
-    page_says = page.evaluate("ringPage.shown.trace.pulsing")
-    assert found.period * 1e9 == pytest.approx(page_says["period"], rel=1e-6)
-    assert found.duty == pytest.approx(page_says["duty"], abs=1e-5)
-    # accepted steps pass the top of 7.467798 K (rtol = 1e-10): those of the file by 1.3e-5, those of the page by 1.2e-4
-    assert found.swing == pytest.approx(page_says["swing"], rel=1.5e-4)
-
-
-def test_the_plane_shows_where_cycles_fold(page):
-    """Newton's law of the paper: the stored curve, until a number of the ring moves."""
-    names = page.evaluate("Array.from(document.querySelectorAll('#preset option'), o => o.text)")
-    page.select_option("#preset", index=next(k for k, name in enumerate(names) if "Newton's law at 7 dBm" in name))
-    page.wait_for_function("document.querySelector('#plane').textContent.includes('fold of cycles')", timeout=60_000)
-    page.fill("#loadedQ", "6000")
-    page.wait_for_function("!document.querySelector('#plane').textContent.includes('fold of cycles')", timeout=60_000)
-
-
-def test_the_stored_folds_of_cycles_are_those_of_the_ring():
-    """Against branches in the detuning, which know nothing of the curve."""
-    (curve,) = json.loads(bundle.text_of(STORED))
+def test_the_plane_shows_where_cycles_fold(browser, tmp_path):
+    """Newton's law of the paper's maps, until a number of the ring moves."""
     ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(**asdict(NEWTON_MAPS))
-    for power, detuning in (curve[5], curve[-5]):
-        branch = coupled.continue_cycle(
-            ring, newton, "detuning", (detuning + 3e9, detuning - 6e9), power=power, detuning=detuning - 5e9
-        )
-        (fold,) = branch["detuning"].values[branch["special"].values == "fold"]
-        assert fold == pytest.approx(detuning, abs=2e4)  # 1e-6 of the window, and seven digits
-
-
-def test_no_response_needs_a_worker(browser, file):
-    """Without workers the page says so and computes by itself."""
-    page = browser.new_page(bypass_csp=True)
-    page.add_init_script("delete window.Worker")
-    page.goto(file.as_uri())
-    settled(page)
-    assert page.is_visible("#local")
-    assert "period 654.48 ns" in page.inner_text("#summary")
-    page.close()
+    coupled.explore(ring, {"Newton": newton}, tmp_path / "ring.html")
+    with opened(browser, tmp_path / "ring.html") as page:
+        page.wait_for_function("document.querySelector('#plane').textContent.includes('fold of cycles')")
+        page.fill("#loadedQ", "6000")
+        page.wait_for_function("!document.querySelector('#plane').textContent.includes('fold of cycles')")
 
 
 @pytest.mark.parametrize("width", [390, 1300])
@@ -416,17 +365,4 @@ def test_a_heater_moves_the_resonance(browser, heater_file, capsys):
     page.select_option("#model", "1")  # Newton's law, without a heater
     assert page.is_disabled("#h0")
     assert "no such heater" in page.inner_text("#h0-problem")
-    page.close()
-
-
-def test_the_copied_command_switches_the_heater_on(browser, heater_file, tmp_path):
-    page = browser.new_page(bypass_csp=True)
-    page.goto(heater_file.as_uri() + "#h0=2.5&detuning=-25&view=cold")
-    settled(page)
-    page.click("#command")
-    run_in_a_shell(page.input_value("#copied-text"), tmp_path)
-    run = th.load(tmp_path / "traces.nc")
-    says = page.evaluate("ringPage.shown.trace.pulsing")
-    assert coupled.pulsing(run).period * 1e9 == pytest.approx(says["period"], rel=1e-5)
-    assert float(run["heater_power"][0, -1]) == 2.5e-3
     page.close()

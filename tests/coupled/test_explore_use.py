@@ -83,16 +83,10 @@ def test_the_journey_of_a_new_user(browser, family_file, tmp_path):
         assert cycle["period"] > 1.02 * before
         page.click("#python")
         script = page.input_value("#copied-text")
-        page.click("#command")
-        command = page.input_value("#copied-text")
     (tmp_path / "script.py").write_text(script)
     printed = run_in_a_shell("python script.py", tmp_path)
     assert float(re.search(r"settled: period ([\d.]+)", printed)[1]) == pytest.approx(cycle["period"], rel=1e-6)
     assert float(re.search(r"self-pulsing: period ([\d.]+)", printed)[1]) == pytest.approx(last["period"], rel=1e-6)
-    run_in_a_shell(command, tmp_path)
-    found = coupled.pulsing(th.load(tmp_path / "traces.nc"))
-    assert found.period * 1e9 == pytest.approx(last["period"], rel=1e-6)
-    assert found.swing == pytest.approx(last["swing"], rel=1e-4)
 
 
 def test_another_model_keeps_the_member_as_the_judge(browser, family_file):
@@ -105,10 +99,10 @@ def test_another_model_keeps_the_member_as_the_judge(browser, family_file):
 
 
 def test_every_figure_is_saved(browser, file):
-    """SVG that an XML parser reads, PNG of twice the size, and a table of the trace in SI."""
+    """SVG that an XML parser reads, and a table of the trace in SI."""
     with opened(browser, file, viewport=WIDE) as page:
         buttons = page.locator("button[data-save]")
-        assert buttons.count() == 17
+        assert buttons.count() == 9
         for button in buttons.all():
             target, kind = button.get_attribute("data-save").split()
             page.wait_for_timeout(700)  # Chromium drops the eleventh of downloads that follow each other at once
@@ -119,10 +113,6 @@ def test_every_figure_is_saved(browser, file):
             if kind == "svg":
                 root = ET.fromstring(data)
                 assert root.tag == "{http://www.w3.org/2000/svg}svg"
-                size = float(root.get("width")), float(root.get("height"))
-            elif kind == "png":
-                assert data[:8] == b"\x89PNG\r\n\x1a\n"
-                assert tuple(int.from_bytes(data[k : k + 4]) for k in (16, 20)) == tuple(2 * int(x) for x in size)
             else:
                 check_table(data.decode(), page)
 

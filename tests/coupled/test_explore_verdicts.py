@@ -50,7 +50,6 @@ def test_rest_beside_an_unstable_fixed_point_is_a_slow_transient(js, seed):
     page = js(TRACE, argument(ring, model, power, detuning, duration=duration, settled=False))
     assert "but no fixed point is stable" in mine.reason
     assert page["regime"] == mine.regime == "slow transient"
-    assert page["wanted"] * 1e-9 == pytest.approx(mine.suggested_duration, rel=0.06)
     (rise,) = coupled.steady_states(ring, model, power=power, detuning=detuning)["delta_T"].values
     assert page["leaves"] == pytest.approx(rise, rel=1e-9)
 

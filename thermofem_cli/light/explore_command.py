@@ -28,7 +28,9 @@ def explore(
         ),
     ] = None,
     ring: options.Ring = options.REFERENCE_RING,
-    power: options.Power = "8 dBm",
+    power: Annotated[
+        str | None, typer.Option(help="Power in the bus waveguide; default: 8 dBm, or the end of the plane next to it.")
+    ] = None,
     detuning: options.Detuning = "0 GHz",
     channel: options.Channel = None,
     heated: options.Heated = None,
@@ -49,7 +51,7 @@ def explore(
     light, seen = channel_of(channel, heated, read)
     resonator = ring_of(ring)
     settings: dict[str, Any] = {
-        "power": quantity.parse(power, "W", name="--power"),
+        "power": None if power is None else quantity.parse(power, "W", name="--power"),
         "detuning": detuning_of(detuning, resonator),
         "heaters": steady_heaters(heater),
         "heated": light,

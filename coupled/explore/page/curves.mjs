@@ -1,47 +1,22 @@
-// Hopf and fold curves of the plane of power and detuning: coupled/equilibria/boundaries.py.
+// Hopf and fold curves of the plane of power and detuning.
 //
-// The eigenvalues at the fixed point (U, D) obey A(lambda, U) + D^2 - D B(lambda, U) = 0 with
-//   A = (lambda + gamma)[lambda + gamma + 2 tpa U + alpha/(lambda + rho)]
-//   B = kerr + [beta + Z(lambda)(heat (lambda + rho) + cross)]/(lambda + rho)
-// At lambda = i w the real part is a quadratic equation for D, which leaves one real equation on each of two sheets
-// over (log U, log w): D = [Re B +- sqrt((Re B)^2 - 4 Re A)]/2,  Im A - D Im B = 0.
+// The eigenvalues at the fixed point (U, D) obey A + D^2 - D B = 0 (equilibria.mjs). At lambda = i w its imaginary part
+// gives D = Im A/Im B; the real part is then an equation over (log U, log w), whose contour is the Hopf curve.
 // At a fold lambda = 0: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 
 import { bisect } from "./eigen.mjs";
-import { balance, energy, follow, reach, secular, spectrumAt } from "./equilibria.mjs";
+import { balance, countBeyond, energy, impedance, lineAt, reach, secular, termsAt } from "./equilibria.mjs";
 import { UW, driveOf } from "./ring.mjs";
 
 const ENERGIES = 300;
-const FREQUENCIES = 300;
+const FREQUENCIES = 2400; // both branches of a curve run close together in w where they meet
 const BISECTIONS = 40;
 
-/** Thermal impedance of the network at i w, [re, im] in K/uW. */
-export function impedance(w, sys) {
-  let [re, im] = [0, 0];
-  for (let i = 0; i < sys.gain.length; i++) {
-    const f = sys.gain[i] / (sys.rate[i] ** 2 + w * w);
-    re += f * sys.rate[i];
-    im -= f * w;
-  }
-  return [re, im];
-}
-
-/** The remaining equation on one sheet, D, and what the square root is of; c by `secular`, Z by `impedance`. */
-export function sheet(c, w, Z, sign) {
-  const q = 1 / (c.rho * c.rho + w * w); // 1/(z + rho) = (rho - i w) q
-  const pr = c.gamma2 + c.alpha * c.rho * q;
-  const pi = w - c.alpha * w * q;
-  const Ar = c.gamma * pr - w * pi;
-  const Ai = c.gamma * pi + w * pr;
-  const tr = c.heat * c.rho + c.cross;
-  const ti = c.heat * w;
-  const nr = c.beta + Z[0] * tr - Z[1] * ti;
-  const ni = Z[0] * ti + Z[1] * tr;
-  const Br = c.kerr + (nr * c.rho + ni * w) * q;
-  const Bi = (ni * c.rho - nr * w) * q;
-  const square = Br * Br - 4 * Ar;
-  const D = (Br + sign * Math.sqrt(Math.max(square, 0))) / 2;
-  return { f: (Ai - D * Bi) / w, D, square };
+/** What vanishes at a Hopf point of frequency w, and its D; c by `secular`, Z by `impedance` at i w. */
+export function hopfAt(c, w, Z) {
+  const [Ar, Ai, Br, Bi] = termsAt(c, 0, w, Z);
+  const [a, b] = [Ai / w, Bi / w];
+  return { f: Ar * b * b + a * a - a * b * Br, D: a / b };
 }
 
 /** Energies and frequencies (rad/ns) that the fixed points of a window can have; powers in W, detunings in rad/ns. */
@@ -94,74 +69,35 @@ function contours(values, nx, ny) {
   return lines;
 }
 
-/** Pieces of Hopf curves on one sheet, points { U, w, D }; where the sheets meet, a piece ends with a point `meets`. */
-function piecesOf(sys, x, y, sign) {
-  const values = new Float64Array(x.length * y.length);
-  const at = Array.from(x, (v) => secular(Math.exp(v), sys));
-  for (let i = 0; i < y.length; i++) {
-    const w = Math.exp(y[i]);
-    const Z = impedance(w, sys);
-    for (let j = 0; j < x.length; j++) values[i * x.length + j] = sheet(at[j], w, Z, sign).f;
-  }
-  const evaluate = (u, v) => {
-    const [U, w] = [Math.exp(u), Math.exp(v)];
-    return { u, v, U, w, ...sheet(secular(U, sys), w, impedance(w, sys), sign) };
-  };
-  const between = (a, b, share) => evaluate(a.u + share * (b.u - a.u), a.v + share * (b.v - a.v));
-  const out = [];
-  for (const line of contours(values, x.length, y.length)) {
-    const points = line.map(([i, j, along]) => {
-      const [a, b] = [evaluate(x[j], y[i]), along ? evaluate(x[j], y[i + 1]) : evaluate(x[j + 1], y[i])];
-      return between(a, b, bisect((share) => between(a, b, share).f > 0 === a.f > 0, 0, 1, BISECTIONS));
-    });
-    let piece = [];
-    points.forEach((p, k) => {
-      const before = points[k - 1];
-      if (before && before.square > 0 !== p.square > 0) piece.push({ ...between(before, p, before.square / (before.square - p.square)), meets: true });
-      if (p.square > 0) piece.push(p);
-      if (piece.length && (p.square <= 0 || k === points.length - 1)) {
-        out.push(piece);
-        piece = [];
-      }
-    });
-  }
-  return out;
-}
-
 function laserOf(U, D, sys) {
   const at = balance(U, sys);
   return { power: ((U * (at.gamma ** 2 + D * D)) / (2 * sys.bus)) * UW, detuning: at.shift - D };
 }
 
-/** Whether no eigenvalue but the pair nearest to +- i w grows, along a curve of { U, D, w }. */
-function mark(points, sys) {
-  let z = null;
-  for (const p of points.filter((one) => !one.meets)) {
-    if (!z || !follow(z.re, z.im, p.U, p.D, sys)) z = spectrumAt(p.U, p.D, sys);
-    const near = Array.from(z.re, (re, k) => ({ re, off: Math.hypot(re, Math.abs(z.im[k]) - p.w) })).sort((a, b) => a.off - b.off);
-    p.leading = near.slice(2).every(({ re }) => re < 0);
-  }
-  points.forEach((p, k) => p.meets && (p.leading = points[k ? k - 1 : 1].leading));
-}
-
 /**
  * Hopf curves whose energies a window of powers [low, high] in W and detunings [low, high] in rad/ns can hold: lists
- * of { U, D, w, power (W), detuning (rad/ns), leading }. They are not cut to the window.
+ * of { U, D, w, power (W), detuning (rad/ns), leading: whether no other eigenvalue grows }. They are not cut to the window.
  */
 export function hopfCurves(sys, powers, detunings) {
   const { low, high, wLow, wHigh } = ranges(sys, powers, detunings);
-  const x = logSpaced(low, high, ENERGIES);
-  const y = logSpaced(wLow, wHigh, FREQUENCIES);
-  const pieces = [1, -1].flatMap((sign) => piecesOf(sys, x, y, sign)).filter((piece) => piece.length > 1);
-  const ends = pieces.flat().filter((p) => p.meets);
-  const far = (p, q) => (p === q ? Infinity : Math.hypot(p.u - q.u, p.v - q.v));
-  const partners = ends.map((end) => ends.reduce((best, p) => (far(p, end) < far(best, end) ? p : best), end)).map(({ U, D }) => ({ U, D }));
-  ends.forEach((end, k) => Object.assign(end, { U: (end.U + partners[k].U) / 2, D: (end.D + partners[k].D) / 2 })); // the ends on both sheets
-  return pieces.map((piece) => {
-    const points = piece.map((p) => ({ ...p, ...laserOf(p.U, p.D, sys) }));
-    mark(points, sys);
-    return points;
+  const [x, y] = [logSpaced(low, high, ENERGIES), logSpaced(wLow, wHigh, FREQUENCIES)];
+  const coefficients = Array.from(x, (u) => secular(Math.exp(u), sys));
+  const values = Array.from(y, Math.exp).flatMap((w) => {
+    const Z = impedance(0, w, sys);
+    return coefficients.map((c) => hopfAt(c, w, Z).f);
   });
+  const evaluate = (u, v) => {
+    const [U, w] = [Math.exp(u), Math.exp(v)];
+    return { u, v, U, w, ...hopfAt(secular(U, sys), w, impedance(0, w, sys)) };
+  };
+  const between = (a, b, share) => evaluate(a.u + share * (b.u - a.u), a.v + share * (b.v - a.v));
+  const line = lineAt(1e-4 * Math.min(...sys.rate), sys); // the pair at +- i w itself lies to the left
+  const pointOn = ([i, j, along]) => {
+    const [a, b] = [evaluate(x[j], y[i]), along ? evaluate(x[j], y[i + 1]) : evaluate(x[j + 1], y[i])];
+    const { U, D, w } = between(a, b, bisect((share) => between(a, b, share).f > 0 === a.f > 0, 0, 1, BISECTIONS));
+    return { U, D, w, ...laserOf(U, D, sys), leading: countBeyond(line, U, D, sys) === 0 };
+  };
+  return contours(values, x.length, y.length).map((edges) => edges.map(pointOn));
 }
 
 /** Fold curves of the same window, lists of { U, D, power, detuning }: both folds of an energy from one cusp to the other. */

@@ -23,37 +23,12 @@ function hessenberg(A, n) {
   }
 }
 
-/** Scale rows and columns by powers of two until their sizes agree (Parlett and Reinsch, Numer. Math. 13, 293). */
-function balanceMatrix(A, n) {
-  for (let sweep = 0, done = false; !done && sweep < 30; sweep++) {
-    done = true;
-    for (let i = 0; i < n; i++) {
-      let row = 0;
-      let column = 0;
-      for (let j = 0; j < n; j++) {
-        if (j === i) continue;
-        row += Math.abs(A[i * n + j]);
-        column += Math.abs(A[j * n + i]);
-      }
-      if (row === 0 || column === 0) continue;
-      const f = 2 ** Math.round(0.5 * Math.log2(row / column));
-      if (f === 1 || column * f + row / f >= 0.95 * (row + column)) continue;
-      done = false;
-      for (let j = 0; j < n; j++) {
-        A[i * n + j] /= f;
-        A[j * n + i] *= f;
-      }
-    }
-  }
-}
-
 /**
  * Eigenvalues of a real matrix, row-major, n x n, which is kept; returns { re, im }.
  * QR steps with Wilkinson's shift on the Hessenberg form, in complex arithmetic (as EISPACK's comqr).
  */
 export function eigenvalues(matrix, n) {
   const [re, im] = [Float64Array.from(matrix), new Float64Array(n * n)];
-  balanceMatrix(re, n);
   hessenberg(re, n);
   const size = (i, j) => Math.abs(re[i * n + j]) + Math.abs(im[i * n + j]);
   const norm = re.reduce((most, x) => Math.max(most, Math.abs(x)), 0);

@@ -1,8 +1,8 @@
-// Answers what the page asks, numbers in, numbers out: in a worker for each channel, newest request first, or in the page.
+// Answers what the page asks, numbers in, numbers out: in a worker for each channel, newest request first.
 
 import { foldCurves, hopfCurves } from "./curves.mjs";
 import { limitCycle, settling } from "./cycle.mjs";
-import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
+import { countBeyond, lineAt, reach, steadyStates, survey, tilted } from "./equilibria.mjs";
 import { DONE, integrate, loadKernel } from "./kernel.mjs";
 import { classify, columns, extent, lasting } from "./pulsing.mjs";
 import { DENSITY, FJ, NS, UW, absorbedPower, driveOf, lifted, setting, turnOf } from "./ring.mjs";
@@ -116,7 +116,7 @@ function* plane(request) {
     const turns = nu.map((x) => turnOf(x) + moved);
     const stable = new Int8Array(n * m);
     for (let i = 0; i < n; i++) {
-      stable.set(survey(turns, driveOf(system, P[i]), system).stable, i * m);
+      stable.set(survey(turns, driveOf(system, P[i]), system), i * m);
       if (i % 4 === 3) yield null;
     }
     yield { kind: "map", n, m, stable };
@@ -137,17 +137,18 @@ function transmission(request) {
   const end = reach(Math.max(Math.abs(first), Math.abs(last)), drive, system);
   const points = [];
   const n = 400;
-  let z = null;
+  const line = lineAt(0, system);
   let cut = false; // whether the curve was outside before this point
   for (let k = 0; k <= n; k++) {
     const s = -end + (2 * end * k) / n;
     const p = tilted(s, drive, system);
     if (p.detuning < first - 1 || p.detuning > last + 1) {
-      [z, cut] = [null, true];
+      cut = true;
       continue;
     }
-    if (!z || !follow(z.re, z.im, p.U, p.D, system)) z = spectrumAt(p.U, p.D, system);
-    points.push({ detuning: (p.detuning - moved) / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime: kindOf(z).regime, cut });
+    const grow = countBeyond(line, p.U, p.D, system);
+    const regime = grow % 2 ? "saddle" : grow ? "unstable" : "stable";
+    points.push({ detuning: (p.detuning - moved) / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime, cut });
     cut = false;
   }
   return points;
@@ -210,27 +211,16 @@ export function channel(code, kernel, receive, { preempt = false } = {}) {
     running.delete(of);
     if (waiting) ask(waiting);
   };
-  let post;
-  try {
-    const url = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
-    const worker = new Worker(url);
-    worker.onmessage = ({ data }) => arrived(data);
-    worker.onerror = () => [...running.keys()].forEach((of) => arrived({ id: of, error: "the worker stopped", last: true }));
-    worker.postMessage({ kernel });
-    post = (message) => worker.postMessage(message);
-  } catch {
-    channel.local = true;
-    const scope = { postMessage: arrived };
-    serve(scope);
-    post = (data) => setTimeout(() => scope.onmessage({ data }));
-    post({ kernel });
-  }
+  const worker = new Worker(URL.createObjectURL(new Blob([code], { type: "text/javascript" })));
+  worker.onmessage = ({ data }) => arrived(data);
+  worker.onerror = () => [...running.keys()].forEach((of) => arrived({ id: of, error: "the worker stopped", last: true }));
+  worker.postMessage({ kernel });
   function ask(request) {
     if (preempt) running.clear();
     waiting = running.size < DEPTH ? null : request;
     if (waiting) return;
     running.set(++id, request);
-    post({ id, request });
+    worker.postMessage({ id, request });
   }
   return ask;
 }

@@ -136,7 +136,11 @@ export function spectrumAt(U, D, sys) {
   return eigenvalues(slopes(sys, 0, balance(U, sys).shift - D, y).J, y.length);
 }
 
-/** Coefficients of the secular equation E(lambda) at the energy U (spectrum.py). */
+/**
+ * Coefficients of E(lambda) = A + D^2 - D B at a fixed point of energy U (spectrum.py). Its zeros are the eigenvalues.
+ *   A = (lambda + gamma)[lambda + gamma2 + alpha/(lambda + rho)]
+ *   B = kerr + [beta + Z(lambda)(heat (lambda + rho) + cross)]/(lambda + rho), with the thermal impedance Z
+ */
 export function secular(U, sys) {
   const at = balance(U, sys);
   const N = at.N;
@@ -155,83 +159,66 @@ export function secular(U, sys) {
   };
 }
 
-/**
- * Move the eigenvalues of a neighbour (re, im) to those at (U, D) by Aberth's iteration; returns whether they can be
- * trusted, checked by their sum, which is the trace.
- */
-export function follow(re, im, U, D, sys) {
-  const m = re.length;
-  const c = secular(U, sys);
-  for (let k = 0; k < m; k++) {
-    const f = 1e-4 + 1e-5 * k;
-    [re[k], im[k]] = [re[k] * (1 + f) - im[k] * f, im[k] * (1 + f) + re[k] * f];
+/** Thermal impedance of the network at x + i w, [re, im] in K/uW. */
+export function impedance(x, w, sys) {
+  let [re, im] = [0, 0];
+  for (let i = 0; i < sys.gain.length; i++) {
+    const f = sys.gain[i] / ((sys.rate[i] + x) ** 2 + w * w);
+    re += f * (sys.rate[i] + x);
+    im -= f * w;
   }
-  let largest = 1;
-  for (let sweep = 0; sweep < 60; sweep++) {
-    const before = largest;
-    largest = 0;
-    for (let k = 0; k < m; k++) {
-      const [x, y] = [re[k], im[k]];
-      const [pr, pi] = newtonStep(x, y, c, D, sys);
-      let sr = 0;
-      let si = 0;
-      for (let j = 0; j < m; j++) {
-        const dr = x - re[j];
-        const di = y - im[j];
-        const square = dr * dr + di * di;
-        if (square === 0) continue;
-        sr += dr / square;
-        si -= di / square;
-      }
-      const [qr, qi] = [1 - (pr * sr - pi * si), -(pr * si + pi * sr)];
-      const q = qr * qr + qi * qi || Infinity;
-      const [stepR, stepI] = [(pr * qr + pi * qi) / q, (pi * qr - pr * qi) / q];
-      [re[k], im[k]] = [x - stepR, y - stepI];
-      const size = Math.hypot(stepR, stepI) / Math.hypot(re[k], im[k]);
-      if (!(size <= largest)) largest = size;
-    }
-    if (largest < 1e-13 || (largest < 1e-7 && largest > 0.5 * before)) break;
-  }
-  const [sumR, sumI] = [re, im].map((parts) => parts.reduce((sum, x) => sum + x, 0));
-  const trace = sys.rate.reduce((sum, rate) => sum - rate, -(c.gamma + c.gamma2 + c.rho));
-  return largest < 1e-7 && Math.hypot(sumR - trace, sumI) < 1e-7 * Math.abs(trace);
+  return [re, im];
 }
 
-/** p/p' of the characteristic polynomial at x + iy, [re, im]. */
-function newtonStep(x, y, c, D, sys) {
-  const { gain, rate } = sys;
-  let Gr = 0, Gi = 0, Hr = 0, Hi = 0, Lr = 0, Li = 0; // prettier-ignore
-  for (let i = 0; i < rate.length; i++) {
-    const a = x + rate[i];
-    const square = a * a + y * y;
-    if (square === 0) return [0, 0];
-    const vr = a / square;
-    const vi = -y / square;
-    const g = gain[i];
-    Gr += g * vr;
-    Gi += g * vi;
-    Hr -= g * (vr * vr - vi * vi);
-    Hi -= 2 * g * vr * vi;
-    Lr += vr;
-    Li += vi;
-  }
-  const ur = x + c.gamma;
-  const vr = x + c.gamma2;
-  const wr = x + c.rho;
-  const sr = c.heat * wr + c.cross;
-  const si = c.heat * y;
-  const vwr = vr * wr - y * y + c.alpha; // v w + alpha
-  const vwi = (vr + wr) * y;
-  const gsr = Gr * sr - Gi * si;
-  const gsi = Gr * si + Gi * sr;
-  const Er = ur * vwr - y * vwi + D * D * wr - D * (c.beta + c.kerr * wr + gsr);
-  const Ei = ur * vwi + y * vwr + D * D * y - D * (c.kerr * y + gsi);
-  const dr = vwr + (ur * (vr + wr) - 2 * y * y) + D * D - D * (c.kerr + Hr * sr - Hi * si + c.heat * Gr);
-  const di = vwi + (y * (vr + wr) + 2 * ur * y) - D * (Hr * si + Hi * sr + c.heat * Gi);
-  const nr = dr + Lr * Er - Li * Ei;
-  const ni = di + Lr * Ei + Li * Er;
-  const square = nr * nr + ni * ni || Infinity;
-  return [(Er * nr + Ei * ni) / square, (Ei * nr - Er * ni) / square];
+/** A and B at x + i w, [re A, im A, re B, im B]; c by `secular`, Z by `impedance`. */
+export function termsAt(c, x, w, Z) {
+  const r = c.rho + x;
+  const q = 1 / (r * r + w * w); // 1/(lambda + rho) = (r - i w) q
+  const u = c.gamma + x;
+  const pr = c.gamma2 + x + c.alpha * r * q;
+  const pi = w - c.alpha * w * q;
+  const tr = c.heat * r + c.cross;
+  const ti = c.heat * w;
+  const nr = c.beta + Z[0] * tr - Z[1] * ti;
+  const ni = Z[0] * ti + Z[1] * tr;
+  return [u * pr - w * pi, u * pi + w * pr, c.kerr + (nr * r + ni * w) * q, (ni * r - nr * w) * q];
+}
+
+/** The line x + i w in the plane of eigenvalues: places w from far below the slowest rate to far above the fastest. */
+export function lineAt(x, sys) {
+  const rates = [...sys.rate, sys.loss, 1 / sys.tau0];
+  const [low, high] = [1e-3 * Math.min(...rates), 1e4 * Math.max(...rates)];
+  const n = Math.ceil(12 * Math.log10(high / low)); // the imaginary part of E/w changes within a decade
+  const w = Float64Array.from({ length: n + 1 }, (_, k) => low * (high / low) ** (k / n));
+  return { x, w, Z: Array.from(w, (one) => impedance(x, one, sys)), start: impedance(x, 0, sys) };
+}
+
+/**
+ * How many eigenvalues of the fixed point (U, D) lie to the right of a line, by the argument principle: E goes as lambda^2
+ * far away, so there are 1 minus the half turns of E along the upper half of the line. A half turn leads from one side of
+ * the real axis to the other.
+ */
+export function countBeyond(line, U, D, sys) {
+  const c = secular(U, sys);
+  const valueAt = (w, Z) => {
+    const [Ar, Ai, Br, Bi] = termsAt(c, line.x, w, Z);
+    return [Ar + D * D - D * Br, Ai - D * Bi];
+  };
+  const direct = (w) => valueAt(w, impedance(line.x, w, sys));
+  let right = valueAt(0, line.start)[0] > 0; // where E was last on the real axis
+  let above = null; // in which half of the plane it has been since
+  let count = 1;
+  const meets = (side) => {
+    if (side !== right) count -= above === right ? 1 : -1;
+    right = side;
+  };
+  line.w.forEach((w, k) => {
+    const now = valueAt(w, line.Z[k])[1] > 0;
+    if (k && now !== above) meets(direct(bisect((v) => direct(v)[1] > 0 === above, line.w[k - 1], w, 40))[0] > 0);
+    above = now;
+  });
+  meets(false);
+  return count;
 }
 
 /** The kind of a fixed point from its eigenvalues: largest real part, angular frequency, and the regime in words. */
@@ -250,26 +237,9 @@ export function steadyStates(drive, detuning, sys) {
     .map((p) => ({ U: p.U, D: p.D, N: p.N, dT: p.dT, ...kindOf(spectrumAt(p.U, p.D, sys)) }));
 }
 
-/** Numbers of fixed and of stable points at one power over the detunings (rad/ns): { fixed, stable, growth }. */
+/** Number of stable points at one power for each of the detunings (rad/ns). */
 export function survey(detunings, drive, sys) {
   const farthest = detunings.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
-  const branches = branchesOf(farthest, drive, sys);
-  const near = branches.s.map(() => null);
-  const fixed = new Int8Array(detunings.length);
-  const stable = new Int8Array(detunings.length);
-  const growth = new Float64Array(detunings.length);
-  detunings.forEach((detuning, j) => {
-    growth[j] = Infinity;
-    const points = fixedPoints(detuning, drive, sys, branches);
-    fixed[j] = points.length;
-    points.forEach(({ U, D }, k) => {
-      const branch = points.length > 1 || D > 0 ? k : near.length - 1;
-      let z = near[branch];
-      if (!z || !follow(z.re, z.im, U, D, sys)) z = near[branch] = spectrumAt(U, D, sys);
-      const first = Math.max(...z.re);
-      if (first < 0) stable[j]++;
-      growth[j] = Math.min(growth[j], first);
-    });
-  });
-  return { fixed, stable, growth };
+  const [branches, line] = [branchesOf(farthest, drive, sys), lineAt(0, sys)];
+  return Int8Array.from(detunings, (x) => fixedPoints(x, drive, sys, branches).filter(({ U, D }) => !countBeyond(line, U, D, sys)).length);
 }

@@ -1,9 +1,9 @@
 // The page: its parts put together, requests sent out and answers shown.
 
-import { foldCurves, hopfCurves, impedance, sheet } from "./curves.mjs";
+import { foldCurves, hopfAt, hopfCurves } from "./curves.mjs";
 import { limitCycle } from "./cycle.mjs";
 import { channel, engineOf, serve } from "./engine.mjs";
-import { balance, secular, steadyStates, survey } from "./equilibria.mjs";
+import { balance, impedance, secular, steadyStates, survey } from "./equilibria.mjs";
 import { build, fill, watchFigures, watchPlane } from "./fields.mjs";
 import { integrate, loadKernel } from "./kernel.mjs";
 import { draw, recolour, say, summary } from "./paint.mjs";
@@ -34,7 +34,6 @@ function start() {
   };
   $("notice").remove();
   $("page").hidden = false;
-  $("local").hidden = !channel.local;
   $("title").textContent = document.title = data.title;
   $("section-figure").hidden = !data.section;
   $("error-figure").hidden = data.judge === null || data.models.length < 2;
@@ -42,7 +41,6 @@ function start() {
   watchPlane();
   watchFigures();
   watchButtons();
-  greet();
   watchView();
   restore(location.hash);
   addEventListener("hashchange", (event) => restore(new URL(event.newURL).hash));
@@ -55,24 +53,6 @@ function restore(hash) {
   fill();
   $("link-problem").textContent = refused.length ? `Not taken from the link: ${refused.join(" ")}` : "";
   changed({ ring: true });
-}
-
-/** A hint, until it has been read once in this browser. */
-function greet() {
-  const name = "thermofem explore: hint read";
-  try {
-    $("hint").hidden = localStorage.getItem(name) !== null;
-  } catch {
-    $("hint").hidden = false; // a frame without storage
-  }
-  $("hint-read").addEventListener("click", () => {
-    $("hint").hidden = true;
-    try {
-      localStorage.setItem(name, "1");
-    } catch {
-      // it is shown again
-    }
-  });
 }
 
 /** What changes how the figures look, not what they show. */
@@ -153,7 +133,7 @@ function gotPlane(part, { window }) {
 }
 
 // for tests, and for whoever wants to compute in the console
-globalThis.ringPage = { classify, columns, engineOf, foldCurves, hopfCurves, impedance, integrate, limitCycle, loadKernel, secular, sheet, shiftAt: (U, system) => balance(U, system).shift, steadyStates, survey, systemOf, cold, setting, heatedBy, driveOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
+globalThis.ringPage = { classify, columns, engineOf, foldCurves, hopfAt, hopfCurves, impedance, integrate, limitCycle, loadKernel, secular, shiftAt: (U, system) => balance(U, system).shift, steadyStates, survey, systemOf, cold, setting, heatedBy, driveOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
 
 if (typeof document === "undefined") serve(globalThis);
 else if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);

@@ -95,19 +95,16 @@ const LONGEST_PATTERN = 4;
 const QUIET_RANGE = 1e-4; // relative range of the carriers that is no oscillation
 const GONE = 0.2; // share of the last amplitude: an oscillation whose limit is smaller decays to rest
 const GROWS = 1e-3; // relative movement in the last eighth that counts where it was smaller before
-const LONGER = 10; // times as long, where a trace does not tell how much of it is missing
-const LEAVES = 20; // e-foldings in which what is left of a transient becomes large
 const PLACES = 64; // of an eighth of a trace, where it is read
 
 /**
  * Classify a trace { t (ns), U, N, dT }: regime "self-pulsing", "stable" or "slow transient", swing (K) and cycles. A pulsing
- * one has period (ns), duty, begin and end of the last cycle (ns), level of N and pattern; a slow transient has
- * `wanted`, how long a run should be (ns). Without carriers U takes the place of N.
+ * one has period (ns), duty, begin and end of the last cycle (ns), level of N and pattern. Without carriers U takes the
+ * place of N.
  */
 export function classify({ t, U, N: carriers, dT }, rtol = 1e-6) {
   const N = carriers.some((x) => x > 0) ? carriers : U;
   const n = t.length;
-  const passed = t[n - 1] - t[0];
   const late = firstAt(t, (t[0] + t[n - 1]) / 2);
   const quiet = { regime: "stable", period: NaN, duty: NaN, swing: rangeOf(dT, late), cycles: 0 };
   const noise = Math.min(Math.max(QUIET_RANGE, 10 * rtol), SETTLED);
@@ -121,7 +118,7 @@ export function classify({ t, U, N: carriers, dT }, rtol = 1e-6) {
   const limit = amplitudeLimit(tops);
   const top = tops.at(-1);
   if (limit < GONE * top) return quiet;
-  const slow = { ...quiet, regime: "slow transient", wanted: untilSettled(tops, passed) };
+  const slow = { ...quiet, regime: "slow transient" };
   if (!(Math.abs(limit / top - 1) <= SETTLED) || top < (1 - SETTLED) * Math.max(...tops.slice(-2))) return slow;
   if (pattern === 1 && alternate(heights)) return slow;
   if (pattern === 1 && doubled(heights, 10 * noise)) pattern = 2;
@@ -169,15 +166,6 @@ function driftOf(up, pattern) {
   return [change(1), change(0)];
 }
 
-/** How long a run should be where amplitudes change by a constant factor: 2 to 50 times that of the run. */
-function untilSettled(tops, passed) {
-  const steps = tops.slice(-3).map((top, k, last) => (k ? Math.abs(top - last[k - 1]) : 0)).slice(1);
-  const ratio = steps.length === 2 && steps[0] > 0 ? steps[1] / steps[0] : 1;
-  if (!(ratio > 0 && ratio < 1)) return LONGER * passed;
-  const cycles = Math.log((0.1 * SETTLED * tops.at(-1)) / Math.max(steps[1], 1e-300)) / Math.log(ratio);
-  return passed * Math.min(Math.max(1 + cycles / tops.length, 2), 50);
-}
-
 /** Values of x at a time, linear between samples. */
 function valueAt(t, x, time) {
   const i = Math.min(Math.max(firstAt(t, time), 1), t.length - 1);
@@ -203,7 +191,7 @@ function underWay(t, N, quiet) {
   const range = (from, to) => rangeOf(valuesIn(t, N, from, to));
   const grows = range(1 / 8, 0) > Math.max(range(1 / 4, 1 / 8), GROWS * high);
   if ((high - low + left) / high <= SETTLED && !grows) return quiet;
-  return { ...quiet, regime: "slow transient", wanted: LONGER * passed };
+  return { ...quiet, regime: "slow transient" };
 }
 
 /**
@@ -211,7 +199,8 @@ function underWay(t, N, quiet) {
  * { U, dT, growth (1/ns) }, of which there is at least one.
  *
  * `rest` is the rise (K) of the fixed point at which the ring comes to rest. Of a slow transient `heat` holds the rise at
- * the end of the trace and at that fixed point, { now, end }, or `leaves` the rise of the nearest one if it is not stable.
+ * the end of the trace and at that fixed point, { now, end }, and `wanted` how long a run should be (ns); or `leaves` the rise of the
+ * nearest one if it is not stable.
  */
 export function lasting(found, { t, U, dT }, points) {
   const mean = (x) => valuesIn(t, x, 1 / 8, 0).reduce((sum, value) => sum + value, 0) / PLACES;
@@ -222,7 +211,7 @@ export function lasting(found, { t, U, dT }, points) {
   const { growth, dT: end } = points[k];
   const passed = t[t.length - 1] - t[0];
   const slow = { ...found, regime: "slow transient" };
-  if (!(growth < 0)) return { ...slow, leaves: end, wanted: Math.max(LONGER * passed, passed + LEAVES / Math.max(growth, 1e-300)) };
+  if (!(growth < 0)) return { ...slow, leaves: end };
   if (offs[k] <= SETTLED) return { ...found, rest: end };
   const missing = Math.log(Math.max(offs[k], SETTLED) / (0.1 * SETTLED)) / -growth;
   return { ...slow, heat: { now, end }, wanted: passed + Math.max(passed, missing) };

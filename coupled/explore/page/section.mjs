@@ -10,16 +10,7 @@ import { fieldOf, periodicStates } from "./thermal.mjs";
 export function decoded(section) {
   const image = ({ scale, values }) => ({ scale, values: Int8Array.from(atob(values), (c) => (c.charCodeAt(0) << 24) >> 24) });
   const heaters = Object.fromEntries(Object.entries(section.heaters).map(([name, one]) => [name, image(one)]));
-  const whole = { ...section, modes: section.modes.map(image), heaters };
-  return { ...whole, hot: hotPlaces(whole) };
-}
-
-/** Where the field at rest is above half its largest value, under the light or under one of the heaters. */
-function hotPlaces(section) {
-  const alone = Object.keys(section.heaters).map((name) => fieldOf(section, [], { [name]: 1 }));
-  const fields = [fieldOf(section, section.R), ...alone];
-  const tops = fields.map((field) => field.reduce((a, b) => Math.max(a, b), 0));
-  return Array.from(fields[0].keys()).filter((k) => fields.some((field, i) => field[k] > tops[i] / 2));
+  return { ...section, modes: section.modes.map(image), heaters };
 }
 
 /** The field at one phase of the cycle, from the absorbed power of the trace. */
@@ -61,7 +52,7 @@ function thermalCycle() {
 }
 
 function peak(section, x, powers) {
-  return Math.max(fieldOf(section, x, powers, section.hot).reduce((a, b) => Math.max(a, b), 0), 1e-9);
+  return Math.max(fieldOf(section, x, powers).reduce((a, b) => Math.max(a, b), 0), 1e-9);
 }
 
 // from cool to hot: lightness falls (light theme) or rises (dark theme) throughout

@@ -181,12 +181,11 @@ function bareModelOf(state, data, index) {
   return { ...given, R: kept.map((i) => out[i]), tau: kept.map((i) => given.tau[i]) };
 }
 
-/** The curves of folds of cycles that Python computed for this ring and model; none once a number of the ring or R_th has moved. Heaters shift them. */
+/** The curves of folds of cycles that Python computed for the ring and model of the start; none for others, or once a number of the ring or R_th has moved. Heaters shift them. */
 export function bordersOf(state, data) {
-  if (Object.keys(UNTOUCHED).some((name) => state[name] !== null)) return [];
-  const known = data.borders.find((entry) => entry.ring === state.ring && entry.model === state.model);
+  if (state.ring !== data.start.ring || state.model !== data.start.model || Object.keys(UNTOUCHED).some((name) => state[name] !== null)) return [];
   const turned = turnedBy(ringOf(state, data), modelOf(state, data));
-  return known ? known.curves.map((curve) => curve.map(([power, detuning]) => ({ power, detuning: detuning - turned }))) : [];
+  return data.borders.map((curve) => curve.map(([power, detuning]) => ({ power, detuning: detuning - turned })));
 }
 
 /** Power in W of a level in dBm. */

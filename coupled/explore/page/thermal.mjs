@@ -70,12 +70,12 @@ export function periodicStates(model, times, powers) {
   return { start, at };
 }
 
-/** A field in K: sum_i x_i mode_i + sum_h P_h rest_h, as a Float32Array over the grid, or some `places` of it; powers in W by name. */
-export function fieldOf(section, states, powers = {}, places = null) {
-  const out = new Float32Array(places ? places.length : section.width * section.height);
+/** A field in K over the grid: sum_i x_i mode_i + sum_h P_h rest_h; powers in W by name. */
+export function fieldOf(section, states, powers = {}) {
+  const out = new Float32Array(section.width * section.height);
   const add = (x, { scale, values }) => {
     const factor = x * scale;
-    for (let k = 0; k < out.length; k++) out[k] += factor * values[places ? places[k] : k];
+    for (let k = 0; k < out.length; k++) out[k] += factor * values[k];
   };
   states.forEach((x, i) => add(x, section.modes[i]));
   for (const [name, power] of Object.entries(powers)) if (section.heaters[name]) add(power, section.heaters[name]);
