@@ -12,15 +12,15 @@ from thermofem.data import dataset
 
 from ..arguments import check_duration, check_times
 from ..heaters import heater_powers
-from ..inputs import Spans, attribute, beats, changes, pieces, spans
+from ..inputs import last_beat, last_change
 from ..kernel import units as eq
 from ..kernel.tableaus import Method
 from ..resonator import parameters
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .network import ROUND_OFF, Light, RingHeat
-from .system import System, beat_of, system_of
+from .network import RingHeat
+from .system import System, beat_of, system_of, turns
 
 SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
 
@@ -81,7 +81,7 @@ def run_circuit(
     attributes = {
         "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": run.accepted,
         "rejected_steps": run.rejected, "final_state": run.y * eq.units(problem.order, problem.rings),
-        "model_tau": np.ravel(1 / system.heat.rate), **varies(system, duration),
+        "model_tau": np.ravel(1 / system.heat.rate), "driven_until": driven_until(system),
     }  # fmt: skip
     if system.heat.heaters:
         attributes["heater_states"] = system.heater_states
@@ -158,36 +158,7 @@ def described(name: str) -> dict[str, str]:
     return dict(zip(("units", "long_name"), NAMES[name], strict=True)) if name in NAMES else dataset.describe(name)
 
 
-def varies(system: System, duration: float) -> dict[str, str]:
-    """Intervals in which inputs of each ring vary: lasers whose light reaches it, heaters, lasers that beat in it.
-
-    The attribute that `driven.varies_in` reads. Where heat goes from ring to ring, what drives one drives all.
-    """
-    circuit, offsets = system.circuit, [float(laser.offset) for laser in system.circuit.lasers]
-    heaters = {f"the power of {name}": wave for name, wave in system.heaters.items()}
-    common = spans({"the detuning": system.detunings[0], **heaters}, duration)
-    lasers, frequencies = [changes(p) for p in system.powers], [pieces("offset", f, 0.0, duration) for f in offsets]
-    found: dict[str, dict[str, Spans]] = {}
-    for name, here in zip(circuit.names, reached(system.light), strict=True):
-        which = np.flatnonzero(here).tolist()
-        own = {f"the power of {circuit.lasers[k].name}": lasers[k] for k in which}
-        own[f"the light of {name}"] = beats([system.powers[k] for k in which], [frequencies[k] for k in which])
-        found[name] = common | {key: when for key, when in own.items() if when}
-    if system.heat.crossed:
-        together = {key: when for own in found.values() for key, when in own.items()}
-        found = dict.fromkeys(found, together)
-    return attribute(found)
-
-
-def reached(light: Light) -> Any:
-    """Whether light of each laser reaches each ring, directly or through others, shape (N, L)."""
-
-    def some(matrix: Any) -> Any:
-        return np.abs(matrix) > ROUND_OFF * np.abs(matrix).max(initial=0.0)
-
-    n, delayed = len(light.between), slice(0, light.delay.size)
-    step = some(np.block([[light.between, light.from_delay], [light.seen_ring[delayed], light.seen_delay[delayed]]]))
-    found = some(np.vstack([light.from_laser, light.seen_laser[delayed]]))
-    for _ in step:
-        found = found | (step @ found)
-    return found[:n]
+def driven_until(system: System) -> float:
+    """When a laser or heater last changes, or lasers last beat, s."""
+    inputs = *system.powers, *system.detunings, *system.heaters.values()
+    return max(last_beat(system.powers, turns(system.circuit, system.detunings)), *map(last_change, inputs))

@@ -15,7 +15,7 @@ from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, power_in_time
 from ..heaters import heater_powers, power_of
-from ..inputs import attribute, spans
+from ..inputs import last_change, pieces
 from ..resonator import RingResonator
 from ..runs.window import Laser, Lights, Window, lights_of, provenance, traces
 from ..states import State
@@ -179,7 +179,7 @@ def _dataset(
 
     run = _joined(parts, lights_of(ring, [Laser(light["input_power"], light["detuning"])], 0.0, float(duration)))
     fem, heaters = loop.corrector, getattr(loop.corrector, "heaters", {})
-    inputs = {"the power": light["input_power"], "the detuning": light["detuning"]}
+    changes = [last_change(pieces("heaters", wave, 0.0, duration)) for wave in heaters.values()]
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
     starts = np.array([part.run.time[0] for part in parts])
     data = xr.Dataset(
@@ -195,7 +195,7 @@ def _dataset(
         },
         attrs={
             **provenance(ring, light, duration),
-            **attribute(spans(inputs | {f"the power of {name}": wave for name, wave in heaters.items()}, duration)),
+            "driven_until": max([run.lights.driven_until, *changes]),
             "rtol": loop.rtol,
             "max_discrepancy": loop.max_discrepancy,
             "predictor": "none"

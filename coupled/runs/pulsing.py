@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array
 from thermofem.checks import Words
 from thermofem.data import quantity
 from thermofem.data.variables import in_si
 
 from ..arguments import LONGEST
-from ..inputs import varies_in
 from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss
-from .resting import Rest, resistance_of_run, rest_of_run
+from .resting import Rest, rest_of_run
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,8 +98,8 @@ def pulsing(run: xr.Dataset) -> Pulsing:
     or if the trace is shorter than two periods.
     It is stable if it rests, or its oscillation dies away, within 2 % of a stable fixed point of the ring, the heat and
     the light that its attributes name; farther away, or next to an unstable one, it is a slow transient. Traces without
-    these attributes (measured ones, co-simulations, several lasers) do not tell whether slow heat starts pulses later:
-    the reason says so, and `steady_states` or a longer run tells.
+    these attributes (measured ones, co-simulations, several lasers, quadratic models) do not tell whether slow heat
+    starts pulses later: the reason says so, and `steady_states` or a longer run tells.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
     ``drift`` says by how much it still moves, and the reason where the mean rise is more than 2 % from its final value.
     Samples chosen with ``times`` may miss the tops of the pulses: with fewer than 320 a cycle the reason says what they
@@ -143,21 +142,18 @@ def pulsing(run: xr.Dataset) -> Pulsing:
         )
     rtol = checks.between("run.attrs['rtol']", run.attrs.get("rtol", 0), 0, 1)
     found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 == steps)
-    middle = float(t[0] + t[-1]) / 2
-    moving = varies_in(run, middle, float(t[-1]))
-    if moving is None or not (moving or of_circuit):  # rows of a circuit hold lasers that do not reach the ring, too
-        moving = _varying(run, t >= middle)
-    if not moving:
-        if found.regime == Regime.SELF_PULSING:
-            return warming(found, run, t, dT)
-        if found.regime != Regime.STABLE:
-            return found
-        energy = _values(run, "energy") if "energy" in run.variables else drop
-        return lasting(found, t, energy, dT, rest_of_run(run))
-    answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
-    answer = answer.removesuffix(_advice(found.suggested_duration))  # a longer run has a longer drive
-    reason = f"{moving} {'vary' if ' and ' in moving else 'varies'}: {answer}"
-    return replace(found, regime=Regime.DRIVEN, reason=reason, suggested_duration=float("nan"))
+    until = checks.between("run.attrs['driven_until']", run.attrs.get("driven_until", 0), 0, np.inf, unit="s")
+    if until > (t[0] + t[-1]) / 2:
+        answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
+        answer = answer.removesuffix(_advice(found.suggested_duration))  # a longer run has a longer drive
+        reason = f"light or heaters vary up to {quantity.rounded(until, 's', 3)}: {answer}"
+        return replace(found, regime=Regime.DRIVEN, reason=reason, suggested_duration=float("nan"))
+    if found.regime == Regime.SELF_PULSING:
+        return warming(found, run, t, dT)
+    if found.regime != Regime.STABLE:
+        return found
+    energy = _values(run, "energy") if "energy" in run.variables else drop
+    return lasting(found, t, energy, dT, rest_of_run(run))
 
 
 def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
@@ -183,12 +179,12 @@ def warming(found: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
 
     A linear model settles to <dT> = R_th <P> over a cycle, whatever its time constants.
     """
-    resistance = resistance_of_run(run)
-    if resistance is None or "absorbed" not in run.variables:
+    several = {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}
+    if several or "model_R" not in run.attrs or "absorbed" not in run.variables:
         return found
     last = np.append(t[-1] - found.period, t[t > t[-1] - found.period])
     absorbed, rise = (np.trapezoid(np.interp(last, t, v), last) for v in (_values(run, "absorbed"), dT))
-    final = resistance * absorbed
+    final = float(checks.array("run.attrs['model_R']", np.ravel(run.attrs["model_R"])).sum()) * absorbed
     if not abs(rise - final) > SETTLED * final:
         return found
     note = f"the mean rise is {rise / final:.0%} of what the absorbed power leads to, so slow heat will move the period"
@@ -283,20 +279,6 @@ def _until_settled(tops: Array, passed: float) -> float:
         return LONGER * passed
     cycles = np.log(0.1 * SETTLED * tops[-1] / max(steps[-1], 1e-300)) / np.log(ratio)
     return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
-
-
-def _varying(run: xr.Dataset, late: NDArray[np.bool_]) -> str:
-    """Names of the inputs that vary in the ``late`` samples of a run; empty if none does."""
-    moving = [
-        words
-        for name, words in (("input_power", "the power"), ("detuning", "the detuning"))
-        if name in run.variables and run[name].dims == ("time",) and np.ptp(run[name].values[late]) > 0
-    ]
-    for name, of in (("heater_power", "heater"), ("input", "laser")):  # lasers of a circuit
-        if name in run.variables:
-            changes = np.ptp(run[name].values[:, late], axis=1) > 0
-            moving += [f"the power of {one}" for one in run[of].values[changes]]
-    return " and ".join(moving)
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:

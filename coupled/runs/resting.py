@@ -11,26 +11,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import Foster, OutputMap, Quadratic
+from thermofem import Foster, OutputMap
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
 from ..carriers import ConstantLifetime, ShockleyReadHall
-from ..circuit.stationary import at_rest
 from ..equilibria.steady_states import steady_states
 from ..heaters import turned_by
-from ..inputs import varies_in
-from ..kernel.tableaus import Method
-from ..kernel.units import FJ, NS, single_ring, units
 from ..resonator import RingResonator
-from ..states import State
 
 if TYPE_CHECKING:
     import xarray as xr
 
 TINY = 1e-99  # J and K, of a dark ring
-FAR = 2.0  # times the energy: Newton's method has left what the run is near
-UNREADABLE = (ValueError, TypeError, KeyError, OverflowError)  # attributes that another program wrote
 
 
 class Rest(NamedTuple):
@@ -52,37 +45,14 @@ class Rest(NamedTuple):
         k = int(np.argmin(np.maximum(*off)))
         return k, float(max(off[0][k], off[1][k]))
 
-    def attributes(self) -> dict[str, Array]:
-        """The values as attributes of a Dataset."""
-        return {f"rest_{name}": values for name, values in self._asdict().items()}
-
-
-def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float, detuning: float) -> Rest | None:
-    """Return the fixed point that Newton's method finds from the end of a run; None where it finds none.
-
-    For quadratic models, which are too large for the attributes of a run.
-    """
-    problem = single_ring(ring, model, power, detuning, 1e-9, Method.RODAS4)
-    begun = state.as_array() / units(problem.order)
-    y = at_rest(problem, begun, np.full(begun.size, 1e-9 * np.abs(begun).max() + TINY))
-    if y is None or not begun[:2] @ begun[:2] / FAR < (U := y[:2] @ y[:2]) < begun[:2] @ begun[:2] * FAR:
-        return None
-    growth = np.linalg.eigvals(problem.slopes(y)[1]).real.max() / NS
-    return Rest(*(np.array([value]) for value in (U * FJ, model.C @ y[3:], growth)))
-
 
 def rest_of_run(run: xr.Dataset) -> Rest | None:
     """Return the fixed points under the light at the end of a run; None where its attributes do not tell them.
 
-    They do not for traces that are not of `simulate`, and for several lasers.
+    They do not for traces that are not of `simulate`, for quadratic models, and for several lasers.
     """
     attrs = run.attrs
-    end = float(run["time"].values[-1]) * (1 + 1e-5)  # `varying` has six digits
-    if varies_in(run, end):  # the attributes are those of the end of an uncut run
-        return None
     try:
-        if "rest_growth" in attrs:
-            return Rest(*(np.atleast_1d(np.asarray(attrs[f"rest_{name}"], dtype=float)) for name in Rest._fields))
         ring, power, detuning = ring_in(attrs["ring_parameters"]), _last(run, "input_power"), _last(run, "detuning")
         model: Any = Foster(np.atleast_1d(attrs["model_R"]), np.atleast_1d(attrs["model_tau"]))
         if "model_coefficient" in attrs:
@@ -94,18 +64,8 @@ def rest_of_run(run: xr.Dataset) -> Rest | None:
             return Rest(np.zeros(1), np.array([rise]), np.array([-np.inf]))
         found = steady_states(ring, model, power=power, detuning=detuning + turned_by(rise, ring))
         return Rest(found["energy"].values, found["delta_T"].values + rise, found["growth_rate"].values)
-    except (InputError, *UNREADABLE, RecursionError):
-        return None
-
-
-def resistance_of_run(run: xr.Dataset) -> float | None:
-    """Return R_th in K/W of the linear model of a run with one laser and no heater; None for all others."""
-    if {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}:
-        return None
-    try:
-        return float(np.sum(np.asarray(run.attrs["model_R"], dtype=float)))
-    except UNREADABLE:
-        return None
+    except (InputError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
+        return None  # attributes that another program wrote
 
 
 def ring_in(text: str) -> RingResonator:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import Quadratic, checks
+from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
@@ -16,13 +16,12 @@ from ..arguments import check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
 from ..heaters import channels, heater_powers, heating
-from ..inputs import Input, attribute, spans
+from ..inputs import Input, last_change
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import Compact, attributes, check_geometry, dense_times, trusted
-from .resting import rest_near
-from .window import NO_TIMES, Event, Laser, Window, advance, provenance, traces
+from ..thermal import attributes, check_geometry, dense_times, trusted
+from .window import NO_TIMES, Event, Laser, advance, provenance, traces
 
 
 def simulate(
@@ -169,7 +168,6 @@ def simulate(
     )  # fmt: skip
     trusted(model, run.delta_T)
     end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
-    heated_by = spans({f"the power of {name}": wave for name, wave in heat.powers.items()}, duration)
     places = np.array([one.frequency for one in run.lights.resonances[1:]])
     several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
     found = xr.Dataset(
@@ -178,10 +176,10 @@ def simulate(
         {
             **provenance(ring, light, duration),
             **doubts,
-            **attribute(run.lights.varying() | heated_by),
+            "driven_until": max([run.lights.driven_until, *map(last_change, heat.powers.values())]),
             **attributes(small),
             **({} if initial is None else {"initial": "given"}),
-            **(several if others else _resting(ring, small, light, heat.static(run.reached), run)),
+            **(several if others else {"heater_rise": rise} if (rise := heat.static(run.reached)) else {}),
             "rtol": rtol,
             "method": run.method.value,
             "steps": int(run.counts[0]),
@@ -207,12 +205,3 @@ def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
     )
     checks.shape("initial.attrs['final_fields']", fields, (2 * places.size,))
     return dict(zip(places.tolist(), fields.reshape(-1, 2), strict=True))
-
-
-def _resting(ring: RingResonator, model: Compact, light: dict[str, Any], rise: float, run: Window) -> dict[str, Any]:
-    """Attributes that `resting.rest_of_run` needs besides: the heaters' rise, the fixed point of a quadratic model."""
-    if not isinstance(model, Quadratic):
-        return {"heater_rise": rise} if rise else {}
-    power, detuning = (wave if isinstance(wave, float) else float(wave(run.reached)) for wave in light.values())
-    found = rest_near(ring, model, run.final, power, detuning)
-    return found.attributes() if found else {}

@@ -16,7 +16,7 @@ from thermofem.arrays import Array, Complex, NDArray
 from thermofem.data import dataset
 from thermofem.piecewise import Pieces
 
-from ..inputs import Input, Spans, add, beats, changes, integral, joint, largest, pieces, table, values
+from ..inputs import Input, add, integral, joint, largest, last_beat, last_change, pieces, table, values
 from ..kernel import units as eq
 from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
 from ..kernel.tableaus import Method
@@ -93,17 +93,14 @@ class Lights(NamedTuple):
         amplitude = self.drive.entry @ (np.sqrt(power) * np.exp(1j * values(self.drive.phase, times)))
         return amplitude, np.abs(amplitude) ** 2
 
-    def varying(self) -> dict[str, Spans]:
-        """When the lasers vary, and when several of different frequencies are on at one resonance."""
-        found: dict[str, Spans] = {}
-        for k, (power, detuning) in enumerate(zip(self.powers, self.detunings, strict=True), 1):
-            of = f" of laser {k}" if k > 1 else ""
-            found |= {f"the power{of}": changes(power), f"the detuning{of}": changes(detuning)}
+    @property
+    def driven_until(self) -> float:
+        """When a laser last changes, or lasers on one resonance last beat, s."""
+        found = [last_change(one) for one in (*self.powers, *self.detunings)]
         for f in range(len(self.resonances)):
             here = [k for k, own in enumerate(self.at) if own == f]
-            beating = beats([self.powers[k] for k in here], [self.detunings[k] for k in here])
-            found["the light" if f == 0 else f"the light of resonance {f + 1}"] = beating
-        return {name: when for name, when in found.items() if when}
+            found.append(last_beat([self.powers[k] for k in here], [self.detunings[k] for k in here]))
+        return max(found)
 
 
 class Window(NamedTuple):

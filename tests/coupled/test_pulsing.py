@@ -111,11 +111,10 @@ def test_what_does_not_pulse_is_at_rest_or_under_way(carriers, regime, reason):
 
 @pytest.mark.parametrize("carriers", [1 + TIMES / DURATION, 2 + np.sin(2 * np.pi * TIMES / 15e-6), wave()])
 def test_a_driven_trace_is_not_told_to_last_longer(carriers):
-    run = trace(carriers)
-    run["input_power"] = "time", 1e-3 * (1 + TIMES / DURATION)
+    run = trace(carriers).assign_attrs(driven_until=DURATION)
     found = coupled.pulsing(run)
     assert found.regime == "driven"
-    assert found.reason.startswith("the power varies: ")
+    assert found.reason.startswith("light or heaters vary up to 20 us: ")
     assert "simulate" not in found.reason
     assert np.isnan(found.suggested_duration)
 

@@ -41,20 +41,16 @@ def test_rest_before_slow_heat_starts_pulses_is_a_slow_transient(slow):
     assert "no fixed point is stable" in cell.reason.item()
 
 
-def test_every_kind_of_model_and_a_file_tell_the_same(slow, tmp_path):
-    """A quadratic model without coupling and an output map of coefficient 0 are the network itself."""
-    tau, R = np.array(slow.model.tau), np.array(slow.model.R)
-    n = tau.size
-    quadratic = th.Quadratic(-np.diag(1 / tau), np.zeros((n, n, n)), np.zeros((n, n)), R / tau, np.ones(n))
+def test_an_output_map_and_a_file_tell_the_same(slow, tmp_path):
+    """An output map of coefficient 0 is the network itself."""
     dataset.save(run_of(slow), tmp_path / "run.nc")
-    runs = [run_of(slow), run_of(slow, th.OutputMap(slow.model, 0.0)), run_of(slow, quadratic)]
-    rests = [rest_of_run(run) for run in [*runs, xr.load_dataset(tmp_path / "run.nc")]]
+    runs = [run_of(slow), run_of(slow, th.OutputMap(slow.model, 0.0)), xr.load_dataset(tmp_path / "run.nc")]
     states = coupled.steady_states(slow.ring, slow.model, power=slow.power, detuning=slow.detuning)
-    for rest in rests:
-        for name, wanted in (("energy", "energy"), ("delta_T", "delta_T"), ("growth", "growth_rate")):
-            # the static rise of a quadratic model is a series good to 1e-12; eigenvalues lose its condition, some 1e3
-            assert getattr(rest, name) == pytest.approx(states[wanted].values, rel=1e-8)
     for run in runs:
+        rest = rest_of_run(run)
+        for name, wanted in (("energy", "energy"), ("delta_T", "delta_T"), ("growth", "growth_rate")):
+            # the bisection of two curves that are one to round-off; eigenvalues lose their condition, some 1e3
+            assert getattr(rest, name) == pytest.approx(states[wanted].values, rel=1e-8)
         assert coupled.pulsing(run).regime == "slow transient"
 
 
