@@ -13,7 +13,6 @@ from thermofem.models.foster import second_order_parameters, second_order_poles
 
 from . import parameters
 from .carriers import ShockleyReadHall
-from .kernel.units import internal_rates
 from .resonator import RingResonator
 from .thermal import Compact, compact, linear
 
@@ -100,7 +99,6 @@ def unknowns(
             start[name] = thermal[name]
         elif name in optical:
             start[name] = number_of(ring, name)
-            check_counts("free", name, ring)
         else:
             raise checks.InputError(
                 f"free holds {name!r}, which is of another thermal law than the model or the others"
@@ -157,28 +155,6 @@ def optical_names(ring: RingResonator) -> set[str]:
     """Every number of the ring and of its carriers that may be varied."""
     own = {f.name for f in fields(ring) if isinstance(getattr(ring, f.name), float)}
     return own | {f.name for f in fields(ring.carriers)} | {"tau0"}
-
-
-def check_counts(what: str, name: str, ring: RingResonator) -> None:
-    """InputError where a number of the ring changes nothing; ``what`` is the argument that holds its name."""
-    if idle(ring, name):
-        lumped = name == "lumped_fcd"
-        follows = "fcd" if lumped else ", ".join(rate for rate, _ in ring.rates)
-        hint = "ring.with_lumped_fcd() follows it" if lumped else "replace(ring, rates=()) follows its fields"
-        raise checks.InputError(f"{name!r} in {what} changes nothing: the ring follows {follows}", hint)
-
-
-def idle(ring: RingResonator, name: str) -> bool:
-    """Whether a number of the ring changes nothing, as its light follows rates that were set, or other dispersion."""
-
-    def light(r: RingResonator) -> tuple[float, ...]:
-        rates, dispersion = internal_rates(r)
-        return (r.frequency, r.bus_rate, r.drop_bus_rate, *rates, *dispersion.flat)
-
-    if not ring.rates and name != "lumped_fcd":
-        return False
-    value = number_of(ring, name)
-    return light(ring) == light(varied(ring, {name: value * 1.001 or FROM_ZERO.get(name, 1e-20)}))
 
 
 def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:

@@ -20,7 +20,7 @@ from ..kernel.units import internal_detuning, internal_pump, single_ring
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact, compact
-from ..unknowns import FROM_ZERO, check_counts, idle, number_of, optical_names, varied
+from ..unknowns import FROM_ZERO, number_of, optical_names, varied
 from .return_map import FINE, Flow, Orbit
 from .settling import settled
 
@@ -110,7 +110,7 @@ LASER = {"power": "W", "detuning": "Hz"}
 
 def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
     """Every name that `changed` knows; "R1" and "tau1" are those of the fastest pole of a network."""
-    own = sorted(name for name in optical_names(ring) if not idle(ring, name))
+    own = sorted(optical_names(ring))
     shifts = [f"fcd{k + 1}" for k in range(len(ring.fcd))]
     order = 0 if isinstance(model, Quadratic) else _poles_of(model).order
     poles = [f"{name}{k + 1}" for name in ("R", "tau") for k in range(order)]
@@ -120,7 +120,6 @@ def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
 def value_of(p: CycleProblem, name: str) -> float:
     """Return a number of a problem, in SI."""
     if name in optical_names(p.ring):
-        check_counts("parameters", name, p.ring)
         return number_of(p.ring, name)
     checks.choice("a parameter", name, parameter_names(p.ring, p.model))
     if name in LASER:

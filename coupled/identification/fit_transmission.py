@@ -30,7 +30,7 @@ from ..equilibria.transmission import transmission
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
 from ..thermal import check_geometry
-from ..unknowns import SPAN, check_counts, number_of, optical_names, span_of, varied
+from ..unknowns import SPAN, number_of, optical_names, span_of, varied
 from .box_search import at_bound
 from .forced_filters import noise_of
 
@@ -268,11 +268,7 @@ def _search(
     others = {RESISTANCE: resistance, POWER: 1.0}
     for name in free:
         checks.choice("a name in free", name, optical_names(ring) | {*others})
-        if name in others:
-            value = others[name]
-        else:
-            value = number_of(ring, name)
-            check_counts("free", name, ring)
+        value = others[name] if name in others else number_of(ring, name)
         if name == "frequency":
             nu = np.concatenate([one.x if one.power is not None else [one.detuning] for one in data])
             ends = (value + nu.min() - SIDE * width, value + nu.max() + SIDE * width)

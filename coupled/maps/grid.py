@@ -22,7 +22,7 @@ from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact
-from ..unknowns import check_counts, optical_names, varied
+from ..unknowns import optical_names, varied
 
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
 
@@ -75,7 +75,6 @@ def grid_of(
     for name, values in checks.mapping("vary", vary, hint='such as {"bus_rate": [3e10, 4e10]}').items():
         checks.choice("a name in vary", name, optical_names(ring))
         own[name] = checks.array(f"vary[{name!r}]", values, increasing=True)
-        check_counts("vary", name, ring)
     axes = own | {name: axis for name, axis in laser.items() if axis.size > 1 or not own}
     if len(axes) != 2:
         raise checks.InputError(

@@ -245,16 +245,3 @@ def test_a_lumped_dispersion_follows_its_coefficient():
         other = replace(LUMPED, lumped_fcd=value, fcd=((value, 1.0),))
         alone = coupled.stability_map(other, newton, P, [0.0])["growth_rate"].values[:, 0]
         np.testing.assert_allclose(row, alone, rtol=1e-9)
-
-
-@pytest.mark.parametrize("ring", [RING, RING.with_rates(eta_tpa=RING.eta_tpa, g_tpa=RING.g_tpa)])
-def test_a_number_that_changes_nothing_is_no_axis(ring):
-    name = "tpa_coefficient" if ring.rates else "lumped_fcd"
-    values = [8e-12, 9e-12] if ring.rates else [-1.2e-26, -9.5e-27]
-    for ask in (
-        lambda: coupled.stability_map(ring, EXPERIMENT, P, 0.0, vary={name: values}),
-        lambda: coupled.cycles.derivatives.cycle_derivatives(ring, EXPERIMENT, [name], power=6e-3),
-        lambda: coupled.continue_cycle(ring, EXPERIMENT, name, values, power=6e-3),
-    ):
-        with pytest.raises(th.InputError, match="changes nothing"):
-            ask()
