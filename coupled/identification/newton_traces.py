@@ -1,71 +1,28 @@
 """Newton's law fitted to each drop trace by itself: how its heat capacity and lifetime drift with the period."""
 
 import logging
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import least_squares
 
-from thermofem import checks
-from thermofem.arrays import Array
 from thermofem.data import dataset
 
 from ..arguments import bar, check_ring
 from ..resonator import RingResonator
-from ..runs.simulate import simulate
-from ..thermal import Compact, without_origin
-from ..unknowns import Unknowns, unknowns
-from .box_search import at_bound
-from .cycles import HARMONICS, MOST, Cycle, Seen, Target, cycle_of, targets_of
-from .settled_cycles import Stage, compared
+from ..unknowns import unknowns
+from .box_search import at_bound, least_squares
+from .cycles import targets_of
+from .settled_cycles import Stage, free_run, residuals
 
 log = logging.getLogger("thermofem")
 
 GRID = 6  # start values of either parameter
 STARTS = 4  # of them that are followed: the best one alone may lie in the basin of a ring that pulses twice as fast
-STEP = 1e-3  # of a logarithm, for the slopes of a search: far above what the step control of the integration leaves
-RTOL = 1e-5
-STEPS = 5e-9  # s at most between two samples of the carriers, so that their spikes are seen
-IMPOSSIBLE = 1e3  # residual where the parameters make no model
-EVALUATIONS = 15  # steps of least squares in each
-PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
-
-
-def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
-    """The cycle of the model under the drive of a trace, sampled as the trace is."""
-    begin, end = target.window(model)
-    at = target.times
-    if end != at[-1] or at.size > MOST:
-        at = np.linspace(begin, end, min(MOST, 1 + math.ceil((end - begin) / float(np.median(np.diff(at))))))
-    run = simulate(
-        ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
-        times=np.unique(np.minimum(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]).round(15), end)),
-    )  # fmt: skip
-    return cycle_of(run, at=at, near=target.cycle.period)
-
-
-def residuals(what: Unknowns, target: Target) -> Callable[[Array], Array]:
-    """The residuals of a trace, shape (66,), as a function of the logarithms of the unknowns.
-
-    They are ln(T_model/T)/0.01, and the differences of the mean and of two harmonics over 0.03 of the measured swing:
-    the sum of their squares is the mean square over the cycle, |c|^2/2 of each Re c exp(i phi). One pole cannot follow
-    the steep parts of a cycle, and to ask it for them splits the best pairs into two families.
-    """
-    aim = Seen(target.cycle, 0.0, np.zeros(HARMONICS + 1))
-    stage = Stage(2, PERIOD_ERROR, np.sqrt(2) * SHAPE_ERROR, EVALUATIONS)
-    mean = np.where(np.arange(2 * HARMONICS + 2) == 1, np.sqrt(2), 1.0)
-
-    def of(x: Array) -> Array:
-        try:
-            cycle = simulated(*what.build(x), target)
-        except (checks.InputError, RuntimeError):
-            return np.full(mean.size, IMPOSSIBLE)
-        return mean * compared(cycle, aim, stage, target.absolute)[0]
-
-    return of
+# 1 % of the period and 3 % of the swing, root mean square over the cycle, count alike. One pole cannot follow the steep
+# parts of a cycle, and to ask it for more than two harmonics splits the best pairs into two families
+TWO = Stage(2, 0.01, np.sqrt(2) * 0.03, 8)
 
 
 def fit_newton_per_trace(
@@ -119,25 +76,18 @@ def fit_newton_per_trace(
     rows: list[list[float]] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
         for k, target in enumerate(targets):
-            f, period = residuals(what, target), target.cycle.period
-            costs = [np.sum(f(x) ** 2) for x in grid]
-            ends = [
-                least_squares(
-                    f, grid[k], bounds=(what.low - 1e-9, what.high + 1e-9), xtol=1e-5, ftol=1e-5,
-                    diff_step=STEP / np.abs(what.start), max_nfev=EVALUATIONS,
-                )
-                for k in np.argsort(costs)[:STARTS]
-            ]  # fmt: skip
-            end = min(ends, key=lambda end: float(end.cost))
-            best = np.clip(end.x, what.low, what.high)
-            pair = np.exp(best)
+            f, period = residuals(what, [target], TWO), target.cycle.period
+            costs = [np.inf if (r := f(x)) is None else float(r @ r) for x in grid]
+            starts = [grid[k] for k in np.argsort(costs)[:STARTS] if np.isfinite(costs[k])]
+            end = min((least_squares(f, x, what.low, what.high, steps=TWO.steps) for x in starts), key=lambda e: e.cost)
+            pair = np.exp(end.x)
             if np.isnan(period):
                 log.warning("a trace at rest shows tau_th/(m c_p) = R_th alone; both are nan for trace %d", k)
                 pair = np.full(2, np.nan)
-            elif at_bound(best, what.low, what.high).any():
+            elif at_bound(end.x, what.low, what.high).any():
                 log.warning("tau_th or heat_capacity ended on the bound of its search for trace %d; widen bounds", k)
-            own_period = simulated(*what.build(best), target).period
-            rows.append([target.power, target.detuning, *pair, period, own_period, np.sqrt(2 * end.cost)])
+            own = free_run(*what.build(end.x), target)[1].period
+            rows.append([target.power, target.detuning, *pair, period, own, np.sqrt(end.cost)])
             advance()
     abouts: dict[str, Any] = {
         "power": dataset.describe("input_power"),

@@ -92,11 +92,12 @@ def compared(own: Cycle, aim: Seen, stage: Stage, absolute: bool) -> tuple[Array
         period = own.period if both[0] else RESTS * trace.period
         drift = np.log(period / trace.period) / np.hypot(aim.period_deviation, stage.period)
         scale = np.hypot(aim.deviations, stage.shape * trace.swing)
-        mean = np.hypot(aim.deviations[0] / np.sqrt(2), stage.shape * trace.swing)
+        scale[0] /= np.sqrt(2)  # the mean square over the cycle is |c_0|^2 + sum |c_k|^2/2
     else:
-        drift, scale, mean = 0.0, np.full(K.size, HIDDEN * level), np.hypot(aim.deviations[0], stage.shape * level)
-    parts = off[1:] / scale[1:]
-    return np.concatenate([[drift, off[0].real / mean], parts.real, parts.imag]), aligned
+        drift, scale = 0.0, np.full(K.size, HIDDEN * level)
+        scale[0] = np.hypot(aim.deviations[0], stage.shape * level)
+    parts = off / scale
+    return np.concatenate([[drift, parts[0].real], parts[1:].real, parts[1:].imag]), aligned
 
 
 def residuals(what: Unknowns, targets: list[Target], stage: Stage) -> Residuals:

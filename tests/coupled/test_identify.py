@@ -17,8 +17,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.identification.cycles import HARMONICS, Cycle, Seen, cycle_of, targets_of
-from coupled.identification.newton_traces import residuals, simulated
-from coupled.identification.settled_cycles import Stage, compared, read_apart, repeat_within
+from coupled.identification.newton_traces import TWO
+from coupled.identification.settled_cycles import Stage, compared, free_run, read_apart, repeat_within, residuals
 from coupled.plot import plot_identification
 from coupled.unknowns import unknowns
 from thermofem.models.foster import second_order_poles
@@ -130,7 +130,7 @@ def test_a_model_is_sampled_as_the_trace_is():
         run = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, detuning=0.0, duration=length, times=times)
         (target,) = targets_of(run)
         what = unknowns(RING, list(TRUE), EXPERIMENT)
-        left = residuals(what, target)(what.start)
+        left = residuals(what, [target], TWO)(what.start)
         # of 3 % of the swing and 1 % of the period; by straight lines between accepted steps it was 0.02
         assert np.sqrt(np.sum(left[1:] ** 2)) < 8e-3
         assert abs(left[0]) < 0.01
@@ -295,7 +295,7 @@ def test_a_ring_that_rings_down_is_one_at_rest():
     assert coupled.pulsing(run).regime == "stable"
     (target,) = targets_of(run)
     assert np.isnan(target.cycle.period)
-    own = simulated(RING, EXPERIMENT, target)
+    own = free_run(RING, EXPERIMENT, target)[1]
     assert np.isnan(own.period)
     assert own.harmonics == pytest.approx(target.cycle.harmonics, rel=1.5e-5, abs=0)  # the step control
     with pytest.raises(th.InputError, match=r"has not settled.*its swing goes from .*% to .*% of the mean"):
@@ -349,7 +349,7 @@ def test_a_trace_may_begin_late_or_hot_or_outlast_the_heat():
     for heat, trace in ((fast, late), (fast, hot), (fast, unknown), (slow, run(slow, 300e-6, 2e-9))):
         (target,) = targets_of(trace)
         what = unknowns(RING, ["bus_rate"], heat)
-        left = residuals(what, target)(what.start)
+        left = residuals(what, [target], TWO)(what.start)
         # of 1 % of the period and 3 % of the swing; e^-8 of the slowest pole is left, 3e-4 of some 10 % of the period,
         # and the mean cycle of what has not quite settled. Before, the period alone was off by 1 to 8 of its 1 %
         assert np.sqrt(np.sum(left**2)) < 0.1
@@ -375,7 +375,7 @@ def test_a_trace_that_drifts_to_rest_is_compared_with_the_same_half():
     trace = coupled.simulate(RING, slow, **light, duration=10e-6, times=np.linspace(0, 10e-6, 4000))
     (target,) = targets_of(trace)
     what = unknowns(RING, ["loss_rate"], slow)
-    left = residuals(what, target)(what.start)
+    left = residuals(what, [target], TWO)(what.start)
     assert np.abs(left).max() < 5e-4  # of 3 % of the mean; it was 0.12
 
 
