@@ -23,8 +23,6 @@ from thermofem.data.variables import in_si
 
 from ..arguments import check_detuning, check_power, datasets
 from ..kernel.units import slowest_rate
-from ..runs.pulsing import Regime, crossings, pulsing
-from ..runs.repetition import LONGEST_PATTERN
 from ..thermal import Compact
 from .forced_filters import Forced, noise_of
 
@@ -35,16 +33,15 @@ if TYPE_CHECKING:
 HARMONICS = 32
 FEWEST = 64  # samples of a trace
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
-LAST = 3  # cycles of a simulated trace, which has no noise to average
-SAMPLES = 2048  # of a simulated cycle
-BETWEEN, MANY = 8, 100_000  # points of the autocorrelation for each sample; in traces of more than `MANY` samples 1
+GRID = 32_768  # samples of what is not evenly sampled
+ROUNDS = 3  # of corrections of the clock
+BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
 PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
 LEVEL = 0.05  # of the mean: a smaller swing counts as that
 NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
 LONGEST = 40e-6  # s simulated for a trace that is longer, or
 SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
 MOST = 50_000  # samples of a simulated trace
-UNEVEN, COARSE = 3.0, 0.01  # largest gap between samples over the median one, and over the period
 STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
 
 
@@ -97,46 +94,80 @@ class Seen(NamedTuple):
     deviations: Array
 
 
-def observe(name: str, t: Array, drop: Array) -> Cycle:
-    """The mean cycle in the second half of a trace, by straight lines between its samples.
+def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
+    """The part of a trace that is compared, evenly sampled."""
+    begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
+    late = t >= begin
+    steps = np.diff(t[late])
+    if late.sum() >= FEWEST and np.ptp(steps) <= 1e-3 * steps.mean():
+        return t[late], drop[late]
+    grid = np.linspace(begin, t[-1], GRID)
+    return grid, np.interp(grid, t, drop)
+
+
+def cycles_in(t: Array, drop: Array) -> tuple[float, Complex]:
+    """Period and c_k of the cycles in the second half of a trace in one phase, (n, 33); nan and the mean at rest.
+
+    The cycles are cut by one clock, which the drift of their phases corrects.
+    """
+    t, drop = _second_half(t, drop)
+    clock, k = _repetition(t, drop), np.arange(HARMONICS + 1)
+    if not np.isfinite(clock):
+        return clock, drop.mean() * (k == 0)[None].astype(complex)
+    for _ in range(ROUNDS):
+        n = max(4 * HARMONICS, int(np.ceil(clock / (t[1] - t[0]))))
+        number = np.arange(max((t[-1] - t[0]) // clock, 2))
+        at = t[0] + clock * (number[:, None] + (np.arange(n) + 0.5) / n)
+        waves = np.fft.rfft(np.interp(at, t, drop), axis=1)[:, k] * (2 / n) * np.exp(-1j * np.pi * k / n)
+        slope = float(np.polyfit(number, np.unwrap(np.angle(waves[:, 1])), 1)[0])
+        clock /= 1 + slope / (2 * np.pi)
+    waves[:, 0] /= 2
+    return clock, waves * np.exp(-1j * slope * np.outer(number, k))
+
+
+def cycle_of(t: Array, drop: Array) -> Cycle:
+    """The mean cycle in the second half of the trace of a model; one that rings down is at rest."""
+    period, pieces = cycles_in(t, drop)
+    steady = np.isfinite(period) and _changed_swing(pieces) is None
+    return Cycle(period, pieces.mean(axis=0)) if steady else _still(float(pieces[:, 0].real.mean()))
+
+
+def period_of(name: str, t: Array, drop: Array) -> float:
+    """The period in the second half of a measured trace, nan where it rests or rings down to a small swing.
 
     Raises InputError, about the trace ``name``: it neither rests nor repeats, or still changes its swing.
     """
-    t, drop = _second_half(t, drop)
-    clock = _repetition(t, drop)
-    if not np.isfinite(clock):
-        _check_rest(name, drop)
-        return _still(drop)
-    period, pieces = _counted(t, drop, clock, 3, 0)
-    return Cycle(period, pieces.mean(axis=0)) if _settled(name, pieces) else _still(drop)
+    period, pieces = cycles_in(t, drop)
+    if not np.isfinite(period):
+        _check_rest(name, _second_half(t, drop)[1])
+        return period
+    swings = _changed_swing(pieces)
+    if swings is None:
+        return period
+    if max(swings) > LEVEL:
+        raise checks.InputError(
+            f"{name} has not settled in its second half, which is compared: its swing goes from {swings[0]:.1%} to "
+            f"{swings[1]:.1%} of the mean drop power",
+            "take a longer trace",
+        )
+    return float("nan")
 
 
-def _still(drop: Array) -> Cycle:
-    """The cycle of what does not pulse: its mean."""
-    harmonics = np.zeros(HARMONICS + 1, dtype=complex)
-    harmonics[0] = drop.mean()
-    return Cycle(float("nan"), harmonics)
+def _still(mean: float) -> Cycle:
+    """The cycle of what does not pulse."""
+    return Cycle(float("nan"), np.append(mean, np.zeros(HARMONICS)).astype(complex))
 
 
-def _settled(name: str, pieces: Complex) -> bool:
-    """Whether the cycles of a trace keep their swing; InputError where a swing that counts does not.
-
-    A model that rings down counts as one at rest: so must the trace.
-    """
+def _changed_swing(pieces: Complex) -> tuple[float, float] | None:
+    """Swings of the earlier and the later cycles of a trace over its mean; None where they are alike."""
     swings = np.sqrt(2 * np.sum(np.abs(pieces[:, 1:]) ** 2, axis=1)) * 2  # of a sine, from its mean square
     halves = np.array_split(swings, 2)
     early, late = (float(half.mean()) for half in halves)
     scatter = np.sqrt(sum(half.var() / half.size for half in halves))
     if len(pieces) < 4 or min(early, late) > STEADY * max(early, late) or abs(early - late) < 3 * scatter:
-        return True
+        return None
     level = float(abs(pieces[:, 0].mean()))
-    if max(early, late) > LEVEL * level:
-        raise checks.InputError(
-            f"{name} has not settled in its second half, which is compared: its swing goes from {early / level:.1%} to "
-            f"{late / level:.1%} of the mean drop power",
-            "take a longer trace",
-        )
-    return False
+    return early / level, late / level
 
 
 def _check_rest(name: str, drop: Array) -> None:
@@ -150,63 +181,6 @@ def _check_rest(name: str, drop: Array) -> None:
             f"{np.ptp(means) / abs(drop.mean()):.0%} of the mean",
             "take a trace of eight pulses or more, or one that has come to rest",
         )
-
-
-def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
-    """The part of a trace that is compared, evenly sampled."""
-    begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
-    late = t >= begin
-    steps = np.diff(t[late])
-    if late.sum() >= FEWEST and np.ptp(steps) <= 1e-3 * steps.mean():
-        return t[late], drop[late]
-    grid = np.linspace(begin, t[-1], 16 * SAMPLES)
-    return grid, np.interp(grid, t, drop)
-
-
-def cycle_of(run: xr.Dataset, *, at: Array, near: float = np.nan) -> Cycle:
-    """The mean cycle of the noiseless trace of `simulate`, in its second half.
-
-    ``at`` are the times in s at which a measured trace was sampled: straight lines between samples cut the corners of a
-    cycle, which must be the same ones in both. All cycles count by one clock, as `observe` takes them: what has not
-    settled is in both. ``near`` is the period in s of the trace that it is compared with: pulses of several rises, or
-    that alternate, are cut where that is.
-    """
-    found = pulsing(run)
-    t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
-    late = t >= t[-1] - SETTLED_SHARE * (t[-1] - t[0])
-    edges = np.empty(0)
-    if found.regime == Regime.SELF_PULSING:
-        edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)
-        edges = edges[:: -_rises(edges, near)][LAST::-1]
-    drop = np.interp(at, t, drop)
-    if edges.size < 2:
-        return _still(_second_half(at, drop)[1])
-    clock = float(np.mean(np.diff(edges)))
-    if SETTLED_SHARE * (at[-1] - at[0]) < 2 * clock:
-        return Cycle(clock, _pieces(at, drop, edges, SAMPLES).mean(axis=0))
-    period, pieces = _counted(*_second_half(at, drop), clock, 2)
-    return Cycle(period, pieces.mean(axis=0))
-
-
-def _counted(t: Array, drop: Array, clock: float, rounds: int, least: int = SAMPLES) -> tuple[float, Complex]:
-    """The period of an evenly sampled trace, and c_k of its cycles in one phase, shape (n, 33).
-
-    They are cut by a clock, which the drift of their phases corrects, so many times.
-    """
-    for _ in range(rounds):
-        pieces = _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), least)
-        number, slope = np.arange(len(pieces)), 0.0
-        if number.size > 1:
-            slope = float(np.polyfit(number, np.unwrap(np.angle(pieces[:, 1])), 1)[0])
-        clock /= 1 + slope / (2 * np.pi)
-    return clock, pieces * np.exp(-1j * slope * np.outer(number, np.arange(HARMONICS + 1)))
-
-
-def _rises(edges: Array, period: float) -> int:
-    """Number of rises of a run in a cycle of the trace: 1, unless a multiple of their distance is its period."""
-    ratio = period / float(np.mean(np.diff(edges[-2 * LAST - 1 :]))) if edges.size > 1 and np.isfinite(period) else 1.0
-    whole = round(ratio)
-    return whole if 1 < whole <= LONGEST_PATTERN and abs(ratio / whole - 1) < NEAR else 1
 
 
 def _repetition(t: Array, x: Array) -> float:
@@ -235,16 +209,6 @@ def _repetition(t: Array, x: Array) -> float:
     return float(best / fine * (t[-1] - t[0]) / (n - 1))
 
 
-def _pieces(t: Array, drop: Array, edges: Array, least: int) -> Complex:
-    """c_k of the pieces between ``edges``, shape (n, 33), each of ``least`` samples or as many as the trace has."""
-    n = max(least, 4 * HARMONICS, int(np.ceil((edges[1] - edges[0]) / float(np.median(np.diff(t))))))
-    phase = (np.arange(n) + 0.5) / n
-    at = edges[:-1, None] + np.diff(edges)[:, None] * phase
-    waves = np.fft.rfft(np.interp(at, t, drop), axis=1)[:, : HARMONICS + 1] * (2 / n)
-    waves[:, 0] /= 2
-    return np.asarray(waves * np.exp(-1j * np.pi * np.arange(HARMONICS + 1) / n))
-
-
 def lag(model: Complex, measured: Complex) -> float:
     """The shift of the model's phase, in periods, that brings it closest: the peak of the correlation."""
     k = np.arange(1, model.size)
@@ -264,14 +228,14 @@ def lag(model: Complex, measured: Complex) -> float:
 class Target:
     """One trace to meet.
 
-    cycle: the mean one, by straight lines between samples.
+    period [s]: of its pulses, nan where it rests.
     unit: of the trace; any but W is an arbitrary one.
     power [W]; detuning [Hz].
     times, drop [shape (n,)]: samples, in s from when the light was switched on, and in the unit of the trace.
     settled: whether nothing is known of its beginning, and it is compared with the settled cycle.
     """
 
-    cycle: Cycle
+    period: float
     unit: str
     power: float
     detuning: float
@@ -283,13 +247,6 @@ class Target:
     def absolute(self) -> bool:
         """Whether the drop power is in W."""
         return self.unit == "W"
-
-    @property
-    def uneven(self) -> bool:
-        """Whether samples are so unevenly spread that straight lines between them bend the cycle by chance."""
-        late = self.times[self.times >= (self.times[0] + self.times[-1]) / 2]
-        gaps = np.diff(late)
-        return bool(gaps.max() > UNEVEN * np.median(gaps) and gaps.max() > COARSE * self.cycle.period)
 
     @property
     def cold(self) -> bool:
@@ -320,14 +277,14 @@ class Target:
 
         drop = Re sum_k c_k exp(2 pi i k (t - t_0)/T), with more harmonics in each step of Gauss-Newton for ln T.
         """
-        t, drop, T = self.times, self.drop, self.cycle.period
+        t, drop, T = self.times, self.drop, self.period
         late = t >= (t[0] + t[-1]) / 2
         every = -(-int(late.sum()) // MOST)  # samples of long traces are averaged
         t, drop = (x[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1) for x in (t, drop))
         t = t - t[0]
         if not np.isfinite(T):
-            own = max(float(drop.std()), noise_of(self.drop))
-            return Seen(_still(drop), np.nan, np.full(HARMONICS + 1, own * np.sqrt(2 / drop.size)))
+            own = max(float(drop.std()), noise_of(self.drop)) * np.sqrt(2 / drop.size)
+            return Seen(_still(float(np.trapezoid(drop, t) / t[-1])), np.nan, np.full(HARMONICS + 1, own))
         most = min(HARMONICS, max(1, t.size // 4 - 1), max(1, int(0.5 * T * (t.size - 1) / t[-1])))
         for K in (4, 12, HARMONICS, HARMONICS, HARMONICS):
             k = np.arange(1, min(K, most) + 1)
@@ -364,11 +321,11 @@ def _target(name: str, trace: xr.Dataset) -> Target:
     drop = checks.array(f"{name}.drop", trace["drop"].values)
     checks.same_size(time=t, drop=drop)
     checks.enough(f"{name}.drop", int(np.count_nonzero(drop)), FEWEST, "samples with light")
-    cycle, light = observe(name, t, drop), trace.attrs
+    period, light = period_of(name, t, drop), trace.attrs
     power = check_power(light.get("input_power", light.get("power")), f"{name}.attrs['power']")
     detuning = check_detuning(light.get("detuning"), f"{name}.attrs['detuning']")
     mark = light.get("settled", 0)  # a file keeps True as 1
     mark = int(mark) if isinstance(mark, bool | np.bool_) else mark
     settled = "initial" in light or bool(checks.integer(f"{name}.attrs['settled']", mark, 0, 1))
     unit = str(trace["drop"].attrs.get("units", "W"))
-    return Target(cycle, unit, power, detuning, t - min(t[0], 0.0), drop, settled)
+    return Target(period, unit, power, detuning, t - min(t[0], 0.0), drop, settled)

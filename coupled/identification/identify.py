@@ -54,10 +54,10 @@ class Identification(HasModel):
     failed : bool
         whether the misfit of the best end is above 1.5: the parameters are then only those whose cycles are closest.
     notes : tuple of str
-        what makes numbers of the result doubtful: a failed fit; uneven samples; parameters that the traces do not
-        determine, or that ended on a bound; deviations that were widened; another end of equal misfit; periods of
-        trace and model that are a multiple of each other, or a model whose pulses do not repeat; traces that pulse
-        while their model rests, or the other way round. They are logged, too.
+        what makes numbers of the result doubtful: a failed fit; parameters that the traces do not determine, or that
+        ended on a bound; deviations that were widened; another end of equal misfit; periods of trace and model that are
+        a multiple of each other, or a model whose pulses do not repeat; traces that pulse while their model rests, or
+        the other way round. They are logged, too.
     """
 
     parameters: dict[str, float]
@@ -131,8 +131,8 @@ def identify(
 
     The standard deviations are those of the noise, by the slopes of the residuals, and widened where the misfit two
     deviations away rises by less than half as much as they say. They are nan where the fit failed, a trace and its
-    model were read otherwise, samples have uneven gaps above a hundredth of the period, and for a parameter that ended
-    on a bound. They are inf for one that the traces do not determine, such as two of which only the ratio counts.
+    model were read otherwise, and for a parameter that ended on a bound. They are inf for one that the traces do not
+    determine, such as two of which only the ratio counts.
     ``notes`` names these.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), end of Section 5, which trains (kappa, tau_f, tau_s, eta) on
@@ -261,15 +261,13 @@ def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End,
     else:
         spread, factor = _deviations(what, targets, x, start)
         off = float(np.sqrt((x - start.centre) @ start.precision @ (x - start.centre) / n))
-        notes += doubts(what, targets, spread, np.exp(x), factor, off)
+        notes += doubts(what, spread, np.exp(x), factor, off)
         size = np.maximum(np.nan_to_num(spread, posinf=1.0), 1e-3)
         if any(m < 1.05 * misfit and np.abs((e.x - x) / size).max() > 10 for m, e, _ in others):
             notes.append("another set of parameters fits as well: free fewer, or give traces of other powers")
     errors, cycles, more = comparison(*what.build(x), targets)
     if more:
         notes, spread = [*notes, *more], np.full(n, np.nan)
-    if any(target.uneven for target in targets):
-        spread = np.full(n, np.nan)
     for note in notes:
         log.warning("%s", note)
     values = np.exp(x)

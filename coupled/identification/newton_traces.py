@@ -76,7 +76,7 @@ def fit_newton_per_trace(
     rows: list[list[float]] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
         for k, target in enumerate(targets):
-            f, period = residuals(what, [target], TWO), target.cycle.period
+            f, period = residuals(what, [target], TWO), target.period
             costs = [np.inf if (r := f(x)) is None else float(r @ r) for x in grid]
             starts = [grid[k] for k in np.argsort(costs)[:STARTS] if np.isfinite(costs[k])]
             end = min((least_squares(f, x, what.low, what.high, steps=TWO.steps) for x in starts), key=lambda e: e.cost)

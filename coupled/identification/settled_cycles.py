@@ -57,7 +57,8 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
         ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, times=times,
         rtol=RTOL,
     )  # fmt: skip
-    return run, cycle_of(run, at=np.linspace(begin, end, int((end - begin) / late)), near=target.cycle.period)
+    at = np.linspace(begin, end, int((end - begin) / late))
+    return run, cycle_of(at, np.interp(at, run["time"].values, run["drop"].values))
 
 
 def repeats(run: xr.Dataset) -> bool:
@@ -154,14 +155,9 @@ def comparison(
     return errors, cycles, tuple(notes) or read_apart(period, own_period)
 
 
-def doubts(what: Unknowns, targets: list[Target], spread: Array, values: Array, factor: float, off: float) -> list[str]:
+def doubts(what: Unknowns, spread: Array, values: Array, factor: float, off: float) -> list[str]:
     """Sentences on what makes parameters doubtful that meet the traces."""
-    notes = [
-        f"traces[{k}] is sampled unevenly, and lines between its samples bend the cycle by chance: the parameters have "
-        "no deviations; sample it evenly or more finely"
-        for k, target in enumerate(targets)
-        if target.uneven
-    ]
+    notes = []
     named = list(zip(what.names, spread, strict=True))
     if loose := [name for name, one in named if np.isinf(one)]:
         notes.append(
