@@ -9,14 +9,13 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from thermofem import checks
-from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data import dataset
 from thermofem.data.variables import in_si
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
 FARTHEST = 690.0  # of a logarithm: the largest number
 GRID, SEARCHES = 24, 4  # lifetimes on each axis where searches may begin; how many do
-HALF_GAP = 0.56  # eV, of silicon: trap levels lie within it
 
 
 @dataclass(frozen=True)
@@ -189,11 +188,7 @@ class CarrierFit:
         with the fitted lifetimes.
     parameters, standard_errors : dict of str to float
         "tau0" and "tau_high" (s), the lifetimes at vanishing and at high density, which a decay determines; "tau_n" and
-        "tau_p" (s) that follow from them at the given trap energy; "trap_energy" (eV), with an infinite standard error;
-        and "initial_density" (1/m^3).
-    trap_energies : (float, float), eV
-        the range about the trap energy within the band gap in which some tau_n and tau_p give this very decay. There
-        are two such ranges, one on either side, where tau0 > tau_high; this is the one that holds the energy.
+        "tau_p" (s) that follow from them at the given trap energy; and "initial_density" (1/m^3).
     residual : float
         rms of ln(N/N_fit).
     """
@@ -201,7 +196,6 @@ class CarrierFit:
     carriers: ShockleyReadHall
     parameters: dict[str, float]
     standard_errors: dict[str, float]
-    trap_energies: tuple[float, float]
     residual: float
 
 
@@ -210,8 +204,8 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
     The lifetime runs from tau0 = [tau_p (n0 + n1) + tau_n (p0 + p1)]/(n0 + p0) to tau_n + tau_p, and turns where
     N = n0 + p0, which the doping fixes. So a decay determines two numbers, and (tau_n, tau_p, E_t) are three: every
-    trap energy in a range fits equally well. It is taken from ``material``, and the range returned. The searches begin
-    at the best of a grid of lifetimes.
+    trap energy in a range fits equally well. It is taken from ``material``. The searches begin at the best of a grid of
+    lifetimes.
 
     Parameters
     ----------
@@ -234,27 +228,26 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     checks.same_size(time=t, carriers=N)
     checks.positive("the least of data.carriers", N.min(), unit="1/m^3")
     best = _least_squares(t, N, material.b)
-    N0, low, high = np.exp(best.x)
-    covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
-    held = material.trap_energy
-    tau_n, tau_p, rows = _lifetimes(material, held, low, high)
-    possible = _possible(material, low, high)
+    found = np.exp(best.x)  # N0, tau0, tau_high
+    n0, p0 = material.intrinsic_density**2 / material.hole_density, material.hole_density
+    boltzmann = np.exp(material.trap_energy / material.thermal_energy)
+    electrons, holes = n0 + material.intrinsic_density * boltzmann, p0 + material.intrinsic_density / boltzmann
+    slopes = np.linalg.inv([[holes / (n0 + p0), electrons / (n0 + p0)], [1.0, 1.0]])  # of (tau_n, tau_p)
+    tau_n, tau_p = (slopes @ found[1:]).tolist()
     if min(tau_n, tau_p) <= 0:
-        ranges = " and ".join(f"{first:.3g} to {last:.3g}" for first, last in possible)
         raise checks.InputError(
-            f"trap_energy = {held:g} eV gives no positive lifetimes for this decay (tau0 = {low:.3g} s, tau_high = "
-            f"{high:.3g} s); {f'only {ranges} eV do' if possible else 'no trap energy does'}"
+            f"trap_energy = {material.trap_energy:g} eV gives no positive lifetimes for this decay (tau0 = "
+            f"{found[1]:.3g} s, tau_high = {found[2]:.3g} s)",
+            "replace(material, trap_energy=..)",
         )
-    scale = np.diag([N0, low, high])
-    absolute = scale @ covariance @ scale  # of N0, tau0, tau_high
-    errors = np.sqrt(np.diag(absolute))
-    of_n, of_p = (float(np.sqrt(s @ absolute[1:, 1:] @ s)) for s in rows)
-    names = ("initial_density", "tau0", "tau_high", "tau_n", "tau_p", "trap_energy")
+    every = np.vstack([np.eye(3), np.column_stack([np.zeros(2), slopes])]) * found  # derivatives by the logarithms
+    covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
+    errors = np.sqrt(np.einsum("ij,jk,ik->i", every, covariance, every))
+    names = ("initial_density", "tau0", "tau_high", "tau_n", "tau_p")
     return CarrierFit(
         replace(material, tau_n=tau_n, tau_p=tau_p),
-        dict(zip(names, (float(N0), float(low), float(high), tau_n, tau_p, held), strict=True)),
-        dict(zip(names, (*errors.tolist(), of_n, of_p, float("inf")), strict=True)),
-        min(possible, key=lambda ends: max(ends[0] - held, held - ends[1]), default=(held, held)),
+        dict(zip(names, [*found.tolist(), tau_n, tau_p], strict=True)),
+        dict(zip(names, errors.tolist(), strict=True)),
         float(np.sqrt(2 * best.cost / t.size)),
     )
 
@@ -278,13 +271,6 @@ def _least_squares(t: Array, N: Array, b: float) -> Any:
     return best
 
 
-def _possible(material: ShockleyReadHall, low: float, high: float) -> list[tuple[float, float]]:
-    """Ranges of trap energies in the band gap, eV, at which tau0 and tau_high belong to positive lifetimes."""
-    energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
-    holds = np.array([min(_lifetimes(material, E, low, high)[:2]) > 0 for E in energies])
-    return [(float(energies[a]), float(energies[b - 1])) for a, b in runs_of(holds)]
-
-
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:
     """N(t), by Newton's method in u = ln(N/N0), whose iterates are monotone."""
 
@@ -300,14 +286,3 @@ def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:
         if np.max(np.abs(step)) < 1e-14 * (1 + np.max(np.abs(u))):
             break
     return np.asarray(N0 * np.exp(u))
-
-
-def _lifetimes(material: ShockleyReadHall, trap: float, low: float, high: float) -> tuple[float, float, Array]:
-    """tau_n and tau_p of a trap energy, and their derivatives by (tau0, tau_high), rows tau_n and tau_p."""
-    n0, p0 = material.intrinsic_density**2 / material.hole_density, material.hole_density
-    boltzmann = np.exp(trap / material.thermal_energy)
-    electrons, holes = n0 + material.intrinsic_density * boltzmann, p0 + material.intrinsic_density / boltzmann
-    by_low, by_high = np.array([n0 + p0, -electrons]) / (holes - electrons)  # of tau_n
-    slopes = np.array([[by_low, by_high], [-by_low, 1 - by_high]])
-    tau_n, tau_p = slopes @ [low, high]
-    return float(tau_n), float(tau_p), slopes

@@ -71,11 +71,7 @@ def test_standard_errors_are_those_of_a_fit_of_the_lifetimes_themselves():
 
 def test_no_decay_determines_the_trap_energy():
     data = coupled.carriers.carrier_decay(PRINTED, 2e23, TIMES)
-    fit = coupled.carriers.fit_carrier_decay(data, PRINTED)
-    assert fit.standard_errors["trap_energy"] == np.inf
-    low, high = fit.trap_energies
-    assert low < 0.1 < high
-    for energy in (low, 0.0, high):
+    for energy in (0.05, 0.0, -0.1):
         other = coupled.carriers.fit_carrier_decay(data, replace(PRINTED, trap_energy=energy))
         same = coupled.carriers.carrier_decay(other.carriers, 2e23, TIMES)
         assert same["carriers"].values == pytest.approx(data["carriers"].values, rel=1e-7, abs=0)
@@ -92,19 +88,6 @@ def test_a_fit_finds_lifetimes_that_differ_by_hundreds():
     # round-off of ln N, 4e-16 at 200 samples, through the condition of the fit, 1e3
     assert fit.parameters["tau0"] == pytest.approx(true.tau0, rel=1e-9)
     assert fit.parameters["tau_high"] == pytest.approx(35e-9, rel=1e-9)
-
-
-def test_trap_energies_are_the_range_about_the_one_held():
-    """With tau0 > tau_high there are two ranges, and the whole from the first to the last was returned."""
-    true = replace(PRINTED, trap_energy=0.3, tau_n=5e-9, tau_p=30e-9)
-    data = coupled.carriers.carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200))
-    low, high = coupled.carriers.fit_carrier_decay(data, true).trap_energies
-    assert 0 < low <= 0.3 <= high
-    for energy in np.linspace(low, high, 4):
-        other = coupled.carriers.fit_carrier_decay(data, replace(true, trap_energy=energy))
-        assert other.residual < 1e-9
-    with pytest.raises(th.InputError, match=r"only -0\.56 to -0\.296 and 0\.297 to 0\.56 eV do"):
-        coupled.carriers.fit_carrier_decay(data, replace(true, trap_energy=0.0))
 
 
 @pytest.mark.parametrize(
