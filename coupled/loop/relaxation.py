@@ -131,8 +131,8 @@ class Relaxation:
                     None,
                     f"the corrector says {rise[np.abs(rise).argmax()]:.3g} K (a rise in K is needed; pass {passes})",
                 )
-            again = change > self.max_discrepancy and passes > 1
-            if again and not _hopeful(change, last, self.max_discrepancy, MOST_PASSES - passes):
+            late = change > self.max_discrepancy and passes > 1
+            if late and not _hopeful(change, last, self.max_discrepancy, MOST_PASSES - passes):
                 return None, f"the discrepancy goes from {last:.2g} to {change:.2g} K in pass {passes}"
             last = change
             after = self._fed_back(run, offset, rise - run.delta_T)
