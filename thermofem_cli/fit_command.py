@@ -192,7 +192,7 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
         errors = found.standard_errors
         rows += [(name, written(value, parameter_unit(name), errors[name])) for name, value in found.parameters.items()]
     rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
-    noise = {True: ", noise", False: ", more than noise", None: ""}[getattr(found, "misfit_is_noise", None)]
+    noise = {True: ", noise", False: ", systematic", None: ""}[getattr(found, "misfit_is_noise", None)]
     rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing{noise}"))
     if hasattr(found.model, "R"):
         rows.append(("rise time (10-90 %)", written(rise_time(found.model), "s")))

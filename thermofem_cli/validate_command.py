@@ -145,7 +145,7 @@ def _against_power(system: Any) -> list[str]:
 def _judged(curve: xr.Dataset) -> dict[str, Any]:
     """Largest error of a model, and the periods (s) over which it is within 1 and 10 %."""
     error = np.abs(curve["relative_error"].values)
-    ranges = {f"within_{share:g}": valid_range(curve, within=share) for share in (0.01, 0.1)}
+    ranges = {f"within_{share:g}": sorted(valid_range(curve, within=share)) for share in (0.01, 0.1)}
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
 
 
@@ -171,4 +171,4 @@ def _table(curves: Mapping[str, xr.Dataset], refused: Mapping[str, str], title: 
 
 
 def _range(low: float, high: float) -> str:
-    return f"{low * 1e6:.3g} to {high * 1e6:.3g}" if low <= high else "nowhere"
+    return f"{low * 1e6:.3g} to {high * 1e6:.3g}"

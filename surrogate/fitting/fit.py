@@ -22,7 +22,7 @@ from thermofem.data.dataset import at_probe, responses_of
 from thermofem.models.foster import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
 from thermofem.models.foster import second_order_parameters as parameters_of
 
-from .fit_result import OUTSIDE, UNSEEN, Fit, check_explained, common, mismatch, model_notes, undetermined
+from .fit_result import OUTSIDE, UNSEEN, Fit, check_explained, common, model_notes, undetermined
 from .optical_fit import fit_optical
 from .pole_projection import FitProblem, Optimum, optimum, polish
 
@@ -252,9 +252,7 @@ class Training:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Sentences on doubtful data."""
-        responses = self.problem.responses
-        found = [doubt for r in responses for doubt in (*r.doubts, *mismatch(r))]
-        return tuple(dict.fromkeys(found))
+        return tuple(dict.fromkeys(doubt for r in self.problem.responses for doubt in r.doubts))
 
     def search(self, order: int, method: str) -> Optimum:
         """The best poles, from starts on a grid or from the swarm's best particle."""
@@ -287,7 +285,7 @@ class Training:
             residual=found.residual,
             relative_residual=found.relative_residual,
             training=self.names,
-            notes=(*self.doubts, *model_notes(model, found, self.problem, self.transfer)),
+            notes=(*self.doubts, *model_notes(model, found, self.problem)),
             geometry=self.geometry,
             swarm_residual=found.swarm_residual,
             misfit_is_noise=found.noise,

@@ -1,10 +1,4 @@
-"""The result of a fit: parameters, errors, how well the model describes its data, and notes on what is doubtful.
-
-A wrong duty, period or pulse width of the drive cannot have caused the temperatures: they are fitted by poles on a grid
-of time constants, all at once. What this leaves is noise where the drive is right, however few poles the model has.
-Noise has forgotten itself after a sixteenth of the time between two breakpoints; the misfit of a wrong drive has not.
-Over n lags of this length the autocorrelation of noise is 0 +- 1/sqrt(n).
-"""
+"""The result of a fit: parameters, errors, how well the model describes its data, and notes on what is doubtful."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -44,7 +38,7 @@ class Fit(HasModel):
     training : tuple of str
         the drive of each Dataset; the parameters mean little without it.
     notes : tuple of str
-        what makes the data doubtful, such as a drive with another duty; time constants that they do not determine.
+        what makes the data doubtful; time constants that they do not determine.
     geometry : str or None
         TOML of the cross-section, where the data carries it.
     swarm_residual : float or None, K
@@ -115,13 +109,11 @@ def check_explained(left: float, variance: float, by: str, of: str) -> None:
         )
 
 
-def model_notes(model: Foster, found: Optimum, problem: FitProblem, transfer: bool) -> tuple[str, ...]:
+def model_notes(model: Foster, found: Optimum, problem: FitProblem) -> tuple[str, ...]:
     """Sentences on what is doubtful in the model that was found."""
-    low = [] if transfer else below_last(model, problem.responses, found.offset)
     return (
         *starts(found),
         *offsets(found, problem.responses),
-        *low,
         *unseen_times(found.log_rate, found.gain, found.deviation, problem.span),
         *cancelling(model.R),
         *other_gain(model, common([r.thermal_resistance for r in problem.responses])),
@@ -148,21 +140,6 @@ def offsets(found: Optimum, responses: Sequence[Response]) -> list[str]:
         for offset, error, response in zip(found.offset, found.offset_error, responses, strict=True)
         if response.rest_rows < FEW
     ]
-
-
-def below_last(model: Foster, responses: Sequence[Response], offset: Array) -> list[str]:
-    """A sentence where R_th P lies below the last rows of a step, which no model with positive R can reach."""
-    for response, level in zip(responses, offset, strict=True):
-        t, y = response.times, response.rise - level
-        power = response.wave(t)
-        if response.periodic or np.ptp(power) > 0 or power[0] <= 0 or t.size < FEW:
-            continue
-        last, top = y[-max(1, t.size // 50) :], model.thermal_resistance * float(power[0])
-        noise = float(np.median(np.abs(np.diff(y, 2)))) / (0.6745 * np.sqrt(6))
-        # 1e-3 of the swing: R_th P below the last rows by less is the misfit of the fit
-        if top < last.mean() - max(4 * noise / np.sqrt(last.size), 1e-3 * float(np.ptp(y))):
-            return [f"R_th P is {top:.4g} K, below the last rows, {last.mean():.4g} K: are start and baseline right?"]
-    return []
 
 
 def other_gain(model: Foster, stated: float | None) -> list[str]:
@@ -220,36 +197,3 @@ def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[floa
             seen = quantity.rounded(span[0], "s")
             notes.append(f"{said} is an extrapolation: the data begin to show times at {seen}")
     return notes
-
-
-BEYOND = 3.0, 10.0  # factors by which the grid exceeds the shortest and the longest time of the samples
-
-
-def mismatch(response: Response) -> list[str]:
-    """A sentence where no sum of poles, of gains of either sign, explains the temperatures under their drive."""
-    problem = FitProblem([response])
-    shortest, longest = problem.span
-    low, high = shortest / BEYOND[0], longest * BEYOND[1]
-    # 2: time constants of the grid: with gains of either sign their sums follow a pole in between to 1e-3
-    phi = problem.columns(-np.log(np.geomspace(low, high, int(2 * np.log10(high / low)) + 2)))
-    left = problem.target - phi @ problem.gains(phi)
-    # at least 2 samples in a lag: the noise of neighbouring samples may be one
-    lag = max(2, _between_edges(response) // 16)  # 16 lags in the shortest time between two breakpoints
-    if left.size <= 2 * lag:
-        return []
-    structure = float(np.mean(left[lag:] * left[:-lag]))
-    # 3 sigmas of the autocorrelation of noise
-    # 0.01 of the swing: a smaller misfit moves the parameters by less than the choice of the model
-    if structure < 0.01**2 or structure < 3.0 * np.sqrt(lag / left.size) * float(np.mean(left**2)):
-        return []
-    return [
-        f"the drive does not match delta_T ({response.name}): whatever the poles, {np.sqrt(structure):.1%} of the "
-        "swing remain and are not noise; check duty, period, width, start and edges of the power"
-    ]
-
-
-def _between_edges(response: Response) -> int:
-    """Samples in the shortest interval between changes of the power; the first and the last may be cut off."""
-    edges = response.wave.breakpoints(float(response.times[0]), float(response.times[-1]))
-    counts = np.diff(np.concatenate([[0], np.searchsorted(response.times, edges), [response.times.size]]))
-    return int(np.min(counts[1:-1] if counts.size > 2 else counts))

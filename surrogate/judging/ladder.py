@@ -16,7 +16,7 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
-from ..fitting.sindy import fit_sindy, fit_sindy_quadratic
+from ..fitting.sindy import fit_sindy
 from ..reduction.balanced import balanced_truncation
 from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
@@ -24,7 +24,6 @@ from .validate import PERIODS, error_curve, swings, widest_range
 
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
-TIMES = np.arange(20_000) * 2e-9  # s, of the telegraphs
 WARM = np.geomspace(0.5e-3, 50e-3, 9)  # W, over which linear models are compared with k(T)
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
@@ -64,8 +63,7 @@ def train_all(
 
     All are trained at small power on one channel, from a heated part to what is read: Newton and second order on the
     paper's square wave (1 us), Foster networks on a step, SINDy on a telegraph. The drives come from the certified
-    reduction to 1e-6. With k(T) an output map and quadratic SINDy are made for a larger power, SINDy from telegraphs of
-    the quadratic reduction.
+    reduction to 1e-6. With k(T) an output map is made for a larger power.
 
     Parameters
     ----------
@@ -75,8 +73,8 @@ def train_all(
     duty : float
         of the square wave.
     hot : float, W
-        with k(T): the largest power of interest, which the quadratic models and the output map are made for; default
-        ten times ``power``; 0 leaves k(T) out, of the reference too.
+        with k(T): the largest power of interest, which the reference and the output map are made for; default ten times
+        ``power``; 0 leaves k(T) out, of the reference too.
     names : sequence of str
         the models to train, such as "Newton" or "Foster, trained (5)"; default all of them.
     heated, read : str, optional
@@ -110,7 +108,6 @@ def train_all(
         quadratic = reduce_quadratic(model, hot)
         reference, error = quadratic.model, quadratic.static_error
         makers["output map"] = lambda: output_map(model, hot)
-        makers["quadratic SINDy"] = lambda: _sindy_quadratic(heat, part, read, hot)
     models, refused = {}, {}
     for name in makers if names is None else checks.instances("names", names, str):
         make = makers[checks.choice("names", name, makers)]
@@ -145,7 +142,8 @@ def fit_usual(exact: Foster) -> dict[str, ThermalModel]:
 
 def _sindy(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
     """Five states: the heated part and four shells around it."""
-    _check_own(part, read)
+    if read != part:
+        raise checks.InputError(f"SINDy reads the heated part {part!r} and shells around it; {read!r} is another")
     return fit_sindy(*shells(heat, part, power)).model
 
 
@@ -154,43 +152,13 @@ def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list
 
     From a certified reduction with all of them as outputs, in closed form, sampled every 2 ns for 40 us.
     """
-    probed, read = _probed(heat, part)
+    probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
+    probed, read = assemble(replace(heat.geometry, probes=probes), heat.accuracy), (part, *(p.name for p in probes))
     fine = reduce(probed.channels(part, read), 1e-5).model
     parts = [foster(fine.channel(part, name)) for name in read]  # type: ignore[union-attr]  # several outputs
-    wave = _telegraph(power)
-    rises = np.stack([p.response(wave, TIMES) for p in parts], axis=1)
-    return dataset.build(TIMES, rises, wave, read=read), [p.thermal_resistance for p in parts]
-
-
-def _check_own(part: str, read: str) -> None:
-    """InputError where another part is read than heated."""
-    if read != part:
-        raise checks.InputError(f"SINDy reads the heated part {part!r} and shells around it; {read!r} is another")
-
-
-def _sindy_quadratic(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
-    """Quadratic SINDy network, trained on the quadratic reduction under telegraphs of the power and of half of it."""
-    _check_own(part, read)
-    probed, names = _probed(heat, part)
-    system: NonlinearSystem = probed.model(part, names)  # type: ignore[assignment]  # heat.nonlinear
-    reduced = reduce_quadratic(probed.model(part, part), power)  # type: ignore[arg-type]
-    look = (system.linear.C @ reduced.basis).T
-    data = []
-    for wave in (_telegraph(power), _telegraph(power / 2, seed=2)):
-        rises = reduced.model.states(wave, TIMES)[:, :-1] @ look
-        data.append(dataset.build(TIMES, rises, wave, read=names))
-    static, steady = system.linear.gain[:, 0], system.steady_rise(power)
-    return fit_sindy_quadratic(data, static.tolist(), power=power, steady=steady.tolist()).model
-
-
-def _probed(heat: HeatProblem, part: str) -> tuple[HeatProblem, tuple[str, ...]]:
-    """The heat problem with shells around a part, and the names of the part and the shells."""
-    probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
-    return assemble(replace(heat.geometry, probes=probes), heat.accuracy), (part, *(p.name for p in probes))
-
-
-def _telegraph(power: float, seed: int = 1) -> Telegraph:
-    return Telegraph(power, dwell=5e-7, duration=4e-5, seed=seed)
+    times, wave = np.arange(20_000) * 2e-9, Telegraph(power, dwell=5e-7, duration=4e-5, seed=1)
+    rises = np.stack([p.response(wave, times) for p in parts], axis=1)
+    return dataset.build(times, rises, wave, read=read), [p.thermal_resistance for p in parts]
 
 
 def judge(

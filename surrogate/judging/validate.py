@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.constants import c
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 
@@ -212,15 +211,16 @@ def period_of(look: Callable[[float], float], swing: float, near: float) -> floa
     return float(np.exp(brentq(excess, inner, outer, xtol=1e-10))) if inner != outer else near
 
 
-def valid_range(curve: xr.Dataset, *, within: float = 0.1, training: float | None = None) -> list[tuple[float, float]]:
+def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> list[tuple[float, float]]:
     """Shortest and longest period (s) of every stretch where |relative error| <= ``within``.
 
     The ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
-    stretch. The stretch around the training period comes first, then the widest.
+    stretch. One that spans less than an octave, and not the whole curve, does not count: an error that crosses zero is
+    small at one period only, and that period is not known beforehand. The stretch around the training period comes
+    first, then the widest.
 
     curve [Dataset of `period_error`]: ``relative_error`` over ``period`` (s).
     within: relative error that is allowed.
-    training [s]: period of the model's training; default that of ``curve.attrs["training_period"]``, where it is known.
     Raises InputError: no curve, several models, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
@@ -234,32 +234,21 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1, training: float | Non
 
     def crossing(inside: int, outside: int) -> float:
         if not (0 <= outside < x.size and np.isfinite(y[outside])):
-            return float(np.exp(x[inside]))
+            return float(x[inside])
         share = (within - y[inside]) / (y[outside] - y[inside])
-        return float(np.exp(x[inside] + share * (x[outside] - x[inside])))
+        return float(x[inside] + share * (x[outside] - x[inside]))
 
     pairs = zip(first.tolist(), last.tolist(), strict=True)
     stretches = [(crossing(i, i - 1), crossing(j, j + 1)) for i, j in pairs]
-    at = curve.attrs.get("training_period") if training is None else training
-
-    def rank(ends: tuple[float, float]) -> tuple[bool, float]:
-        return not (at is not None and ends[0] <= at <= ends[1]), -np.log(ends[1] / ends[0])
-
-    return sorted(stretches, key=rank)
+    least = min(np.log(2), x[-1] - x[0]) - 1e-12
+    stretches = [(float(np.exp(low)), float(np.exp(high))) for low, high in stretches if high - low >= least]
+    at = curve.attrs.get("training_period", np.nan)
+    return sorted(stretches, key=lambda ends: (not ends[0] <= at <= ends[1], ends[0] / ends[1]))
 
 
 def widest_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float]:
-    """The widest stretch of `valid_range`, (nan, nan) where it is less than an octave and not the whole curve.
-
-    An error that crosses zero is small at one period only, and that period is not known beforehand.
-    """
-    stretches = valid_range(curve, within=within)
-    low, high = max(stretches, key=lambda ends: ends[1] / ends[0], default=(np.nan, np.nan))
-    period = np.atleast_1d(in_si("curve", curve)["period"].values)
-    # 2.0: a range of validity spans at least this factor
-    if not high / low >= min(2.0, period[-1] / period[0]) * (1 - 1e-12):
-        return float("nan"), float("nan")
-    return low, high
+    """The widest stretch of `valid_range`, (nan, nan) where there is none."""
+    return max(valid_range(curve, within=within), key=lambda ends: ends[1] / ends[0], default=(np.nan, np.nan))
 
 
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
@@ -280,8 +269,6 @@ def compare(
     reference: ThermalModel,
     drives: Sequence[Waveform] | None = None,
     *,
-    shift: float = 10.294e9,  # Hz/K: (nu_0/n_0) dn/dT of the paper's ring at 1555 nm, Appendix A
-    wavelength: float = 1555e-9,  # 1555e-9 m
     periods: ArrayLike = PERIODS,
 ) -> xr.Dataset:
     """Error of several models on drives that their training did not see, and over which periods each can be trusted.
@@ -293,9 +280,6 @@ def compare(
     drives : sequence of Waveform
         periodic ones are compared in the periodic state, the others from rest over their own length; default
         `held_out_drives`.
-    shift : float, Hz/K
-        resonance shift per kelvin.
-    wavelength : float, m
     periods : array, s
         of the curve of `period_error`, at the drives' largest power, from which the ranges are read; empty for none.
 
@@ -303,9 +287,8 @@ def compare(
     -------
     Dataset
         over ``model`` and ``drive``: ``rms``, ``peak`` (K), ``rms_relative``, ``peak_relative`` (of the reference's
-        swing), ``frequency_shift`` (Hz) and ``wavelength_shift`` (m) of the peak error, at `COMPARED` times of a period
-        and four times as many of other drives; over ``model``: ``states``, and ``validity`` in words: "within 10 % from
-        0.6 to 1.45 us".
+        swing), at `COMPARED` times of a period and four times as many of other drives; over ``model``: ``states``, and
+        ``validity`` in words: "within 10 % from 0.6 to 1.45 us".
 
     Raises
     ------
@@ -314,8 +297,6 @@ def compare(
     """
     given: Any = held_out_drives() if drives is None else drives
     drives = [given] if hasattr(given, "breakpoints") else list(given)
-    wavelength = checks.positive("wavelength", wavelength, unit="m", at_most=1e-4, hint="did you mean 1.55e-6?")
-    shift = checks.finite("shift", shift, unit="Hz/K")
     exact = [_answer(reference, drive) for drive in drives]
     swing = np.array([np.ptp(y) for y in exact])
     if np.any(swing <= 0):
@@ -328,8 +309,6 @@ def compare(
         "peak": (peak, "K", "largest error"),
         "rms_relative": (rms / swing, "1", "rms error over swing"),
         "peak_relative": (peak / swing, "1", "largest error over swing"),
-        "frequency_shift": (peak * shift, "Hz", "largest error of the resonance frequency"),
-        "wavelength_shift": (peak * shift * wavelength**2 / c, "m", "largest error of the resonance wavelength"),
     }
     variables: dict[str, Any] = {
         name: (("model", "drive"), value, {"units": unit, "long_name": words})

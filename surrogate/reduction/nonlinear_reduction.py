@@ -1,6 +1,6 @@
 """Small models of heat flow with k(T) and c_p(T): a quadratic Galerkin reduction, and a static output map.
 
-The output map dT = z + coefficient z^2 of a linear model comes from steady solutions with k(T) or from data
+The output map dT = z + coefficient z^2 of a linear model comes from steady solutions with k(T)
 (G. Kirchhoff, Vorlesungen ueber die Theorie der Waerme (Teubner, 1894): with k(T) the integral of k obeys a nearly
 linear heat equation, and the temperature is a function of it).
 
@@ -28,26 +28,19 @@ Sources: B. Kramer, K. Willcox, AIAA J. 57, 2297 (2019); E. Qian, B. Kramer, B. 
 weights, of gamma).
 """
 
-import logging
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
-from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
-from thermofem.data.dataset import other_geometry, responses_of, warn_of
 from thermofem.models import HasModel, NonlinearSystem, check_single
 from thermofem.transient.nonlinear import cubic_form
 
 from .reduce import Reduction, reduce
-
-log = logging.getLogger("thermofem")
 
 
 def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None = None) -> OutputMap:
@@ -74,50 +67,15 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
         a system that is linear or has several channels, a power without a steady state.
     """
     power = check_nonlinear(system, power)
-    if linear is not None:
-        own, given = system.thermal_resistance, linear.thermal_resistance
-        if abs(given - own) > 0.1 * own:  # 0.1: relative difference of thermal resistances that is told
-            log.warning("linear has R_th = %.4g K/W and the system %.4g: is it of another ring?", given, own)
     if linear is None:
         linear = reduce(system.linear, 1e-4).model  # type: ignore[assignment]  # one channel: a Foster network
     powers = np.array([power / 2, power])
     z = system.thermal_resistance * powers
     rise = np.array([float(system.steady_rise(p)[0]) for p in powers])
     coefficient = (rise - z) @ z**2 / (z**2 @ z**2)
-    return _mapped(linear, float(coefficient), float(rise[-1]), "output map of k(T) steady states")  # type: ignore[arg-type]
-
-
-def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> OutputMap:
-    """The static map of the output, dT = z + coefficient z^2, that fits data best; the linear model is kept.
-
-    Parameters
-    ----------
-    linear : Foster
-        at small power, as of `reduce` or a fit to a weak drive.
-    data : Dataset or list of them
-        with rises large enough to show the nonlinearity.
-
-    Raises
-    ------
-    InputError
-        data without power or rise.
-    """
-    responses = responses_of(data)
-    warn_of(responses)
-    datasets: Any = data if isinstance(data, list | tuple) else [data]
-    if any(other_geometry(linear.origin, one.attrs) for one in datasets):
-        log.warning("the data are of another geometry than the linear model: the coefficient takes up the difference")
-    rate = 1 / np.asarray(linear.tau)
-    z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in responses])
-    rise = np.concatenate([d.rise for d in responses])
-    coefficient = float((rise - z) @ z**2 / (z**2 @ z**2))
-    return _mapped(linear, coefficient, float(rise.max()), "output map of a linear model, fitted to data")
-
-
-def _mapped(linear: Foster, coefficient: float, largest_rise: float, method: str) -> OutputMap:
-    """The output map over a linear model, with the provenance of that model."""
-    origin = {**(linear.origin or {}), "method": method, "linear_method": (linear.origin or {}).get("method")}
-    return OutputMap(linear, coefficient, largest_rise, origin)
+    origin: dict[str, Any] = {**(linear.origin or {}), "method": "output map of k(T) steady states"}  # type: ignore[union-attr]
+    origin["linear_method"] = (linear.origin or {}).get("method")  # type: ignore[union-attr]
+    return OutputMap(linear, float(coefficient), float(rise[-1]), origin)  # type: ignore[arg-type]
 
 
 def check_nonlinear(system: NonlinearSystem, power: float) -> float:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from chain import WAVES, dataset, known
 from grids import facets_where, graded, tensor_mesh
 
 import surrogate
@@ -117,12 +116,6 @@ def identified_network() -> th.models.Network:
 
 
 @cache
-def identified_quadratic():
-    """A fit of a polynomial network to a chain whose conductances depend on temperature."""
-    return surrogate.fitting.sindy.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
-
-
-@cache
 def ladder():
     """Newton's law and the second-order equation, trained on the reference strip."""
     return surrogate.train_all(th.assemble(th.strip_ring(), accuracy=1e-2), names=["Newton", "second order"])
@@ -143,10 +136,8 @@ _MAKERS = {
         surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)
     ),
     "SINDy network": identified_network,
-    "SINDy network, quadratic": lambda: identified_quadratic().model,
     "state space, small": lambda: state_space(reduced_fem()),
     "a fit": fit_of_step,
-    "a fit, quadratic": identified_quadratic,
     "a reduction": lambda: surrogate.reduce(coarse_fem(), tolerance=1e-4),
     "a truncation": lambda: surrogate.balanced_truncation(coarse_fem(), 5),
     "a quadratic reduction": lambda: surrogate.reduce_quadratic(coarse_warm_fem(), 38e-3, tolerance=2e-2),

@@ -60,13 +60,6 @@ def test_noise_behind_a_filter_is_noise_without_rows_at_rest(order, stays):
         assert not surrogate.fit_foster(data, order=1).misfit_is_noise
 
 
-def test_a_resistance_below_the_last_rows_is_reported():
-    """A baseline of .5 K that nobody subtracted: 3.5 K at the end, R_th P imposed as 3 K."""
-    data = th.dataset.build(TIMES, 0.5 + th.Foster(R=[3e3], tau=[1e-6]).response(STEP, TIMES), STEP)
-    fit = surrogate.fit_foster(data, order=1, thermal_resistance=3e3)
-    assert any("below the last rows, 3.5 K" in note for note in fit.notes)
-
-
 def test_results_of_a_fit_of_a_slow_device_are_taken():
     t = np.linspace(0, 240, 200)
     data = th.dataset.build(t, 2 * -np.expm1(-t / 40), th.Constant(1.0))

@@ -71,26 +71,24 @@ def test_models_asked_for_by_name_are_trained_alone_and_as_among_all(ladder):
 
 
 @pytest.mark.slow
-def test_with_k_of_T_the_map_and_quadratic_sindy_join_and_the_reference_is_quadratic():
+def test_with_k_of_T_the_map_joins_and_the_reference_is_quadratic():
     law = {"Si": th.materials.PowerLaw(-1.3), "SiO2": th.materials.PowerLaw(0.3)}
     materials = tuple(replace(th.materials.find(name), conductivity_law=law[name]) for name in law)
     heat = th.assemble(replace(th.strip_ring(), materials=materials), accuracy=1e-2)  # the reference is of this mesh
-    names = ["second order", "output map", "quadratic SINDy"]
+    names = ["second order", "output map"]
     ladder = surrogate.train_all(heat, hot=20e-3, names=names)
     assert not ladder.refused
     assert tuple(ladder.models) == tuple(names)
     assert isinstance(ladder.reference, th.Quadratic)
     assert ladder.reference_error < 5e-4  # published for quadratic models of k(T) at 145 K
     rise = heat.steady_rise(20e-3)
-    # the reference has this steady state; the map fits two powers with one number, .3 % published; SINDy's is imposed
+    # the reference has this steady state; the map fits two powers with one number, .3 % published
     for model, error in ((ladder.reference, 1e-6), (ladder.models["output map"], 3e-3)):
         assert model.steady_rise(20e-3) == pytest.approx(rise, rel=error)
-    assert ladder.models["quadratic SINDy"].steady_rise(20e-3) == pytest.approx(rise, rel=1e-3)  # of the gate
     drives = [th.Pulse(18e-3, 5e-6), th.SquareWave(18e-3, 1e-6, 1 / 3)]
     error = surrogate.compare(ladder.models, ladder.reference, drives, periods=[1e-6]).rms_relative.max("drive")
-    # 2.4 % of the peak is published for the linear model; 5 % is what a network of shells may err by
-    assert float(error.sel(model="output map")) < 0.024
-    assert float(error.sel(model="quadratic SINDy")) < 0.05 < float(error.sel(model="second order"))
+    # 2.4 % of the peak is published for the linear model
+    assert float(error.sel(model="output map")) < 0.024 < float(error.sel(model="second order"))
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Identified networks: accuracy on square waves the training never saw, and a gate that refuses what is wrong."""
 
-import contextlib
 import warnings
 
 import numpy as np
@@ -160,27 +159,18 @@ def test_unusable_data_are_named(change, reason):
         surrogate.fit_sindy(change(data), [7000.0, 7000.0])
 
 
-@pytest.mark.parametrize("fit", [surrogate.fit_sindy, surrogate.fitting.sindy.fit_sindy_quadratic])
 @pytest.mark.parametrize("samples", [1e-3, 0.9, 1e6])
-def test_windows_of_no_sample_and_of_all_are_refused(fit, samples):
+def test_windows_of_no_sample_and_of_all_are_refused(samples):
     """One below a sample ended in pysindy's ValueError."""
     model = th.Foster(R=[2000.0, 5000.0], tau=[5e-8, 1e-6])
     data = dataset([model.response(WAVE, TIMES)] * 2, ("core", "shell"))
-    more = {} if fit is surrogate.fit_sindy else {"steady": [7.0, 7.0], "power": 1e-3}
     with pytest.raises(th.InputError, match=r"window = .* must lie between .* from one sample to a third of the data"):
-        fit(data, [7000.0, 7000.0], window=samples * float(TIMES[1] - TIMES[0]), **more)
+        surrogate.fit_sindy(data, [7000.0, 7000.0], window=samples * float(TIMES[1] - TIMES[0]))
 
 
-def test_static_gains_that_contradict_the_data_are_told(five, caplog):
-    """1.2 times the right ones gave an R_th of 9430 K/W for 7858."""
+def test_static_gains_in_another_order_are_refused(five):
     models, names = five
     data = dataset([m.response(WAVE, TIMES) for m in models], names)
     static = np.array([m.thermal_resistance for m in models])
-    data.attrs["thermal_resistances"] = static
-    surrogate.fit_sindy(data, static)
-    assert "static" not in caplog.text
-    with contextlib.suppress(th.InputError):  # such a network may oscillate
-        surrogate.fit_sindy(data, 1.2 * static)
-    assert "static contradicts the thermal_resistances that the data state" in caplog.text
     with pytest.raises(th.InputError, match="the heated part: hotter at rest"):
         surrogate.fit_sindy(data, static[[1, 0, *range(2, static.size)]])
