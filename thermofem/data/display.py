@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ from . import quantity
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..materials.material_library import Material
 
 
 def card(title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:
@@ -54,22 +53,3 @@ def section_card(section: CrossSection) -> str:
 
 def _length(value: float) -> str:
     return quantity.rounded(value, "m", 6)
-
-
-def materials_text(materials: Sequence[Material]) -> str:
-    """A line for each material: name, conductivity, density, specific heat, and whether they follow temperature."""
-    head = f"{'material':14}{'k (W/m/K)':>12}{'density (kg/m^3)':>18}{'c_p (J/kg/K)':>14}"
-    return "\n".join([head, *("{:14}{:>12}{:>18}{:>14}{}".format(*_properties(m)).rstrip() for m in materials)])
-
-
-def materials_card(materials: Sequence[Material]) -> str:
-    """HTML table with the source of every material."""
-    head = ("material", "k (W/m/K)", "density (kg/m³)", "c_p (J/kg/K)", "", "source")
-    rows = [head, *((*_properties(m), m.source) for m in materials)]
-    cells = ("".join(f'<td style="text-align:left">{escape(cell.strip())}</td>' for cell in row) for row in rows)
-    return "<div><strong>materials</strong><table>" + "".join(f"<tr>{row}</tr>" for row in cells) + "</table></div>"
-
-
-def _properties(m: Material) -> tuple[str, str, str, str, str]:
-    k = f"{m.conductivity:g}" + ("" if m.conductivity_z is None else f" ({m.conductivity_z:g} along z)")
-    return m.name, k, f"{m.density:g}", f"{m.specific_heat:g}", "  follows T" if m.varies else ""

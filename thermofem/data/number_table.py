@@ -10,10 +10,8 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -155,19 +153,17 @@ def number_table(content: bytes) -> NumberTable:
     >>> [column.name for column in number_table(b"% Time (us)   T (K)\\n0   293.15\\n1   294.5\\n2   295").columns]
     ['Time (us)', 'T (K)']
     """
-    text = text_of(content)
-    head, start, divider = _block(text)
-    first = len(head) + 1
-    rows = [cells_of(line, divider) for _, line in islice(_lines(text, start), LOOKED)]
+    lines = text_of(content).split("\n")
+    begin, divider = _begin(lines)
+    head, first = lines[:begin], begin + 1
+    rows = [cells_of(line, divider) for line in lines[begin : begin + LOOKED]]
     width = len(rows[0])
     counts = [sum(len(row) == width and is_number(row[k], divider) for row in rows) for k in range(width)]
     places = [k for k in range(width) if counts[k] >= MOSTLY * max(counts)]
     if len(places) < 2:
         raise InputError(f"the rows from line {first} on have no two columns of numbers in common")
-    end, after = _end(text, divider, places)
-    block = text[start:end]
-    del text, content
-    values = _values(block, divider, places, first)
+    stop, after = _stop(lines, divider, places)
+    values = _values(lines[begin:stop], divider, places, first)
     above = [", ".join(cell for k, cell in enumerate(row) if k not in places and cell) for row in rows]
     counted = [cells_of(line, divider) for line in head[:2]]
     lower = [[cell.lower() for cell in cells] for cells in counted]
@@ -194,15 +190,6 @@ def text_of(content: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def _lines(text: str, at: int = 0) -> Iterator[tuple[int, str]]:
-    """Each line and where it begins."""
-    while at < len(text):
-        stop = text.find("\n", at)
-        stop = len(text) if stop < 0 else stop
-        yield at, text[at:stop]
-        at = stop + 1
-
-
 def cells_of(line: str, divider: str) -> list[str]:
     """Cells of a line, unquoted."""
     if divider == " ":
@@ -219,12 +206,10 @@ def is_number(cell: str, divider: str = " ") -> bool:
     return bool(_NUMBER.fullmatch(cell if divider == "," else cell.replace(",", ".")))
 
 
-def _block(text: str) -> tuple[list[str], int, str]:
-    """Lines above the table, where it begins, and what divides its columns."""
-    runs: dict[str, list[tuple[int, int, int, set[int]]]] = {divider: [] for divider in DIVIDERS}
-    head: list[str] = []
-    for at, line in _lines(text):
-        head.append(line)
+def _begin(lines: list[str]) -> tuple[int, str]:
+    """The first line of the table, and what divides its columns."""
+    runs: dict[str, list[tuple[int, int, set[int]]]] = {divider: [] for divider in DIVIDERS}
+    for number, line in enumerate(lines):
         for divider, run in runs.items():
             cells = cells_of(line, divider) if line.strip(MARKS) == line.strip("\"' ") else []
             here = {k for k, cell in enumerate(cells) if is_number(cell, divider)}
@@ -233,34 +218,34 @@ def _block(text: str) -> tuple[list[str], int, str]:
             if len(here) < 2:
                 run.clear()
                 continue
-            while run and (run[-1][2] != len(cells) or len(here.intersection(*(row[3] for row in run))) < 2):
+            while run and (run[-1][1] != len(cells) or len(here.intersection(*(row[2] for row in run))) < 2):
                 run.pop(0)
-            run.append((at, len(head), len(cells), here))
+            run.append((number, len(cells), here))
             if len(run) == FEWEST:
-                return head[: run[0][1] - 1], run[0][0], divider
+                return run[0][0], divider
     raise InputError(f"no {FEWEST} lines of at least two numbers; a table of time and temperature is needed")
 
 
-def _end(text: str, divider: str, columns: list[int]) -> tuple[int, int]:
-    """Where the last row ends, and how many lines of words follow it."""
-    stop, after = len(text.rstrip("\n\t ,;")), 0
-    while stop > 0:
-        begin = text.rfind("\n", 0, stop) + 1
-        line = text[begin:stop]
-        cells = cells_of(line, divider)
-        if _is_row(cells, divider, columns) or _looks_broken(line):
-            break  # of a row that breaks off, which `_values` names
-        stop, after = len(text[:begin].rstrip("\n\t ,;")), after + bool(line.strip())
-    return len(text) if text.find("\n", stop) < 0 else text.find("\n", stop), after
+def _stop(lines: list[str], divider: str, columns: list[int]) -> tuple[int, int]:
+    """The line after the last row, and how many lines of words follow it."""
+    after = 0
+    for stop in range(len(lines), 0, -1):
+        line = lines[stop - 1]
+        if line.strip("\t ,;"):
+            if _is_row(cells_of(line, divider), divider, columns) or _looks_broken(line):
+                break  # of a row that breaks off, which `_values` names
+            after += 1
+    return stop, after
 
 
-def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
-    """The numbers of the block, shape (rows, columns)."""
+def _values(lines: list[str], divider: str, columns: list[int], first: int) -> Array:
+    """The numbers of the rows, shape (rows, columns); ``first`` is the number of the first line, for messages."""
     import pandas as pd  # type: ignore[import-untyped]
 
+    text = "\n".join(lines)
     sample = text[:4000].lower()
     if divider != "," and "," in text:
-        rows = (cells_of(line, divider) for _, line in _lines(text))
+        rows = (cells_of(line, divider) for line in lines)
         decimal = (k < len(row) and "," in row[k] and not _THOUSANDS.fullmatch(row[k]) for row in rows for k in columns)
         if "." in text or not any(decimal):
             rule = "the commas of its numbers may divide thousands, 1,234 as 1234"
@@ -276,14 +261,14 @@ def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
     try:
         frame = pd.read_csv(
             io.BytesIO(text.encode()), header=None, usecols=columns, dtype=dict.fromkeys(columns, float),
-            skipinitialspace=True, na_values=["--"], skip_blank_lines=True, encoding="utf-8", **options,
+            skipinitialspace=True, na_values=["--"], **options,
         )  # fmt: skip
         values = frame.to_numpy()
         empty = np.isnan(values).all(axis=1)
         return values[~empty] if empty.any() else values
     except (ValueError, KeyError, pd.errors.ParserError):
         pass
-    for number, (_, line) in enumerate(_lines(text), first):
+    for number, line in enumerate(lines, first):
         cells = cells_of(line, divider)
         wrong = not _is_row(cells, divider, columns) or (number == first and not cells)
         if wrong and line.strip(MARKS + ",;\t"):
