@@ -38,7 +38,6 @@ from .campaign_file import Drive, Value, Variation
 from .collection import Folder, write_collections
 from .stored_tasks import completed
 
-LARGEST = 1_000_000  # geometries of one campaign
 # names of variables and dimensions of the index and of the training collection
 INDEX = ("case", "key", "status", "reason", "probe", "thermal_resistance", "unknowns", "discretization_error",
          "domain_error", "feature", "features", "feature_unit")  # fmt: skip
@@ -126,7 +125,7 @@ class Campaign:
                 f"samples = {self.samples} with ranges to draw from: {', '.join(drawn) or 'none'}",
                 "samples is the number of points drawn from ranges without count",
             )
-        checks.integer("number of geometries", len(self), 1, LARGEST, hint="take fewer values or draw from ranges")
+        checks.integer("number of geometries", len(self), 1, 1_000_000, hint="take fewer values or draw from ranges")
         self.geometry_of(next(self._values()))  # a path that leads nowhere raises here
 
     def _check_names(self) -> None:

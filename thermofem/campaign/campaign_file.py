@@ -122,7 +122,6 @@ _DRIVE = {
     "name": TEXT, "power": "W", "pulse": "s", "square": "s", "duty": NUMBER, "periodic": FLAG, "duration": "s",
     "first": "s", "samples": ANY, "spacing": ANY,
 }  # fmt: skip
-_TRANSIENT = ("duration", "first", "spacing")
 MOST = 1_000_000  # points of a hypercube, values of a quantity, samples of a drive
 _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "1/m", "1/K", "")
 
@@ -208,7 +207,7 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
         ("first", spacing != "linear", 'first goes with spacing = "log"; even times begin at 0'),
         *(
             (key, not (periodic and "square" in table), f"{key} is that of a transient, not of a periodic state")
-            for key in _TRANSIENT
+            for key in ("duration", "first", "spacing")
         ),
     ):
         if key in table and not needed:

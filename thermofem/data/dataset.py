@@ -37,7 +37,6 @@ START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of 
 ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
 _OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
-TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,10 +226,13 @@ def warn_of(responses: Sequence[Response]) -> None:
 
 
 def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
-    """InputError where a time stands twice, but at a jump of the power with one temperature on both sides."""
+    """InputError where a time stands twice, but at a jump of the power with one temperature on both sides.
+
+    One temperature: within 1e-3 of the swing.
+    """
     for k in np.flatnonzero(np.diff(times) == 0):
         jump = wave(times[k]) != wave.before(times[k])
-        if not jump or abs(rise[k + 1] - rise[k]) > TWICE * np.ptp(rise) or (k and times[k - 1] == times[k]):
+        if not jump or abs(rise[k + 1] - rise[k]) > 1e-3 * np.ptp(rise) or (k and times[k - 1] == times[k]):
             raise checks.InputError(
                 f"data.time has {times[k]:g} s twice, with delta_T = {rise[k]:g} and {rise[k + 1]:g} K; a time may "
                 "stand twice only where the power jumps; take one out, or average them"

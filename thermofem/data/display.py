@@ -14,6 +14,7 @@ from . import quantity
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
+    from ..materials.material_library import Material
 
 
 def card(title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:
@@ -53,3 +54,22 @@ def section_card(section: CrossSection) -> str:
 
 def _length(value: float) -> str:
     return quantity.rounded(value, "m", 6)
+
+
+def materials_text(materials: Iterable[Material], *, html: bool = False) -> str:
+    """A line for each material: name, conductivity, density, specific heat, whether they follow temperature.
+
+    html: a table for notebooks, with the sources.
+    """
+    import pandas as pd
+
+    head = ["", "k (W/m/K)", "density (kg/m^3)", "c_p (J/kg/K)", " ", "source"]
+    rows = [
+        (m.name, m.conductivity, m.density, m.specific_heat, "follows T" if m.varies else "", m.source)
+        for m in materials
+    ]
+    frame, write = pd.DataFrame(rows, columns=head).set_index(""), "{:g}".format
+    if not html:
+        return str(frame.drop(columns="source").to_string(float_format=write, index_names=False))
+    with pd.option_context("display.max_colwidth", None):
+        return str(frame.to_html(float_format=write, index_names=False))

@@ -30,12 +30,9 @@ SCANNED = 1500  # rows that the search for the start uses
 STARTS, PASSES = 24, 5  # starts of each pass of the search, each pass as fine as two of the one before
 POLES = 30  # time constants of the grid: 12 put the start of two poles a third of a row late
 FAR = 25.0  # of the variance of a row, by which a start that is out of the question raises the sum of squares
-WIDEST = 64  # rows that a start may be off
 FEWEST = 3  # rows before the heating that make a baseline
 NOTHING = 0.005  # of the swing: an offset below it is none
 FOLLOWED = 1e-3  # of the swing: what the grid of time constants leaves of an exact sum of poles
-DRIFT = 0.05  # of the swing: more before the heating is no rest
-UNEVEN = 3.0  # longest step over the shortest from which rows are no even samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +64,7 @@ class Rows:
     def even(self) -> bool:
         """Whether the rows are even samples."""
         steps = np.diff(self.t)
-        return bool(steps.max() < UNEVEN * steps.min())
+        return bool(steps.max() < 3 * steps.min())
 
     def thin(self) -> Rows:
         """At most twice `SCANNED` rows, evenly picked."""
@@ -197,7 +194,7 @@ def _within(rows: Rows, start: float) -> float:
     step = float(np.median(np.diff(few.t[max(at - FEWEST, 0) : at + FEWEST])))
     highest = _misfit(few, start)[0] * (1 + FAR / few.t.size)
     count = 1
-    while count < WIDEST and min(_misfit(few, start + side * count * step)[0] for side in (-1, 1)) < highest:
+    while count < 64 and min(_misfit(few, start + side * count * step)[0] for side in (-1, 1)) < highest:
         count *= 2
     return count * step
 
@@ -240,7 +237,7 @@ def _check_rest(rows: Rows, start: float) -> None:
         return
     drift = float(before[-quarter:].mean() - before[:quarter].mean())
     noise = float(np.abs(np.diff(before)).mean()) / np.sqrt(quarter)
-    if abs(drift) > DRIFT * rows.swing and abs(drift) > 4 * noise:
+    if abs(drift) > 0.05 * rows.swing and abs(drift) > 4 * noise:
         rows.said.append(
             f"warning: the rows before the start drift by {drift:.3g} {rows.unit}: they are not at rest; for a settled "
             "square wave give --baseline and a --start whole periods before the file, such as ten time constants"

@@ -35,9 +35,7 @@ from .number_table import (
 )  # fmt: skip
 from .variables import VOLTS, unit_of
 
-LARGEST = 400_000_000  # bytes of a table
 LONGEST = 1.0  # s; a column of time without unit that is longer may be in another unit
-HOTTEST = 1e5  # K; beyond any temperature: the code of an overloaded instrument, such as 9.9E+37
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
 READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
 ROLES = ("time", "temperature", "power")
@@ -94,7 +92,7 @@ def read_trace(
         increase, no rise.
     """
     path = checks.path("path", path)
-    content = files.read_bytes(path, "table", most=LARGEST)
+    content = files.read_bytes(path, "table", most=400_000_000)
     digest = hashlib.sha256(content).hexdigest()
     with prefixed(str(path)):
         table = number_table(content)
@@ -270,8 +268,8 @@ def _temperatures(
             f"warning: {column.label} is in {unit}: {VOLTS}, so R and R_th are in V/W and time constants are as "
             'measured, --sensitivity "10 mV/K" makes kelvin of it'
         )
-    # beyond is the code of an overloaded instrument, such as 9.9E+37
-    return checks.numbers(f"{column.label} in K", kelvin * y, most=HOTTEST, hint="an overload, or another unit?")
+    # 1e5: beyond is the code of an overloaded instrument, such as 9.9E+37
+    return checks.numbers(f"{column.label} in K", kelvin * y, most=1e5, hint="an overload, or another unit?")
 
 
 def _sensitivity(given: str | float) -> tuple[float, str]:

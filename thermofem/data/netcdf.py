@@ -17,7 +17,6 @@ from .variables import in_si
 SCHEMA = 1  # of training data, see `thermofem.data.dataset`
 MOST_OBJECTS = 20_000  # variables and groups of one file
 DEPTH = 8  # of groups
-LARGEST = 16_000_000_000  # bytes that no file may declare
 DAMAGE = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 """Exceptions of HDF5, h5netcdf and xarray for a damaged file."""
 OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
@@ -67,7 +66,7 @@ def check(path: Path) -> None:
     with h5py.File(path, "r") as file:
         declared = _declared(file)
     # 1100: values a byte of a file can stand for: deflate reaches 1032 to 1
-    if declared > min(LARGEST, 64_000_000 + 1100 * size):  # 64_000_000: bytes that any file may declare
+    if declared > min(16e9, 64e6 + 1100 * size):  # 16e9: bytes that no file may declare; 64e6: that any may
         raise InputError(f"its {size} bytes declare {float(declared):.2g} bytes, more than fit")
 
 

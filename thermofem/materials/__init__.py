@@ -7,7 +7,6 @@ sources in a notebook.
 import sys as _sys
 from collections.abc import Iterator as _Iterator
 from types import ModuleType as _ModuleType
-from typing import Any as _Any
 
 from .index_laws import INDEX_LAWS, IndexTable, Sellmeier, constant_index
 from .material_library import LIBRARY, Material, find, silicon_film
@@ -31,26 +30,16 @@ class _Listed(_ModuleType):
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
-    def _table(self) -> _Any:
-        """Name, properties, whether they follow temperature, and source."""
-        import pandas as pd
-
-        head = ["k (W/m/K)", "density (kg/m^3)", "c_p (J/kg/K)", "", "source"]
-        rows = [
-            (m.conductivity, m.density, m.specific_heat, "follows T" if m.varies else "", m.source)
-            for m in map(find, self)
-        ]
-        return pd.DataFrame(rows, list(self), head)
-
     def __repr__(self) -> str:
-        return str(self._table().drop(columns="source").to_string(float_format="{:g}".format))
+        from ..data.display import materials_text
+
+        return materials_text(map(find, self))
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
-        import pandas as pd
+        from ..data.display import materials_text
 
-        with pd.option_context("display.max_colwidth", None):
-            return str(self._table().to_html(float_format="{:g}".format))
+        return materials_text(map(find, self), html=True)
 
 
 _sys.modules[__name__].__class__ = _Listed  # Python's data model: "customizing module attribute access"

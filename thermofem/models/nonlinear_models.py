@@ -271,9 +271,6 @@ class Quadratic:
         checks.positive("static gain", self.thermal_resistance, unit="K/W", hint="heat would cool it")
 
 
-NEWTON_STEPS = 60
-
-
 @dataclass(frozen=True, eq=False)
 class NonlinearSystem(AtSmallPower, NonlinearEquations):
     """A thermal model with k(T) and c_p(T); keeps the contract of `thermofem.models.contract`.
@@ -322,7 +319,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
         heat = self.linear.B @ np.broadcast_to(np.atleast_1d(checks.numbers("power", power)), len(self.inputs))
         x = np.zeros(self.order)
         last = np.inf
-        for _ in range(NEWTON_STEPS):
+        for _ in range(60):
             try:
                 change = factorize_general(self.flow.jacobian(x))(heat - self.flow(x))
             except RuntimeError:  # SuperLU: the Jacobian is singular, as where k(T) has gone to nothing
@@ -337,7 +334,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
                 return x
             last = size
         raise checks.InputError(
-            f"power = {power} W: no steady state is found in {NEWTON_STEPS} iterations; does the conductivity fall so "
+            f"power = {power} W: no steady state is found; does the conductivity fall so "
             "fast with temperature that the heat cannot leave?"
         )
 
