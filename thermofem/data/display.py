@@ -61,7 +61,7 @@ def materials_text(materials: Iterable[Material], *, html: bool = False) -> str:
 
     html: a table for notebooks, with the sources.
     """
-    import pandas as pd
+    import pandas as pd  # type: ignore[import-untyped]
 
     head = ["", "k (W/m/K)", "density (kg/m^3)", "c_p (J/kg/K)", " ", "source"]
     rows = [
