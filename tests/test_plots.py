@@ -29,7 +29,7 @@ def functions() -> dict[str, object]:
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             if module.name.split(".")[1].startswith("plot"):
                 for name, function in vars(import_module(module.name)).items():
-                    if name.startswith(("plot_", "animate_")) and inspect.isfunction(function):
+                    if name.startswith("plot_") and inspect.isfunction(function):
                         found[name] = function
     return found
 
@@ -41,36 +41,6 @@ FUNCTIONS = functions()
 def closed():
     yield
     plt.close("all")
-
-
-def test_a_step_ends_at_the_thermal_resistance_and_passes_the_exact_response():
-    ax = FUNCTIONS["plot_step"](MODEL, power=2e-3, label="model")
-    times, rise = ax.lines[0].get_data()
-    exact = 2e-3 * (2e3 * -np.expm1(-times / 5e-8) + 5e3 * -np.expm1(-times / 1e-6))
-    np.testing.assert_allclose(rise, exact, rtol=1e-12)
-    assert rise[-1] == pytest.approx(14.0, rel=1e-12, abs=0)  # ten times after 99 %: exp(-40) is left
-    assert FUNCTIONS["plot_step"](MODEL, ax) is ax
-    assert len({line.get_color() for line in ax.lines}) == 2
-
-
-@pytest.mark.parametrize("kind", ["Foster", "OutputMap", "reduction"])
-def test_a_model_of_any_kind_draws_itself(kind):
-    model = {
-        "Foster": lambda: MODEL,
-        "OutputMap": lambda: th.OutputMap(MODEL, -4e-4),
-        "reduction": lambda: surrogate.reduce(th.assemble(th.strip_ring()).system, 1e-2),
-    }[kind]()
-    left, right = FUNCTIONS["plot_model"](model)
-    assert left.get_xscale() == right.get_xscale() == right.get_yscale() == "log"
-    frequency, size = right.lines[0].get_data()
-    assert size[0] == pytest.approx(model.thermal_resistance / 1e3, rel=1e-2, abs=0)  # |Z| = R_th far below the poles
-    assert frequency[-1] > 1e6
-
-
-def test_a_model_with_several_channels_is_told_how_to_pick_one():
-    several = th.StateSpace(np.eye(2), -np.eye(2), np.eye(2), np.eye(2), ("a", "b"), ("a", "b"))
-    with pytest.raises(th.InputError, match="pick one of each"):
-        FUNCTIONS["plot_step"](several)
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -88,14 +58,6 @@ def test_a_fit_is_drawn_with_its_data_and_its_residual(periodic):
     np.testing.assert_allclose(upper.lines[1].get_ydata() - drawn, missed, atol=1e-12)
     # the straight lines between 4001 samples of a period miss (dt/tau)^2/8 of the swing: 3e-6 for tau = 50 ns
     assert np.sqrt(np.mean(missed**2)) == pytest.approx(fit.residual, rel=1e-4, abs=0)
-
-
-def test_a_logarithmic_axis_has_no_more_numbers_than_fit():
-    model = th.Foster(R=[600, 1500, 2500, 2000, 1200], tau=[3e-9, 30e-9, 200e-9, 1.5e-6, 8e-6])
-    for panel in FUNCTIONS["plot_model"](model):
-        panel.figure.savefig(io.BytesIO(), dpi=130)  # lays the panels out before it draws
-        low, high = panel.get_xlim()
-        assert sum(low <= text.get_position()[0] <= high for text in panel.get_xticklabels()) <= 6  # seven touch
 
 
 def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():
@@ -195,8 +157,6 @@ def drawn(name: str) -> plt.Figure:
     errors = {"period": ("period", [1e-7, 1e-6]), "relative_error": ("period", [0.1, 0.2])}
     geometry = th.strip_ring()
     makers = {
-        "plot_model": lambda f: f(MODEL),
-        "plot_step": lambda f: f(MODEL),
         "plot_fit": lambda f: f(MODEL, data),
         "plot_preview": lambda f: f(geometry, th.assemble(geometry, accuracy=0.05).mesh),
         "plot_traces": lambda f: f(run),
@@ -209,7 +169,7 @@ def drawn(name: str) -> plt.Figure:
 
 @pytest.mark.parametrize(
     "name",
-    ["plot_model", "plot_step", "plot_fit", "plot_preview", "plot_traces", "plot_map", "plot_maps",
+    ["plot_fit", "plot_preview", "plot_traces", "plot_map", "plot_maps",
      "plot_period_errors"],
 )  # fmt: skip
 def test_a_figure_is_legible_in_half_a_column(name):

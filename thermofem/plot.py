@@ -43,7 +43,6 @@ _MATERIALS = {
 _UNMESHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "#c3c8ce", "hatch": "///", "linewidth": 0}
 LINE = 0.08  # of the height of an axes: a line of small text
 _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
-SHARES = (0.01, 0.99)  # of the steady rise, between which a step response is drawn, with a decade on either side
 
 # Okabe and Ito: apart for every kind of colour vision, and in grey
 INK, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = (
@@ -117,64 +116,6 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
                 ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
     ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
     return ax
-
-
-def animate_field(
-    data: xr.Dataset,
-    path: str | FilePath,
-    *,
-    frames_per_second: int = 10,
-    half_width: float = 4e-6,
-    on_frame: Callable[[int, int], object] | None = None,
-) -> FilePath:
-    """Write the temperature field as a film, one frame for each kept time, all with one colour scale and window.
-
-    data: from `solve` with ``field_times``.
-    path: ".gif", or ".mp4" where ffmpeg is installed.
-    half_width [m]: of the window drawn.
-    on_frame: called with the number of the frame, from 0, and how many there are.
-    Raises InputError: no field in the data, another ending, no ffmpeg for .mp4, or a folder that cannot be written.
-    """
-    from matplotlib import animation
-
-    path = checks.path("path", path)
-    data = check_field(data)
-    kind = check_film(path)
-    check_target(path)
-    positive("frames_per_second", frames_per_second, at_most=50, hint="a GIF cannot be faster")
-    writer = (animation.PillowWriter if kind == ".gif" else animation.FFMpegWriter)(fps=frames_per_second)
-    hottest = int(np.argmax(data["field"].values.max(axis=1)))
-    figure = plt.figure(figsize=(4.8, 3.6), layout="constrained")
-    ax = plot_field(data, figure.add_subplot(), at=hottest, half_width=half_width)  # its scale is everyone's
-    picture = ax.collections[0]
-
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # placed once: laid out anew for every frame it would jump
-
-    def draw(at: int) -> tuple[Any, ...]:
-        picture.set_array(data["field"].isel(field_time=at).values)
-        ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
-        return (picture,)
-
-    def write(file: FilePath) -> None:
-        film = animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
-        film.save(file, writer=writer, dpi=120, progress_callback=on_frame)
-
-    try:
-        write_whole(path, write)
-    finally:
-        plt.close(figure)
-    return path
-
-
-def check_film(path: FilePath) -> str:
-    """The ending of a film's name; InputError for another one than .gif and .mp4, and for .mp4 without ffmpeg."""
-    from matplotlib import animation
-
-    kind = choice("film: ending", path.suffix, (".gif", ".mp4"))
-    if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
-        raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")
-    return kind
 
 
 def plot_cross_section(
@@ -257,62 +198,6 @@ def _name_parts(geometry: CrossSection, ax: Axes) -> None:
             fontsize="small",
             arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.7},
         )
-
-
-def plot_step(model: ThermalModel, ax: Axes | None = None, *, power: float = 1e-3, label: str | None = None) -> Axes:
-    """Temperature rise (K) after a step of ``power`` (W), against time on a logarithmic axis.
-
-    model: with one input and one output (``model.channel(heated, read)`` picks them), or a fit or a reduction.
-    power [W]
-    label: name in the legend.
-    """
-    model = bare(model)
-    check_single(model)
-    ax = axes(ax)
-    drawn = len(ax.lines)
-    times = _times(model)
-    rise = power * np.asarray(model.step_response(times))
-    ax.semilogx(times, rise, color=CYCLE[drawn % len(CYCLE)], label=label)
-    ax.set(xlabel="time (s)", ylabel=f"temperature rise\nfor a {power * 1e3:g} mW step (K)")
-    ax.set_ylim(bottom=min(0.0, float(rise.min())))
-    if label:
-        ax.legend(frameon=False, fontsize="small", loc="upper left")
-    return ax
-
-
-def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
-    """Step response for 1 mW above, magnitude and phase of the thermal impedance below.
-
-    model: as for `plot_step`.
-    """
-    model = bare(model)
-    check_single(model)
-    left, right = axes(ax, (WIDTH, 5.6), 2)
-    plot_step(model, left)
-    times = _times(model)
-    frequency = np.geomspace(0.02 / times[-1], 1 / times[0], 200)
-    Z = np.asarray(model.impedance(frequency))
-    right.loglog(frequency, np.abs(Z) / 1e3, color=INK)
-    right.set(xlabel="frequency (Hz)", ylabel="|Z| (K/mW)")
-    phase = right.twinx()
-    phase.semilogx(frequency, np.degrees(np.angle(Z)), color=BLUE, linestyle="--", linewidth=1)
-    phase.set_ylabel("phase (°)", color=BLUE)
-    for panel in (left, right):
-        panel.xaxis.set_major_locator(LogLocator(numticks=6))  # 6: with a number at the axis of a panel
-    resistance = float(model.thermal_resistance)
-    left.axhline(resistance * 1e-3, color=INK, linewidth=0.6, linestyle=":")
-    left.set_title(f"{type(model).__name__}, $R_\\mathrm{{th}}$ = {resistance / 1e3:.4g} K/mW", fontsize="small")
-    right.set_title(f"{model.inputs[0]} heated, {model.outputs[0]} read", fontsize="small")
-    left.lines[0].set_color(VERMILION)
-    return np.array([left, right])
-
-
-def _times(model: Any) -> np.ndarray:
-    """From a decade before 1 % of the steady rise is reached to a decade after 99 %."""
-    times = np.geomspace(1e-12, 1e2, 281)
-    share = np.asarray(model.step_response(times)) / float(model.thermal_resistance)
-    first, last = (times[min(int(np.argmax(share >= s)), times.size - 1)] for s in SHARES)
-    return np.geomspace(first / 10, 10 * last, 300)
 
 
 def save_figure(ax: Axes, path: Any) -> None:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 # of a run, in the attributes of its data
 NUMBERS = ("method", "steps", "factorizations", "solves", "heat_in", "heat_stored", "heat_out")
-MOST_VALUES = 100_000_000  # of all fields of a run, .8 GB
 
 
 def solve(
@@ -75,13 +74,12 @@ def solve(
     Raises
     ------
     InputError
-        unknown names, times that do not increase, rtol out of range, more fields than fit into memory.
+        unknown names, times that do not increase, rtol out of range.
 
     >>> data = solve(assemble(strip_ring()), Pulse(power=2e-3, width=20e-6), times=[1e-6, 20e-6, 21e-6])
     >>> data.delta_T.round(1).values
     array([ 9.2, 15.4,  6.2])
     """
-    check_fields(heat, field_times)
     return _solved(heat, wave, times, heated, read, rtol, method, progress, field_times)
 
 
@@ -192,17 +190,6 @@ def mesh_hash(mesh: Mesh) -> str:
     """Twelve hexadecimal digits of the mesh's points, triangles and regions."""
     content = b"".join(np.ascontiguousarray(a).tobytes() for a in (mesh.points, mesh.triangles, mesh.region))
     return hashlib.sha256(content).hexdigest()[:12]
-
-
-def check_fields(heat: HeatProblem, field_times: ArrayLike) -> None:
-    """InputError for more fields than `MOST_VALUES` allows; solving takes some three times their memory."""
-    count = checks.array("field_times", field_times, increasing=True, empty=True).size
-    size = heat.unknowns
-    if count * size > MOST_VALUES:
-        raise checks.InputError(
-            f"field_times holds {count} times; fields of {size} values each are {8e-9 * count * size:.2g} GB, and at "
-            f"most {8e-9 * MOST_VALUES:.2g} GB are kept: give at most {MOST_VALUES // size} times"
-        )
 
 
 def fields(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> xr.Dataset:

@@ -17,7 +17,7 @@ from .command_files import check_outputs, expect, section_of
 from .console import bar, note, say, settings, time_bar, working, written, wrote
 from .drive_texts import heating, times_of
 
-FRAMES = 60  # of an animation whose times are not given
+FRAMES = 60  # fields for ParaView whose times are not given
 
 
 def solve(
@@ -43,7 +43,6 @@ def solve(
     ] = False,
     field_times: options.FieldTimes = None,
     paraview: options.Paraview = None,
-    animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
     output: options.NetCDF = Path("heat.nc"),
 ) -> dict[str, Any]:
     """Solve the heat equation of one geometry and write training data (netCDF).
@@ -53,7 +52,7 @@ def solve(
     if no_solve:
         why = "has no effect with --no-solve, which draws the --preview alone"
         solving = "power", "pulse", "square", "duty", "periodic", "duration", "samples", "heated", "read", "rtol"
-        options.unused(context, why, *solving, "figure", "field_times", "paraview", "animation", "output")
+        options.unused(context, why, *solving, "figure", "field_times", "paraview", "output")
         picture = preview or Path("preview.png")
         check_outputs([picture], images=[picture], inputs=[geometry])
         section = section_of(geometry)
@@ -65,21 +64,17 @@ def solve(
         return {"preview": picture}
     if periodic:
         why = "has no effect with --periodic: one period is solved, and no field is kept"
-        options.unused(context, why, "duration", "field_times", "paraview", "animation")
+        options.unused(context, why, "duration", "field_times", "paraview")
     section = section_of(geometry)
     wave = heating(context, power, pulse, square, duty)
-    files = [output, figure, preview, paraview, animation]
+    files = [output, figure, preview, paraview]
     check_outputs(files, images=[figure, preview], inputs=[geometry])
-    if animation:
-        from thermofem.plot import check_film  # brings matplotlib
-
-        check_film(animation)
     length = quantity.positive(duration, "s", name="--duration")
     if not periodic and (pulse or square) and not wave.breakpoints(0.0, length).size:
         given = f"--pulse {pulse}" if pulse else f"--square {square}"
         note(f"{given} is on all through --duration {duration}: the result is that of a step")
     kept = times_of(field_times)
-    if (paraview or animation) and not kept:
+    if paraview and not kept:
         kept = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
     if paraview:
         th.fields.field_file(paraview, len(kept))
@@ -103,11 +98,6 @@ def solve(
             th.fields.write_fields(data, paraview)
         if figure:
             _draw(data, figure)
-    if animation:
-        from thermofem import plot
-
-        with bar(f"drawing {animation.name}") as frames:
-            plot.animate_field(data, animation, on_frame=lambda at, total: frames(at + 1, total))
     numbers = _say(data, None if pulse or square else float(wave.mean(0.0, length)))
     wrote(*files)
     numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}

@@ -39,7 +39,7 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import contents
 from thermofem.fem import HeatProblem
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
-from thermofem.solving import check_fields, mesh_hash
+from thermofem.solving import mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
 from thermofem.waveforms import Cubic, Waveform, to_json
 
@@ -104,8 +104,6 @@ class FEM:
         kept = checks.array("field_times", field_times, increasing=True, empty=True)
         if kept.size and self.problem is None:
             raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
-        if self.problem is not None:
-            check_fields(self.problem, kept)
         inputs = (self.heated, *self.heaters)
         system = heat.model(inputs, self.heated) if isinstance(heat, HeatProblem) else _channels(heat, inputs)
         self.nonlinear = system if isinstance(system, NonlinearSystem) else None

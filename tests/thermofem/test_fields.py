@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import gc
-import re
-import shutil
-import warnings
-
 import meshio
 import numpy as np
 import pytest
 
-import coupled
 import thermofem as th
 
 FIELD_TIMES = [1e-8, 0.5e-6, 1e-6]
@@ -58,69 +51,6 @@ def test_what_cannot_be_written_says_why(data, tmp_path):
     with pytest.raises(th.InputError, match="is not a folder"):
         th.data.fields.write_fields(data, tmp_path / "no" / "heat.xdmf")
     assert not list(tmp_path.iterdir())
-
-
-def test_animation(data, tmp_path):
-    from PIL import Image
-
-    from thermofem.plot import animate_field
-
-    drawn = []
-    path = animate_field(data, tmp_path / "heat.gif", frames_per_second=5, on_frame=lambda *at: drawn.append(at))
-    assert drawn == [(0, 3), (1, 3), (2, 3)]
-    with Image.open(path) as picture:
-        assert picture.n_frames == 3
-        assert picture.info["duration"] == 200  # ms: five a second
-        frames = []
-        for k in range(3):
-            picture.seek(k)
-            frames.append(np.asarray(picture.convert("RGB"), dtype=float))
-    # one colour scale for all times: in the middle of the picture 9 K at 1 us outshine 1 K at 10 ns; with a scale for
-    # each frame the small hot spot at 10 ns would be as bright as any
-    early, late = (frames[k][150:250, 150:350] for k in (0, 2))
-    assert early.mean() < 0.5 * late.mean()
-    # the axes stand still: the numbers left of them are at the same place in every frame, up to the few pixels at
-    # the edge of a letter that each frame's own palette of 256 colours makes lighter or darker
-    left = [frame[:, :40].mean(axis=2) < 128 for frame in frames]
-    assert all(np.sum(other != left[0]) < 0.1 * np.sum(left[0]) for other in left[1:])
-    with pytest.raises(th.InputError, match=r"ending = '.mp3' is unknown"):
-        animate_field(data, tmp_path / "heat.mp3")
-    with pytest.raises(th.InputError, match="field_times"):
-        animate_field(data.drop_vars("field"), tmp_path / "heat.gif")
-    with warnings.catch_warnings(record=True) as said:  # Matplotlib's, of a film that was never drawn
-        warnings.simplefilter("always")
-        with contextlib.suppress(th.InputError):  # `pytest.raises` would keep the film
-            animate_field(data, tmp_path / "no" / "heat.gif")
-        gc.collect()
-    assert not said
-    assert re.fullmatch(r"heat\.gif", " ".join(p.name for p in tmp_path.iterdir()))
-
-
-def test_a_film_needs_ffmpeg_and_says_so(data, tmp_path, monkeypatch):
-    from thermofem.plot import animate_field
-
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(th.InputError, match=r"heat.mp4 needs ffmpeg, which is not installed; .gif works without it"):
-        animate_field(data, tmp_path / "heat.mp4")
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
-def test_a_film_is_one_where_ffmpeg_is_installed(data, tmp_path):
-    from thermofem.plot import animate_field
-
-    assert animate_field(data, tmp_path / "heat.mp4").read_bytes()[4:8] == b"ftyp"  # the mark of an MP4 file
-
-
-def test_more_fields_than_fit_into_memory_are_refused_before_the_run():
-    """100 000 fields of 2500 values took 6 GB and ended in NumPy's MemoryError."""
-    heat = th.assemble(th.strip_ring())
-    with pytest.raises(
-        th.InputError, match=r"field_times holds 100000 times; .* are 2(\.\d)? GB, .* give at most 39\d\d\d"
-    ):
-        th.solve(heat, th.Pulse(2e-3, 1e-6), [0.0, 1e-6], field_times=np.linspace(0, 1e-6, 100_000))
-    with pytest.raises(th.InputError, match="field_times holds 100000 times"):
-        coupled.FEM(heat, field_times=np.linspace(0, 1e-6, 100_000))
 
 
 def test_fields_in_other_units_and_number_types(data, tmp_path):

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import skfem
 
 from ..algebra.factor import factorize
 from ..arrays import Array, NDArray
@@ -120,12 +119,9 @@ def _extended(
 
     owner: the triangle of the domain whose material each has.
     """
-    grid = skfem.MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(triangles.T))
-    facets = grid.boundary_facets()
-    facets = facets[np.abs(grid.p[axis, grid.facets[:, facets]] - at).max(axis=0) <= slack]
-    if facets.size == 0:  # a void there
-        return points, triangles, owner
-    ends, beside = grid.facets[:, facets], owner[grid.f2t[0, facets]]
+    on = (np.abs(points[:, axis] - at) <= slack)[triangles]
+    rim = on.sum(axis=1) == 2
+    ends, beside = triangles[rim][on[rim]].reshape(-1, 2).T, owner[rim]
     vertices, local = np.unique(ends, return_inverse=True)
     local = local.reshape(ends.shape)
     layers = np.repeat(points[vertices][None], len(levels), axis=0)

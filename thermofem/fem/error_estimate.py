@@ -4,8 +4,14 @@ For functionals c of the heated part and d of what is read, real s >= 0, u = (K 
 
     Z(s) = d^T u,    Z_exact(s) - Z(s) = a(u_exact - u, w_exact - w),    a the bilinear form of K + s M
 
-(a minimum principle where d = c: Z rises with every enrichment). The cubic functions that `cubic_enrichment` adds to u
-and w on the same triangles stand for u_exact - u and w_exact - w, times `SATURATION`. As
+(a minimum principle where d = c: Z rises with every enrichment). Cubic functions on the same triangles, added to u and
+w, stand for u_exact - u and w_exact - w, times `SATURATION`: on every edge a b, and in every triangle,
+
+    l_a l_b (l_a - l_b),    l_0 l_1 l_2
+
+with l the barycentric coordinates. With the quadratic functions they span the cubics, in a basis in which the two
+levels hardly couple: solved for alone, with the quadratic part kept as it is, the cubic functions add 0.82 to 0.98 of
+the energy that they add together with it (measured on 12 random cross-sections at six shifts each). As
 
     s Z(s) = int s^2 t exp(-s t) step(t) dt/t,    a kernel that is one decade wide in t around 1/s,
 
@@ -26,14 +32,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse.linalg import LinearOperator, cg
+from skfem import ElementTriP2
+from skfem.element.element_h1 import ElementH1
+from skfem.refdom import RefTri
 
 from ..arrays import Array, NDArray
-from .cubic_enrichment import Enrichment
-from .weak_forms import properties
+from .surfaces import surface_terms
+from .weak_forms import assembled, element_capacity, element_conduction, properties
 
 if TYPE_CHECKING:
     from .heat_problem import HeatProblem
@@ -101,6 +111,115 @@ def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray
     return float(np.sqrt(max(squares[1 if len(free) == len(slopes) else 0], 0.0)))
 
 
+_QUADRATIC, _CUBIC = [0, 1, 2, 3, 5, 7], [4, 6, 8, 9]  # local functions of `ElementTriP2Enriched`
+
+
+class ElementTriP2Enriched(ElementH1):
+    """Triangle with quadratic and additional cubic functions: corners, (quadratic, cubic) on each edge, inside."""
+
+    nodal_dofs, facet_dofs, interior_dofs, maxdeg = 1, 2, 1, 3
+    dofnames = ("u", "u", "c", "c")
+    doflocs = np.array([[0, 0], [1, 0], [0, 1], *([[0.5, 0]] * 2), *([[0.5, 0.5]] * 2), *([[0, 0.5]] * 2), [1 / 3] * 2])
+    refdom = RefTri
+
+    def lbasis(self, X: Array, i: int) -> tuple[Array, Array]:
+        """Function ``i`` and its gradient on the reference triangle; of a cubic one by complex steps, to round-off."""
+        if i in _QUADRATIC:
+            return ElementTriP2().lbasis(X, _QUADRATIC.index(i))
+        steps = (_cubic(np.array([X[0] + 1e-30j * r, X[1] + 1e-30j * z]), i) for r, z in ((1, 0), (0, 1)))
+        return _cubic(X, i), np.array([step.imag / 1e-30 for step in steps])
+
+
+def _cubic(X: Any, i: int) -> Any:
+    """A cubic function of `ElementTriP2Enriched`."""
+    corners = 1 - X[0] - X[1], *X
+    if i == 9:
+        return corners[0] * corners[1] * corners[2]
+    a, b = (corners[k] for k in RefTri.facets[_CUBIC.index(i)])
+    return a * b * (a - b)
+
+
+@dataclass(frozen=True, eq=False)
+class Functions:
+    """The quadratic functions of a mesh in the order of its basis, then the cubic ones: edges, triangles.
+
+    It has what `weak_forms` and `surfaces` ask of a scikit-fem basis.
+    """
+
+    Nbfun: ClassVar[int] = 10  # on each triangle
+
+    mesh: Any
+    elem: Any
+    element_dofs: NDArray[np.intp]
+    N: int
+    quadratic: int
+
+    @property
+    def nelems(self) -> int:
+        """Number of triangles."""
+        return int(self.element_dofs.shape[1])
+
+    @classmethod
+    def of(cls, basis: Any) -> Functions:
+        """Number the cubic functions behind those of a quadratic basis."""
+        grid, count, dofs = basis.mesh, basis.N, np.empty((10, basis.nelems), dtype=np.intp)
+        inside = count + grid.facets.shape[1] + np.arange(basis.nelems)
+        dofs[_QUADRATIC], dofs[_CUBIC] = basis.element_dofs, np.vstack([count + grid.t2f, inside])
+        return cls(grid, ElementTriP2Enriched(), dofs, int(inside[-1]) + 1, count)
+
+
+class Enrichment:
+    """The cubic functions of a mesh: their matrices with themselves and with the quadratic ones, each as K + i M.
+
+    across, own [sparse; W/K and J/K]: of the cubic functions that are not held (rows) with the quadratic ones and with
+        each other.
+    each [shape (triangles, 4, 4)]: between the cubic functions of each triangle, without the surfaces.
+    cubic [shape (triangles, 4)]: numbers of the cubic functions, from 0.
+    free: those that are not on edges at the ambient temperature.
+    """
+
+    def __init__(self, d: Discretization, conductivity: Array, heat_capacity: Array) -> None:
+        """Assemble it for k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), shape (triangles,)."""
+        self.functions = Functions.of(d.basis)
+        count = self.functions.quadratic
+        K, M = element_conduction(self.functions, conductivity), element_capacity(self.functions, heat_capacity)
+        each = K[:, _CUBIC] + 1j * M[:, _CUBIC]
+        matrix = assembled(self.functions, each, _CUBIC)
+        if d.surfaces.any:
+            matrix = matrix + surface_terms(self.functions, conductivity, d.surfaces)
+        self.free = np.setdiff1d(np.arange(self.functions.N - count), d.surfaces.held)
+        rows = matrix.tocsr()[count + self.free]
+        self.across, self.own = rows[:, :count], rows[:, count + self.free]
+        self.each, self.cubic = each[:, :, _CUBIC], self.functions.element_dofs[_CUBIC].T - count
+
+    def mean(self, heat: HeatProblem, name: str) -> Array:
+        """Functional of the mean over a region, a probe or the light, for the cubic functions."""
+        integral, count = heat.integral(name, self.functions), self.functions.quadratic
+        return np.asarray(integral[count:] / integral[:count].sum())
+
+    def added(self, s: float, quadratic: Array, load: Array) -> tuple[Array, Array]:
+        """Correction of quadratic solutions by the cubic functions, and its energy in every triangle.
+
+        s [1/s]
+        quadratic [shape (quadratic functions, n), K/W]: solutions of (K + s M) u = c.
+        load [shape (cubic functions, n)]: c for the cubic functions.
+        Returns [shape (n, n), K/W]: c_i^T x_j of the correction x.
+        Returns [shape (n, triangles), K/W]: the share of c_i^T x_i in every triangle, without the surfaces.
+        """
+
+        def at(numbers: Any) -> Any:
+            return numbers.real + s * numbers.imag
+
+        size, diagonal, found = self.own.shape, at(self.own.diagonal()), np.zeros_like(load)
+        own = LinearOperator(size, lambda x: at(self.own @ x), dtype=float)
+        scaled = LinearOperator(size, lambda x: x / diagonal, dtype=float)
+        for column, b in zip(found.T, (load[self.free] - at(self.across @ quadratic)).T, strict=True):
+            # 3 steps of conjugate gradients; they find 0.9 to 0.999 of the energy (measured as above)
+            column[self.free] = cg(own, b, rtol=0.0, maxiter=3, M=scaled)[0]
+        x, free = found[self.cubic], found[self.free]
+        return free.T @ at(self.own @ free), np.einsum("tia,tia->at", x, at(self.each) @ x)
+
+
 Channel = tuple[str, str]  # heated, read
 
 SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary chip, and of the step at 1 ns
@@ -144,7 +263,7 @@ class MeshError:
     @cached_property
     def enrichment(self) -> Enrichment:
         """The cubic functions on the mesh."""
-        return Enrichment.of(self.heat.discretization, *properties(self.heat.geometry, self.heat.mesh))
+        return Enrichment(self.heat.discretization, *properties(self.heat.geometry, self.heat.mesh))
 
     @cached_property
     def strong(self) -> dict[int, float]:
@@ -195,13 +314,8 @@ class MeshError:
         found = np.zeros((len(means), len(self.shifts), len(names)))
         found[d.free] = fields.transpose(1, 2, 0)
         values = np.einsum("ia,isb->sab", means, found, optimize=True)
-        # 200_000: triangles times fields that are looked at together
-        at_once = max(1, 200_000 // (len(names) * d.basis.nelems))
-        parts = [
-            self.enrichment.added(self.shifts[k : k + at_once], found[:, k : k + at_once], load)
-            for k in range(0, len(self.shifts), at_once)
-        ]
-        totals, shares = (np.concatenate(each) for each in zip(*parts, strict=True))
+        each = [self.enrichment.added(s, found[:, k], load) for k, s in enumerate(self.shifts)]
+        totals, shares = (np.array(one) for one in zip(*each, strict=True))
         between = (self.shifts > 0) & (self.shifts < self.shifts.max())
         factor = SATURATION * np.where(between, PEAK, 1.0)
         errors, local, weights = {}, {}, {}

@@ -175,10 +175,10 @@ def element_capacity(basis: Any, heat_capacity: ArrayLike, points: Any = None) -
     return (weights.T @ reference(basis).mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
-def assembled(basis: Any, elements: Array) -> Any:
-    """Sparse sum of the matrices of all triangles."""
+def assembled(basis: Any, elements: Array, local: Any = slice(None)) -> Any:
+    """Sparse sum of the matrices of all triangles, or of the rows of their ``local`` functions."""
     dofs = basis.element_dofs.T
-    rows, columns = (np.broadcast_to(d, elements.shape).ravel() for d in (dofs[:, :, None], dofs[:, None, :]))
+    rows, columns = (np.broadcast_to(d, elements.shape).ravel() for d in (dofs[:, local, None], dofs[:, None, :]))
     return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
 
 
