@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import io
 import pkgutil
 from importlib import import_module
 

@@ -6,29 +6,23 @@ Every function draws into ``ax`` (a new figure by default), labels its axes with
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.ticker import LogLocator
 from matplotlib.tri import Triangulation
 
 from . import checks
-from .checks import InputError, choice, positive
 from .data.fields import check_field
-from .data.files import check_image, check_target, write_whole
+from .data.files import check_image, write_whole
 from .data.variables import contents
 from .geometry.cross_section import CrossSection
-from .models.contract import bare, check_single
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
     from .mesh import Mesh
-    from .models import ThermalModel
     from .optics import Mode
 
 DATA = "a Dataset of th.solve, with time and delta_T"
