@@ -11,12 +11,18 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.runs.window import advance
-from thermofem.waveforms import Cubic
+from thermofem.waveforms import PiecewiseCubic
 
 RING, POWER = coupled.borghi2021(), 6.31e-3
 heat = th.assemble(th.strip_ring())
 second = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
 newton = surrogate.newton(tau_th=275e-9)
+
+
+def absorbed(run):
+    """The absorbed power of a run as a waveform."""
+    spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
+    return PiecewiseCubic(spline.x, spline.c[::-1].T)
 
 
 def relax(model, length, passes=12):
@@ -27,7 +33,7 @@ def relax(model, length, passes=12):
     cold = advance(RING, own, state, 0.0, 1e-6, power=POWER, rtol=1e-8)
     start = cold.time[np.argmax(cold.absorbed)] - 20e-9
     before = advance(RING, own, state, 0.0, start, power=POWER, rtol=1e-8, slopes=True)
-    rise = fem.advance(before.time, Cubic(before.time, before.absorbed, before.absorbed_slope))
+    rise = fem.advance(before.time, absorbed(before))
     fem.accept()
     same = model is own or model is None
     model = own if model is None else model
@@ -35,7 +41,7 @@ def relax(model, length, passes=12):
     offset, sizes = (0.0 if same else rise[-1]), []
     for _ in range(passes):
         run = advance(RING, model, begin, start, start + length, power=POWER, offset=offset, rtol=1e-9, slopes=True)
-        change = fem.advance(run.time, Cubic(run.time, run.absorbed, run.absorbed_slope)) - run.delta_T
+        change = fem.advance(run.time, absorbed(run)) - run.delta_T
         sizes.append(np.abs(change).max())
         new = (offset(run.time) if callable(offset) else offset) + change
         offset = CubicHermiteSpline(run.time, new, np.gradient(new, run.time, edge_order=2))

@@ -1,13 +1,11 @@
 """Errors that a caller reads: what is wrong, with what value, and what to do; and values as their text shows them."""
 
 import contextlib
-import re
 from collections.abc import Iterator
 from typing import Any, Self
 
 MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
-_LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
 
 
 def one_line(text: str, *, most: int = MESSAGE) -> str:
@@ -34,10 +32,6 @@ def shown(value: Any, *, most: int = VALUE) -> str:
     return one_line(text, most=most)
 
 
-def _shortened(match: re.Match[str]) -> str:
-    return f"{match[0][:VALUE]}..."
-
-
 class Hint(str):
     """Hint of an InputError in two spellings: SI numbers for Python, quantities with units (``text``) for files.
 
@@ -61,7 +55,7 @@ class InputError(ValueError):
     """
 
     def __init__(self, rule: str, hint: str = "") -> None:
-        self.rule = _LONG.sub(_shortened, one_line(str(rule)))
+        self.rule = one_line(str(rule))
         self.hint = hint if isinstance(hint, Hint) else one_line(str(hint))
         super().__init__(f"{self.rule}; {self.hint}" if hint else self.rule)
 

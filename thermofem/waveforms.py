@@ -30,12 +30,11 @@ import numpy as np
 from . import checks
 from .arrays import Array, ArrayLike
 from .errors import Hint, InputError
-from .piecewise import Pieces, bounds, fitted, hermite, inside
+from .piecewise import Pieces, bounds, fitted, inside
 
 TIME_HINT = Hint("times are in s (did you mean 1e-6 for 1 us?)")
 ENDLESS = 1e12  # s: where a power that is held before its first and after its last change ends
 MOST_CYCLES = 1e6  # periods that a call may span
-MANY = 8  # periods of a smooth wave, beyond which one is fitted and repeated
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the default rtol of every model
 STORED = 1e-7  # of a function by the cubics that a file keeps
 KINDS: dict[str, type[Waveform]] = {}  # waveforms that a file can hold, by name
@@ -509,30 +508,6 @@ class PiecewiseCubic(Waveform):
         return inside(pieces.edges[1:-1][jumps], start, stop)
 
 
-@dataclass(frozen=True, eq=False)
-class Cubic(Waveform, stored=False):
-    """P(t) through samples with given slopes (Hermite); held at the end values outside.
-
-    The coupled integration hands its absorbed power over in this form: fourth order between its steps, where straight
-    lines would lose 1e-3 of the energy of a pulse.
-
-    times [s]: increasing; power [W], slope [W/s]: same length.
-    """
-
-    times: Array
-    power: Array
-    slope: Array
-    piecewise_linear: ClassVar[bool] = False
-
-    @cached_property
-    def whole(self) -> Pieces:  # type: ignore[override]
-        """Between two samples the cubic with their values and slopes."""
-        return hermite(np.asarray(self.times, dtype=float), self.power, self.slope[:-1], self.slope[1:])
-
-    def _at(self, t: ArrayLike, side: str) -> Array:
-        return self.whole(np.clip(t, self.times[0], self.times[-1]), side)
-
-
 @dataclass(frozen=True, eq=False, init=False)
 class Function(Waveform, stored=False):
     """P(t) = f(t): any function of time; W as a power, Hz as a detuning.
@@ -622,13 +597,10 @@ class Function(Waveform, stored=False):
         return inside(Pieces(marks, np.zeros((marks.size - 1, 4))).repeated(start, stop).edges, start, stop)
 
     def pieces(self, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
-        """Cubics within ``tolerance`` of the largest value; of many periods, one is fitted and repeated."""
-        first, last = start, stop
-        if repeat := self.period is not None and stop - start > MANY * self.period:
-            first, last = 0.0, self.period
-        marks = np.concatenate([[first], self.breakpoints(first, last), [last]])
-        whole = fitted(self, marks, tolerance)
-        return whole.repeated(start, stop).window(start, stop) if repeat else whole
+        """Cubics within ``tolerance`` of the largest value; of a periodic function one period, repeated."""
+        first, last = (start, stop) if self.period is None else (0.0, self.period)
+        whole = fitted(self, np.concatenate([[first], self.breakpoints(first, last), [last]]), tolerance)
+        return whole if self.period is None else whole.repeated(start, stop).window(start, stop)
 
 
 def check_wave(name: str, value: Any) -> None:
@@ -680,16 +652,14 @@ def period_times(wave: Waveform, samples: int) -> Array:
     return times
 
 
-def storable(wave: Waveform, duration: float) -> Waveform:
-    """The waveform itself, or its piecewise cubic over [0, duration] where a file cannot describe it."""
-    return wave if type(wave).__name__ in KINDS else PiecewiseCubic.of(wave, 0.0, duration)
-
-
-def to_json(wave: Waveform) -> str:
+def to_json(wave: Waveform, duration: float | None = None) -> str:
     """The waveform as JSON text: its kind and its fields.
 
-    Raises InputError: a `Function` or another kind that no file can describe.
+    duration [s]: a `Function`, or another kind that no file can describe, is written as cubics over [0, duration].
+    Raises InputError: such a kind without a duration.
     """
+    if duration is not None and type(wave).__name__ not in KINDS:
+        wave = PiecewiseCubic.of(wave, 0.0, duration)
     hint = "of another kind, write the cubics over the run, th.waveforms.PiecewiseCubic.of(wave, 0, duration)"
     checks.choice("kind of a waveform in a file", type(wave).__name__, KINDS, hint=hint)
     fields = {k: np.asarray(v).tolist() for k, v in asdict(wave).items()}  # type: ignore[call-overload]

@@ -41,7 +41,7 @@ from thermofem.fem import HeatProblem
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
 from thermofem.solving import mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
-from thermofem.waveforms import Cubic, Waveform, to_json
+from thermofem.waveforms import PiecewiseCubic, Waveform, to_json
 
 from ..heaters import check_unlit
 from ..states import State
@@ -276,7 +276,8 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     time = checks.array("initial['time']", cycle["time"].values, increasing=True)
     power = np.array(checks.array("initial['absorbed']", cycle["absorbed"].values))
     power[-1] = power[0]
-    wave = Cubic(time, power, CubicSpline(time, power, bc_type="periodic")(time, 1))
+    spline = CubicSpline(time, power, bc_type="periodic")
+    wave = PiecewiseCubic(spline.x, spline.c[::-1].T)
     period, basis, C = float(time[-1]), fem.basis, fem.linear.C
     if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
         raise checks.InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")

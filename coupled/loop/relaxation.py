@@ -21,7 +21,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.waveforms import Cubic
+from thermofem.waveforms import PiecewiseCubic
 
 from ..resonator import RingResonator
 from ..runs.window import Window, advance
@@ -158,8 +158,8 @@ class Relaxation:
     def _asked(self, run: Window) -> Array:
         """The corrector's temperature under the absorbed power of a run."""
         clock = process_time()
-        power = Cubic(run.time, run.absorbed, run.absorbed_slope)
-        rise = np.array(self.corrector.advance(run.time.copy(), power), dtype=float)
+        spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
+        rise = np.array(self.corrector.advance(run.time.copy(), PiecewiseCubic(spline.x, spline.c[::-1].T)), dtype=float)
         self.seconds["corrector"] += process_time() - clock
         return rise
 

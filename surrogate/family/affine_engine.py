@@ -19,8 +19,8 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.assembly import on_mesh, resistances
-from thermofem.fem.mesh_division import split
+from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.surfaces import resistances, split
 from thermofem.fem.weak_forms import maps, reference
 from thermofem.geometry.regions import Face
 from thermofem.mesh import Mesh

@@ -30,8 +30,7 @@ from scipy.sparse import csr_matrix, vstack
 from thermofem import CrossSection
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.mesh_division import resistances
-from thermofem.fem.surfaces import Side
+from thermofem.fem.surfaces import Side, resistances
 from thermofem.geometry.parameter_paths import Change
 from thermofem.geometry.regions import outlines
 from thermofem.materials.material_library import VOID

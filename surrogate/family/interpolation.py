@@ -32,7 +32,7 @@ from scipy.stats import qmc
 
 from thermofem import CrossSection, Foster, OutputMap, Pulse, checks, solve
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.assembly import assemble_like
+from thermofem.fem.adaptive_mesh import assemble_like
 from thermofem.optics.coupler import of_buses
 from thermofem.optics.mode import LEAST
 from thermofem.optics.modes import Light

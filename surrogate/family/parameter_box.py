@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.campaign import Variation
-from thermofem.fem.mesh_division import PERFECT, resistances
+from thermofem.fem.surfaces import PERFECT, resistances
 from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_library import Material
 from thermofem.materials.property_laws import PowerLaw

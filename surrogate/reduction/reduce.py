@@ -284,7 +284,7 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     own = V.T @ (-heat.channels(heated, read).A @ V) / np.sqrt(np.outer(rate, rate))
     if np.abs(own - np.eye(rate.size)).max() > OWN:
         raise checks.InputError("the reduction is of another heat problem: its poles are not those of heat's matrices")
-    changes, _, tangents = tangents_of(heat, parameters, (heated, read))
+    changes, tangents = tangents_of(heat, parameters, (heated, read))
     modal = ModalDerivative(rate, V.T @ b, V.T @ c, *on_modes(tangents, (heated, read), d.free, V))
     of_R, of_tau = modal.poles()
     apart = np.abs(rate[:, None] / rate - 1) + np.eye(rate.size)

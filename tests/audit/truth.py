@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 import thermofem as th
 from thermofem.algebra.krylov import Rounds, rates
-from thermofem.fem.assembly import on_mesh
+from thermofem.fem.adaptive_mesh import on_mesh, refined
 from thermofem.fem.heat_problem import HeatProblem
-from thermofem.fem.mesh_division import refined, resistances, split
+from thermofem.fem.surfaces import resistances, split
 from thermofem.mesh.triangles import Mesh
 
 TIMES = np.geomspace(1e-9, 1e-2, 57)  # s, eight a decade

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from models import coarse_warm_fem
 from scipy.integrate import odeint
+from scipy.interpolate import CubicHermiteSpline
 
 import thermofem as th
 from thermofem.algebra.krylov import krylov
 from thermofem.transient.deflation import FieldIntegrator
 from thermofem.transient.fast_part import FastPart
 from thermofem.transient.nonlinear import Curvature, curvature
-from thermofem.waveforms import Cubic
+from thermofem.waveforms import PiecewiseCubic
 
 TIMES = np.linspace(0, 0.2e-6, 41)
 
@@ -59,9 +60,9 @@ def test_the_amplitudes_follow_their_equation():
     system = coarse_warm_fem()
     basis = krylov(system.linear, 2)
     forms, reach = curvature(system, basis), np.abs(system.linear.C[0] @ basis.vectors)
-    wave = Cubic(
-        TIMES, 0.02 * np.sin(np.pi * TIMES / TIMES[-1]) ** 2, 0.02 * np.pi / TIMES[-1] * np.sin(2e7 * np.pi / 2 * TIMES)
-    )
+    power, slope = 0.02 * np.sin(np.pi * TIMES / TIMES[-1]) ** 2, 0.02 * np.pi / TIMES[-1] * np.sin(1e7 * np.pi * TIMES)
+    spline = CubicHermiteSpline(TIMES, power, slope)
+    wave = PiecewiseCubic(spline.x, spline.c[::-1].T)
     start = np.zeros(basis.rate.size)
     fast = FastPart(basis, 0.0, start, [wave], TIMES, forms, 1e-7 / reach)
 

@@ -11,7 +11,7 @@ from skfem.quadrature import get_quadrature
 
 import thermofem as th
 from thermofem.data.files import to_toml
-from thermofem.fem.assembly import on_mesh
+from thermofem.fem.adaptive_mesh import on_mesh
 from thermofem.geometry.parameter_paths import change, place
 from thermofem.mesh.mesh_motion import vertex_velocities
 
@@ -283,22 +283,6 @@ def test_a_motion_that_opens_a_gap_is_refused_and_joint_motion_is_not():
     pair = [th.assemble(th.heated_ring(cladding=2e-6 + x), accuracy=3e-4) for x in (5e-8, -5e-8)]
     slope = np.subtract(*[one.thermal_resistance("core", "heater") for one in pair]) / 1e-7
     assert d.thermal_resistance.item() == pytest.approx(slope, rel=2e-2)  # 1e-3 of R_th over 5 % of the length
-
-
-def test_reach_is_where_the_mesh_tangles():
-    d = th.derivatives(STRIP, "part.core.width")
-    velocity = vertex_velocities(
-        STRIP.geometry, STRIP.mesh, [change(STRIP.geometry, "part.core.width")], roles=("core",)
-    )[0]
-
-    def smallest(step: float) -> float:
-        p = (STRIP.mesh.points + step * velocity)[STRIP.mesh.triangles]
-        (x, y), (s, t) = (p[:, 1] - p[:, 0]).T, (p[:, 2] - p[:, 0]).T
-        return float((x * t - s * y).min())
-
-    reach = d.reach.item()
-    assert min(smallest(0.999 * reach), smallest(-0.999 * reach)) > 0
-    assert min(smallest(1.001 * reach), smallest(-1.001 * reach)) < 0
 
 
 def test_poles_of_a_reduction_move_as_those_of_a_moved_mesh():

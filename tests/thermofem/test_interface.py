@@ -11,9 +11,8 @@ from grids import facets_where, tensor_mesh
 import surrogate
 import thermofem as th
 from thermofem.algebra.factor import factorize
-from thermofem.fem.mesh_division import contacts, split
 from thermofem.fem.probe_means import shell_integral
-from thermofem.fem.surfaces import Surfaces
+from thermofem.fem.surfaces import Surfaces, contacts, split
 from thermofem.fem.weak_forms import discretize
 
 ROD, SHELL, LENGTH = 1e-3, 5e-3, 2e-3  # m

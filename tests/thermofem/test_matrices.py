@@ -101,7 +101,7 @@ def test_the_enrichment_adds_nearly_what_cubic_elements_add(strip, s):
     quadratic = d.means["core"][d.free] @ d.factors.solve(s, 1.0, d.means["core"][d.free])
     estimate = strip.estimate(("core", "core"))
     error = estimate.errors["core", "core"][list(estimate.shifts).index(s)] / SATURATION / (PEAK if s else 1)
-    # alone they add less; 0.82 to 0.98 of it on random cross-sections (thermofem.fem.enrichment)
+    # alone they add less; 0.82 to 0.98 of it on random cross-sections (thermofem.fem.error_estimate)
     assert 0.8 < error / (cubic / quadratic - 1) < 1
     assert estimate.shares["core", "core"].sum(axis=1) == pytest.approx(estimate.errors["core", "core"], rel=1e-9)
 

@@ -11,7 +11,7 @@ from sections import HEATER, says
 
 import thermofem as th
 from thermofem.checks import InputError
-from thermofem.fem.mesh_division import split
+from thermofem.fem.surfaces import split
 from thermofem.geometry import CrossSection
 from thermofem.mesh import make, mesh_for
 from thermofem.mesh.mesh_motion import Motion, quality

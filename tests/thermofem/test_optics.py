@@ -9,7 +9,7 @@ import skfem
 
 import surrogate
 import thermofem as th
-from thermofem.fem.assembly import on_mesh
+from thermofem.fem.adaptive_mesh import on_mesh
 from thermofem.mesh.mesh_motion import Motion
 from thermofem.optics.coupler import coupling, supermodes
 from thermofem.optics.shape import variations

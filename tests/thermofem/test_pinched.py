@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.fem.assembly import on_mesh
-from thermofem.fem.mesh_division import split
+from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.surfaces import split
 from thermofem.mesh.mesh_motion import Motion
 from thermofem.mesh.triangles import Mesh
 

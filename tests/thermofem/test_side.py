@@ -7,8 +7,7 @@ import pytest
 import skfem
 
 import thermofem as th
-from thermofem.fem.mesh_division import contacts, split
-from thermofem.fem.surfaces import Surfaces, surface_terms
+from thermofem.fem.surfaces import Surfaces, contacts, split, surface_terms
 from thermofem.mesh import mesh_for
 
 ELEMENTS = {2: skfem.ElementTriP2(), 3: skfem.ElementTriP3()}

@@ -107,7 +107,7 @@ def build(
         coordinates["probe"] = ("probe", list(read), {"long_name": "part whose mean is read"})
     attrs = {
         **stamp("periodic" if periodic else "transient"),
-        "waveform": waveforms.to_json(waveforms.storable(wave, float(times[-1]))),
+        "waveform": waveforms.to_json(wave, float(times[-1])),
         "read": ", ".join(read),
         **checks.mapping("attributes", attributes),
     }

@@ -25,8 +25,7 @@ import numpy as np
 from ..algebra.factor import factorize
 from ..arrays import Array, NDArray
 from ..mesh import Mesh
-from .mesh_division import resistances
-from .surfaces import Surfaces, line_source, surface_terms, surfaces_of
+from .surfaces import Surfaces, line_source, resistances, surface_terms, surfaces_of
 from .weak_forms import capacity, discretize, properties
 
 if TYPE_CHECKING:

@@ -181,8 +181,8 @@ def derivatives(
     xarray.Dataset
         over "parameter", all per SI unit of it: ``thermal_resistance``, with times ``step_response`` (parameter, time),
         with frequencies the complex ``impedance`` (parameter, frequency), all in K/W per unit; ``value`` and ``unit``
-        of the parameter; ``reach``, the largest change in either direction before the moved mesh tangles, in the same
-        unit. The attributes hold the thermal resistance itself. At small power where conductivities depend on T.
+        of the parameter. The attributes hold the thermal resistance itself. At small power where conductivities depend
+        on T.
 
         Against complex steps on the same mesh: R_th within 1e-10, Z(f) within 1e-8, the step response within 1e-6.
         Against differences of converged meshes at accuracy 1e-4, for the reference strip: radius 4e-5, width 6e-5,
@@ -202,23 +202,21 @@ def derivatives(
     read = checks.choice("read", read, heat.readable, default=heated)
     t = None if times is None else step_times(times)
     f = None if frequencies is None else checks.array("frequencies", frequencies)
-    changes, velocities, tangents = tangents_of(heat, parameters, (heated, read))
+    changes, tangents = tangents_of(heat, parameters, (heated, read))
     found = _responses(heat, tangents, (heated, read), t, f)
     data = dataset_of([(one.name, one.value, one.unit) for one in changes], found, t, f)
-    about = {"long_name": "change at which the moved mesh tangles", "units": "of it"}
-    data["reach"] = ("parameter", _reach(heat, velocities), about)
     return data.assign_attrs(heated=heated, read=read, thermal_resistance=heat.thermal_resistance(heated, read))
 
 
 def tangents_of(
     heat: HeatProblem, parameters: Parameter | Sequence[Parameter], channel: tuple[str, str]
-) -> tuple[list[Change], Array, list[Tangent]]:
-    """The `Change` of each parameter, the velocities of the vertices and the derivative of the matrices with it."""
+) -> tuple[list[Change], list[Tangent]]:
+    """The `Change` of each parameter, and the derivative of the matrices with it."""
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
     changes = [change(heat.geometry, one) for one in each]
     checks.unique("parameters", [one.name for one in changes])
     velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, channel[1]))
-    return changes, velocities, [tangent(heat, *pair, channel) for pair in zip(changes, velocities, strict=True)]
+    return changes, [tangent(heat, *pair, channel) for pair in zip(changes, velocities, strict=True)]
 
 
 def project(
@@ -291,25 +289,6 @@ def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array 
         shifts = np.append(0.0, np.geomspace(5 * slow, max(fast), 5))
     solvers = [factors.keep(s, 1.0) if s else (lambda rhs: factors.solve(0.0, 1.0, rhs)) for s in shifts]
     return Rounds(system, shifts, solvers)
-
-
-def _reach(heat: HeatProblem, velocities: Array) -> Array:
-    """Largest change of each parameter, in either direction, before a triangle of the moved mesh loses its area."""
-    corners = heat.mesh.points[heat.mesh.triangles]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    reach = []
-    for velocity in velocities:
-        moved = velocity[heat.mesh.triangles]
-        u, v = moved[:, 1] - moved[:, 0], moved[:, 2] - moved[:, 0]
-        slope = first[:, 0] * v[:, 1] + u[:, 0] * second[:, 1] - first[:, 1] * v[:, 0] - u[:, 1] * second[:, 0]
-        bend = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):  # area + slope x + bend x^2 = 0
-            root = np.sqrt(np.maximum(slope**2 - 4 * area * bend, 0))
-            at = np.abs(2 * area / np.stack([-slope + root, -slope - root]))
-        real = np.where(slope**2 >= 4 * area * bend, at, np.inf)
-        reach.append(float(np.nanmin(real, initial=np.inf)))
-    return np.array(reach)
 
 
 def dataset_of(

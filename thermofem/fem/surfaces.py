@@ -7,25 +7,30 @@ K_ij += int 2 pi r (n . d) / (d . k^-1 d) u_i u_j ds          over open sides, d
 K_ij += int 2 pi r (n . d) / (d . k^-1 d) / c(d/L) u_i u_j ds over open sides of a straight section of length L
 
 In a straight section L (2 L of a mirrored one) stands for 2 pi r.
+
+A thermal boundary resistance makes the temperature jump by resistance times flux. Every node of such a surface is there
+once for each side; the flux between the two sides is (T^+ - T^-)/resistance. Where two surfaces lie on each other their
+resistances add. On a side of the domain that the ambient holds or cools, the resistance is in series with it. Where
+regions touch in one point only, two silicon corners between voids for instance, no heat flows through it: the mesh is
+parted there, with one vertex for each group of triangles that edges hold together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from ..arrays import Array, ArrayLike, NDArray
-from ..mesh.triangles import radii
-from .mesh_division import beside, contacts
+from ..mesh.triangles import Mesh, radii
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..mesh import Mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +149,7 @@ def surfaces_of(
 ) -> Surfaces:
     """Held, convective and open facets, and contacts.
 
-    resistance: of each part with a contact, in m^2 K/W (`mesh_division.resistances`).
+    resistance: of each part with a contact, in m^2 K/W (`resistances`).
     sides: which facets of the mesh's boundary lie on "bottom", "top" and "outer"; default by the geometry.
     """
     grid = mesh.skfem
@@ -235,3 +240,78 @@ def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
     r, z = (x - origin for x, origin in zip(side.along(side.ends), surfaces.source, strict=True))
     value = 2 * np.pi * side.radius * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1])
     return np.asarray(value if surfaces.length is None else value / line_source(np.sqrt(r**2 + z**2) / surfaces.length))
+
+
+PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a smaller resistance, such as 0, counts as this one
+
+
+def resistances(geometry: CrossSection) -> dict[str, float]:
+    """Sum of the thermal boundary resistances of each part that has one, in m^2 K/W; `PERFECT` at least."""
+    found: dict[str, float] = {}
+    for interface in geometry.interfaces:
+        found[interface.part] = found.get(interface.part, 0.0) + interface.resistance
+    return {part: max(value, PERFECT) for part, value in found.items()}
+
+
+def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
+    """The mesh with nodes doubled on the surface of every region in ``resistance`` (m^2 K/W), and where regions touch.
+
+    One node for each group of triangles around a vertex that edges of one side hold together. Those of one side follow
+    each other in the order that they had, those of further groups come last; the mesh itself where nothing is doubled.
+    """
+    grid, side = mesh.skfem, _side(mesh, resistance)
+    first, second = grid.f2t
+    inner = (second >= 0) & (side[first] == side[second])
+    first, second = first[inner], second[inner]
+    joined = np.concatenate([_corners(mesh, end, first, second) for end in grid.facets[:, inner]], axis=1)
+    count = mesh.triangles.size
+    graph = coo_matrix((np.ones(joined.shape[1]), joined), shape=(count, count))
+    number, group = connected_components(graph, directed=False)
+    if number == len(mesh.points):
+        return mesh
+    corner = np.unique(group, return_index=True)[1]  # the first one of each group
+    place, of_side = mesh.triangles.ravel()[corner], side[corner // 3]
+    order = np.lexsort([corner, place, of_side])
+    again = np.append(False, (np.diff(place[order]) == 0) & (np.diff(of_side[order]) == 0))
+    order = np.concatenate([order[~again], order[again]])
+    new = np.empty(number, dtype=np.int64)
+    new[order] = np.arange(number)
+    return replace(mesh, points=mesh.points[place[order]], triangles=new[group].reshape(-1, 3))
+
+
+def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Numbers 3 t + k of the corners that are some vertices, of triangles t beside them; a row for each."""
+    return np.array([3 * t + (mesh.triangles[t] == vertices[:, None]).argmax(axis=1) for t in triangles])
+
+
+def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Facets of a mesh from `split` that lie on each other: for each total resistance both sides, in the same order."""
+    side = _side(mesh, resistance)
+    if not side.any():
+        return {}
+    grid = mesh.skfem
+    facets = grid.boundary_facets()
+    ends = np.sort(_place(mesh)[grid.facets[:, facets]], axis=0).T
+    order = np.lexsort(ends.T)
+    twins = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
+    first, second = facets[order[twins]], facets[order[twins + 1]]
+    total = beside(mesh, resistance, first) + beside(mesh, resistance, second)
+    return {float(value): (first[total == value], second[total == value]) for value in np.unique(total)}
+
+
+def beside(mesh: Mesh, resistance: Mapping[str, float], facets: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Resistance in m^2 K/W that the region beside each boundary facet has on its surface."""
+    own = np.array([0.0, *resistance.values()])
+    return np.asarray(own[_side(mesh, resistance)[mesh.skfem.f2t[0, facets]]])
+
+
+def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
+    """For each triangle 0, or one more than the place of its region among those with a resistance."""
+    names = list(resistance)
+    number = np.array([names.index(name) + 1 if name in names else 0 for name in mesh.region_names], dtype=np.int64)
+    return number[mesh.region]
+
+
+def _place(mesh: Mesh) -> NDArray[np.intp]:
+    """A number for each point, the same for points that lie on each other."""
+    return np.unique(mesh.points, axis=0, return_inverse=True)[1].ravel()

@@ -45,7 +45,7 @@ class Light:
 
     @classmethod
     def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
-        """Those on the mesh of a heat problem, see `fem.assembly.light`."""
+        """Those on the mesh of a heat problem, see `fem.adaptive_mesh.light`."""
         geometry, given = heat.geometry, heat.geometry.light
         parts = [one.name for one in geometry.parts]
         if given is not None:

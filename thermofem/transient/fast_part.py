@@ -25,7 +25,7 @@ from .. import checks
 from ..algebra.krylov import Basis
 from ..algebra.pole_responses import phi
 from ..arrays import Array, ArrayLike
-from ..waveforms import Cubic, Waveform
+from ..waveforms import Waveform
 from .esdirk import STAGE_TIMES
 from .nonlinear import Curvature
 
@@ -179,7 +179,7 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
     for wave in waves:
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
-        if not wave.piecewise_linear and not isinstance(wave, Cubic):
+        if not wave.piecewise_linear:
             # 1e-6 of a smooth power by one cubic between grid times, relative to its peak
             parts.append(wave.pieces(start, stop, tolerance=1e-6).edges)  # between two knots the power is one cubic
         parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]

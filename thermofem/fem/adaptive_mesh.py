@@ -8,6 +8,14 @@ where it nearly does. The committed meshes of the reference strip lead all strip
 geometry of a campaign leads its members, with a smaller error than promised (`MARGIN`). What a geometry gets does not
 depend on those before it. Moved meshes share the sparsity pattern of their matrices, so that orderings and symbolic
 factorizations are made once, too (`Pencil.inherit`).
+
+At every shift whose error is above `AIM` of the target the triangles with the largest shares are divided: as few of
+them as bring the sum down to `AIM` if dividing leaves `LEFT` of a share, or those with `BULK` of the sum where even all
+would not do (W. Doerfler, SIAM J. Numer. Anal. 33, 1106 (1996)).
+
+Marked triangles are divided into four, their neighbours into two to four, without hanging nodes. A triangle with a
+divided edge has its longest edge divided too, so that angles stay above half of the smallest one (M. C. Rivara, Int. J.
+Numer. Methods Eng. 20, 745 (1984)).
 """
 
 import logging
@@ -18,6 +26,7 @@ from dataclasses import replace
 import numpy as np
 
 from .. import checks
+from ..arrays import Array, NDArray
 from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..geometry.ring_sections import strip_ring
@@ -28,8 +37,7 @@ from ..mesh.mesh_motion import Motion, quality
 from ..optics.modes import Light
 from .error_estimate import Estimate
 from .heat_problem import HeatProblem
-from .mesh_division import divided, resistances, split
-from .surfaces import surfaces_of
+from .surfaces import resistances, split, surfaces_of
 from .weak_forms import Discretization, discretize, properties
 
 ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
@@ -41,6 +49,11 @@ DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which 
 DRAWN = 1e-3  # accuracy of the heat mesh that `light` makes for a geometry
 COMMITTED, COARSER = (1e-3, 1e-4), 2.0  # accuracies of committed meshes, and up to which factor above they serve
 
+AIM = 0.8  # of the target
+LEFT = 0.15  # of the share of a triangle after it was divided in four: 1/16 where the field is smooth, 0.4 at a corner
+BULK = 0.8  # of the sum
+FINEST = 1e-8  # of the largest coordinate: ten times `mesh_motion.NEAR`, within which a vertex is at a corner
+
 log = logging.getLogger("thermofem")
 _thread = threading.local()  # one thread works on one geometry at a time
 
@@ -48,7 +61,7 @@ _thread = threading.local()  # one thread works on one geometry at a time
 def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
 
-    The log says so where `ROUNDS`, `LARGEST` or `mesh_division.FINEST` end that before.
+    The log says so where `ROUNDS`, `LARGEST` or `FINEST` end that before.
     """
     resistance, finer = resistances(geometry), mesh
     for _ in range(ROUNDS):
@@ -87,11 +100,86 @@ def _corner(heat: HeatProblem, estimate: Estimate) -> str:
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int = 2) -> HeatProblem:
-    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`mesh_division.split`)."""
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`surfaces.split`)."""
     mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
     surfaces = surfaces_of(geometry, mesh, resistances(geometry))
     heat = HeatProblem(geometry, mesh, discretize(mesh, *properties(geometry, mesh), surfaces, degree=degree), accuracy)
     return heat.reading(*(probe.name for probe in geometry.probes))
+
+
+def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
+    """The next mesh; None where triangles would have to be finer than `FINEST`.
+
+    mesh: of the estimate, without doubled nodes.
+
+    At a vertex where the field is strongly singular the triangles are divided several times at once, as often as makes
+    their error fall as it does at an ordinary corner.
+    """
+    finest = FINEST * float(np.abs(mesh.points).max())
+    at = {point: _touching(mesh, point) for point in estimate.corners}
+    chosen = marked(estimate, target, sum(at.values(), np.array(False)) & (_longest(mesh) < 2 * finest))
+    if not chosen.any():
+        return None
+    deeper = [point for point, there in at.items() if (there & chosen).any()]
+    mesh = refined(mesh, chosen)
+    for point in deeper:
+        # 2 / 3: exponent of the field at the corner of a good conductor
+        for _ in range(round((2 / 3) / estimate.corners[point]) - 1):
+            there = _touching(mesh, point) & (_longest(mesh) >= 2 * finest)
+            mesh = refined(mesh, there) if there.any() else mesh
+    return mesh
+
+
+def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Select the triangles to divide.
+
+    stuck [shape (triangles,)]: not to be divided. Half of the target is left to them, even where their error is larger;
+        the others are divided until their error is within the rest.
+    """
+    chosen = np.zeros(stuck.size, dtype=bool)
+    for channel, errors in estimate.errors.items():
+        own = target / max(estimate.weights[channel], 1e-12)
+        for error, share in zip(errors, estimate.shares[channel], strict=True):
+            there = float(share[stuck].sum())
+            wanted = own - min(there, own / 2)
+            if error - there > wanted:
+                chosen |= _largest(np.where(stuck, 0.0, share), AIM * wanted)
+    return chosen
+
+
+def _touching(mesh: Mesh, point: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which triangles have a corner there."""
+    return np.asarray((mesh.points == point).all(axis=1)[mesh.triangles].any(axis=1))
+
+
+def _longest(mesh: Mesh) -> Array:
+    """Longest edge of each triangle in m."""
+    corners = mesh.points[mesh.triangles]
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1))
+
+
+def _largest(share: Array, wanted: float) -> NDArray[np.bool_]:
+    """The fewest triangles whose division reduces the sum of the shares to ``wanted``, at most `BULK` of it."""
+    order = np.argsort(share)[::-1]
+    so_far, total = np.cumsum(share[order]), float(share.sum())
+    needed = min((total - wanted) / (1 - LEFT), BULK * total)
+    chosen = np.zeros(share.size, dtype=bool)
+    chosen[order[: int(np.searchsorted(so_far, needed)) + 1]] = True
+    return chosen
+
+
+def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> Mesh:
+    """The mesh with the marked triangles divided in four equal ones, and neighbours as needed.
+
+    mesh: without nodes that are doubled along contacts. Its points are the first ones of the result.
+    marked [shape (triangles,)]
+    """
+    regions = {name: np.flatnonzero(mesh.region == k) for k, name in enumerate(mesh.region_names)}
+    grid = mesh.skfem.with_subdomains(regions).refined(np.flatnonzero(marked))
+    region = np.empty(grid.t.shape[1], dtype=np.int64)
+    for k, name in enumerate(mesh.region_names):
+        region[grid.subdomains[name]] = k
+    return replace(mesh, points=grid.p.T, triangles=grid.t.T.astype(np.int64), region=region)
 
 
 class Leader:
