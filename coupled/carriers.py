@@ -225,7 +225,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     data = in_si("data", data)
     t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
     N = checks.array("data.carriers", data["carriers"].values)
-    checks.same_size(time=t, carriers=N)
+    checks.shape("carriers", N, t.shape)
     checks.positive("the least of data.carriers", N.min(), unit="1/m^3")
     best = _least_squares(t, N, material.b)
     found = np.exp(best.x)  # N0, tau0, tau_high

@@ -122,13 +122,6 @@ def shape(name: str, value: Any, wanted: tuple[int, ...]) -> None:
         raise InputError(f"{name} has shape {value.shape}; {wanted} is needed")
 
 
-def same_size(**arrays: Any) -> None:
-    """Raise InputError unless all these arrays have as many entries as the first."""
-    (_, first), *others = arrays.items()
-    for name, array in others:
-        shape(name, array, first.shape)
-
-
 def plain(one: Any) -> None:
     """Replace NumPy's scalars in the fields of a frozen dataclass by Python's numbers, which files and reprs hold."""
     for name, value in vars(one).items():

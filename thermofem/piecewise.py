@@ -40,8 +40,6 @@ class Pieces(NamedTuple):
     def __call__(self, t: ArrayLike, side: str = "right") -> Array:
         """The value at ``t``, continuous from that side; the first and the last piece go on outside."""
         times = np.asarray(t, dtype=float)
-        if len(self.coefficients) == 1 and not self.coefficients[0, 1:].any():
-            return np.full(times.shape, self.coefficients[0, 0])
         k = np.clip(np.searchsorted(self.edges, times, side=side) - 1, 0, len(self.coefficients) - 1)  # type: ignore[call-overload]
         return cubic(self.coefficients[k], times - self.edges[k])
 

@@ -65,7 +65,7 @@ def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     return values / 10.0**power, {9: "G", 6: "M", 3: "k", -3: "m", -6: "µ", -9: "n", -12: "p"}.get(power, "") + unit
 
 
-def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
+def plot_response(data: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Temperature rise (K) against time (us); several probes give one line each."""
     data = contents("data", data, ("time", "delta_T"), what=DATA)
     ax = axes(ax)
@@ -73,12 +73,10 @@ def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None
     if "probe" in rise.dims:
         ax.set_prop_cycle(color=[BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK])
         for name in rise["probe"].values:
-            ax.plot(time, rise.sel(probe=name), style, label=str(name))
+            ax.plot(time, rise.sel(probe=name), label=str(name))
         ax.legend(frameon=False)
     else:
-        ax.plot(time, rise, style, color=INK, label=label)
-        if label:
-            ax.legend(frameon=False)
+        ax.plot(time, rise, color=INK)
     ax.set(xlabel="time (µs)", ylabel="temperature rise (K)")
     ax.margins(x=0)
     return ax
@@ -112,14 +110,36 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     return ax
 
 
-def plot_cross_section(
-    geometry: CrossSection, mesh: Mesh | None = None, ax: Axes | None = None, *, half_width: float = 4e-6
-) -> Axes:
-    """Layers and parts by material around the first heated part, with the mesh over them when one is given."""
+def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
+    """All parts with their names above, the mesh around the first heated part below; the upper Axes."""
+    figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, 7.6), layout="constrained")
+    for ax in (above, below):
+        colours = _draw_materials(geometry, ax)
+    low, high = min(p.bottom for p in geometry.parts), max(geometry.top_z, *(p.top for p in geometry.parts))
+    inner, outer = min(p.inner_radius for p in geometry.parts), max(p.outer_radius for p in geometry.parts)
+    room = max(0.3 * (high - low), 0.3 * (outer - inner), 1.5e-6)
+    above.set_xlim(max(inner - room, geometry.inner_end) * 1e6, (outer + room) * 1e6)
+    above.set_ylim(max(low - room, geometry.bottom_z) * 1e6, (high + 0.8 * room) * 1e6)
+    heated = next(part for part in geometry.parts if part.heated)
+    r, z = (heated.inner_radius + heated.outer_radius) / 2e-6, (heated.bottom + heated.height / 2) * 1e6
+    half = np.clip(2.5e6 * max(heated.outer_radius - heated.inner_radius, heated.height), 1, 10)
+    below.triplot(*(mesh.points.T * 1e6), mesh.triangles, color=INK, linewidth=0.15)
+    below.set(xlim=(max(geometry.inner_end * 1e6, r - half), r + half), ylim=(z - 0.75 * half, z + 0.75 * half))
+    _name_parts(geometry, above)
+    handles = [plt.Rectangle((0, 0), 1, 1, facecolor=c, edgecolor=INK, linewidth=0.6) for c in colours.values()]
+    handles.append(plt.Rectangle((0, 0), 1, 1, **_UNMESHED))
+    names = [*colours, "air or void, not meshed"]
+    figure.legend(handles, names, loc="outside lower center", ncols=8, frameon=False, fontsize="small")
+    figure.suptitle(geometry.name)
+    below.set_title(f"{len(mesh.triangles)} triangles", fontsize="small")
+    return above
+
+
+def _draw_materials(geometry: CrossSection, ax: Axes) -> dict[str, str]:
+    """Layers and parts in the colours of their materials, by name."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    ax = axes(ax, (WIDTH, 4.0))
     colours: dict[str, str] = {}
     ax.add_patch(plt.Rectangle((0, 0), 1, 1, transform=ax.transAxes, zorder=0, **_UNMESHED))
     for face in geometry.subdivision.faces:
@@ -128,45 +148,8 @@ def plot_cross_section(
         rings = [np.vstack([ring, ring[:1]]) * 1e6 for ring in face.rings]
         path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
         ax.add_patch(PathPatch(path, facecolor=colour, edgecolor=INK, linewidth=0.6))
-    if mesh is not None:
-        ax.triplot(*(mesh.points.T * 1e6), mesh.triangles, color=INK, linewidth=0.15)
-    part = next(p for p in geometry.parts if p.heated)
-    centre, half = (part.inner_radius + part.outer_radius) / 2e-6, half_width * 1e6
-    middle = (part.bottom + part.height / 2) * 1e6
-    low = max(geometry.inner_end * 1e6, centre - half)
-    ax.set(xlim=(low, centre + half), ylim=(middle - 0.75 * half, middle + 0.75 * half))
-    ax.set(xlabel="r (µm)" if geometry.kind == "ring" else "x (µm)", ylabel="z (µm)", title=geometry.name)
-    ax.set_aspect("equal")
-    handles = [plt.Rectangle((0, 0), 1, 1, facecolor=c, edgecolor=INK, linewidth=0.6) for c in colours.values()]
-    handles.append(plt.Rectangle((0, 0), 1, 1, **_UNMESHED))
-    ax.legend(handles, [*colours, "air or void, not meshed"], loc="upper right", fontsize="small")
-    return ax
-
-
-def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
-    """All parts with their names above, the mesh around the first heated part below; the upper Axes."""
-    figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 7.6), layout="constrained")
-    heated = next(part for part in geometry.parts if part.heated)
-    plot_cross_section(geometry, ax=left)
-    low, high = min(p.bottom for p in geometry.parts), max(geometry.top_z, *(p.top for p in geometry.parts))
-    inner, outer = min(p.inner_radius for p in geometry.parts), max(p.outer_radius for p in geometry.parts)
-    room = max(0.3 * (high - low), 0.3 * (outer - inner), 1.5e-6)
-    left.set_xlim(max(inner - room, geometry.inner_end) * 1e6, (outer + room) * 1e6)
-    left.set_ylim(max(low - room, geometry.bottom_z) * 1e6, (high + 0.8 * room) * 1e6)
-    size = max(heated.outer_radius - heated.inner_radius, heated.height)
-    plot_cross_section(geometry, mesh, right, half_width=min(max(2.5 * size, 1e-6), 10e-6))
-    _name_parts(geometry, left)
-    legend = left.get_legend()
-    if legend is not None:
-        names = [text.get_text() for text in legend.get_texts()]
-        figure.legend(legend.legend_handles, names, loc="outside lower center", ncols=8, frameon=False)
-        legend.remove()
-    if (other := right.get_legend()) is not None:
-        other.remove()
-    figure.suptitle(geometry.name)
-    left.set_title("")
-    right.set_title(f"{len(mesh.triangles)} triangles", fontsize="small")
-    return left
+    ax.set(xlabel="r (µm)" if geometry.kind == "ring" else "x (µm)", ylabel="z (µm)", aspect="equal")
+    return colours
 
 
 def _name_parts(geometry: CrossSection, ax: Axes) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from . import checks
-from .arrays import Array, ArrayLike
+from .arrays import Array
 from .fem.heat_problem import HeatProblem
 from .models import ThermalModel
 from .waveforms import Constant, SquareWave, Waveform, period_times
@@ -82,14 +82,6 @@ class _Readout(ABC):
 
         return float(10 ** brentq(above, -3, 14, xtol=1e-10))
 
-    def response(self, model: ThermalModel | HeatProblem, wave: Waveform, times: ArrayLike) -> Array:
-        """Optical power in units of P0 at times in s under a power that is switched on at t = 0 from rest."""
-        return np.asarray(self._light(thermal(model).response(wave, times)))
-
-    def periodic_response(self, model: ThermalModel | HeatProblem, wave: Waveform, samples: int = SAMPLES) -> Array:
-        """Optical power in units of P0 over one period of the periodic state, at `waveforms.period_times`."""
-        return np.asarray(self._light(thermal(model).periodic_response(wave, samples)))
-
     def edge_times(self, model: ThermalModel | HeatProblem, wave: Waveform) -> EdgeTimes:
         """Rise and fall times as an instrument reads them from the optical power.
 
@@ -110,7 +102,7 @@ class _Readout(ABC):
         if isinstance(wave, Constant):
             rise, rise_10_90 = _crossings(*self._step(of, wave))
             return EdgeTimes(rise, np.nan, rise_10_90, np.nan)
-        times, light = period_times(wave, SAMPLES), self.periodic_response(of, wave)
+        times, light = period_times(wave, SAMPLES), self._light(of.periodic_response(wave, SAMPLES))
         power = np.asarray(wave(times[:-1]))
         if isinstance(wave, SquareWave):
             start, stop = 0, int(np.argmin(np.abs(times - wave.duty * wave.period)))

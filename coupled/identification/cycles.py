@@ -319,7 +319,7 @@ def _target(name: str, trace: xr.Dataset) -> Target:
         raise checks.InputError(f"{name} is of a ring with {others}; one laser alone can be fitted")
     t = checks.array(f"{name}.time", in_si(name, trace[["time"]])["time"].values, increasing=True)
     drop = checks.array(f"{name}.drop", trace["drop"].values)
-    checks.same_size(time=t, drop=drop)
+    checks.shape("drop", drop, t.shape)
     checks.enough(f"{name}.drop", int(np.count_nonzero(drop)), FEWEST, "samples with light")
     period, light = period_of(name, t, drop), trace.attrs
     power = check_power(light.get("input_power", light.get("power")), f"{name}.attrs['power']")

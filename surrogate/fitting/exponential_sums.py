@@ -73,7 +73,7 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     """
     t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
     order = checks.integer("order", order, 1, 5)
-    checks.same_size(times=t, rise=y)
+    checks.shape("rise", y, t.shape)
     checks.enough("rise", t.size, 2 * order + 1)
     span, size = np.ptp(t), float(np.abs(y).max()) or 1.0
     hint = "0 is the end of the power: subtract that moment"

@@ -42,7 +42,7 @@ def model_html(model: Any) -> str:
 
 
 def section_card(section: CrossSection) -> str:
-    """Table of the layers and parts of a geometry; `thermofem.plot.plot_cross_section` draws them."""
+    """Table of the layers and parts of a geometry; `thermofem.plot.plot_preview` draws them."""
     rows = [(f"layer {layer.name}", f"{layer.material}, {_length(layer.thickness)}") for layer in section.layers]
     for part in section.parts:
         edges = f"{'x' if part.straight else 'r'} {_length(part.inner_radius)} to {_length(part.outer_radius)}"

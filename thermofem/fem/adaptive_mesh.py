@@ -81,22 +81,18 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
             heat.unknowns,
             estimate.largest,
             accuracy,
-            _corner(heat, estimate),
+            _corner(estimate),
         )
     return heat, mesh
 
 
-def _corner(heat: HeatProblem, estimate: Estimate) -> str:
+def _corner(estimate: Estimate) -> str:
     """Where the field is most singular, and what helps; "" where it is nowhere strongly so."""
     if not estimate.corners:
         return ""
     r, z = min(estimate.corners, key=lambda point: estimate.corners[point])
-    there = (heat.mesh.points == (r, z)).all(axis=1)[heat.mesh.triangles].any(axis=1)
-    names = [repr(heat.mesh.region_names[k]) for k in np.unique(heat.mesh.region[there])]
-    return (
-        f"; {', '.join(names)} meet in the corner r = {r:g} m, z = {z:g} m, and what flows through a corner depends on "
-        "picometres; let the good conductors overlap there, or keep them apart"
-    )
+    where = f"; what flows through the corner r = {r:g} m, z = {z:g} m depends on picometres"
+    return where + ": let the good conductors overlap there, or keep them apart"
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int = 2) -> HeatProblem:
