@@ -159,7 +159,9 @@ class Relaxation:
         """The corrector's temperature under the absorbed power of a run."""
         clock = process_time()
         spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
-        rise = np.array(self.corrector.advance(run.time.copy(), PiecewiseCubic(spline.x, spline.c[::-1].T)), dtype=float)
+        rise = np.array(
+            self.corrector.advance(run.time.copy(), PiecewiseCubic(spline.x, spline.c[::-1].T)), dtype=float
+        )
         self.seconds["corrector"] += process_time() - clock
         return rise
 
