@@ -23,6 +23,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
 from ..equilibria.bifurcation_curves import plane_of, unwatched
+from ..equilibria.zeros import distances
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..thermal import Compact, trusted
@@ -137,9 +138,7 @@ class _Window:
     def on(self, curve: xr.Dataset, values: Array) -> bool:
         """Whether a curve passes through a point."""
         own = self.at(np.stack([curve["power"].values, curve["detuning"].values])).T
-        start, side, point = own[:-1], np.diff(own, axis=0), self.at(values)
-        share = np.clip(((point - start) * side).sum(axis=1) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
-        return bool(np.min(np.linalg.norm(start + share[:, None] * side - point, axis=1), initial=np.inf) < NEAR)
+        return bool(distances(self.at(values)[None], own)[0] < NEAR)
 
 
 def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:

@@ -36,7 +36,7 @@ from ..kernel.tableaus import Method
 from ..kernel.units import EPSILON, UW, Rates, internal_heat, internal_rates, single_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
-from .contours import zeros
+from .zeros import zeros
 
 TERMS = (16, 32, 64, 128, 256)
 

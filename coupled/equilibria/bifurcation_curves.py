@@ -14,19 +14,17 @@ U and w,
 
     D = Im A/Im B,      (Im A)^2 - Im A Im B Re B + (Im B)^2 Re A = 0,
 
-whose zero contours are found on a lattice (`contours`) and refined by Newton's method in (log U, D, log w). Where Im A
-and Im B vanish, contours of two different D cross: they are cut there, and joined to the nearest end.
+whose roots in w are found at many U. From each the curve is followed both ways in (log U, arsinh D/loss, log w), where
+different curves do not meet, until it closes or leaves the energies and frequencies of the window.
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
 
 from typing import Any, NamedTuple
 
-import contourpy
 import numpy as np
 import xarray as xr
-from scipy.optimize import elementwise
 
-from thermofem.arrays import Array, ArrayLike, Complex, NDArray, runs_of
+from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
@@ -35,10 +33,14 @@ from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, dispersion, energy, farthest_s, internal_ring
-from .contours import Segment, intervals_in_window, joined, one_sign, refined, zeros
 from .steady_states import first_lyapunov, jacobians, states
+from .zeros import distances, intervals_in_window, zeros
 
-ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
+ENERGIES, FREQUENCIES = 400, 200  # at which roots are looked for
+LONGEST, SHORTEST, FINE = 0.1, 1e-7, 0.01  # steps along a curve; the longest one in the window, as a share of it
+BEND = 0.995  # cosine of the angle between two steps
+NEAR = 5e-3  # from a curve, within which a root lies on it
+DIFFERENCE = 1e-6  # in log U and log w, for slopes
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window
 
 
@@ -83,7 +85,7 @@ def hopf_curves(
 
     Warns OutsideTrainingWarning where the ring is hotter on a curve than in the training of the model.
 
-    A quadratic model has other poles at every energy, and takes ten times as long as a network, 0.2 to 0.5 s.
+    A quadratic model has other poles at every energy, and takes five times as long as a network, 1 to 2 s.
 
     Measured by dense eigenvalues at the returned power and detuning: the pair's real part is below 3e-13 w.
     """
@@ -94,13 +96,9 @@ def hopf_curves(
 def unwatched(plane: Plane) -> list[xr.Dataset]:
     """`hopf_curves` without the warning about the training of the thermal model."""
 
-    def place(point: Array) -> Array:
-        return np.array([point[0], np.arcsinh(point[1] / plane.at.rates.loss), point[2]])
-
     curves = []
-    # ends within 0.3 in log U, arsinh(D/loss) and log w, a few cells of the lattice, belong together
-    for line in joined(_pieces(plane), place, 0.3):
-        every = _from_outside(plane, *_smooth(plane, line))
+    for line in _lines(plane):
+        every = _from_outside(plane, np.exp(line[0]), plane.at.rates.loss * np.sinh(line[1]), np.exp(line[2]))
         for part in _inside(plane, *every[:2]):
             U, D, omega = (values[part] for values in every)
             growth, values = _criticality(plane, U, D, omega)
@@ -190,86 +188,75 @@ def _secular(U: Array, ring: InternalRing) -> tuple[Array, ...]:
     return at.gamma, at.gamma + 2 * rates.tpa * U, rho, alpha, beta, heat, cross, kerr, at.P_abs
 
 
-def _resultant(A: Complex, B: Complex) -> tuple[Array, Array]:
-    """The equation of a Hopf point over U and w, scaled to lie between -1 and 1, and D = Im A/Im B where it holds."""
-    flat = np.abs(B.imag) < np.finfo(float).tiny
-    D = A.imag / np.where(flat, np.finfo(float).tiny, B.imag)
-    size = A.imag**2 + B.imag**2 * (np.abs(B) ** 2 + np.abs(A))
-    return (A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2) / size, D
+def _lines(plane: Plane) -> list[Array]:
+    """The curves of Hopf points, rows (log U, arsinh D/loss, log w)."""
+    log_U, log_w, tiny = np.log(plane.energies), np.log(_frequencies(plane)), np.finfo(float).tiny
+
+    def resultant(x: Array, k: NDArray[np.intp]) -> Array:
+        A, B = _terms(plane, log_U[k], x)
+        size = A.imag**2 + B.imag**2 * (np.abs(B) ** 2 + np.abs(A)) + tiny
+        return np.asarray((A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2) / size)
+
+    root, k = zeros(resultant, log_w, log_U.size)
+    A, B = _terms(plane, log_U[k], root)
+    left = np.column_stack([log_U[k], np.arcsinh(A.imag / (B.imag + tiny) / plane.at.rates.loss), root])
+    low, high, lines = np.array([log_U[0], log_w[0]]), np.array([log_U[-1], log_w[-1]]), []
+    while len(left):
+        start, left = _hopf_point(plane, left[0]), left[1:]
+        if start is None:
+            continue
+        line, closed = _followed(plane, *start, low, high)
+        if not closed:
+            back, _ = _followed(plane, start[0], -start[1], low, high)
+            line = np.concatenate([back[:0:-1], line])
+        lines.append(line.T)
+        left = left[distances(left, line) > NEAR]
+    return lines
 
 
-def _pieces(plane: Plane) -> list[Segment]:
-    """Zero contours of the resultant, cut where Im A = Im B = 0; points are rows (log U, D, log w)."""
-
-    def values(x: Array, y: Array) -> tuple[Array, Array, Array]:
-        A, B = _terms(plane, *np.meshgrid(x, y))
-        return _resultant(A, B)[0], A.imag, B.imag
-
-    log_U, log_w = refined(values, np.log(plane.energies), np.log(_frequencies(plane)))
-    F, *both = values(log_U, log_w)
-    crossed = ~one_sign(both[0], 2) & ~one_sign(both[1], 2)
-    pieces = []
-    for line in contourpy.contour_generator(z=F).lines(0.0):
-        line = np.asarray(line)
-        column, row = np.minimum(line.astype(int), [log_U.size - 2, log_w.size - 2]).T
-        clear = ~crossed[row, column]
-        x, y = _refined(plane, line, log_U, log_w)
-        D = _resultant(*_terms(plane, x, y))[1]
-        pieces += [Segment(np.array([x, D, y])[:, a:b], (a > 0, b < x.size)) for a, b in runs_of(clear)]
-    return pieces
+def _followed(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -> tuple[Array, bool]:
+    """Hopf points from one on, up to the first with log U or log w outside ``low`` to ``high``; whether they close."""
+    out, x, t, step, at = [start], start, tangent, FINE, _in_window(plane, start)
+    while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
+        if len(out) > 3 and np.linalg.norm(start - x) < step and t @ tangent > BEND:
+            return np.array([*out, start]), True
+        found = _hopf_point(plane, x + step * t)
+        there = at if found is None else _in_window(plane, found[0])
+        outside = float(np.maximum(at - 1, -at).max())
+        if found is None or abs(found[1] @ t) < BEND or np.linalg.norm(there - at) > max(FINE, outside / 2):
+            step /= 2
+            continue
+        x, t, at, step = found[0], found[1] * np.sign(found[1] @ t), there, min(1.5 * step, LONGEST)
+        out.append(x)
+    return np.array(out), False
 
 
-def _refined(plane: Plane, line: Array, log_U: Array, log_w: Array) -> tuple[Array, Array]:
-    """log U and log w of the points of a contour, moved along the grid edges on which they lie to the exact zero."""
-    low, high = np.floor(line + 1e-9).astype(int), np.ceil(line - 1e-9).astype(int)
-    start, end = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
-
-    def along(t: Array, x0: Array, y0: Array, x1: Array, y1: Array) -> Array:
-        return _resultant(*_terms(plane, x0 + t * (x1 - x0), y0 + t * (y1 - y0)))[0]
-
-    t = elementwise.find_root(along, (np.zeros(len(line)), np.ones(len(line))), args=(*start, *end)).x
-    x, y = start + np.where(np.isfinite(t), t, 0.0) * (end - start)  # nan where an edge of no length has its zero
-    return x, y
-
-
-def _smooth(plane: Plane, line: Array) -> tuple[Array, Array, Array]:
-    """Halve the segments that are long in the window, with new points on the curve, and return U, D and w."""
-    for _ in range(14):
-        at = _window(plane, np.exp(line[0]), line[1])
-        low, high = np.minimum(at[:, 1:], at[:, :-1]), np.maximum(at[:, 1:], at[:, :-1])
-        near = np.all((low < 1.2) & (high > -0.2), axis=0)
-        # no straight line is longer than 0.01 of the window
-        long = np.flatnonzero(near & (np.hypot(*(high - low)) > 0.01))
-        if long.size == 0:
-            break
-        start = (line[:, long] + line[:, long + 1]) / 2
-        scale = np.array([1, plane.at.rates.loss, 1])[:, None]
-        size = np.linalg.norm((line[:, long + 1] - line[:, long]) / scale, axis=0)
-        found = _projected(plane, start, scale)
-        good = np.linalg.norm((found - start) / scale, axis=0) < size  # not another stretch of the curve
-        line = np.insert(line, long[good] + 1, found[:, good], axis=1)
-    return np.exp(line[0]), line[1], np.exp(line[2])
+def _hopf_point(plane: Plane, x: Array) -> tuple[Array, Array] | None:
+    """The nearest Hopf point by Newton's method, each step the shortest one, and the curve's direction there."""
+    loss, h = plane.at.rates.loss, DIFFERENCE
+    for _ in range(10):
+        D = loss * np.sinh(x[1])
+        A, B = _terms(plane, x[0] + h * np.array([0, 1, -1, 0, 0]), x[2] + h * np.array([0, 0, 0, 1, -1]))
+        F = A + D * D - D * B
+        slopes = np.array([(F[1] - F[2]) / (2 * h), (2 * D - B[0]) * loss * np.cosh(x[1]), (F[3] - F[4]) / (2 * h)])
+        J = np.array([slopes.real, slopes.imag])
+        size = np.linalg.norm(J, axis=1, keepdims=True)
+        if not np.all(np.isfinite(J) & (size > 0)):
+            return None
+        J /= size
+        move = np.linalg.lstsq(J, np.array([F[0].real, F[0].imag]) / size[:, 0])[0]
+        x = x - move
+        if np.linalg.norm(move) < 1e-9:  # the error is the square of a move, and 1e-10 of it
+            along = np.cross(*J)
+            return x, along / np.linalg.norm(along)
+        if np.linalg.norm(move) > 1:
+            return None
+    return None
 
 
-def _projected(plane: Plane, at: Array, scale: Array) -> Array:
-    """The nearest Hopf points by Newton's method, each step the shortest one in (log U, D/gamma, log w)."""
-    h = 1e-6
-    for _ in range(8):
-        A, B = _terms(plane, at[0], at[2])
-        by_D = 2 * at[1] - B
-        slopes = [by_D * scale[1]]
-        for row in (0, 2):
-            shift = h * np.eye(3)[row][:, None]
-            (A1, B1), (A0, B0) = (_terms(plane, *(at + s * shift)[[0, 2]]) for s in (1, -1))
-            slopes.append(((A1 - A0) - at[1] * (B1 - B0)) / (2 * h))
-        J = np.array([slopes[1], slopes[0], slopes[2]])  # 3 x points, complex: two real rows for each point
-        F = A + at[1] ** 2 - at[1] * B
-        g11, g22, g12 = ((p * q).sum(axis=0) for p, q in ((J.real, J.real), (J.imag, J.imag), (J.real, J.imag)))
-        d = g11 * g22 - g12**2
-        with np.errstate(divide="ignore", invalid="ignore"):  # what is nan is left out
-            u, v = (g22 * F.real - g12 * F.imag) / d, (g11 * F.imag - g12 * F.real) / d
-        at = at - scale * (J.real * u + J.imag * v)
-    return at
+def _in_window(plane: Plane, x: Array) -> Array:
+    """`_window` of one Hopf point."""
+    return _window(plane, np.exp(x[:1]), plane.at.rates.loss * np.sinh(x[1:2]))[:, 0]
 
 
 def _window(plane: Plane, U: Array, D: Array) -> Array:

@@ -29,8 +29,8 @@ from .balance import (
     internal_ring,
     tilted,
 )
-from .contours import equidistant, intervals_in_window, zeros
 from .steady_states import eigenvalues, observables
+from .zeros import equidistant, intervals_in_window, zeros
 
 POINTS = 600  # of a curve
 Curve: TypeAlias = Callable[[Array], tuple[Array, ...]]
