@@ -188,10 +188,6 @@ def follow_along(
         if after @ tangent < 0.8 and step > 1e-4:
             step /= 2
             continue
-        if _mirrored(family, place, ahead):
-            end = hopf_near(family, min(place, ahead, key=partial(relative_range, family)))
-            if end is not None:
-                return [*out, Found(end, HOPF)], "a Hopf point"
         special = _between(family, place, ahead, tangent, step, kinds)
         out += special
         value = float(ahead.values[0])
@@ -215,18 +211,6 @@ def follow_along(
             return out, "the period grows without bound"
         step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
     return out, "the number of points"
-
-
-def _mirrored(family: Family, place: Place, ahead: Place) -> bool:
-    """Whether a step led through a Hopf point, behind which the same cycles begin half a period later."""
-    small = max(relative_range(family, place), relative_range(family, ahead)) < 0.5
-    return small and float(_off_centre(place) @ _off_centre(ahead)) < 0
-
-
-def _off_centre(place: Place) -> Array:
-    """How far the start is from the mean of field, carriers and temperature, of their largest values."""
-    rows = place.orbit.trace.rows[:, 1:]
-    return np.asarray((rows[0] - time_weights(place.orbit) @ rows / place.orbit.T) / np.abs(rows).max(axis=0))
 
 
 def _beyond(border: float, place: Place) -> float:
@@ -253,9 +237,12 @@ def _unit(place: Place, direction: Array) -> Array:
 
 
 def _longest(place: Place) -> float:
-    """The step in which no node changes by more than `TURN`."""
+    """The step in which no node changes by more than `TURN`; a small cycle by as much of its size.
+
+    So a branch that shrinks meets its Hopf point, behind which the same cycles begin half a period later.
+    """
     length = float(np.linalg.norm(place.directions[0] * place.unit))
-    return min(LONGEST, TURN / max(place.moved(np.array([1 / length])), 1e-12))
+    return min(LONGEST, TURN * min(1.0, 2 * place.extent) / max(place.moved(np.array([1 / length])), 1e-12))
 
 
 def _ahead(family: Family, place: Place, tangent: Array, step: float, rtol: float = COARSE) -> Place | None:

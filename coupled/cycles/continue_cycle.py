@@ -23,7 +23,6 @@ from .multiple_shooting import Family, first_place
 from .return_map import measure
 
 MOST = 100_000  # cycles of a branch
-SAME_RISE = 1e-6  # of a rise by heaters: what one model makes of equal powers
 
 
 def continue_cycle(
@@ -76,8 +75,7 @@ def continue_cycle(
     Raises
     ------
     InputError
-        as `limit_cycle`, an unknown parameter, values that are equal, no cycle to begin with, or a guess found under
-        other heaters where no detuning is given.
+        as `limit_cycle`, an unknown parameter, values that are equal, or no cycle to begin with.
 
     Measured: the folds of Newton's law against runs of 1 ms on either side, 1e-6 of the detuning apart.
 
@@ -94,8 +92,6 @@ def continue_cycle(
     points = checks.integer("points", points, 1, MOST)
     warm = constant(model, heaters, heated, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
-    if detuning is None and not is_hopf_point(guess):
-        _check_heaters(guess, warm.rise)
     ends = checks.array("values", values)
     if ends.shape != (2,) or ends[0] == ends[1]:
         raise checks.InputError(f"values = {values!r} must be two different numbers, the ends of the range")
@@ -130,16 +126,6 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
     if is_hopf_point(guess) and (P, nu) != own:
         raise checks.InputError("power and detuning are those of the Hopf point given as guess; leave them out")
     return float(P), float(nu)
-
-
-def _check_heaters(guess: Any, rise: float) -> None:
-    """Raise InputError where the cycle whose detuning is taken was found under other heaters, which turn the ring."""
-    before = checks.finite("guess.attrs['heater_rise']", getattr(guess, "attrs", {}).get("heater_rise", 0.0))
-    if abs(before - rise) > SAME_RISE * max(abs(before), abs(rise)):
-        raise checks.InputError(
-            f"guess was found under heaters that raise the ring by {before:.4g} K, and heaters raises it by {rise:.4g} "
-            "K; give the heaters of the guess, or the detuning of the first cycle"
-        )
 
 
 def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:

@@ -29,7 +29,7 @@ from ..resonator import RingResonator
 from ..thermal import Compact, trusted
 from .branch import SLOWEST, born, follow_along, laser_of, relative_range
 from .cycle_problem import CycleProblem
-from .multiple_shooting import Family, Place, corrected, moved_along, on_good_nodes, position
+from .multiple_shooting import Family, Place, corrected, on_good_nodes, position, predicted
 from .return_map import measure
 
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
@@ -234,8 +234,7 @@ def _next(family: Family, place: Place, rows: Array, step: float, slope: float) 
     """
     unit, now, by, last, across, steps = place.unit, place, step * _coefficients(place, rows[0]), None, 0.0, 0
     while steps < MOST_STEPS:
-        trial = moved_along(now.nodes, by, now.directions, now.moves)
-        found = corrected(family, trial, rows, unit, extent=place.extent) if trial.h.min() > 0 else None
+        found = predicted(family, now, by, rows)
         if found is None:
             return None
         g = float(np.linalg.det(found.directions[:, -2:] * unit[-2:]))

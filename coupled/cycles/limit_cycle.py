@@ -18,7 +18,7 @@ from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
 from ..circuit.stationary import autonomous
 from ..heaters import constant
-from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat
+from ..kernel.integrator import CARRIERS, ENERGY
 from ..kernel.tableaus import Method
 from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, units
 from ..resonator import RingResonator
@@ -141,7 +141,8 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
     period = checks.positive("guess.attrs['period']", attrs.get("period"), unit="s")
     y = State.end_of(guess).as_array()
     if y.size != unit.size:  # heat of another model
-        return p.settled(np.concatenate([y[:3], _shared(p, float(guess["delta_T"].values[0]))]) / unit, "the guess")
+        rest = p.internal.heat.states(guess["absorbed"].mean().values / UW)
+        return p.settled(np.concatenate([y[:3] / unit[:3], rest]), "the guess")
     found = close(p.flow, y / unit, pulses, REACH * period / NS)
     if found is None:
         raise InputError(
@@ -172,14 +173,6 @@ def settled_cold(p: CycleProblem) -> Orbit:
         if found is None or found.orbit.size >= 1:
             raise
         return found.orbit
-
-
-def _shared(p: CycleProblem, rise: float) -> Array:
-    """States of heat at rest with about a rise in K."""
-    heat = p.flow.rough.heat
-    share = heat.gain[0] / heat.rate[0] if isinstance(heat, PoleHeat) else -np.linalg.solve(heat.A, heat.B)
-    total = float(share.sum() if isinstance(heat, PoleHeat) else heat.C @ share)
-    return np.asarray(share * (rise - p.rise) / total)
 
 
 def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import CubicSpline
 
 from thermofem.arrays import Array, NDArray
 
@@ -243,35 +243,23 @@ def measure(orbit: Orbit) -> Measures:
     t, re, im, _, dT = orbit.trace.rows[np.append(True, np.diff(orbit.trace.rows[:, 0]) > 1e-13 * orbit.T)].T
     energy = re**2 + im**2
     U, heat = CubicSpline(t, energy), CubicSpline(t, dT)
-    low_at, low, high_at, high = _extremes(U, t, energy)
-    cold_at, cold, hot_at, hot = _extremes(heat, t, dT)
-    crossings = _crossings(U, t, energy, low + DUTY_LEVEL * (high - low))
+    (low_at, low), (high_at, high), (cold_at, cold), (hot_at, hot) = *_extremes(U), *_extremes(heat)
+    level = low + DUTY_LEVEL * (high - low)
+    crossings = np.asarray(U.solve(level, extrapolate=False))
     rising = U(crossings, 1) > 0
-    above = float(energy[0] > low + DUTY_LEVEL * (high - low))
-    duty = float(np.where(rising, -crossings, crossings).sum()) / orbit.T + above
+    duty = float(np.where(rising, -crossings, crossings).sum()) / orbit.T + float(energy[0] > level)
     return Measures(
         duty, hot - cold, 10 * np.log10(high / low) if low > 0 else np.inf, low, high, hot, crossings, rising,
         np.array([low_at, high_at, cold_at, hot_at]),
     )  # fmt: skip
 
 
-def _extremes(curve: CubicSpline, t: Array, values: Array) -> tuple[float, float, float, float]:
-    """Place and value of the minimum of a spline, then of its maximum: beside its smallest and largest node."""
-    slope, found = curve.derivative(), []
-    for k in (int(values.argmin()), int(values.argmax())):
-        first, last = max(k - 2, 0), min(k + 2, t.size - 1)
-        near = PPoly(slope.c[:, first:last], t[first : last + 1]).roots(extrapolate=False)
-        at = np.append(near[np.isfinite(near)], t[k])  # a constant has roots nan
-        found.append((at, curve(at)))
-    (cold_at, cold), (hot_at, hot) = found
-    return float(cold_at[cold.argmin()]), float(cold.min()), float(hot_at[hot.argmax()]), float(hot.max())
-
-
-def _crossings(curve: CubicSpline, t: Array, values: Array, level: float) -> Array:
-    """Times at which a spline goes through a level, in pieces whose ends lie on either side of it."""
-    pieces = np.flatnonzero(np.diff(values > level))
-    found = [PPoly(curve.c[:, k : k + 1], t[k : k + 2]).solve(level, extrapolate=False)[:1] for k in pieces]
-    return np.concatenate([*found, np.empty(0)])
+def _extremes(curve: CubicSpline) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Place and value of the minimum of a spline, and of its maximum."""
+    turns = curve.derivative().roots(extrapolate=False)
+    at = np.append(turns[np.isfinite(turns)], curve.x)  # a constant has roots nan
+    values = curve(at)
+    return tuple((float(at[k]), float(values[k])) for k in (values.argmin(), values.argmax()))  # type: ignore[return-value]
 
 
 def time_weights(orbit: Orbit) -> Array:

@@ -154,8 +154,6 @@ def test_branches_and_derivatives_of_cycles_under_a_heater():
     assert warm["detuning"].values + turn == pytest.approx(cold["detuning"].values, rel=1e-8, abs=10.0)
     assert warm.attrs["power_in_heater"] == 4e-3
     first = coupled.limit_cycle(RING, model, power=6.31e-3, detuning=-turn, heaters=heaters)
-    with pytest.raises(th.InputError, match=r"guess was found under heaters that raise the ring by .* give the"):
-        coupled.continue_cycle(RING, bare, "detuning", ends, guess=first)  # its laser belongs to a warm ring
     again = coupled.continue_cycle(RING, model, "detuning", ends, guess=first, heaters=heaters)
     assert again["period"].values == pytest.approx(warm["period"].values, rel=1e-8)
     names, run = ["power", "detuning", "thermo_optic"], {"power": 6.31e-3, "detuning": -turn, "heaters": heaters}
