@@ -132,7 +132,7 @@ def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
     """A branch in SI."""
     p, name = family.base, family.names[0]
     values = np.array([float(f.place.values[0]) for f in found])
-    seen = [measure(f.place.orbit) for f in found]
+    seen = [measure(f.place.orbit.trace.rows) for f in found]
     dropped = 2 * p.ring.drop_bus_rate * FJ
     numbers = {
         name: (values, unit_of(p, name) or "1", name),

@@ -254,7 +254,7 @@ def _dataset(base: CycleProblem, places: list[Place], reason: str) -> xr.Dataset
     power, detuning = np.array([place.values for place in places]).T
     others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (place.orbit.others for place in places)]
     leading = np.array([bool(np.all(np.abs(mu) < 1)) for mu in others])
-    seen = [measure(place.orbit) for place in places]
+    seen = [measure(place.orbit.trace.rows) for place in places]
     values = {
         "power": (power, describe("input_power")),
         "detuning": (detuning, describe("detuning")),

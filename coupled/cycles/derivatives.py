@@ -100,7 +100,7 @@ def cycle_derivatives(
     values = [value_of(p, name) for name in names]
     variables["value"] = ("parameter", values, {"long_name": "value of the parameter"})
     variables["unit"] = ("parameter", [unit_of(p, name) for name in names], {"long_name": "SI unit of the parameter"})
-    seen = measure(orbit)
+    seen = measure(orbit.trace.rows)
     trusted(model, seen.hottest)
     attrs = provenance("cycle derivatives", ring, small) | {"input_power": p.power, "detuning": p.detuning}
     attrs |= {"period": orbit.T * NS, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction)}
@@ -121,7 +121,7 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     """Return d(period in s, duty, swing in K, extinction in dB)/d(parameter in SI), shape (parameters, 4)."""
     if not names:
         return np.empty((0, 4))
-    seen = measure(orbit)
+    seen = measure(orbit.trace.rows)
     at = np.concatenate([seen.extremes, seen.crossings])
     order = np.argsort(at)
     y, now = np.empty((at.size, orbit.start.size)), orbit.start

@@ -200,7 +200,7 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
 
 def _numbers(orbit: Orbit) -> dict[str, Any]:
     """Attributes of a cycle: period, measures, settling time, and stability in words."""
-    seen, period = measure(orbit), orbit.T * NS
+    seen, period = measure(orbit.trace.rows), orbit.T * NS
     kind, worst = stability(orbit.others)
     size = abs(worst)
     settling = period / -np.log(size) if 0 < size < 1 else 0.0 if size == 0 else np.inf

@@ -18,10 +18,10 @@ from ..cycles import settling
 from ..cycles.cycle_problem import CycleProblem
 from ..cycles.return_map import measure
 from ..cycles.settling import FLAT, MOST_PULSES, Part, RestError, rest_words
-from ..kernel.shooting import FINE, Closed, Turns, measures
+from ..kernel.shooting import FINE, Closed, Turns
 from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning
-from ..runs.pulsing import DUTY_LEVEL, Regime
+from ..runs.pulsing import Regime
 from .grid import Fixed, Point
 
 
@@ -97,7 +97,7 @@ class _Row:
             self.precise.problem.set_detuning(internal_detuning(p.detuning))
             closer = self.precise.closer(found, PRECISE)
         told = closer or found
-        return _pulsing(told.T, *measures(told, DUTY_LEVEL), told.size, told.pulses, told.rows)
+        return _pulsing(told.T, told.size, told.pulses, told.rows)
 
     def _continued(self, beside: list[Closed]) -> Closed | None:
         """The stable cycle that continues those ``beside``."""
@@ -188,8 +188,7 @@ class _Row:
             return Cell(Regime.STABLE, swing=0.0, reason=str(rest))
         except InputError as error:
             return Cell(Regime.SLOW_TRANSIENT, reason=str(error))
-        seen = measure(orbit)
-        return _pulsing(orbit.T, seen.duty, seen.swing, orbit.size, orbit.pulses, orbit.trace.rows)
+        return _pulsing(orbit.T, orbit.size, orbit.pulses, orbit.trace.rows)
 
 
 def _is_stable(found: Closed | None) -> TypeGuard[Closed]:
@@ -200,9 +199,10 @@ def _is_stable(found: Closed | None) -> TypeGuard[Closed]:
     return bool(np.ptp(N) > FLAT * N.max())
 
 
-def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int, rows: Array) -> Cell:
+def _pulsing(T: float, size: float, pulses: int, rows: Array) -> Cell:
     """A settled cycle of the period T in ns, with ``rows`` as of the kernel."""
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
     if pulses > 1:
         words += f"; {pulses} pulses in a period"
-    return Cell(Regime.SELF_PULSING, T * NS, duty, swing, words, float(rows[:, 4].max()))
+    seen = measure(rows)
+    return Cell(Regime.SELF_PULSING, T * NS, seen.duty, seen.swing, words, seen.hottest)

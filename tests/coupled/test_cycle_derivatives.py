@@ -27,7 +27,7 @@ def measured(p, cycle):
     """Measures of the cycle near another one, closed on its own."""
     begin = coupled.State.end_of(cycle).as_array() / units(p.flow.rough.order)
     orbit = close(p.flow, begin, cycle.attrs["pulses"], 30e9 * cycle.attrs["period"])
-    seen = measure(orbit)
+    seen = measure(orbit.trace.rows)
     return np.array([orbit.T * 1e-9, seen.duty, seen.swing, seen.extinction])
 
 
