@@ -20,7 +20,7 @@ from ..circuit.stationary import autonomous
 from ..heaters import constant
 from ..kernel.integrator import CARRIERS, ENERGY
 from ..kernel.tableaus import Method
-from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, units
+from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, internal_rates, units
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import check_geometry, provenance, trusted
@@ -185,7 +185,7 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
         "delta_T": dT + p.rise,
         "drop": 2 * ring.drop_bus_rate * U * FJ,
         "through": np.abs(into + 1j * np.sqrt(2 * ring.bus_rate * NS) * (re + 1j * im)) ** 2 * UW,
-        "absorbed": absorbed_power(U, N, p.internal.rates) * UW,
+        "absorbed": absorbed_power(U, N, internal_rates(ring)[0]) * UW,
     }
     if ring.scattering_rate > 0:
         values["scattered"] = 2 * ring.scattering_rate * U * FJ
