@@ -89,7 +89,7 @@ def cycle_fold_curves(
     >>> ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
     >>> (curve,) = coupled.cycles.cycle_folds.cycle_fold_curves(ring, newton, [4e-3, 6e-3], [-10e9, 10e9])
     >>> print(f"{curve.power.min().item() * 1e3:.1f} to {curve.power.max().item() * 1e3:.1f} mW")
-    3.9 to 6.1 mW
+    4.0 to 6.1 mW
     """
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
