@@ -99,7 +99,7 @@ class MadeRing:
         varied, rows = shape.variations(self.mode.light, parameters), []
         for one in varied:
             slopes = shape.slopes(self.mode, one, **self._rules)
-            slopes["loss"] = one.change.optical.get("light", {}).get("loss", 0.0)
+            slopes["loss"] = one.change.optical.get(("light", "loss"), 0.0)
             for k, bus in enumerate(self._buses):
                 slopes[f"kappa {k}"] = bus.coupling.derivative(one, bus.name) if bus.coupling else 0.0
             moved = fields_of({name: value + 1j * STEP * slopes[name] for name, value in at.items()}, order)

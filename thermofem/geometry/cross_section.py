@@ -162,10 +162,7 @@ class CrossSection:
     @cached_property
     def layer_edges(self) -> tuple[float, ...]:
         """z of the bottom of every layer and of the top of the last one, in m."""
-        datum = next(k for k, layer in enumerate(self.layers) if layer.datum) + 1
-        below = -np.cumsum([layer.thickness for layer in self.layers[:datum]][::-1])[::-1]
-        above = np.cumsum([layer.thickness for layer in self.layers[datum:]])
-        return (*map(float, below), 0.0, *map(float, above))
+        return section_parts.layer_edges(self.layers)
 
     @cached_property
     def mirrored(self) -> bool:

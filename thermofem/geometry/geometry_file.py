@@ -16,7 +16,7 @@ from .. import checks
 from ..checks import InputError
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
-from ..materials.index_laws import read_index, write_index
+from ..materials.index_laws import constant, read_index, write_index
 from ..materials.material_library import LAW_KEYS, LIBRARY, PROPERTIES, Material, read_property, write_property
 from . import section_parts
 from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe, ring
@@ -79,10 +79,14 @@ def as_text(path: str, value: Any) -> Any:
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
-    *before, key = path.split(".")
-    unit = UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
-    number = checks.finite(path, value)
+    number, unit = checks.finite(path, value), unit_of(path)
     return value if unit is None else quantity.write(number, unit)
+
+
+def unit_of(path: str) -> str | None:
+    """SI unit of the text at a path; None where there is another one, or none."""
+    *before, key = path.split(".")
+    return UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
 
 
 def fields(text: str) -> dict[str, Any]:
@@ -202,6 +206,18 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
         "bus": [_texts(asdict(bus)) for bus in geometry.buses],
     }
     return {key: table for key, table in tables.items() if table}
+
+
+def spelled_out(geometry: CrossSection) -> dict[str, Any]:
+    """`table_of` with what may be left out: right angles, and every material in use, a constant index as a number."""
+    table = {"material": {}, **table_of(geometry)}
+    for part in table["part"]:
+        part.setdefault("sidewall_angle", as_text("sidewall_angle", section_parts.VERTICAL))
+    for m in map(geometry.material_of, geometry.region_names):
+        n = constant(m.index)
+        index = {} if n is None else {"index": n}
+        table["material"][m.name] = {"thermo_optic": "0 1/K", **_material_values(m), **index}
+    return table
 
 
 def _texts(values: dict[str, Any]) -> dict[str, Any]:

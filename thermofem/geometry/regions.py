@@ -6,9 +6,9 @@ every coordinate that the geometry knows gets its own value back, to the last bi
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 from .. import checks
 from ..arrays import Array, NDArray
 from ..materials.material_library import VOID
-from .section_parts import THINNEST
+from .section_parts import THINNEST, Layer, layer_edges
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
@@ -39,26 +39,19 @@ class Face:
     owner: str
     rings: tuple[Array, ...]
 
+    @cached_property
+    def polygon(self) -> Any:
+        """shapely's polygon in steps of `GRID`."""
+        return shapely.Polygon(self.rings[0] / GRID, [hole / GRID for hole in self.rings[1:]])
+
     @property
     def area(self) -> float:
         """Integral of dA in m^2."""
-        return self._moments()[1]
+        return float(self.polygon.area) * GRID**2
 
     def volume(self, depth: float | None = None) -> float:
         """Integral of 2 pi r dA in m^3, exact for a polygon (Pappus): 2 pi r_centroid A; or A times a depth in m."""
-        origin, area, moment = self._moments()
-        return 2 * np.pi * (origin * area + moment) if depth is None else area * depth
-
-    def _moments(self) -> tuple[float, float, float]:
-        """A radius near the face, the area, and the integral of (r - that radius) dA: nothing cancels."""
-        origin = self.rings[0].mean(axis=0)
-        area = moment = 0.0
-        for ring in self.rings:
-            (r, z), (s, t) = (ring - origin).T, np.roll(ring - origin, -1, axis=0).T
-            cross = r * t - s * z
-            area += float(cross.sum()) / 2
-            moment += float(((r + s) * cross).sum()) / 6
-        return float(origin[0]), area, moment
+        return self.area * (2 * np.pi * float(self.polygon.centroid.x) * GRID if depth is None else depth)
 
     def edges(self) -> Array:
         """All its edges in m, shape (n, 2 ends, 2)."""
@@ -67,14 +60,31 @@ class Face:
 
 @dataclass(frozen=True, eq=False)
 class Subdivision:
-    """Faces, and the edges of every side of the domain in m, shape (n, 2 ends, 2).
+    """Faces and their edges, each edge once.
 
-    Sides: "axis" (r = 0, or the mirror plane x = 0), "bottom", "outer", "top" (what faces up or stands above the
-    stack), "wall" (of a void).
+    corners [shape (c, 2), m]: of all faces.
+    ends [shape (e, 2)]: corners of each edge.
+    beside [shape (e, 2)]: faces on its left and on its right; -1 where nothing is meshed.
+    side [shape (e,)]: of the domain on which it lies, else "": "axis" (r = 0, or the mirror plane x = 0), "bottom",
+        "outer", "top" (what faces up or stands above the stack), "wall" (of a void).
     """
 
     faces: tuple[Face, ...]
-    sides: dict[str, Array]
+    corners: Array
+    ends: NDArray[np.intp]
+    beside: NDArray[np.intp]
+    side: NDArray[np.str_]
+
+    @cached_property
+    def owners(self) -> list[tuple[str | None, str | None]]:
+        """Names of what lies on the left and on the right of every edge; None where nothing is meshed."""
+        names = [*(face.owner for face in self.faces), None]
+        return [(names[left], names[right]) for left, right in self.beside]
+
+    @property
+    def sides(self) -> dict[str, Array]:
+        """The edges of every side of the domain in m, shape (n, 2 ends, 2)."""
+        return {side: self.corners[self.ends[self.side == side]] for side in SIDES}
 
     def volumes(self, depth: float | None = None) -> dict[str, float]:
         """Volume of every owner in m^3, in the order of the faces."""
@@ -87,8 +97,7 @@ class Subdivision:
         """Which points (r, z) in m lie on ``side``, round-off allowed for."""
         edges = self.sides[checks.choice("side", side, SIDES)]
         points = np.stack(np.broadcast_arrays(r, z), axis=-1)
-        slack = max(100 * GRID, 1e-9 * float(max(np.abs(face.rings[0]).max() for face in self.faces)))
-        return distance(points, edges) < slack
+        return distance(points, edges) < max(100 * GRID, 1e-9 * float(np.abs(self.corners).max()))
 
 
 def _closed(ring: Array) -> Array:
@@ -120,81 +129,79 @@ def subdivide(geometry: CrossSection) -> Subdivision:
     Raises InputError: a part that is wholly hidden, or a face thinner than an atom.
     """
     found = outlines(geometry)
-    shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in found.items()}
-    polygons, voids = list(shapely.polygonize(_visible_edges(geometry, shapes)).geoms), _voids(geometry)
-    faces = [
-        (owner, orient(shapely.normalize(polygon)))
-        for polygon, owner in zip(polygons, _owners(shapes, polygons), strict=True)
-        if owner is not None and owner not in voids
-    ]
-    order = list(found)
-    faces.sort(key=lambda face: (order.index(face[0]), face[1].bounds))
-    exact = {round(x / GRID): float(x) for outline in found.values() for x in outline.ravel()}
-    cut = tuple(_face(owner, polygon, exact) for owner, polygon in faces)
-    for face in cut:
-        _check_thickness(face, found)
-    return Subdivision(cut, _sides(geometry, faces, exact))
-
-
-def outlines(geometry: CrossSection) -> dict[str, Array]:
-    """Corners of every layer and part in m; of a mirrored section those with x >= 0."""
-    z, left, right = geometry.layer_edges, geometry.inner_end, geometry.outer_radius
-    boxes = {
-        layer.name: np.array([(left, z[k]), (right, z[k]), (right, z[k + 1]), (left, z[k + 1])])
-        for k, layer in enumerate(geometry.layers)
-    }
-    found = {part.name: part.outline() for part in geometry.parts if part.height}
-    if geometry.mirrored:
-        found = {name: outline for name, outline in found.items() if outline[1:3, 0].min() > 0}
-        found = {name: np.maximum(outline, [0.0, -np.inf]) for name, outline in found.items()}
-    return boxes | found
-
-
-def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
-    """Edges of all outlines, cut where they meet, without those that have the same owner on both sides."""
-    lines = shapely.unary_union([shape.exterior for shape in shapes.values()], grid_size=1)
-    owners: dict[tuple[Any, ...], list[str | None]] = {}
-    cells = list(shapely.polygonize([lines]).geoms)
-    shown, voids = _owners(shapes, cells), _voids(geometry)
-    for cell, owner in zip(cells, shown, strict=True):
-        for edge in _edges(cell):
-            owners.setdefault(edge, []).append(None if owner in voids else owner)
+    shown, voids = cut(found), {part.name for part in geometry.parts if part.material == VOID}
     for part in geometry.parts:
-        if part.name in shapes and part.name not in shown:
-            later = [other.name for other in geometry.parts if shapes[other.name].intersects(shapes[part.name])]
-            covers = ", ".join(repr(name) for name in later if name != part.name)
+        if part.name in found and part.name not in {face.owner for face in shown}:
+            own = shapely.Polygon(found[part.name])
+            over = [other.name for other in geometry.parts if shapely.Polygon(found[other.name]).intersects(own)]
+            covers = ", ".join(repr(name) for name in over if name != part.name)
             raise checks.InputError(f"part {part.name!r} is wholly covered by {covers}; change their order")
-    return [
-        shapely.LineString(edge) for edge, sides in owners.items() if len({*sides, *[None] * (2 - len(sides))}) == 2
-    ]
+    faces = tuple(face for face in shown if face.owner not in voids)
+    for face in faces:
+        _check_thickness(face, found)
+    number: dict[tuple[float, float], int] = {}
+    beside: dict[tuple[int, int], list[int]] = {}
+    for k, face in enumerate(faces):
+        for edge in face.edges().tolist():
+            a, b = (number.setdefault((r, z), len(number)) for r, z in edge)
+            key, side = ((a, b), 0) if a < b else ((b, a), 1)
+            beside.setdefault(key, [-1, -1])[side] = k
+    corners, ends, both = np.array(list(number)), np.array(list(beside)), np.array(list(beside.values()))
+    return Subdivision(faces, corners, ends, both, _sides(geometry, faces, corners[ends], both))
 
 
-def _owners(shapes: dict[str, Any], polygons: list[Any]) -> list[str | None]:
-    """For each polygon the last part, or else the layer, that contains it; None outside all of them."""
-    inside = [polygon.representative_point() for polygon in polygons]
+def cut(
+    found: Mapping[str, Array], *, ground: str | None = None, holes: Container[str] = (), grid: float = GRID
+) -> list[Face]:
+    """Faces of what is seen of outlines, of which a later one covers earlier ones, in their order.
+
+    ground: the outline that bounds all; what ``holes`` cover is of this owner.
+    grid [m]: of the coordinates; those of the outlines get their own value back.
+    """
+    shapes = {name: shapely.Polygon(np.rint(outline / grid)) for name, outline in found.items()}
+    exact = {round(x / grid): float(x) for outline in found.values() for x in outline.ravel()}
+    lines = shapely.unary_union([shape.exterior for shape in shapes.values()], grid_size=1)
+    cells = np.array(shapely.polygonize([lines]).geoms)
+    inside = shapely.point_on_surface(cells)
+    if ground is not None:
+        kept = shapely.contains(shapes[ground], inside)
+        cells, inside = cells[kept], inside[kept]
     which, of = shapely.STRtree(list(shapes.values())).query(inside, predicate="within")
-    last = np.zeros(len(polygons), dtype=int)
-    np.maximum.at(last, which, of + 1)
-    names = [None, *shapes]
-    return [names[k] for k in last]
+    last = np.full(len(cells), -1)
+    np.maximum.at(last, which, of)
+    names = [ground if name in holes else name for name in found]
 
-
-def _voids(geometry: CrossSection) -> set[str]:
-    """Names of the parts that are holes."""
-    return {part.name for part in geometry.parts if part.material == VOID}
-
-
-def _edges(polygon: Any) -> list[tuple[Any, ...]]:
-    """Edges as pairs of points, the same for both polygons that share one."""
-    return [tuple(sorted(pair)) for ring in (polygon.exterior, *polygon.interiors) for pair in pairwise(ring.coords)]
-
-
-def _face(owner: str, polygon: Any, exact: dict[int, float]) -> Face:
     def restored(ring: Any) -> Array:
         points = np.asarray(ring.coords)[:-1]
-        return np.array([[exact.get(round(x), x * GRID) for x in point] for point in points])
+        return np.array([[exact.get(round(x), x * grid) for x in point] for point in points])
 
-    return Face(owner, (restored(polygon.exterior), *(restored(hole) for hole in polygon.interiors)))
+    faces = []
+    for name in found:
+        own = cells[[k >= 0 and names[k] == name for k in last]]
+        polygons = map(orient, shapely.normalize(shapely.get_parts(shapely.union_all(own, grid_size=1))))
+        for polygon in sorted(polygons, key=lambda polygon: polygon.bounds):
+            faces.append(Face(name, tuple(map(restored, (polygon.exterior, *polygon.interiors)))))
+    return faces
+
+
+def outlines(geometry: CrossSection, *, whole: bool = False) -> dict[str, Array]:
+    """Corners of every layer and part in m; of a mirrored section those with x >= 0, or of the ``whole`` one."""
+    found, left = {part.name: part.outline() for part in geometry.parts if part.height}, geometry.inner_end
+    if geometry.mirrored and whole:
+        left = -geometry.outer_radius
+    elif geometry.mirrored:
+        found = {name: outline for name, outline in found.items() if outline[1:3, 0].min() > 0}
+        found = {name: np.maximum(outline, [0.0, -np.inf]) for name, outline in found.items()}
+    return boxes(geometry.layers, left, geometry.outer_radius) | found
+
+
+def boxes(layers: Sequence[Layer], left: float, right: float) -> dict[str, Array]:
+    """Corners of every layer between two ends, in m."""
+    z = layer_edges(layers)
+    return {
+        layer.name: np.array([(left, z[k]), (right, z[k]), (right, z[k + 1]), (left, z[k + 1])])
+        for k, layer in enumerate(layers)
+    }
 
 
 def _check_thickness(face: Face, known: dict[str, Array]) -> None:
@@ -214,33 +221,20 @@ def _check_thickness(face: Face, known: dict[str, Array]) -> None:
         )
 
 
-def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int, float]) -> dict[str, Array]:
-    """Sort the edges that belong to one face only by the side they lie on."""
-    uses: Counter[tuple[Any, ...]] = Counter()
-    for _, polygon in faces:
-        uses.update(_edges(polygon))
-    skin = _skin(geometry, [polygon for _, polygon in faces])
-    bottom, left, right = (round(x / GRID) for x in (geometry.bottom_z, geometry.inner_end, geometry.outer_radius))
-    sides: dict[str, list[Any]] = {side: [] for side in SIDES}
-    for edge in sorted(edge for edge, count in uses.items() if count == 1):
-        (r0, z0), (r1, z1) = edge
-        if r0 == r1 == left == 0:
-            side = "axis"
-        elif r0 == r1 and r0 in (left, right):
-            side = "outer"
-        elif z0 == z1 == bottom:
-            side = "bottom"
-        else:
-            side = "top" if skin.distance(shapely.Point((r0 + r1) / 2, (z0 + z1) / 2)) <= 1 else "wall"
-        sides[side].append([[exact.get(round(x), x * GRID) for x in point] for point in edge])
-    return {side: np.array(edges).reshape(-1, 2, 2) for side, edges in sides.items()}
+def _sides(geometry: CrossSection, faces: Sequence[Face], edges: Array, beside: NDArray[np.intp]) -> NDArray[np.str_]:
+    """The side of the domain on which every edge lies, shape (edges,); "" where there are faces on both sides."""
+    bottom, left, right = geometry.bottom_z, geometry.inner_end, geometry.outer_radius
+    stack = shapely.box(left / GRID, bottom / GRID, right / GRID, geometry.top_z / GRID)
+    filled = shapely.union_all([stack, *(face.polygon for face in faces)], grid_size=1)
+    skin = shapely.union_all(shapely.get_exterior_ring(shapely.get_parts(filled)))  # voids and enclosed gaps filled
+    r, z = np.moveaxis(edges, 2, 0)
 
+    def at(x: Array, *ends: float) -> NDArray[np.bool_]:
+        return np.isin(x, ends).all(axis=1) & (x[:, 0] == x[:, 1])
 
-def _skin(geometry: CrossSection, polygons: list[Any]) -> Any:
-    """The outline of everything, voids and enclosed gaps filled."""
-    box = geometry.inner_end, geometry.bottom_z, geometry.outer_radius, geometry.top_z
-    filled = shapely.unary_union([shapely.box(*(round(x / GRID) for x in box)), *polygons], grid_size=1)
-    return shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
+    on_skin = shapely.distance(skin, shapely.points(edges.mean(axis=1) / GRID)) <= 1
+    there = [(beside >= 0).all(axis=1), at(r, 0.0) & (left == 0), at(r, left, right), at(z, bottom), on_skin]
+    return np.select(there, ["", "axis", "outer", "bottom", "top"], "wall")
 
 
 def check_places(geometry: CrossSection) -> None:
@@ -265,19 +259,14 @@ def check_places(geometry: CrossSection) -> None:
 
 def check_held(geometry: CrossSection) -> None:
     """Raise InputError unless every connected piece touches a side that holds the temperature."""
-    faces = geometry.subdivision.faces
-    seen: dict[Any, int] = {}
-    pairs = [
-        (k, seen.setdefault(frozenset(map(tuple, edge)), k)) for k, f in enumerate(faces) for edge in f.edges().tolist()
-    ]
-    piece = connected_components(coo_matrix((np.ones(len(pairs)), np.transpose(pairs)), shape=(len(faces),) * 2))[1]
-    held = set()
-    for side, boundary in (("bottom", geometry.bottom), ("top", geometry.top), ("outer", geometry.outer)):
-        if boundary.holds:
-            held |= {piece[seen[frozenset(map(tuple, edge.tolist()))]] for edge in geometry.subdivision.sides[side]}
-    for k in range(len(faces)):
-        if piece[k] not in held:
-            raise _cut_off(geometry, [face for face, other in zip(faces, piece, strict=True) if other == piece[k]])
+    cut = geometry.subdivision
+    inner, count = cut.beside[cut.side == ""], len(cut.faces)
+    piece = connected_components(coo_matrix((np.ones(len(inner)), inner.T), shape=(count, count)))[1]
+    holding = [side for side in ("bottom", "top", "outer") if getattr(geometry, side).holds]
+    loose = ~np.isin(piece, piece[cut.beside[np.isin(cut.side, holding)].max(axis=1)])
+    if loose.any():
+        first = piece[loose.argmax()]
+        raise _cut_off(geometry, [face for face, of in zip(cut.faces, piece, strict=True) if of == first])
 
 
 def _cut_off(geometry: CrossSection, piece: list[Face]) -> checks.InputError:

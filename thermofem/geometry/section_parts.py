@@ -1,6 +1,7 @@
 """Elements of a cross-section: layers, parts, boundaries, interfaces, probes, guides and buses; all lengths in m."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -44,6 +45,14 @@ class Layer:
         if self.material == VOID:
             raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
+
+
+def layer_edges(layers: Sequence[Layer]) -> tuple[float, ...]:
+    """z of the bottom of every layer, bottom to top, and of the top of the last one, in m."""
+    datum = next(k for k, layer in enumerate(layers) if layer.datum) + 1
+    below = -np.cumsum([layer.thickness for layer in layers[:datum]][::-1])[::-1]
+    above = np.cumsum([layer.thickness for layer in layers[datum:]])
+    return (*map(float, below), 0.0, *map(float, above))
 
 
 @dataclass(frozen=True)

@@ -17,27 +17,24 @@ needs; and at a distance e from a copy's centre line, L away from the heated par
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from .. import checks
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
+    from ..geometry.regions import Subdivision
 
 LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
 THICKNESS, EXTENT = 450e-9 * 220e-9 / 1340e-9, math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
 THICK, WIDE = 60.0, 500e-6  # times the reference core, and m: sizes grow in proportion beyond both, see `fitted`
-
-MANY = 60  # outlines or corners; fewer take less time one by one (measured)
-
-Segment = tuple[float, float, float, float, float]  # r, z, dr, dz in m and dr^2 + dz^2
-Corner = tuple[float, float, float]  # r, z and size in m
 
 
 @dataclass(frozen=True)
@@ -94,116 +91,60 @@ def _perimeter(edges: NDArray[np.float64], *, mirrored: bool) -> float:
 
 
 def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:
-    """The element size in m at (r, z) in m.
-
-    The mesher asks a few thousand times, one point at a time: plain floats, and arrays from `MANY` outlines on.
-    """
-    at = fitted(geometry, at)
-    heated, other = _outline(geometry, heated=True), _outline(geometry, heated=False)
-    corners = _corners(geometry, heated, other, at.h_c)
-    groups: dict[float, list[tuple[float, float]]] = {}
-    for r, z, corner_size in corners:
-        groups.setdefault(corner_size, []).append((r, z))
-    grouped = [] if len(corners) > MANY else list(groups.items())
-    at_r, at_z, at_size = np.array(corners if len(corners) > MANY else np.empty((0, 3))).T
-    to_heated, to_other = _to_nearest(heated), _to_nearest(other)
-    slope, h, largest, sqrt = at.slope, at.h, at.largest, math.sqrt
+    """The element size in m at (r, z) in m; the mesher asks a few thousand times, one point at a time."""
+    at, cut = fitted(geometry, at), geometry.subdivision
+    edges = [_drawn(geometry, heated) for heated in (True, False)]
+    heated, other = (shapely.multilinestrings(shapely.linestrings(cut.corners[ends])) for ends in edges)
+    corners = np.array(_corners(cut, np.unique(np.concatenate(edges)), heated, at.h_c)).reshape(-1, 3)
     copies = _copies(geometry)
     far = min(1.0, at.slope / sizes(1e-3).slope) if copies else 1.0
     edge = max(part.outer_radius for part in geometry.parts if part.heated)
 
     def size(r: float, z: float) -> float:
-        d = to_heated(r, z)
-        smallest = min(h + slope * d, far * max(largest, d / 10))
+        point = shapely.Point(r, z)
+        d = heated.distance(point)
+        smallest = min(at.h + at.slope * d, far * max(at.largest, d / 10))
         if other:
-            smallest = min(smallest, h * (1 + d / REACH) + slope * to_other(r, z))
+            smallest = min(smallest, at.h * (1 + d / REACH) + at.slope * other.distance(point))
         for inner, outer, middle in copies:
             x = min(max(r, inner), outer)
-            smallest = min(smallest, far * (x - edge) / 4 + slope * math.hypot(r - x, z - middle))
-        for corner_size, points in grouped:
-            if corner_size < smallest:
-                square = min([(r - x) * (r - x) + (z - y) * (z - y) for x, y in points])
-                smallest = min(smallest, corner_size + slope * sqrt(square))
-        if at_size.size:
-            smallest = min(smallest, float((at_size + slope * np.hypot(at_r - r, at_z - z)).min()))
-        return smallest
+            smallest = min(smallest, far * (x - edge) / 4 + at.slope * math.hypot(r - x, z - middle))
+        at_corners = corners[:, 2] + at.slope * np.hypot(corners[:, 0] - r, corners[:, 1] - z)
+        return float(at_corners.min(initial=smallest))
 
     return size
 
 
-def _copies(geometry: CrossSection) -> list[Corner]:
+def _copies(geometry: CrossSection) -> list[tuple[float, float, float]]:
     """Inner and outer radius and middle height in m of every copy off the axis."""
     parts = {part.name: part for part in geometry.parts}
     copies = [(probe.distance, parts[probe.part]) for probe in geometry.probes if probe.distance is not None]
     return [(d - part.outer_radius, d + part.outer_radius, part.bottom + part.height / 2) for d, part in copies]
 
 
-def _outline(geometry: CrossSection, *, heated: bool) -> list[Segment]:
-    """Outlines of the heated parts, or of all others and of voids, without edges on the axis and the outer side."""
-    cut = geometry.subdivision
-    parts = {part.name for part in geometry.parts if part.heated == heated}
-    edges = [face.edges() for face in cut.faces if face.owner in parts]
-    if not heated:
-        edges.append(cut.sides["wall"])
-    edge = np.concatenate([*edges, np.empty((0, 2, 2))])
-    r, z = edge.mean(axis=1).T
-    (r0, z0), (dr, dz) = edge[:, 0].T, (edge[:, 1] - edge[:, 0]).T
-    kept = ~(cut.on_side("axis", r, z) | cut.on_side("outer", r, z))
-    return list(map(tuple, np.stack([r0, z0, dr, dz, dr**2 + dz**2], axis=1)[kept].tolist()))
+def _drawn(geometry: CrossSection, heated: bool) -> NDArray[np.intp]:
+    """Edges of the heated parts, or of all others and of voids, without those on the axis and the outer side."""
+    cut, parts = geometry.subdivision, {part.name for part in geometry.parts if part.heated == heated}
+    own = np.array([not parts.isdisjoint(pair) for pair in cut.owners]) | ((cut.side == "wall") & (not heated))
+    return cut.ends[own & ~np.isin(cut.side, ["axis", "outer"])]
 
 
-def _corners(geometry: CrossSection, heated: Sequence[Segment], other: Sequence[Segment], h_c: float) -> list[Corner]:
-    """Ends of the outlines, each with its element size; not a convex corner in the open, where the field is smooth."""
-    cut = geometry.subdivision
+def _corners(cut: Subdivision, ends: NDArray[np.intp], heated: Any, h_c: float) -> list[tuple[float, float, float]]:
+    """r, z and size in m at the ends of edges, but at a convex corner in the open, where the field is smooth."""
     turns: dict[tuple[float, float], list[float]] = {}
-    for face in cut.faces:
-        for ring in face.rings:
-            before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
-            for point, turn in zip(ring.tolist(), before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], strict=True):
-                turns.setdefault((point[0], point[1]), []).append(float(turn))
-    lines = np.array([s[:4] for s in (*heated, *other)]).reshape(-1, 4)
-    ends = np.unique(np.concatenate([lines[:, :2], lines[:, :2] + lines[:, 2:]]), axis=0)
-    everywhere = np.array(sorted(turns))
-    side = {name: cut.on_side(name, *everywhere.T) for name in ("axis", "outer", "top", "wall")}
-    corners = []
-    for k, (r, z) in enumerate(everywhere.tolist()):
-        is_end = np.hypot(r - ends[:, 0], z - ends[:, 1]).min(initial=math.inf) < 1e-9 * geometry.outer_radius
-        if not is_end or side["axis"][k] or side["outer"][k]:
-            continue
-        in_the_open = side["top"][k] or side["wall"][k]
-        if in_the_open and len(turns[r, z]) == 1 and turns[r, z][0] > 0:
+    for ring in (ring for face in cut.faces for ring in face.rings):
+        before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+        for (r, z), turn in zip(ring.tolist(), before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], strict=True):
+            turns.setdefault((r, z), []).append(turn)
+    at_end, in_the_open = (set(cut.ends[np.isin(cut.side, s)].flat) for s in (["axis", "outer"], ["top", "wall"]))
+    found = []
+    for k in ends:
+        r, z = cut.corners[k].tolist()
+        if k in at_end or (k in in_the_open and len(turns[r, z]) == 1 and turns[r, z][0] > 0):
             continue
         # 0.15: an insulated surface makes the singularity r^(1/2) instead of r^(2/3): h_c is reduced to this
-        share = 0.15 if in_the_open else 1.0
-        away = np.hypot(r - ends[:, 0], z - ends[:, 1])
-        nearest = float(away[away > 1e-9 * geometry.outer_radius].min(initial=math.inf))
-        corners.append((r, z, min(h_c * share * (1 + _distance(heated, r, z) / REACH), nearest)))
-    return corners
-
-
-def _to_nearest(segments: Sequence[Segment]) -> Callable[[float, float], float]:
-    """`_distance` to some segments; with arrays from `MANY` on."""
-    if len(segments) <= MANY:
-        return lambda r, z: _distance(segments, r, z)
-    r0, z0, dr, dz, square = np.array(segments).T
-
-    def distance(r: float, z: float) -> float:
-        x, y = r - r0, z - z0
-        share = np.clip((x * dr + y * dz) / square, 0.0, 1.0)
-        return float(np.hypot(x - share * dr, y - share * dz).min())
-
-    return distance
-
-
-def _distance(segments: Sequence[Segment], r: float, z: float) -> float:
-    nearest = math.inf
-    for r0, z0, dr, dz, square in segments:
-        x, y = r - r0, z - z0
-        along = x * dr + y * dz
-        if along > 0:
-            share = along / square if along < square else 1.0
-            x, y = x - share * dr, y - share * dz
-        distance = x * x + y * y
-        if distance < nearest:
-            nearest = distance
-    return math.sqrt(nearest)
+        share = 0.15 if k in in_the_open else 1.0
+        away = np.hypot(*(cut.corners[ends[ends != k]] - (r, z)).T)
+        wanted = h_c * share * (1 + heated.distance(shapely.Point(r, z)) / REACH)
+        found.append((r, z, float(away.min(initial=wanted))))
+    return found

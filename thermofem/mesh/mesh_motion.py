@@ -49,38 +49,6 @@ SOFT = 1.0  # the larger, the more of the strain goes to large triangles; the sm
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
 
 
-@dataclass(frozen=True, eq=False)
-class Edges:
-    """All edges of a subdivision, each once.
-
-    corners [shape (c, 2), m]
-    ends [shape (e, 2)]: corners of each edge.
-    left: name of the owner on the left of each edge, None where nothing is meshed; and ``right``.
-    """
-
-    corners: Array
-    ends: NDArray[np.intp]
-    left: list[str | None]
-    right: list[str | None]
-
-    @classmethod
-    def of(cls, geometry: CrossSection) -> Edges:
-        """The corners and edges of all faces of a geometry, each once, with the face on either side."""
-        number: dict[tuple[float, float], int] = {}
-        sides: dict[tuple[int, int], list[str | None]] = {}
-        for face in geometry.subdivision.faces:
-            for edge in face.edges().tolist():
-                a, b = (number.setdefault((r, z), len(number)) for r, z in edge)
-                key, side = ((a, b), 0) if a < b else ((b, a), 1)
-                sides.setdefault(key, [None, None])[side] = face.owner
-        return cls(
-            corners=np.array(list(number)),
-            ends=np.array(list(sides), dtype=np.intp),
-            left=[pair[0] for pair in sides.values()],
-            right=[pair[1] for pair in sides.values()],
-        )
-
-
 class Motion:
     """Motion of the vertices of a mesh with the corners of its geometry's faces.
 
@@ -94,10 +62,8 @@ class Motion:
         points, self._place = np.unique(mesh.points, axis=0, return_inverse=True)  # each place once
         self._place = self._place.ravel()
         self._once = replace(mesh, points=points, triangles=self._place[mesh.triangles])
-        self._faces = geometry.subdivision.faces
-        self._rings = _rings(self._faces)
-        self._edges = Edges.of(geometry)
-        self.corners = self._edges.corners
+        self._cut, self.corners = geometry.subdivision, geometry.subdivision.corners
+        self._rings = _rings(self._cut.faces)
         number = {(r, z): k for k, (r, z) in enumerate(self.corners.tolist())}
         self._which = np.array([number[r, z] for r, z in np.concatenate(self._rings).tolist()])
         self._first = np.unique(self._which, return_index=True)[1]
@@ -111,7 +77,7 @@ class Motion:
         points, slack = self._once.points, NEAR * float(np.abs(self.corners).max())
         shares = np.zeros((len(points), len(self.corners)))
         held, ends = np.zeros((len(points), 2), dtype=bool), np.zeros((len(points), 2), dtype=np.intp)
-        for a, b in self._edges.ends.tolist():
+        for a, b in self._cut.ends.tolist():
             origin, along = self.corners[a], self.corners[b] - self.corners[a]
             length = float(np.hypot(*along))
             offset = points - origin
@@ -150,7 +116,7 @@ class Motion:
         Raises InputError: the other geometry has other faces, or a face with another number of corners.
         """
         faces = geometry.subdivision.faces
-        sizes = ([(face.owner, *map(len, face.rings)) for face in each] for each in (faces, self._faces))
+        sizes = ([(face.owner, *map(len, face.rings)) for face in each] for each in (faces, self._cut.faces))
         if len({str(one) for one in sizes}) > 1:
             raise InputError("the new geometry has other faces than the old one, so its mesh cannot follow")
         rings = _rings(faces)
@@ -240,21 +206,18 @@ class CornerMotion:
     def __init__(self, geometry: CrossSection, roles: Collection[str]) -> None:
         self.geometry, self.roles = geometry, set(roles)
         self.roles |= {interface.part for interface in geometry.interfaces} | {p.part for p in geometry.probes}
-        self.edges = Edges.of(geometry)
+        self.edges = geometry.subdivision
         self.outlines = outlines(geometry)
+        self.polygons = {name: shapely.Polygon(outline / GRID) for name, outline in self.outlines.items()}
         self.slack = max(100 * GRID, 1e-9 * float(np.abs(self.edges.corners).max()))
 
     def key(self, owner: str | None) -> Key:
         """Material of an owner, and its name if it has a role (heated, interface, probe); None for a void."""
-        if owner is None:
-            return None
-        material = next((p.material for p in self.geometry.parts if p.name == owner), "")
-        if material == VOID:
-            return None
-        return self.geometry.material_of(owner).name, owner if owner in self.roles else ""
+        material = None if owner is None else self.geometry.material_of(owner).name
+        return None if material in (None, VOID) else (material, owner if owner in self.roles else "")
 
     def corner_velocities(self, change: Change) -> Array:
-        """Velocity of every corner of `Edges`, in m per unit of the parameter; shape (corners, 2).
+        """Velocity of every corner of a face, in m per unit of the parameter; shape (corners, 2).
 
         Raises InputError: a face would appear or vanish, so that the derivative is not the same on both sides.
         """
@@ -265,9 +228,9 @@ class CornerMotion:
             along = self.edges.corners[b] - self.edges.corners[a]
             normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)  # to the left
             line = self._line(k, normal, change)
-            real = self.key(self.edges.left[k]) != self.key(self.edges.right[k])
+            left, right = map(self.key, self.edges.owners[k])
             for corner, speed in ((a, line.start), (b, line.stop)):
-                (hard if real else soft)[corner].append((normal, speed))
+                (soft if left == right else hard)[corner].append((normal, speed))
         return np.array([self._corner(k, hard[k], soft[k], change) for k in range(count)])
 
     def _corner(
@@ -338,30 +301,21 @@ class CornerMotion:
 
     def _stays(self, k: int, chosen: Line, lines: list[Line], direction: int) -> bool:
         """Whether both sides of edge ``k`` keep their material and role when the edge moves as ``chosen``."""
-        offsets = sorted({0.0, *(direction * line.middle for line in lines)})
-        places = [(x + y) / 2 for x, y in pairwise([offsets[0] - 1, *offsets, offsets[-1] + 1]) if y > x]
-        sides = self.key(self.edges.left[k]), self.key(self.edges.right[k])
-        middle = self.edges.corners[self.edges.ends[k]].mean(axis=0)
-        drawn = {line.name: line for line in lines}
-        for y in places:
-            owner = None
-            for name in reversed(self.outlines):
-                if name in drawn:
-                    line = drawn[name]
-                    inside = line.side * (y - direction * line.middle) > 0
-                else:
-                    inside = self._contains(name, middle)
-                if inside:
-                    owner = name
-                    break
-            if self.key(owner) != sides[0 if y > direction * chosen.middle else 1]:
+        moved = {line.name: (line.side, direction * line.middle) for line in lines}
+        ends = sorted({0.0, *(offset for _, offset in moved.values())})
+        middle = shapely.Point(self.edges.corners[self.edges.ends[k]].mean(axis=0) / GRID)
+
+        def covers(name: str, y: float) -> bool:
+            if name not in moved:
+                return bool(self.polygons[name].contains(middle))
+            side, offset = moved[name]
+            return side * (y - offset) > 0
+
+        for y in (ends[0] - 1, *(sum(pair) / 2 for pair in pairwise(ends)), ends[-1] + 1):
+            owner = next((name for name in reversed(self.outlines) if covers(name, y)), None)
+            if self.key(owner) != self.key(self.edges.owners[k][0 if y > direction * chosen.middle else 1]):
                 return False
         return True
-
-    def _contains(self, name: str, point: Array) -> bool:
-        """Whether the outline of a layer or part goes round a point."""
-        polygon: Any = shapely.Polygon(self.outlines[name] / GRID)
-        return bool(polygon.contains(shapely.Point(point / GRID)))
 
 
 def vertex_velocities(

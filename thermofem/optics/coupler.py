@@ -85,7 +85,7 @@ class Coupling:
     @cached_property
     def by_gap(self) -> float:
         """d ln(kappa^2)/d(gap) in 1/m, the guides as they are."""
-        change = Change("gap", self.gap, "m", optical={"": {"gap": 1.0}})
+        change = Change("gap", self.gap, "m", optical={("", "gap"): 1.0})
         return self.derivative(Variation(self.mode.light, change, 0.0 * self.mode.light.mesh.points.T)) / self.power
 
     @cached_property
@@ -101,13 +101,12 @@ class Coupling:
 
         bus: name of the [[bus]], whose gap and straight section the parameter may be.
         """
-        own = one.change.optical.get(bus, {})
+        gap, straight = (one.change.optical.get((bus, key), 0.0) for key in ("gap", "straight"))
         corners = one.change.outlines.get(self.mode.core)
         wall = 0.0 if corners is None else float(corners[1:3, 0].mean()) - one.centre
         velocity = one.on(self.window)  # the middle of the gap follows the wall
-        velocity[0] += (wall + own.get("gap", 0.0) / 2 - velocity[0]) * self.beyond
+        velocity[0] += (wall + gap / 2 - velocity[0]) * self.beyond
         of_pairs = ([index_slope(m, one, velocity) for m in pair] for pair in self.supermodes)
-        straight = own.get("straight", 0.0)
         slopes: dict[str, Any] = {
             "splits": np.array([even - odd for even, odd in of_pairs]),
             "n_eff": index_slope(self.mode, one, one.on(self.mode.window)),

@@ -104,7 +104,7 @@ class Variation:
     @property
     def wavelength(self) -> float:
         """d(wavelength)."""
-        return self.change.optical.get(LIGHT, {}).get("wavelength", 0.0)
+        return self.change.optical.get((LIGHT, "wavelength"), 0.0)
 
     @property
     def centre(self) -> float:
@@ -124,11 +124,9 @@ class Variation:
         """A window after a step ``h`` of the parameter."""
 
         def after(material: Material) -> Material:
-            of = self.change.optical.get(material.name, {})
-            new: dict[str, Any] = {}
-            if "index" in of:
-                new["index"] = constant_index((constant(material.index) or 1.0) + h * of["index"])
-            return replace(material, thermo_optic=material.thermo_optic + h * of.get("thermo_optic", 0.0), **new)
+            n, slope = (h * self.change.optical.get((material.name, key), 0.0) for key in ("index", "thermo_optic"))
+            index = constant_index((constant(material.index) or 1.0) + n) if n else material.index
+            return replace(material, index=index, thermo_optic=material.thermo_optic + slope)
 
         mesh = replace(window.mesh, doflocs=window.mesh.doflocs + h * UM * velocity)
         return replace(window, mesh=mesh, materials=tuple(map(after, window.materials)))
@@ -141,8 +139,7 @@ class Variation:
         corners, moved = mode.window.mesh.p[:, mode.window.mesh.t], velocity[:, mode.window.mesh.t]
         sides, strains = (np.linalg.norm(one - np.roll(one, 1, axis=1), axis=0) for one in (corners, moved))
         relative = [(strains * UM / sides).max(), self.centre / mode.radius, self.wavelength / mode.wavelength]
-        for slopes in self.change.optical.values():
-            relative += [slopes.get("index", 0.0), slopes.get("thermo_optic", 0.0)]
+        relative += [slope for (_, key), slope in self.change.optical.items() if key in ("index", "thermo_optic")]
         largest = float(np.abs(relative).max())
         if not largest:
             return 1.0, (mode, mode)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import shapely
 import skfem
-from shapely.geometry.polygon import orient
 
 from ..arrays import Array, NDArray
 from ..checks import InputError, prefixed
-from ..geometry.regions import Face, outlines
+from ..geometry.regions import Face, cut, outlines
 from ..materials.material_library import VOID, Material, find
 from ..mesh.element_sizes import size_function, sizes
 from ..mesh.gmsh_mesher import make_faces
-from ..mesh.mesh_motion import Edges
 
 if TYPE_CHECKING:
     from ..geometry import CrossSection, Part
@@ -25,7 +22,7 @@ if TYPE_CHECKING:
 
 AIR = "air"  # what lies above the stack and in voids, where the heat problem has no triangles
 UM = 1e6  # um in a metre
-GRID = 1e-6  # um, on which the faces are cut at the sides of a window
+GRID = 1e-12  # m, on which the faces are cut at the sides of a window
 
 Box = tuple[float, float, float, float]  # left, right, bottom, top in m
 
@@ -112,33 +109,11 @@ def drawn(
 
 def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
     """The faces of a geometry, whole ones of a mirrored section, inside a box, and air in what is left of it."""
-    left, right, bottom, top = (end * UM for end in box)
-    rest = whole = shapely.box(left, bottom, right, top)
-    shapes: list[tuple[str, Any]] = []
-    for face in geometry.subdivision.faces:
-        shape = shapely.Polygon(face.rings[0] * UM, [hole * UM for hole in face.rings[1:]])
-        if geometry.mirrored:
-            shape = shapely.union(shape, shapely.transform(shape, lambda xy: xy * [-1.0, 1.0]), grid_size=GRID)
-        shapes.append((face.owner, shapely.intersection(shape, whole, grid_size=GRID)))
-        rest = shapely.difference(rest, shape, grid_size=GRID)
-    pieces = [
-        (owner, piece)
-        for owner, shape in (*shapes, (AIR, rest))
-        for piece in shapely.get_parts(shape).tolist()
-        if piece.geom_type == "Polygon" and piece.area > 1e-9
-    ]
-    lines = shapely.unary_union([shapely.boundary(piece) for _, piece in pieces], grid_size=GRID)  # shared points
-    sides = {round(end * UM / GRID): end for end in box}  # to the last bit
-
-    def exact(ring: Any) -> Array:
-        return np.array([[sides.get(round(x / GRID), x / UM) for x in point] for point in np.asarray(ring.coords)[:-1]])
-
-    found = []
-    for cell in map(orient, shapely.polygonize([lines]).geoms):
-        inside = cell.representative_point()
-        owners = [owner for owner, piece in pieces if piece.contains(inside)]
-        found += [Face(owner, tuple(map(exact, (cell.exterior, *cell.interiors)))) for owner in owners[:1]]
-    return found
+    left, right, bottom, top = box
+    corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+    voids = {part.name for part in geometry.parts if part.material == VOID}
+    faces = cut({"": corners} | outlines(geometry, whole=True), ground="", holes=voids, grid=GRID)
+    return [replace(face, owner=face.owner or AIR) for face in faces]
 
 
 def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, dict[str, float]]:
@@ -152,8 +127,8 @@ def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, 
     own = index_of(geometry.material_of(part.name), wavelength, part.name)
     axis = 0.02 * left if geometry.kind == "ring" else -geometry.outer_radius
     box, away = [axis, geometry.outer_radius, geometry.bottom_z, np.inf], {}
-    layers, edges = {layer.name for layer in geometry.layers}, Edges.of(geometry)
-    beside = {a for pair in zip(edges.left, edges.right, strict=True) for a in pair if part.name in pair}
+    layers = {layer.name for layer in geometry.layers}
+    beside = {name for pair in geometry.subdivision.owners if part.name in pair for name in pair}
     for name, outline in outlines(geometry).items():
         material = geometry.material_of(name)
         if name in beside:
