@@ -12,7 +12,7 @@ from scipy.constants import c
 import coupled
 import surrogate
 import thermofem as th
-from coupled.ring_toml import UNITS
+from coupled.ring_toml import RATES, UNITS
 from surrogate.export.poles import poles_of
 from surrogate.studies.inverse_search import channel_steps
 from thermofem.checks import between
@@ -78,7 +78,11 @@ def _ring(path: Path) -> dict[str, Any]:
     origins = {name: comment.strip() for name, comment in comments}
     for name, value in numbers.items():
         unit = units.get(name, "")
-        if name == "shift_per_kelvin":
+        if name == "fcd":
+            text = " ".join(f"{coefficient:+.4g} N^{power:g}" for coefficient, power in value) + ", N in 1/m^3"
+        elif name == "rates":
+            text = ", ".join(f"{key} {rate:.6g} {RATES[key]}" for key, rate in value) or "none is given"
+        elif name == "shift_per_kelvin":
             text = f"{value * 1e12:.4g} pm/K"
         elif unit in ("Hz", "s", "m") and isinstance(value, float):
             text = quantity.rounded(value, unit, 6)

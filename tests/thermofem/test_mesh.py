@@ -405,7 +405,7 @@ def test_clockwise_triangles_are_turned_round():
         ("OSError('libXft.so.2: cannot open shared object file')", "libxft2"),
         ("OSError('libXcursor.so.1: cannot open shared object file')", "libxcursor1"),
         ("OSError('libXinerama.so.1: cannot open shared object file')", "libxinerama1"),
-        ("OSError('libUnheard.so.7: cannot open shared object file')", "libUnheard.so.7 is missing (apt-file"),
+        ("OSError('libUnheard.so.7: cannot open shared object file')", "libUnheard.so.7"),
         ("ModuleNotFoundError(\"No module named 'gmsh'\", name='gmsh')", "pip install gmsh"),
     ],
 )

@@ -6,7 +6,6 @@ import contextlib
 import ctypes
 import hashlib
 import importlib
-import re
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +24,11 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.regions import Face
 
+# packages of the shared libraries that the gmsh wheel links to
+DEBIAN = (
+    "apt-get install libglu1-mesa libgl1 libopengl0 libx11-6 libxext6 libxrender1 libxcursor1 libxfixes3 libxft2 "
+    "libxinerama1 libfontconfig1 libgomp1"
+)
 VERSION = 2  # of the mesher: a new number where the same geometry gets another mesh
 
 
@@ -47,28 +51,9 @@ def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:
 
 
 def read_committed(path: Path) -> Mesh:
-    """A mesh that `write_references` wrote: the arrays of a `Mesh` under their names."""
+    """A mesh that benchmarks/make_meshes.py wrote: the arrays of a `Mesh` under their names."""
     with np.load(path) as found:
         return Mesh(found["points"], found["triangles"], found["region"], tuple(found["region_names"].tolist()))
-
-
-def write_references(folder: str | Path) -> str:
-    """Make the meshes that are committed to meshes/, and return the rows of its table.
-
-    Raises InputError, MissingLibraryError: as `mesh_for`; a folder that cannot be written.
-    """
-    from ..geometry.ring_sections import strip_ring
-
-    rows = []
-    for accuracy in (1e-3, 1e-4):
-        geometry = strip_ring()
-        mesh, key = make(geometry, accuracy), content_hash(geometry, accuracy)
-        path = Path(folder) / f"strip_ring-{accuracy:.0e}-{key}.npz"
-        named = np.array(mesh.region_names)
-        np.savez_compressed(path, points=mesh.points, triangles=mesh.triangles, region=mesh.region, region_names=named)
-        extent = f"{len(mesh.points)} | {len(mesh.triangles)} | {path.stat().st_size / 1024:.0f} kB"
-        rows.append(f"| `{path.name}` | `strip_ring()` | {accuracy:.0e} | {extent} |")
-    return "\n".join(rows)
 
 
 def content_hash(geometry: CrossSection, accuracy: float) -> str:
@@ -86,53 +71,15 @@ def content_hash(geometry: CrossSection, accuracy: float) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-# shared libraries that the gmsh wheel links to, and the Debian package that brings each
-_PACKAGES = {
-    "libGLU.so.1": "libglu1-mesa",
-    "libGL.so.1": "libgl1",
-    "libOpenGL.so.0": "libopengl0",
-    "libX11.so.6": "libx11-6",
-    "libXext.so.6": "libxext6",
-    "libXrender.so.1": "libxrender1",
-    "libXcursor.so.1": "libxcursor1",
-    "libXfixes.so.3": "libxfixes3",
-    "libXft.so.2": "libxft2",
-    "libXinerama.so.1": "libxinerama1",
-    "libfontconfig.so.1": "libfontconfig1",
-    "libgomp.so.1": "libgomp1",
-}
-
-
-def _loads(library: str) -> bool:
-    """Whether a shared library is on the machine."""
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return False
-    return True
-
-
 def gmsh_problem() -> str | None:
-    """None where gmsh and pygmsh can be loaded; otherwise one line with the missing library and how to install it."""
-    remedy = "the committed meshes of the reference cross-sections work without it"
-    for module in ("gmsh", "pygmsh"):
-        try:
+    """None where gmsh and pygmsh can be loaded; otherwise one line with what is missing and how to install it."""
+    try:
+        for module in ("gmsh", "pygmsh"):
             importlib.import_module(module)
-        except ModuleNotFoundError as error:
-            package = error.name
-            missing, brings = f"the Python package {package}", f"pip install {package}"
-        except (ImportError, OSError) as error:
-            library = re.match(r"(lib[\w.+-]+?\.so[.\d]*)", str(error))
-            if library is None:
-                return f"{module} cannot be loaded: {error}; {remedy}"
-            missing = f"the shared library {library[1]}"
-            absent = [known for known in _PACKAGES if known == library[1] or not _loads(known)]  # the loader names one
-            packages = " ".join(_PACKAGES[known] for known in absent)
-            named = library[1] in _PACKAGES
-            brings = f"Debian, Ubuntu: apt-get install {packages}" if named else "apt-file search finds its package"
-        else:
-            continue
-        return f"{module} cannot be loaded: {missing} is missing ({brings}); {remedy}"
+    except (ImportError, OSError) as error:
+        brings = f"pip install {error.name}" if isinstance(error, ModuleNotFoundError) else f"Debian: {DEBIAN}"
+        remedy = "the committed meshes of the reference cross-sections work without it"
+        return f"gmsh cannot be loaded: {error} ({brings}); {remedy}"
     return None
 
 

@@ -61,7 +61,7 @@ class Mode:
     square : float, 1/um^2
         beta^2; complex where matched layers absorb.
     x : array
-        unknowns of ``space``, over the triangles of ``window``.
+        unknowns of ``space``, over the triangles of ``window``; the power flow x.B x is 1.
     """
 
     name: str
@@ -108,11 +108,6 @@ class Mode:
         return self.space.matrices(self._indices[0], self.k0)
 
     @cached_property
-    def flow(self) -> Any:
-        """x.B x, the power flow of the vector as it is."""
-        return self.x @ (self.matrices[1] @ self.x)
-
-    @cached_property
     def bordered(self) -> Callable[[Array], Array]:
         """Solves (A + beta^2 B) y = b, of rank one too low, for y that is free up to a multiple of x."""
         A, B = self.matrices
@@ -130,7 +125,7 @@ class Mode:
     def fields(self) -> tuple[Array, Array, Array]:
         """E_r, E_z and E_phi/i at the quadrature points, shape (triangles, points); the power flow is 1."""
         e, _, p, _ = self.space.functions
-        own = (self.x / np.sqrt(self.flow))[self.space.dofs].T
+        own = self.x[self.space.dofs].T
         e_r, e_z = np.einsum("it,ictq->ctq", own[: len(e)], e)
         axial = np.einsum("it,itq->tq", own[len(e) :], p)
         return e_r, e_z, np.sqrt(self.square) * axial / self.space.arc
@@ -260,9 +255,8 @@ class Mode:
 
     def solved(self, count: int, index: float | None = None) -> list[Mode]:
         """The modes on the same space with n_eff nearest to ``index``, by default to that of this one."""
-        pairs = eigenpairs(self.space, self._indices[0], self.k0, index or self.n_eff, count)
-        found = [replace(self, square=square, x=x) for square, x in pairs if square.real > 0]
-        return [mode for mode in found if self.space.layers or mode.flow > 0]
+        pairs = eigenpairs(self.space, *self.matrices, (self.k0 * (index or self.n_eff)) ** 2, count)
+        return [replace(self, square=square, x=x) for square, x in pairs]
 
     def nearest(self, space: Space, window: Window | None = None) -> Mode:
         """The mode on a space over the same cross-section with about the same n_eff, and held by the core as well.

@@ -2,7 +2,7 @@
 
 The vertices move with the outlines as for the heat (`fem.shape_derivatives`), and the unknowns of e and p with them:
 
-    d(beta^2) = -x.(dA + beta^2 dB) x / x.B x,       (A + beta^2 B) dx = -(dA + beta^2 dB + d(beta^2) B) x
+    d(beta^2) = -x.(dA + beta^2 dB) x,    x.B x = 1,    (A + beta^2 B) dx = -(dA + beta^2 dB + d(beta^2) B) x
 
 dx, free of x itself, is solved once for each parameter with one factorization. Everything else is a function of the
 vertices, the indices, the wavelength, x and beta^2, without a solve: its derivative along their changes is a central
@@ -168,7 +168,7 @@ def _pull(mode: Mode, h: float, ends: tuple[Mode, Mode]) -> tuple[float, Array]:
     """d(beta^2), and (dA + beta^2 dB) x."""
     ahead, behind = (A @ mode.x + mode.square * (B @ mode.x) for A, B in (each.matrices for each in ends))
     pull = (ahead - behind) / (2 * h)
-    return -float(mode.x @ pull) / mode.flow, pull
+    return -float(mode.x @ pull), pull
 
 
 def index_slope(mode: Mode, one: Variation, velocity: Array) -> float:
@@ -184,11 +184,12 @@ def varied(mode: Mode, one: Variation) -> tuple[float, Mode, Mode]:
         return h, *ends
     slope, pull = _pull(mode, h, ends)
     dx = mode.bordered(-(pull + slope * (mode.matrices[1] @ mode.x)))
-    ahead, behind = (
-        replace(each, square=mode.square + step * slope, x=mode.x + step * dx)
-        for step, each in zip((h, -h), ends, strict=True)
-    )
-    return h, ahead, behind
+
+    def along(each: Mode, step: float) -> Mode:
+        x = mode.x + step * dx
+        return replace(each, square=mode.square + step * slope, x=x / np.sqrt(x @ (each.matrices[1] @ x)))
+
+    return h, along(ends[0], h), along(ends[1], -h)
 
 
 def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:

@@ -149,13 +149,14 @@ class Space:
         return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size)).tocsc()
 
 
-def eigenpairs(space: Space, eps: Array, k0: float, index: float, count: int) -> list[tuple[complex, Array]]:
-    """beta^2 in 1/um^2 and x of the modes with n_eff nearest to ``index``, by shift and invert (ARPACK).
+def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[tuple[complex, Array]]:
+    """beta^2 in 1/um^2 and x, with x.B x = 1, of the modes nearest to a beta^2, by shift and invert (ARPACK).
 
-    Real where no layer absorbs; each value is the Rayleigh quotient of its vector.
+    Real where no layer absorbs, and then without modes that carry no power forward; each value is the Rayleigh quotient
+    of its vector.
     """
-    A, B = (matrix[space.free][:, space.free] for matrix in space.matrices(eps, k0))
-    shift, n, real = (k0 * index) ** 2, A.shape[0], A.dtype.kind == "f"
+    A, B = (matrix[space.free][:, space.free] for matrix in (A, B))
+    n, real = A.shape[0], A.dtype.kind == "f"
     if real:
         solve = factorize(A + shift * B)
     else:
@@ -168,7 +169,9 @@ def eigenpairs(space: Space, eps: Array, k0: float, index: float, count: int) ->
     for v in vectors.T:
         if real:
             v = (v / v[np.argmax(np.abs(v))]).real
-        x = np.zeros(space.size, dtype=A.dtype)
-        x[space.free] = v
-        found.append((-(v @ (A @ v)) / (v @ (B @ v)), x))
+        flow, x = v @ (B @ v), np.zeros(space.size, dtype=A.dtype)
+        square = -(v @ (A @ v)) / flow
+        if square.real > 0 and (flow.real > 0 or not real):
+            x[space.free] = v / np.sqrt(flow)
+            found.append((square, x))
     return found

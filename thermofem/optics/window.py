@@ -113,7 +113,7 @@ def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     voids = {part.name for part in geometry.parts if part.material == VOID}
     faces = cut({"": corners} | outlines(geometry, whole=True), ground="", holes=voids, grid=GRID)
-    return [replace(face, owner=face.owner or AIR) for face in faces]
+    return [replace(face, owner=face.owner or AIR) for face in reversed(faces)]  # the core, meshed finest, first
 
 
 def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, dict[str, float]]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from scipy.constants import c
 
 import coupled
 import thermofem as th
@@ -123,13 +124,12 @@ def ring(
     """
     section = section_of(geometry)
     check_outputs([output], inputs=[geometry])
-    length = wavelength_of(section, wavelength)
     if loss is None and (section.light is None or section.light.loss is None):
         loss = "2 dB/cm"
     with working("solving"):
         made = coupled.ring_from(
             section,
-            wavelength=length,
+            wavelength=wavelength_of(section, wavelength),
             loss=None if loss is None else quantity.parse(loss, "1/m", name="--loss"),
             gap=None if gap is None else quantity.parse(gap, "m", name="--gap"),
             coupling=coupling,
@@ -139,12 +139,13 @@ def ring(
             mode=mode,
         )
     files.write_whole(output, lambda path: path.write_text(made.to_toml(), encoding="utf-8"))
-    found, names = made.ring, made.mode.light.names
+    found, names = made.ring, [one.name for one in made.mode.light.modes]
     if len(names) > 1:
         note(f"the guide holds {', '.join(names)}; {made.mode.name} is taken, --mode picks another")
     say(
-        f"{found.name}: Q {found.loaded_q:.4g}, intrinsic Q {found.intrinsic_q:.4g}, n_g {found.group_index:.5g}, "
-        f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {made.mode.thermo_optic * length / 1e-12:.3g} pm/K"
+        f"{found.name}: {quantity.rounded(c / found.frequency, 'm', 6)}, Q {found.loaded_q:.4g}, "
+        f"intrinsic Q {found.intrinsic_q:.4g}, n_g {found.group_index:.5g}, "
+        f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {found.shift_per_kelvin / 1e-12:.4g} pm/K"
     )
     say(f"bus: {made.origins['bus_rate']}")
     wrote(output)
