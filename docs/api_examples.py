@@ -146,8 +146,13 @@ spread = surrogate.uncertainty(family, {"radius": stats.norm(7e-6, 20e-9), "box"
 
 # %% surrogate.Optics
 optics = surrogate.Optics({"bus_rate": {"radius": -2e15}}, at={"radius": 7e-6})
-target = {"thermal_resistance": "smallest", "rise_time": "smallest"}
-front = surrogate.studies.design.pareto_front(family, target=target, optics=optics, generations=2)
+spread = surrogate.uncertainty(
+    family,
+    {"radius": stats.norm(7e-6, 20e-9)},
+    lambda model, changes: changes["bus_rate"],
+    samples=64,
+    optics=optics,
+)
 
 # %% surrogate.calibrate
 rise = family.model(radius=6.6e-6, box=2e-6).step_response(times) * 1e-3

@@ -15,7 +15,7 @@ from matplotlib.colors import LogNorm
 from thermofem import checks
 from thermofem.data.dataset import response_of
 from thermofem.data.variables import contents, unit_of
-from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, readable
+from thermofem.plot import CYCLE, INK, SKY, VERMILION, WIDTH, readable
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
 
@@ -169,25 +169,4 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     ax.set_yticks(range(array.rings), array.model.outputs, fontsize="small")
     ax.set(xlabel="heated", ylabel="read")
     ax.figure.colorbar(picture, ax=ax, label="steady rise (K/mW)")
-    return ax
-
-
-def plot_time_scales(array: ArrayReduction, ax: Axes | None = None) -> Axes:
-    """Step of every pair against time (us), relative to its own end; dots where half of it is reached."""
-    ax = _axes(ax)
-    between = np.linalg.norm(array.positions[:, None] - array.positions, axis=-1)
-    first = np.unique(np.round(between, 12), return_index=True)[1]
-    times = np.geomspace(1e-8, 1e-3, 200)
-    for k, index in enumerate(first[:: max(1, first.size // 8)]):
-        i, j = np.unravel_index(index, between.shape)
-        channel = array.channel(int(j), int(i))
-        share = k / max(1, min(first.size, 8) - 1)
-        colour = VERMILION if k == 0 else plt.get_cmap("viridis")(0.85 * share)
-        name = "own ring" if k == 0 else f"{between[i, j] * 1e6:.3g} µm"
-        ax.plot(times * 1e6, channel.step_response(times) / channel.thermal_resistance, color=colour, label=name)
-        ax.plot(array.half_times[i, j] * 1e6, 0.5, "o", color=colour, markersize=4)
-    ax.axhline(0.5, color=BLUE, linewidth=0.5, linestyle=":")
-    ax.set(xscale="log", xlabel="time (µs)", ylabel="rise / steady rise", xlim=(1e-2, 1e3))
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.legend(frameon=False, fontsize="small", title="distance")
     return ax

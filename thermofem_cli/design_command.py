@@ -106,8 +106,6 @@ def design(
     own = written(result.certified.thermal_resistance, "K/W")
     say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
     front = None
-    if result.front is None and not result.reached and len(target) > 1:
-        note('a Pareto front of the targets needs pymoo: pip install "thermofem[swarm]"')
     if result.front is not None:
         front = {str(name): column.values.tolist() for name, column in result.front.items()}
         count = result.front.sizes["member"]

@@ -131,8 +131,8 @@ class AffineEngine:
         kinds = group_proportional(stiffness), group_proportional(capacity)
         return Coefficients(self.grid, *kinds, surface), traces
 
-    def project(self, V: Array, ports: tuple[str, ...], statics: int) -> AffineMembers:
-        """Members in the functions V, shape (free, N); ``statics`` as of `AffineMembers`."""
+    def project(self, V: Array, ports: tuple[str, ...]) -> AffineMembers:
+        """Members in the functions V, shape (free, N)."""
         basis, (coefficients, traces) = self.reference.discretization.basis, self._sampled
         full = np.zeros((basis.N, V.shape[1]))
         full[self.reference.discretization.free] = V
@@ -159,7 +159,7 @@ class AffineEngine:
         P, volumes = inside[..., None] * L, inside * volume
         K, M = ((x + x.transpose(0, 2, 1)) / 2 for x in (K_terms, M_terms))
         size = len(ports), -1
-        return AffineMembers(coefficients, K, M, P.reshape(*size, n), volumes.reshape(size), statics)
+        return AffineMembers(coefficients, K, M, P.reshape(*size, n), volumes.reshape(size))
 
 
 def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
@@ -190,7 +190,6 @@ class AffineMembers:
     K, M [shape (terms, N, N)]
     ports [shape (ports, 2 c, N)]
     volumes [shape (ports, 2 c)]
-    statics: first functions, from which the thermal resistance is taken; `Trainer` says how many are enough.
     """
 
     coefficients: Coefficients
@@ -198,18 +197,12 @@ class AffineMembers:
     M: Array
     ports: Array
     volumes: Array
-    statics: int
     engine = "affine"
 
     @property
     def size(self) -> int:
         """Number of functions."""
         return int(self.ports.shape[2])
-
-    def first(self, count: int, statics: int) -> AffineMembers:
-        """The family in its first functions."""
-        K, M = (np.ascontiguousarray(x[:, :count, :count]) for x in (self.K, self.M))
-        return replace(self, K=K, M=M, ports=self.ports[..., :count], statics=statics)
 
     def member(self, row: Array) -> MemberMatrices:
         """Matrices of one member."""
@@ -218,12 +211,11 @@ class AffineMembers:
         return MemberMatrices(np.tensordot(K[0], self.K, 1), np.tensordot(M[0], self.M, 1), mean)
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
-        """Static gain of many members, shape (n,), from the static functions."""
-        n = self.statics
-        terms, ports, result = self.K[:, :n, :n], self.ports[..., :n], np.empty(len(rows))
+        """Static gain of many members, shape (n,)."""
+        result = np.empty(len(rows))
         for start in range(0, len(rows), CHUNK):
             K, _, volume = self.coefficients(rows[start : start + CHUNK])
-            b, c = ((volume @ ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
-            fields = np.linalg.solve(np.tensordot(K, terms, 1), b[..., None])[..., 0]
+            b, c = ((volume @ self.ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
+            fields = np.linalg.solve(np.tensordot(K, self.K, 1), b[..., None])[..., 0]
             result[start : start + CHUNK] = np.einsum("nk,nk->n", c, fields)
         return result

@@ -98,16 +98,9 @@ class Family:
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
-        span = ", ".join(
-            f"{name} {low:g} .. {high:g} {unit}".rstrip()
-            for name, low, high, unit in zip(self.names, self.box.low, self.box.high, self.box.units, strict=True)
-        )
-        hot = (
-            ""
-            if self.output_maps is None
-            else f", k(T) up to {self.output_maps.power:g} W within {self.output_maps.error:.2g}"
-        )
-        return f"Family({span}; {self.size} functions, engine {self.engine!r}, {self.error!r}{hot})"
+        ends = zip(self.names, self.box.low, self.box.high, self.box.units, strict=True)
+        span = ", ".join(f"{name} {low:g} .. {high:g} {unit}".rstrip() for name, low, high, unit in ends)
+        return f"Family({span}; {self.size} functions, engine {self.engine!r}, {self.error!r})"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -138,6 +131,13 @@ class Family:
         """Heated parts first, then what else is read."""
         return tuple(dict.fromkeys((*self.inputs, *self.outputs)))
 
+    def channel(self, heated: str | None = None, read: str | None = None) -> tuple[int, int]:
+        """Indices in `ports` of what is heated and read; default the first heated part, and itself where it is read."""
+        a = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
+        default = a if a in self.outputs else self.outputs[0]
+        b = checks.choice("read", read, self.outputs, default=default)
+        return self.ports.index(a), self.ports.index(b)
+
     def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Model:
         """Return the Foster network of one member; with k(T) an OutputMap over it, of the first channel.
 
@@ -153,7 +153,7 @@ class Family:
         InputError
             a parameter missing or unknown, or a value outside the box.
         """
-        a, b = self._channel(heated, read)
+        a, b = self.channel(heated, read)
         row = self.box.row(values)
         return self._with_output_map(self._foster(self.members.member(row).modes(), a, b), row, (a, b))
 
@@ -164,7 +164,7 @@ class Family:
     def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
         if self.output_maps is None:
             return linear
-        if channel != self._channel(None, None):
+        if channel != self.channel():
             a, b = (self.ports[k] for k in channel)
             text = f"heat in {a!r} read in {b!r} is linear, right at small power"
             warnings.warn(f"{text}; k(T) is followed in the first channel alone", OutsideTrainingWarning, stacklevel=3)
@@ -189,7 +189,7 @@ class Family:
         self, tolerance: float = 1e-3, *, heated: str | None = None, read: str | None = None, **values: float
     ) -> Model:
         """Return a member with few poles, within ``tolerance`` of its R_th of `model` at every frequency."""
-        a, b = self._channel(heated, read)
+        a, b = self.channel(heated, read)
         channel = self.system(**values).channel(self.ports[a], self.ports[b])
         model: Any = reduce(channel, tolerance).model  # of one channel a Foster network
         return self._with_output_map(model, self.box.row(values), (a, b))
@@ -200,7 +200,7 @@ class Family:
         At most that of `model`, and by a tenth of the tolerance wherever the training looked: it takes fewer functions.
         """
         rows = self.box.rows(values)
-        a, b = self._channel(heated, read)
+        a, b = self.channel(heated, read)
         found = self.members.resistances(rows.reshape(-1, self.box.size), a, b)
         return np.asarray(found.reshape(rows.shape[:-1]))
 
@@ -210,7 +210,7 @@ class Family:
         """Rise in K/W after a unit step; the shape of the values, then that of ``times``."""
         t = checks.numbers("times", times)
         rows = self.box.rows(values)
-        a, b = self._channel(heated, read)
+        a, b = self.channel(heated, read)
         each = [
             self.members.member(row).modes().step_response(np.maximum(t.ravel(), 0.0), a, b)
             for row in rows.reshape(-1, self.box.size)
@@ -242,9 +242,9 @@ class Family:
 
         Those of the family itself: the functions are held, their matrices differentiated.
         """
-        a, b = self._channel(heated, read)
+        a, b = self.channel(heated, read)
         row = self.box.row(values)
-        for doubt in self._doubts(row, (a, b)):
+        for doubt in self.doubts(row, (a, b)):
             log.warning("%s", doubt)
         modal = self.modal_derivative(row, (a, b))
         t = None if times is None else step_times(times)
@@ -254,13 +254,13 @@ class Family:
         data = dataset_of(parameters, (modal.resistance(), step, impedance), t, f)
         return data.assign_attrs(heated=self.ports[a], read=self.ports[b])
 
-    def _doubts(self, row: Array, channel: tuple[int, int] | None = None) -> tuple[str, ...]:
+    def doubts(self, row: Array, channel: tuple[int, int]) -> tuple[str, ...]:
         """Sentences on derivatives of a member, at parameters of shape (p,), that its functions do not hold.
 
         The functions are trained on temperatures. Little of these depends on a contact that is nearly perfect, least
         where another part is read than the heated one.
         """
-        a, b = channel or self._channel(None, None)
+        a, b = channel
         small = [n for n, x, one in zip(self.names, row, self.box.contact, strict=True) if one and x < FAR_CONTACT]
         if a == b or not small:
             return ()
@@ -274,8 +274,7 @@ class Family:
 
         The step is in proportion to a contact resistance, whose 1/R bends, and to the range of any other parameter.
         """
-        a, b = channel or self._channel(None, None)
-        contact = self.box.contact
+        contact, (a, b) = self.box.contact, channel or self.channel()
         # 1e-11 m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
         row = np.where(contact, np.maximum(row, 1e-11), row)
         small = self.members.member(row)
@@ -304,12 +303,6 @@ class Family:
     def save(self, path: str | Path) -> Path:
         """Write the family as one file, whole or not at all; `surrogate.load_family` reads it without a mesher."""
         return family_files.save(self, path)
-
-    def _channel(self, heated: str | None, read: str | None) -> tuple[int, int]:
-        a = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
-        default = a if a in self.outputs else self.outputs[0]
-        b = checks.choice("read", read, self.outputs, default=default)
-        return self.ports.index(a), self.ports.index(b)
 
     def _foster(self, modes: MemberModes, a: int, b: int) -> Foster:
         R = modes.R(a, b)

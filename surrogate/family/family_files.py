@@ -62,7 +62,7 @@ def save(family: Family, path: str | Path) -> Path:
 def _of_lines(members: AffineMembers) -> tuple[dict[str, Any], dict[str, Any]]:
     """Words and arrays of an affine family; of symmetric matrices the upper triangles, row by row."""
     c, grid, upper = members.coefficients, members.coefficients.grid, np.triu_indices(members.size)
-    words: dict[str, Any] = {"owner": grid.owner, "statics": members.statics}
+    words: dict[str, Any] = {"owner": grid.owner}
     arrays: dict[str, Any] = {"K": members.K[:, *upper], "M": members.M[:, *upper]}
     arrays |= {"ports": members.ports, "volumes": members.volumes, "left": grid.left, "lower": grid.lower}
     for name, axis in (("r", grid.r), ("z", grid.z)):
@@ -149,6 +149,5 @@ def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMember
     square = {name: np.zeros((len(a[name]), n, n)) for name in ("K", "M")}
     for name, full in square.items():
         full[:, i, j] = full[:, j, i] = a[name]
-    statics = checks.integer("statics", content["statics"], 1, n)
     coefficients = Coefficients(grid, stiffness, capacity, surface)
-    return AffineMembers(coefficients, **square, ports=a["ports"], volumes=a["volumes"], statics=statics)
+    return AffineMembers(coefficients, **square, ports=a["ports"], volumes=a["volumes"])

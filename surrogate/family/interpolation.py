@@ -1,26 +1,25 @@
 """Numbers of members by interpolation between some that were solved: properties, output maps, optical numbers.
 
+    y(p) = sum over k of c_k T_k1(x_1) T_k2(x_2) ...,    k1 + k2 + ... <= degree,    x = 2 share - 1
+
+with T Chebyshev's polynomials, by least squares; members left out give the error.
+
 Output maps of k(T) and c_p(T):
 
     dT = z + a(p) z^2,      z = rise of the member by projection, at small power
 
-with a the coefficient of `surrogate.output_map` at one power, a quadratic polynomial and a Gaussian process of the
-parameters (scikit-learn). Members that were not interpolated between, and the hottest of the others, give the error of
-the steady rise at the power and at half of it, and of a pulse, against finite elements with the laws of temperature.
+with a the coefficient of `surrogate.output_map` at one power. The error is that of the steady rise at the power and at
+half of it, and of a pulse, against finite elements with the laws of temperature; the hottest member is among those left
+out.
 
-Optical numbers:
-
-    y(p) = sum over k of c_k T_k1(x_1) T_k2(x_2) ...,    k1 + k2 + ... <= degree,    x = 2 share - 1
-
-T Chebyshev's polynomials; y is the logarithm of the couplings and of what a bend radiates. By least squares over
-members whose modes and couplers are solved on moved meshes; members left out give the error of every number.
+Optical numbers: y is the logarithm of the couplings and of what a bend radiates. Modes and couplers of members are
+solved on moved meshes.
 """
 
 from __future__ import annotations
 
 import itertools
 import logging
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,6 +27,7 @@ from math import comb
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from scipy.stats import qmc
 
 from thermofem import CrossSection, Foster, OutputMap, Pulse, checks, solve
@@ -51,18 +51,16 @@ TAIL = 1e-4  # probability beyond either end of the span on which members are wo
 
 def interpolate_members(
     values: Callable[[Array], Any], span: Array, count: int, reason: Callable[[], str]
-) -> tuple[Callable[[Array], Array], float, float]:
-    """Compute a property for ``count`` members, and interpolate between them; rms and largest error at held-out ones.
+) -> tuple[Callable[[Array], Array], float]:
+    """Compute a property for ``count`` members, and interpolate between them; the rms error at held-out ones.
 
-    The interpolant takes parameters of shape (p, n), and moves those outside the span to its ends; the errors are
+    The interpolant takes parameters of shape (p, n), and moves those outside the span to its ends; the error is
     relative to the mean of the members.
 
     values: the property from parameters of shape (p, n).
     span [shape (p, 2)]: ends of the ranges in which the members lie.
     reason: says why members lack the property.
     Raises InputError: too few members for the polynomial, members without the property, or one that is an array.
-
-    Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), Section 2.7.
     """
     p = len(span)
     least = 2 * (p + 1) * (p + 2)
@@ -83,31 +81,31 @@ def interpolate_members(
     width = np.ptp(span, axis=1)
 
     def interpolant(x: Array) -> Array:
-        shares = np.clip((x.T - span[:, 0]) / np.where(width > 0, width, 1.0), 0.0, 1.0)
-        return curve(np.where(width > 0, shares, 0.5))  # the middle where a parameter has one value only
+        return curve((x.T - span[:, 0]) / np.where(width > 0, width, 1.0))
 
-    return interpolant, float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
+    return interpolant, float(np.sqrt(np.mean(off**2)))
 
 
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
-    """A quadratic polynomial through samples y (n,) at u (n, p) in a unit cube, and a Gaussian process of the rest."""
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-
-    curve = np.linalg.lstsq(_terms(u), y, rcond=None)[0]
-    kernel = ConstantKernel(1.0) * RBF(np.ones(u.shape[1]), (0.05, 50.0))
-    process = GaussianProcessRegressor(kernel, alpha=1e-8, normalize_y=True)
-    with warnings.catch_warnings():  # of its likelihood: held-out members say how good it is
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        process.fit(u, y - _terms(u) @ curve)
-    return lambda x: np.asarray(_terms(x) @ curve + process.predict(x))
+    """The polynomial through samples y (n,) at u (n, p) in a unit cube that has at most half as many terms."""
+    powers = total_degree(u.shape[1], len(u) // 2)
+    coefficients = np.linalg.lstsq(chebyshev(u, powers), y, rcond=None)[0]
+    return lambda x: chebyshev(x, powers) @ coefficients
 
 
-def _terms(u: Array) -> Array:
-    """1, u_i and u_i u_j, shape (n, terms)."""
-    i, j = np.triu_indices(u.shape[1])
-    return np.column_stack([np.ones(len(u)), u, u[:, i] * u[:, j]])
+HIGHEST = 6  # degree
+
+
+def total_degree(size: int, most: int) -> NDArray[np.intp]:
+    """Powers of all terms of the highest total degree that has at most ``most`` of them, shape (terms, size)."""
+    degree = max(d for d in range(1, HIGHEST + 1) if d == 1 or comb(size + d, d) <= most)
+    return np.array([k for k in itertools.product(range(degree + 1), repeat=size) if sum(k) <= degree])
+
+
+def chebyshev(shares: Array, powers: NDArray[Any]) -> Array:
+    """Products of Chebyshev's polynomials at places in the box, shape (n, terms)."""
+    each = chebvander(np.clip(2 * shares - 1, -1, 1), powers.max())  # (n, size, degree + 1)
+    return np.asarray(np.prod([each[:, k, column] for k, column in enumerate(powers.T)], axis=0))
 
 
 PULSE, TIMES = 3e-6, np.append(0.0, np.geomspace(1e-8, 1e-5, 31))  # s; during the pulse and after it
@@ -131,9 +129,7 @@ class OutputMaps:
 
     @cached_property
     def _curve(self) -> Callable[[Array], Array]:
-        scale = float(np.abs(self.coefficients).max()) or 1.0
-        curve = smooth(self.shares, self.coefficients / scale)
-        return lambda x: scale * curve(x)
+        return smooth(self.shares, self.coefficients)
 
     def coefficient(self, share: Array) -> float:
         """a in 1/K at a place in the box."""
@@ -217,7 +213,6 @@ def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> flo
 
 
 MOST_TERMS = 40  # of a polynomial
-DEGREES = 1, 4  # lowest and highest
 PER_TERM = 2  # members solved for each term, beside corners of the box
 LEFT_OUT = 8  # members that give the errors
 ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
@@ -236,7 +231,7 @@ class OpticalNumbers:
     """
 
     names: tuple[str, ...]
-    powers: Array
+    powers: NDArray[Any]
     coefficients: Array
     errors: Array
     solved: int
@@ -298,7 +293,7 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
 
     Raises InputError: more than a quarter of the members are no rings; the reason is that of the last one.
     """
-    powers = total_degree(box.size)
+    powers = total_degree(box.size, MOST_TERMS)
     rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
     test = box.draw(LEFT_OUT, seed, unseen=True)
     every, base = np.vstack([rows, test]), box.base.to_toml()
@@ -334,19 +329,6 @@ def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
         return numbers(mode) | loss | kappas | {"radiated": mode.radiation_rate}
     except checks.InputError as error:
         return str(error)
-
-
-def total_degree(size: int) -> Array:
-    """Powers of all terms of the highest total degree that has at most `MOST_TERMS` of them, shape (terms, size)."""
-    low, high = DEGREES
-    degree = max(d for d in range(low, high + 1) if d == low or comb(size + d, d) <= MOST_TERMS)
-    return np.array([k for k in itertools.product(range(degree + 1), repeat=size) if sum(k) <= degree])
-
-
-def chebyshev(shares: Array, powers: Array) -> Array:
-    """Products of Chebyshev's polynomials at places in the box, shape (n, terms)."""
-    each = np.cos(np.arange(powers.max() + 1) * np.arccos(np.clip(2 * shares - 1, -1, 1))[..., None])
-    return np.asarray(np.prod([each[:, k, column] for k, column in enumerate(powers.T)], axis=0))
 
 
 def _logarithmic(names: tuple[str, ...]) -> NDArray[np.bool_]:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from scipy.linalg import eigh
 from thermofem import CrossSection, StateSpace, assemble, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign.stored_tasks import Store
-from thermofem.data.files import LARGEST, digest, digest_tree, read_bytes
+from thermofem.data.files import LARGEST, digest, digest_tree
 from thermofem.fem import HeatProblem
 
 from ..reduction.reduce import Projected, project
@@ -61,10 +60,6 @@ class MemberMatrices:
         """Solve M v = tau K v with v^T K v = 1: errors are relative to the largest time constant and to R_th."""
         tau, v = eigh(self.M, self.K, check_finite=False)
         return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
-
-    def resistances(self, heated: int) -> Array:
-        """Static gains in K/W of the first ``heated`` ports, read by all."""
-        return np.asarray(self.ports[:heated] @ np.linalg.solve(self.K, self.ports.T))
 
     def first(self, count: int) -> MemberMatrices:
         """The member in the first functions alone."""
@@ -210,13 +205,11 @@ class Member:
 
     row [shape (p,)]
     modes: its certified reduction.
-    static [shape (unknowns, ports)]: fields at s = 0, of unit energy.
     fields [shape (unknowns, m)]: orthogonal combinations of the fields at all shifts, their energies decreasing.
     """
 
     row: Array
     modes: MemberModes
-    static: Array
     fields: Array
 
 
@@ -226,7 +219,7 @@ def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: floa
     rate, beta = found.projection.rate, found.projection.ports  # (k,), (k, ports)
     slow = min(rate[0], FASTEST / 10)
     real = np.append(0.0, np.geomspace(slow, FASTEST, int(PER_DECADE * np.log10(FASTEST / slow))))
-    weights, scale = [], found.projection.gain.diagonal()
+    weights = []
     for p in range(len(ports)):
         for s in (*real, *(1j * real[1:])):
             y = beta[:, p] / (rate + s)
@@ -236,8 +229,7 @@ def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: floa
     u, s, _ = np.linalg.svd(np.sqrt(rate)[:, None] * W, full_matrices=False)
     kept = s**2 > 1e-5 * tolerance  # 1e-5 of the tolerance: energy of a mode of the snapshots that is left out
     fields = found.basis @ (u[:, kept] * s[kept] / np.sqrt(rate)[:, None])
-    static = found.basis @ (beta / rate[:, None] / np.sqrt(scale))
-    return Member(row, modes, static, fields)
+    return Member(row, modes, fields)
 
 
 def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
@@ -297,8 +289,8 @@ class Solver:
         """
         content = f"{self.key} {function.__name__} {shared}".encode()
         keys = [digest(content + np.ascontiguousarray(mark).tobytes())[:24] for mark in marks]
-        there = self.store.intact(keys) if self.store else set()
-        kept = [_member(self.store.path(key)) if self.store and key in there else None for key in keys]
+        stored = [self.store.read(key) if self.store else None for key in keys]
+        kept = [None if raw is None else _member(raw) for raw in stored]
         left = [k for k, one in enumerate(kept) if one is None]
         futures: list[Future[Any]] = []
         reason = ""
@@ -335,12 +327,12 @@ def _packed(found: Any) -> bytes:
     modes = found if isinstance(found, MemberModes) else found.modes
     arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
     if isinstance(found, Member):
-        arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
+        arrays |= {"row": found.row, "fields": found.fields}
     return pack(arrays, deflated=False)
 
 
-def _member(path: Path) -> Member | MemberModes:
+def _member(raw: bytes) -> Member | MemberModes:
     """The member of an archive."""
-    arrays = unpack(read_bytes(path, "member"))
+    arrays = unpack(raw)
     modes = MemberModes(arrays["tau"], arrays["ports"])
-    return Member(arrays["row"], modes, arrays["static"], arrays["fields"]) if "row" in arrays else modes
+    return Member(arrays["row"], modes, arrays["fields"]) if "row" in arrays else modes

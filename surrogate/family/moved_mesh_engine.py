@@ -45,8 +45,8 @@ class MovedMeshEngine:
             moved = replace(self.mesh, points=self._motion.moved(geometry))
         return on_mesh(geometry, moved, self.accuracy)
 
-    def project(self, V: Array, ports: tuple[str, ...], statics: int) -> MovedMeshMembers:
-        """Members in the functions V, shape (unknowns, N); all of them hold the static fields."""
+    def project(self, V: Array, ports: tuple[str, ...]) -> MovedMeshMembers:
+        """Members in the functions V, shape (unknowns, N)."""
         return MovedMeshMembers(self, V, ports)
 
 

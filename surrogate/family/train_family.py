@@ -1,15 +1,14 @@
 """Train a family from a campaign: choose the engine, solve members, and test it on members it has not seen.
 
-Members are solved where the error is largest until new ones are predicted well enough. Every batch is predicted before
-it is added, so its error is a fair test of the functions so far. Between batches, many candidates are looked at with
-all functions and with those of earlier batches alone; where the two differ most, the next members are solved.
+The middle, corners and random members are solved, batch after batch, until new ones are predicted well enough. Every
+batch is predicted before it is added, so its error is a fair test of the functions so far.
 """
 
 import contextlib
 import json
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,10 +42,11 @@ from .members import (
 from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, projected
 from .parameter_box import Box
 
+log = logging.getLogger("thermofem")
+
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
-STATIC = 0.1  # of the tolerance, by which thermal resistances of the first functions may miss those of all
 KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch adds
-CANDIDATES = 128
+LEAST = 0.5, 0.1, 0.01  # the same in the end: the first that holds all members; with more than 0.5 corners are missed
 BATCH = 6
 MOST_BATCHES = 60
 
@@ -63,7 +63,6 @@ class Trainer:
     tolerance: float
     seed: int
     heated: int
-    report: Callable[[str], None]
     solver: Solver
 
     def __post_init__(self) -> None:
@@ -71,7 +70,6 @@ class Trainer:
         self.X = self.engine.reference.discretization.K
         self.V = np.empty((self.engine.reference.unknowns, 0))
         self.members: list[Member] = []
-        self.earlier = 0  # functions before the last batch
 
     def run(self) -> Members:
         """Train until a batch is predicted to `SHARE` of the tolerance."""
@@ -84,14 +82,20 @@ class Trainer:
                     here = projected(self.engine.heat(member.row), self.V, self.ports).modes()
                     errors.append(difference(here, member.modes, self.heated))
                 self.members.append(member)
-            self.report(f"{len(self.members)} members solved, {self.V.shape[1]} functions")
+            log.info("%d members solved, %d functions", len(self.members), self.V.shape[1])
             if errors and max(errors) <= SHARE * self.tolerance:
                 break
-            self.earlier = self.V.shape[1]
             fields = np.hstack([member.fields for member in new])
             self.V = extend_basis(self.V, self.X, fields, KEPT * self.tolerance)
-            rows = self._next(number)
-        return self._finish()
+            rows = self.box.draw(BATCH, self.seed + 1 + number)
+        fields = np.hstack([member.fields for member in self.members])  # at once: fewer functions than batch by batch
+        for least in LEAST:
+            basis = extend_basis(self.V[:, :0], self.X, fields, least * self.tolerance)
+            found: Members = self.engine.project(basis, self.ports)
+            off = (difference(found.member(one.row).modes(), one.modes, self.heated) for one in self.members)
+            if all(error <= SHARE * self.tolerance for error in off):
+                break
+        return found
 
     def _solved(self, rows: Array) -> list[Member]:
         """Members on the reference mesh; those that fail are left out."""
@@ -104,69 +108,6 @@ class Trainer:
         """The middle, some corners and points inside."""
         return np.vstack([self.box.middle[None], self.box.corners(2 * BATCH), self.box.draw(BATCH, self.seed)])
 
-    def _next(self, number: int) -> Array:
-        """Members where all functions and the earlier ones differ most, and some drawn at random."""
-        random = self.box.draw(BATCH, self.seed + 1 + number)
-        if isinstance(self.engine, MovedMeshEngine) or not self.earlier:
-            return random
-        terms = self.engine.project(self.V, self.ports, 0)
-        inside = self.box.draw(CANDIDATES, self.seed + 1000 + number)
-        candidates = np.vstack([inside, self.box.corners(CANDIDATES // 4)])
-        gaps = []
-        for row in candidates:
-            small = terms.member(row)
-            gaps.append(difference(small.first(self.earlier).modes(), small.modes(), self.heated))
-        span = self.box.high - self.box.low
-        picked: list[int] = []
-        for k in np.argsort(gaps)[::-1]:  # apart from each other
-            if all(np.abs((candidates[k] - candidates[m]) / span).max() > 0.2 for m in picked):
-                picked.append(int(k))
-            if len(picked) == BATCH // 2:
-                break
-        return np.vstack([candidates[picked], random[: BATCH - len(picked)]])
-
-    def _finish(self) -> Members:
-        """The fewest functions that hold all members, those of the static fields first."""
-        none = np.empty((len(self.V), 0))
-        static = extend_basis(none, self.X, np.hstack([m.static for m in self.members]), 0.02 * KEPT * self.tolerance)
-        fields = np.hstack([member.fields for member in self.members])
-        basis, statics = extend_basis(static, self.X, fields, KEPT * self.tolerance), static.shape[1]
-        terms = self.engine.project(basis, self.ports, statics)
-        if isinstance(terms, MovedMeshMembers):
-            return terms
-        small = [terms.member(member.row) for member in self.members]
-
-        def holds_all(count: int) -> bool:
-            """Whether so many functions keep the error of all members below `SHARE` of the tolerance."""
-            pairs = zip(small, self.members, strict=True)
-            off = (difference(one.first(count).modes(), m.modes, self.heated) for one, m in pairs)
-            return all(error <= SHARE * self.tolerance for error in off)
-
-        count = _smallest(statics, terms.size, holds_all)
-        # The static fields of the members span those of other members less well than all their fields do: looked at
-        # where no member was solved, and at the corners.
-        rows = np.vstack([self.box.draw(CANDIDATES, self.seed + 2000), self.box.corners(CANDIDATES)])
-        looked = [terms.member(row).first(count) for row in rows]
-        gains = [one.resistances(self.heated) for one in looked]
-
-        def holds_static(fewer: int) -> bool:
-            """Whether so many functions have the thermal resistances of ``count`` of them, up to `STATIC`."""
-            pairs = zip(looked, gains, strict=True)
-            off = (np.abs(one.first(fewer).resistances(self.heated) / R - 1).max() for one, R in pairs)
-            return all(error <= STATIC * self.tolerance for error in off)
-
-        return terms.first(count, _smallest(statics - 1, count, holds_static))
-
-
-def _smallest(low: int, high: int, enough: Callable[[int], bool]) -> int:
-    """Smallest count above ``low`` that is enough, by bisection; ``high`` is taken to be."""
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if enough(middle) else (middle, high)
-    return high
-
-
-log = logging.getLogger("thermofem")
 
 NOTHING = 1e-9  # relative change of a response over the range of a parameter that does nothing
 SAFETY = 1.5  # on floor and factor of the predicted error
@@ -178,7 +119,6 @@ def train_family(
     *,
     seed: int = 0,
     held_out: int = 8,  # 8 members
-    report: Callable[[str], None] | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
     power: float | None = None,
@@ -195,8 +135,6 @@ def train_family(
         of the members that are solved.
     held_out : int
         random members, never trained on, whose own finer meshes give ``family.error``.
-    report : callable
-        gets a line of text after every batch of members.
     executor : Executor
         anything that keeps the contract of `concurrent.futures`; default this process alone.
     folder : str or Path
@@ -224,7 +162,6 @@ def train_family(
     )
     held_out, seed = checks.integer("held_out", held_out, 1, 1000), checks.seed(seed)
     box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
-    report = (lambda line: None) if report is None else report
     inputs, outputs = _channels(box)
     ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
     key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"
@@ -232,9 +169,9 @@ def train_family(
     solver = Solver(key, executor, store)
     with store.opened() if store else contextlib.nullcontext():
         rows, fine_members = _held_out(box, held_out, seed, ports, tolerance, solver)
-        report(f"{len(fine_members)} held-out members solved")
+        log.info("%d held-out members solved", len(fine_members))
         engine, references = _engine(box, ports, heated, tolerance, rows, fine_members)
-        trainer = Trainer(engine, ports, tolerance, seed, heated, report, solver)
+        trainer = Trainer(engine, ports, tolerance, seed, heated, solver)
         members = trainer.run()
     small = [members.member(row) for row in rows]
     modes = [one.modes() for one in small]
@@ -257,7 +194,6 @@ def train_family(
     )
     passing = replace(solver, store=None)
     if power is not None:
-        report("members with conductivities that depend on temperature")
         channel = inputs[0], inputs[0] if inputs[0] in outputs else outputs[0]
 
         def linear(row: Array) -> Any:
@@ -268,7 +204,6 @@ def train_family(
     elif engine.reference.nonlinear:
         log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
     if box.base.light is not None:
-        report("modes and couplers")
         family = replace(family, optics=train_optics(box, seed, passing))
     for name in _without_effect(box, members, heated):
         if family.optics is None or not family.optics.moves(box.names.index(name)):

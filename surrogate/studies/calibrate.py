@@ -1,5 +1,6 @@
 """Calibration: geometry and materials from measured thermal traces, on a family of models."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -16,6 +17,8 @@ from thermofem.models.contract import warn_beyond
 from ..family import Certified, Family
 from ..fitting.pole_projection import noise_along
 from .inverse_search import family_over, inside
+
+log = logging.getLogger("thermofem")
 
 BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
 NOISE = 1e-15, 1e6  # K, of a sample
@@ -114,7 +117,8 @@ def calibrate(
     ranges = family.ranges | {name: inside(family, name, ends) for name, ends in (free or {}).items()}
     low, high = np.array(list(ranges.values())).T
     responses = responses_of(data)
-    _check_channel(family, data)
+    channel = family.channel()
+    _check_channel(family, channel, data)
     warn_of(responses)
     measured = np.concatenate([response.rise for response in responses])
     checks.enough("data", measured.size, len(low) + 1)
@@ -129,7 +133,7 @@ def calibrate(
 
     def jacobian(x: Array) -> Array:
         row, model = span.at(x), family.at(values_of(x))
-        modal = family.modal_derivative(row)
+        modal = family.modal_derivative(row, channel)
         each = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
         if isinstance(model, OutputMap) and family.output_maps is not None:  # dT = z + a z^2
             z = np.concatenate([_rise(model.linear, d) for d in responses])
@@ -157,7 +161,7 @@ def calibrate(
         residual=float(np.sqrt(np.mean((left * scale) ** 2))),
         reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
         correlation=float(np.mean(left[1:] * left[:-1]) / max(np.mean(left**2), 1e-300)),
-        unseen=(*unseen, *family._doubts(span.at(x))),
+        unseen=(*unseen, *family.doubts(span.at(x), channel)),
         active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
         certified=family.certify(**found),
         family=family,
@@ -172,15 +176,16 @@ def _rise(model: Foster | OutputMap, response: Response) -> Array:
     return pole_responses(rate, response.wave, response.times, periodic=response.periodic) @ model.gain
 
 
-def _check_channel(family: Family, data: Any) -> None:
-    """InputError where data were heated or read in another part than the members are.
+def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
+    """InputError where data were heated or read in another part than the members are; a warning for two geometries.
 
     A table that was read names its column alone, which is a part only where the geometry has one of that name.
     """
-    a, b = family._channel(None, None)
-    parts = family.box.base.region_names
-    for one in map(at_probe, data if isinstance(data, list | tuple) else [data]):
-        for what, port in (("heated", a), ("read", b)):
+    every, parts = data if isinstance(data, list | tuple) else [data], family.box.base.region_names
+    if len({one.attrs["geometry"] for one in every if "geometry" in one.attrs}) > 1:
+        log.warning("data were solved for different geometries, and one set of parameters is fitted to all of them")
+    for one in map(at_probe, every):
+        for what, port in zip(("heated", "read"), channel, strict=True):
             given, wanted = str(one.attrs.get(what) or family.ports[port]), family.ports[port]
             if given != wanted and ("heated" in one.attrs or given in parts):
                 raise checks.InputError(

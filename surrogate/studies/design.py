@@ -1,10 +1,8 @@
 """Design: the member of a family with wanted properties, and members that no other beats in all of them at once."""
 
-import contextlib
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,14 +11,14 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..family import Certified, Family
-from .inverse_search import QUANTITIES, Follows, Quantity, Ranges, Search, family_over, search_of, wanted_of
+from .inverse_search import LACKING, QUANTITIES, Follows, Quantity, Ranges, Search, family_over, search_of, wanted_of
 
 CANDIDATES = 64  # members looked at before the search; the best of them begins it
 REACHED = 2e-3  # relative misfit of every target below which it counts as reached
 ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an active constraint
 STEP = 1e-4  # of a range, of the differences behind the search
-POPULATION, GENERATIONS = 40, 25
-NONE = 1e30  # objective of a member without the property
+NEAR = 1e-3  # relative misfit that weighs as much as a whole range of distance from the nominal member
+LOOKED_AT = 1024  # members, for the front
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +41,8 @@ class Design:
     message : str
     family : Family
     front : xarray.Dataset or None
-        the Pareto front, see `surrogate.studies.design.pareto_front`, where several targets are not reached at once.
+        where several targets are not reached at once: over "member", quantities and parameters of those of 1024 that
+        no other one beats in all targets.
     """
 
     values: dict[str, float]
@@ -98,14 +97,13 @@ def design(
     tolerance : float
         of a family that is trained here.
     executor : concurrent.futures.Executor
-        of the training and of the candidates that the search begins from.
+        of the training, and of the members that the search begins from and the front is made of.
     seed : int
 
     Returns
     -------
     Design
-        the nearest member where none reaches the target; ``message`` says so, and ``front`` holds the Pareto front
-        where there are several targets and pymoo is installed.
+        the nearest member where none reaches the target; ``message`` says so.
 
     Raises
     ------
@@ -114,27 +112,23 @@ def design(
         target of a property that is positive, or no member that has the property.
     """
     for name, value in wanted_of(target).items():  # before a family is trained
-        checks.finite("target", value, hint="words are for surrogate.studies.design.pareto_front")
         if name in QUANTITIES:
             checks.positive(f"target {name}", value)
     family = family_over(family, free, tolerance, executor)
     search = search_of(family, free, target, fixed, optics)
-    wanted = {name: float(value) for name, value in search.wanted.items()}
     x = _nearest(search, seed, executor)
     got = search.achieved(x)
     if all(np.isnan(value) for value in got.values()):
         raise checks.InputError(f"no member of the {CANDIDATES} looked at has {search.missing}")
-    reached, front = search.reached(x, REACHED), None
-    if not reached and len(got) > 1:
-        with contextlib.suppress(checks.MissingLibraryError):  # pymoo
-            front = _front(search, GENERATIONS, seed)
+    reached = search.reached(x, REACHED)
+    front = None if reached or len(got) == 1 else _front(search, seed, executor)
     at = [family.names[k] for k, y in zip(search.moving, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE]
     found = search.values(x)
     slopes = _sensitivity(search, found)
     return Design(
         values=found,
         achieved=got,
-        target=wanted,
+        target=search.wanted,
         reached=reached,
         active=tuple(at),
         sensitivity=slopes,
@@ -146,33 +140,25 @@ def design(
 
 
 def _nearest(search: Search, seed: int, executor: Executor | None) -> Array:
-    """Least squares in a unit cube from the nominal member and the best of some candidates."""
+    """The best place in a unit cube.
+
+        min over x of |misfit(x)|^2 + NEAR^2 |x - nominal|^2
+
+    by least squares from the nominal member and the best candidates; the last term picks one of many solutions.
+    """
     from scipy.optimize import least_squares
     from scipy.stats import qmc
 
     starts = qmc.Sobol(len(search.moving), seed=np.random.default_rng(checks.seed(seed))).random(CANDIDATES)
-    costs = np.sum(search.misfits(starts, executor) ** 2, axis=1)
-    found = []
-    for start in (search.nominal, *starts[np.argsort(costs)[:2]]):
-        begin = np.clip(start, 1e-3, 1 - 1e-3)
-        options = {"diff_step": STEP, "xtol": 1e-10, "ftol": 1e-12, "max_nfev": 40}
-        found.append(least_squares(search.misfit, begin, bounds=(0, 1), **options))
-    best = np.asarray(min(found, key=lambda end: float(end.cost)).x)
-    if len(search.wanted) >= len(search.moving) or not search.reached(best, REACHED):
-        return best
-    ends = [np.asarray(end.x) for end in found]
-    return min((_closest(search, end) for end in ends if search.reached(end, REACHED)), key=search.distance)
+    costs, nominal = np.sum(search.misfits(starts, executor) ** 2, axis=1), search.nominal
 
+    def residual(x: Array) -> Array:
+        return np.append(search.misfit(x), NEAR * (x - nominal))
 
-def _closest(search: Search, x: Array) -> Array:
-    """The solution nearest to the nominal member, from one of many."""
-    from scipy.optimize import minimize
-
-    on = {"type": "eq", "fun": search.misfit}
-    options = {"eps": STEP, "ftol": 1e-8, "maxiter": 30}
-    end = minimize(lambda y: search.distance(y) ** 2, x, constraints=on, bounds=[(0, 1)] * len(x), options=options)
-    y = np.clip(end.x, 0, 1)
-    return y if search.reached(y, REACHED / 10) and search.distance(y) < search.distance(x) else x
+    options = {"diff_step": STEP, "xtol": 1e-10, "ftol": 1e-12, "max_nfev": 40, "bounds": (0, 1)}
+    begins = np.clip([nominal, *starts[np.argsort(costs)[:2]]], 1e-3, 1 - 1e-3)
+    ends = [least_squares(residual, begin, **options) for begin in begins]
+    return np.asarray(min(ends, key=lambda end: float(end.cost)).x)
 
 
 def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
@@ -211,87 +197,15 @@ def _message(
     return found
 
 
-def pareto_front(
-    family: Family | CrossSection,
-    free: Ranges | None = None,
-    *,
-    target: Mapping[Quantity, float | str],
-    fixed: Mapping[str, float] | None = None,
-    optics: Follows | None = None,
-    generations: int = GENERATIONS,
-    seed: int = 0,
-) -> xr.Dataset:
-    """Return the Pareto front of several targets, by NSGA-II (pymoo) with 40 members a generation.
+def _front(search: Search, seed: int, executor: Executor | None) -> xr.Dataset | None:
+    """Members of `LOOKED_AT` that no other one beats in all targets at once, by the first quantity."""
+    from scipy.stats import qmc
 
-        objectives:  |quantity/target - 1|,  quantity ("smallest"),  -quantity ("largest")
-
-    Parameters
-    ----------
-    family, free, fixed, optics : as for `design`
-        a geometry is trained to 1e-3.
-    target : dict from quantity to float, "smallest" or "largest"
-        at least two quantities.
-    generations : int
-    seed : int
-
-    Returns
-    -------
-    xarray.Dataset
-        over "member", by the first quantity: every parameter (SI) and every quantity.
-
-    Raises
-    ------
-    InputError
-        fewer than two targets, an unknown word, what `design` refuses, or no member with all properties.
-
-    Source: Deb et al., IEEE Trans. Evol. Comput. 6, 182 (2002).
-    """
-    generations = checks.integer("generations", generations, 1, 10000)
-    checks.enough("target", len(target), 2, "quantities", hint="surrogate.design takes one")
-    for value in wanted_of(target).values():
-        if isinstance(value, str):
-            checks.choice("target", value, ("smallest", "largest"), hint="or give a number")
-    search = search_of(family_over(family, free, 1e-3), free, target, fixed, optics)
-    return _front(search, generations, checks.seed(seed))
-
-
-def _front(search: Search, generations: int, seed: int) -> xr.Dataset:
-    """The result of `pareto_front`; MissingLibraryError without pymoo."""
-    try:
-        from pymoo.algorithms.moo.nsga2 import NSGA2
-        from pymoo.core.problem import ElementwiseProblem
-        from pymoo.optimize import minimize
-    except ImportError:
-        raise checks.MissingLibraryError('a Pareto front needs pymoo; pip install "thermofem[swarm]"') from None
-
-    size, names = len(search.moving), list(search.properties)
-
-    class Members(ElementwiseProblem):
-        def __init__(self) -> None:
-            super().__init__(n_var=size, n_obj=len(names), xl=np.zeros(size), xu=np.ones(size))
-
-        def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
-            out["F"] = _objectives(search, search.achieved(x))
-
-    ended = minimize(Members(), NSGA2(pop_size=POPULATION), ("n_gen", generations), seed=seed)
-    found = [(search.values(x), search.achieved(x)) for x in np.atleast_2d(ended.X)]
-    found = [pair for pair in found if not any(np.isnan(value) for value in pair[1].values())]
-    if not found:
-        raise checks.InputError(f"no member looked at has {search.missing}")
-    found.sort(key=lambda pair: pair[1][names[0]])
-    units = zip(search.family.names, search.family.box.units, strict=True)
-    data: dict[str, Any] = {
-        name: ("member", [values[name] for values, _ in found], {"units": unit, "long_name": name})
-        for name, unit in units
-    }
-    data |= {name: ("member", [got[name] for _, got in found], {"long_name": name}) for name in names}
-    return xr.Dataset(data, attrs={f"target {name}": search.wanted[name] for name in names})
-
-
-def _objectives(search: Search, got: Mapping[str, float]) -> Array:
-    """All of them to be made small; a member that lacks one property is beaten by every member that has all."""
-    if any(np.isnan(value) for value in got.values()):
-        return np.full(len(got), NONE)
-    signs = {"smallest": 1.0, "largest": -1.0}
-    pairs = ((value, search.wanted[name]) for name, value in got.items())
-    return np.array([signs[w] * value if isinstance(w, str) else abs(value / w - 1) for value, w in pairs])
+    points = qmc.Sobol(len(search.moving), seed=np.random.default_rng(seed)).random(LOOKED_AT)
+    off = np.abs(search.misfits(points, executor))
+    beaten = np.array([((off <= one).all(axis=1) & (off < one).any(axis=1)).any() for one in off])
+    kept = points[~beaten & (off < LACKING).all(axis=1)]
+    if not kept.size:
+        return None
+    rows = sorted((search.achieved(x) | search.values(x) for x in kept), key=lambda row: next(iter(row.values())))
+    return xr.Dataset({name: ("member", [row[name] for row in rows]) for name in rows[0]})

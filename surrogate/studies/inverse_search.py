@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from thermofem import Campaign, CrossSection, Foster, OutputMap, checks
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, NDArray
 from thermofem.campaign import Variation
 from thermofem.geometry.parameter_paths import change
 
@@ -18,54 +18,43 @@ from ..family import Family, train_family
 Model = Foster | OutputMap
 
 PIECES = 64  # of many members, one task of an executor each
+LACKING = 1e6  # relative misfit of a member that has no such property, such as a ring that does not pulse
 
 Quantity = str | Callable[..., Any]
-Slope = float | tuple[ArrayLike, ArrayLike]
 
 
 @dataclass(frozen=True)
 class Optics:
     """Dependence of the ring's optical numbers on the parameters of a family.
 
-        change of a number = sum over parameters p of slope_p (p - p_0)   or   table_p(p) - table_p(p_0)
+        change of a number = sum over parameters p of slope_p (p - p_0)
 
     Parameters
     ----------
     slopes : dict from number to dict from parameter to slope
-        d(number)/d(parameter) in SI, ``{"bus_rate": {"width": -1e17}}``; or a table of a mode solver, two arrays with
-        increasing parameters and the number there, between which it is linear.
+        d(number)/d(parameter) in SI, ``{"bus_rate": {"width": -1e17}}``.
     at : dict from parameter to float
         p_0, where the numbers of the ring hold; default the middle of the ranges, the geometric mean of a positive one.
     """
 
-    slopes: Mapping[str, Mapping[str, Slope]]
+    slopes: Mapping[str, Mapping[str, float]]
     at: Mapping[str, float] = field(default_factory=dict)
 
     def check(self, family: Family) -> None:
-        """Raise InputError for a parameter that the family does not have, or a table that is not two arrays."""
+        """Raise InputError for a parameter that the family does not have."""
         for name, value in checks.mapping("optics: at", self.at).items():
             checks.choice("optics: parameter", name, family.names)
             checks.finite(f"optics: at {name}", value)
         for number, each in self.slopes.items():
             for name, slope in each.items():
                 checks.choice(f"optics: slopes of {number}: parameter", name, family.names)
-                if not isinstance(slope, tuple):
-                    checks.finite(f"optics: slope of {number}", slope)
-                    continue
-                x, y = (checks.numbers(f"optics: table of {number}", column) for column in slope)
-                if x.shape != y.shape or not np.all(np.diff(x) > 0):
-                    raise checks.InputError(f"optics: table of {number} must be two arrays of one length, first rising")
+                checks.finite(f"optics: slope of {number}", slope)
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every number at a member."""
-        middle = dict(zip(family.names, family.box.middle, strict=True))
+        start = dict(zip(family.names, family.box.middle.tolist(), strict=True)) | dict(self.at)
         return {
-            number: float(
-                sum(
-                    _change(f"{number} over {name}", slope, self.at.get(name, middle[name]), values[name])
-                    for name, slope in each.items()
-                )
-            )
+            number: sum(slope * (values[name] - start[name]) for name, slope in each.items())
             for number, each in self.slopes.items()
         }
 
@@ -80,17 +69,6 @@ class Follows(Protocol):
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every number at a member."""
         ...
-
-
-def _change(number: str, slope: Slope, start: float, end: float) -> float:
-    """Change of a number from one parameter to another; InputError where a table does not reach."""
-    if not isinstance(slope, tuple):
-        return slope * (end - start)
-    x, y = (np.asarray(column, dtype=float) for column in slope)
-    slack = 1e-9 * (x[-1] - x[0])
-    for at in (start, end):
-        checks.between(f"optics: table of {number}: parameter", at, x[0] - slack, x[-1] + slack)
-    return float(np.interp(end, x, y) - np.interp(start, x, y))
 
 
 def rise_time(model: Model) -> float:
@@ -174,14 +152,14 @@ class Property:
         """The property of many members, on an executor in pieces."""
         if executor is None:
             return [self(values) for values in members]
-        size = max(1, len(members) // PIECES)
-        tasks = [(self, members[k : k + size]) for k in range(0, len(members), size)]
-        found: list[Any] = []
-        for future in [executor.submit(_piece, *task) for task in tasks]:
-            values, reason = future.result()
-            found += values
-            self.reason = reason or self.reason
-        return found
+        found = list(executor.map(self.with_reason, members, chunksize=max(1, len(members) // PIECES)))
+        self.reason = next((reason for _, reason in found[::-1] if reason), self.reason)
+        return [value for value, _ in found]
+
+    def with_reason(self, values: Mapping[str, float]) -> tuple[Any, str]:
+        """The property of a member, and why it has none."""
+        self.reason = ""
+        return self(values), self.reason
 
     def __call__(self, values: Mapping[str, float]) -> Any:
         """The property of the member with these values."""
@@ -196,12 +174,6 @@ class Property:
             return np.nan
 
 
-def _piece(one: Property, members: Sequence[Mapping[str, float]]) -> tuple[list[Any], str]:
-    """The property of some members, in a worker, and why the last one without it has none."""
-    one.reason = ""
-    return [one(values) for values in members], one.reason
-
-
 Ranges = Mapping[str, tuple[float, float]]
 
 
@@ -210,7 +182,6 @@ class Search:
     """Members of a family over a unit cube of the free parameters, and how far each is from the targets.
 
     low, high, held [shape (p,)]: ends of the ranges, equal where a parameter is fixed, and the values of those.
-    wanted ["smallest" or "largest"]
     """
 
     family: Family
@@ -218,7 +189,7 @@ class Search:
     high: Array
     held: Array
     properties: dict[str, Property]
-    wanted: dict[str, float | str]
+    wanted: dict[str, float]
 
     @property
     def moving(self) -> NDArray[np.intp]:
@@ -253,9 +224,8 @@ class Search:
         return np.array([self._misfit(row) for row in zip(*columns, strict=True)])
 
     def _misfit(self, got: Sequence[float]) -> Array:
-        # 1e6: relative misfit of a member that has no such property, such as a ring that does not pulse
-        pairs = zip(got, self.wanted.values(), strict=True)
-        return np.array([1e6 if np.isnan(value) else value / float(wanted) - 1 for value, wanted in pairs])
+        off = np.array(got, dtype=float) / list(self.wanted.values()) - 1
+        return np.where(np.isnan(off), LACKING, off)
 
     def reached(self, x: Array, within: float) -> bool:
         """Whether every target is met."""
@@ -267,15 +237,11 @@ class Search:
         k, own = self.moving, np.array(list(self.family.box.nominal.values()))
         return np.asarray(np.clip((own - self.low)[k] / (self.high - self.low)[k], 0, 1))
 
-    def distance(self, x: Array) -> float:
-        """Distance from the nominal member in units of the ranges."""
-        return float(np.linalg.norm(x - self.nominal))
-
 
 def search_of(
     family: Family,
     free: Ranges | None,
-    target: Mapping[Quantity, Any],
+    target: Mapping[Quantity, float],
     fixed: Mapping[str, float] | None,
     optics: Follows | None,
 ) -> Search:
@@ -297,13 +263,12 @@ def search_of(
     return Search(family, low, high, held, properties, wanted_of(target))
 
 
-def wanted_of(target: Mapping[Quantity, Any]) -> dict[str, float | str]:
+def wanted_of(target: Mapping[Quantity, float]) -> dict[str, float]:
     """Targets by the name of their quantity; InputError for what is none."""
     checks.unique("target", list(map(word, target)), hint="name the functions")
-    wanted = {word(quantity): value for quantity, value in target.items()}
-    for name, value in wanted.items():
-        if not isinstance(value, str) and checks.finite(f"target {name}", value) == 0:
-            raise checks.InputError("a target of 0 has no relative misfit; give another value")
+    wanted = {word(quantity): checks.finite(f"target {word(quantity)}", value) for quantity, value in target.items()}
+    if 0 in wanted.values():
+        raise checks.InputError("a target of 0 has no relative misfit; give another value")
     return wanted
 
 

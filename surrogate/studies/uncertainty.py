@@ -57,8 +57,8 @@ def uncertainty(
     optics : Optics or coupled.ring_family.MovingRing
         how the optics follow the geometry; functions then take a second argument, the dict of changes.
     interpolate : int
-        compute the property for this number of members only and interpolate between them (scikit-learn); for a
-        property that takes long.
+        compute the property for this number of members only and interpolate between them, by a polynomial;
+        for a property that takes long.
     executor : concurrent.futures.Executor
         where members are worked out, such as that of a Dask client; the quantity must then be one that it can pickle.
     seed : int
@@ -69,8 +69,8 @@ def uncertainty(
         over "parameter": first_order and total_order with their 95 % intervals (``_low``, ``_high``, by bootstrap), and
         per_deviation, half the change from 16 to 84 % of one parameter; with ``optics`` also per_deviation_heat, with
         the optics at rest; over "sample": ``value``. Attributes: mean, standard_deviation, quantile_05, quantile_50,
-        quantile_95, missing (share of members without the property), and with ``interpolate`` interpolation_error (rms)
-        and interpolation_worst, relative, over held-out members. Of a map: mean (of Booleans the probability),
+        quantile_95, missing (share of members without the property), and with ``interpolate`` interpolation_error
+        (rms, relative, over held-out members). Of a map: mean (of Booleans the probability),
         standard_deviation, first_order and total_order at every point (nan where nothing varies). Without ``optics``
         it is the thermal part alone.
 
@@ -90,8 +90,8 @@ def uncertainty(
     if interpolate is not None:
         tails = np.tile([TAIL, 1 - TAIL], (len(distributions), 1))
         span = np.clip(study.quantiles(tails), *(ends[:, None] for ends in study.box))
-        values, rms, worst = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
-        attrs |= {"interpolate": interpolate, "interpolation_error": rms, "interpolation_worst": worst}
+        values, rms = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
+        attrs |= {"interpolate": interpolate, "interpolation_error": rms}
     found: list[Any] = []
     for x in study.sets(samples, seed):
         found.extend(values(x))

@@ -227,10 +227,7 @@ def test_the_probability_of_a_map_is_the_share_of_the_members(family):
 
 
 def test_optics_follow_the_geometry(family):
-    optics = surrogate.Optics(
-        {"bus_rate": {"width": 2e17}, "loss_rate": {"width": ([400e-9, 500e-9, 600e-9], [1e9, 2e9, 5e9])}},
-        at={"width": 500e-9},
-    )
+    optics = surrogate.Optics({"bus_rate": {"width": 2e17}, "loss_rate": {"width": 3e16}}, at={"width": 500e-9})
     changes = optics.changes(family, {"radius": 7e-6, "width": 550e-9, "box": 2e-6})
     assert changes == pytest.approx({"bus_rate": 1e10, "loss_rate": 1.5e9})
 
@@ -244,16 +241,8 @@ def test_optics_follow_the_geometry(family):
         surrogate.uncertainty(
             family, {"box": stats.norm(2e-6, 1e-9)}, rate, optics=surrogate.Optics({"a": {"widht": 1.0}})
         )
-    for optics, words in (
-        (surrogate.Optics({"a": {"width": ([1.0, 0.0], [1.0, 2.0])}}), "two arrays of one length"),
-        (surrogate.Optics({"a": {"width": ("a", "b")}}), "table of a"),
-        (surrogate.Optics({}, at={"width": "500 nm"}), "at width = '500 nm' is not a number"),
-    ):
-        with pytest.raises(th.InputError, match=words):
-            optics.check(family)
-    short = surrogate.Optics({"a": {"width": ([450e-9, 550e-9], [1e9, 2e9])}})
-    with pytest.raises(th.InputError, match=r"a over width: parameter = 6e-07 must lie between 4\.5e-07"):
-        short.changes(family, {"radius": 7e-6, "width": 600e-9, "box": 2e-6})
+    with pytest.raises(th.InputError, match="at width = '500 nm' is not a number"):
+        surrogate.Optics({}, at={"width": "500 nm"}).check(family)
 
 
 def test_an_interpolated_property_states_its_error(family):
@@ -276,32 +265,17 @@ def test_an_interpolated_property_states_its_error(family):
         surrogate.uncertainty(family, spread, none, samples=256, interpolate=40)
 
 
-def test_no_member_beats_the_pareto_front(family):
-    front = surrogate.studies.design.pareto_front(
-        family, target={"thermal_resistance": "smallest", "rise_time": "smallest"}, generations=8
-    )
-    R, t = front["thermal_resistance"].values, front["rise_time"].values
-    assert np.all(np.diff(R) >= 0)
-    assert np.all(np.diff(t) <= 0)  # less of one is more of the other
-    for row in family.box.draw(64, seed=3):
-        model = family.at(dict(zip(family.names, map(float, row), strict=True)))
-        rise = surrogate.studies.inverse_search.rise_time(model)
-        assert not np.any((model.thermal_resistance < 0.97 * R) & (rise < 0.97 * t))
-
-
 @pytest.mark.slow
 def test_targets_that_exclude_each_other_come_with_a_front(family):
     found = surrogate.design(
         family, {"box": (1e-6, 3e-6)}, target={"thermal_resistance": 6e3, "rise_time": 1e-5}, fixed={"radius": 8e-6}
     )
     assert not found.reached
-    assert found.front.sizes["member"] > 3
-    with pytest.raises(th.InputError, match="words are for"):
-        surrogate.design(family, target={"rise_time": "smallest"})
-    with pytest.raises(th.InputError, match="target has 1 quantities"):
-        surrogate.studies.design.pareto_front(family, target={"rise_time": "smallest"})
-    with pytest.raises(th.InputError, match="did you mean 'smallest'"):
-        surrogate.studies.design.pareto_front(family, target={"rise_time": "smalest", "thermal_resistance": 1e4})
+    front = found.front.sortby("thermal_resistance")
+    assert front.sizes["member"] > 3
+    misfits = abs(front.thermal_resistance / 6e3 - 1), abs(front.rise_time / 1e-5 - 1)
+    order = np.argsort(misfits[0].values)
+    assert np.all(np.diff(misfits[1].values[order]) < 0)  # less of one is more of the other
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -326,7 +300,6 @@ def test_a_parameter_of_one_value_is_interpolated_over(family):
     spread = {"width": Drawn(lambda q: np.full(np.shape(q), 470e-9)), "box": stats.norm(2e-6, 40e-9)}
     kept = {"samples": 64, "fixed": {"radius": 7e-6}}
     exact, found = (surrogate.uncertainty(family, spread, **kept, **more).attrs for more in ({}, {"interpolate": 40}))
-    # 5e-4 of the spread is what the Gaussian process may leave of a smooth curve, see `interpolate_members`
     assert found["mean"] == pytest.approx(exact["mean"], abs=1e-2 * exact["standard_deviation"])
 
 
@@ -370,17 +343,6 @@ def test_a_family_and_a_held_one_are_what_identify_takes(family):
     assert model.thermal_resistance == pytest.approx(held.at(there).thermal_resistance, rel=1e-9)
     with pytest.raises(th.InputError, match="radius = 1e-05 must lie between 5e-06 and 9e-06"):
         family.held(radius=1e-5)
-
-
-def test_a_front_holds_what_is_far_from_its_target(family):
-    """Misfits above 10 counted as equal: one member was left of the front."""
-    target = {"thermal_resistance": 300.0, "rise_time": "largest"}
-    near = surrogate.studies.design.pareto_front(family, target=target, generations=8)
-    small = surrogate.studies.design.pareto_front(
-        family, target=target | {"thermal_resistance": "smallest"}, generations=8
-    )
-    assert near.sizes["member"] > 20
-    assert float(near.thermal_resistance.min()) == pytest.approx(float(small.thermal_resistance.min()), rel=0.02)
 
 
 def test_a_property_far_from_its_target_is_nearer_than_none(family):
