@@ -207,7 +207,7 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
     if isinstance(value, str) and value in known:
         return value
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)
-    guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+    guess = f"did you mean {near[0]!r}{'' if hint else '?'}" if near else f"known: {', '.join(known)}"
     raise InputError(f"{name} = {shown(value)} is unknown; {guess}", hint)
 
 

@@ -146,13 +146,6 @@ def in_volts(assumed: Any) -> bool:
     return isinstance(assumed, list) and any("1 V counts as 1 K" in str(line) for line in assumed)
 
 
-def channel_of(picked: str | None, heated: str | None, read: str | None) -> tuple[str | None, str | None]:
-    """The heated and the read part: both --channel, or --heated and --read."""
-    if picked and (heated or read):
-        raise InputError(f"--channel {picked} names both parts; give it without --heated and --read")
-    return (picked, picked) if picked else (heated, read)
-
-
 def model_of(
     path: Path, heated: str | None = None, read: str | None = None, heaters: Iterable[str] = ()
 ) -> tuple[ThermalModel, dict[str, Any]]:
@@ -172,7 +165,6 @@ def model_of(
         first, other = shlex.quote(model.inputs[0]), shlex.quote(f"{model.inputs[-1]}=5 mW")
         raise InputError(
             f"{path} has several parts (inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}): pick "
-            f"the one that the light heats with --channel {first} (or --heated and --read), and give others "
-            f"power with --heater {other}"
+            f"the one that the light heats with --heated {first}, and give others power with --heater {other}"
         )
     return model, {"heated": heated, "read": read}

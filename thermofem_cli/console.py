@@ -22,7 +22,6 @@ from rich.text import Text
 from thermofem.data import files, quantity
 from thermofem.errors import one_line
 
-PASSES = 7  # of `solve_periodic` over the period, six to eight as a rule: scale of its bar
 LINE = 20_000  # characters of a line of output, such as the equations of a network
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -100,17 +99,13 @@ def bar(what: str) -> Iterator[Callable[..., None]]:
 
 
 @contextlib.contextmanager
-def time_bar(what: str, duration: float, *, periodic: bool = False) -> Iterator[Callable[[float], None]]:
-    """Yield ``progress(time)`` of a run of ``duration`` in s, or of a period that is integrated several times."""
+def time_bar(what: str, duration: float) -> Iterator[Callable[[float], None]]:
+    """Yield ``progress(time)`` of a run of ``duration`` in s."""
     unit, size = ("ms", 1e-3) if duration >= 1e-3 else ("us", 1e-6)
     with bar(what) as progress:
 
         def at(time: float) -> None:
-            if periodic:
-                words = f"pass {1 + int(time / duration * (1 - 1e-9))} of {PASSES} or so"
-            else:
-                words = f"{time / size:.3g} of {duration / size:.3g} {unit}"
-            progress(time, duration * (PASSES if periodic else 1), words)
+            progress(time, duration, f"{time / size:.3g} of {duration / size:.3g} {unit}")
 
         yield at
 

@@ -1,15 +1,14 @@
 """``thermofem design`` and ``uncertainty``: the ring of a family that fits, and tolerances of its fabrication.
 
-A quantity of --period, --swing, --range or --map is a function of a thermal model and, where the optics depend on the
-geometry, of changes of optical numbers.
+The quantity of --period or --map is a function of a thermal model and, where the optics depend on the geometry, of
+changes of optical numbers.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from scipy import stats
 
@@ -19,8 +18,7 @@ import thermofem as th
 from coupled import RingResonator
 from coupled.ring_family import MovingRing, ring_at
 from coupled.thermal import check_geometry
-from coupled.unknowns import number_of, optical_names, varied
-from surrogate import Optics
+from coupled.unknowns import number_of, varied
 from surrogate.family import Family
 from thermofem import checks
 from thermofem.data import quantity
@@ -33,8 +31,6 @@ from .drive_texts import assigned, detuning_of, grid, reading
 
 Change = Mapping[str, float]
 
-DETUNINGS = -60e9, 100e9, 161  # first and last in Hz, and number, over which the range of self-pulsing is looked for
-
 
 def design(
     context: typer.Context,
@@ -42,49 +38,34 @@ def design(
     resistance: Annotated[str | None, typer.Option(help="Thermal resistance, e.g. '9000 K/W'.")] = None,
     rise_time: Annotated[str | None, typer.Option(help="10 to 90 % after a step, e.g. '2 us'.")] = None,
     period: Annotated[str | None, typer.Option(help="Settled period of self-pulsing, e.g. '900 ns'.")] = None,
-    swing: Annotated[str | None, typer.Option(help="Temperature swing of the settled cycle, e.g. '6 K'.")] = None,
-    range_: Annotated[
-        str | None, typer.Option("--range", help="Range of self-pulsing in detuning at --power, e.g. '30 GHz'.")
-    ] = None,
     fix: options.Fix = None,
-    optics: options.Optics = None,
-    ring: options.FamilyRing = options.REFERENCE_RING,
-    power: options.FamilyPower = "8 dBm",
-    detuning: options.FamilyDetuning = "0 GHz",
+    ring: options.Ring = options.REFERENCE_RING,
+    power: options.Power = "8 dBm",
+    detuning: options.Detuning = "0 GHz",
     workers: options.Processes = 1,
     scheduler: options.Scheduler = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
-    if not (period or swing or range_):
-        options.unused(context, "goes with --period, --swing or --range", "power", "detuning", "optics", "ring")
+    if not period:
+        options.unused(context, "goes with --period", "power", "detuning", "ring")
     found = surrogate.load_family(file)
-    drive: tuple[Any, ...] = ()
+    target: dict[Any, float] = {}
     moving: Any = None
-    if period or swing or range_:
-        resonator = ring_for(found, ring)
-        drive = resonator, quantity.parse(power, "W", name="--power"), detuning_of(detuning, resonator)
-        moving = optics_of(found, optics, resonator)
-    asked: list[tuple[str, str | None, str, Callable[[], Any]]] = [
-        ("--resistance", resistance, "K/W", lambda: "thermal_resistance"),
-        ("--rise-time", rise_time, "s", lambda: "rise_time"),
-        ("--period", period, "s", lambda: Settled("period", *drive)),
-        ("--swing", swing, "K", lambda: Settled("swing", *drive)),
-        ("--range", range_, "Hz", lambda: PulsingRange(*drive[:2])),
-    ]
-    target, units = {}, units_of(found)
-    for option, text, unit, make in asked:
-        if text is not None:  # a swing is a difference of temperatures
-            rise = unit == "K"
-            value = quantity.positive_rise(text, name=option) if rise else quantity.positive(text, unit, name=option)
-            target[make()] = value
+    if resistance:
+        target["thermal_resistance"] = quantity.positive(resistance, "K/W", name="--resistance")
+    if rise_time:
+        target["rise_time"] = quantity.positive(rise_time, "s", name="--rise-time")
+    if period:
+        settled, moving = settled_of(found, ring, power, detuning)
+        target[settled] = quantity.positive(period, "s", name="--period")
     if not target:
-        raise InputError("nothing is wanted; add --resistance, --rise-time, --period, --swing or --range")
+        raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
     fixed = fixed_of(found, fix)
     settings: dict[str, Any] = {"fixed": fixed, "optics": moving, "seed": seed}
     with options.executor_of(context, scheduler, workers) as executor, working("searching"):
         result = surrogate.design(found, target=target, executor=executor, **settings)
-    units |= dict(zip(result.achieved, (unit for _, text, unit, _ in asked if text), strict=True))
+    units = {**units_of(found), **dict.fromkeys(result.achieved, "s"), "thermal_resistance": "K/W"}
     say("reached" if result.reached else "no member that was looked at does that; the nearest one:")
     for name, wanted in zip(result.achieved, target.values(), strict=True):
         say(f"{name} = {written(result.achieved[name], units[name])}, wanted {written(wanted, units[name])}")
@@ -138,10 +119,9 @@ def uncertainty(
     interpolate: Annotated[
         int | None, typer.Option(help="Compute this number of members only and interpolate.")
     ] = None,
-    optics: options.Optics = None,
-    ring: options.FamilyRing = options.REFERENCE_RING,
-    power: options.FamilyPower = "8 dBm",
-    detuning: options.FamilyDetuning = "0 GHz",
+    ring: options.Ring = options.REFERENCE_RING,
+    power: options.Power = "8 dBm",
+    detuning: options.Detuning = "0 GHz",
     workers: options.Processes = 1,
     scheduler: options.Scheduler = None,
     seed: options.Seed = 0,
@@ -153,20 +133,17 @@ def uncertainty(
     """
     options.unused(context, *(("and --map exclude each other", "period") if map_ else ("goes with --map", "points")))
     if not (map_ or period):
-        options.unused(context, "goes with --period or --map", "power", "detuning", "optics", "ring")
+        options.unused(context, "goes with --period or --map", "power", "detuning", "ring")
     check_outputs([map_], inputs=[file, ring])
     found = surrogate.load_family(file)
     spreads, fixed = spreads_of(found, spread), fixed_of(found, fix)
     what: Any = "thermal_resistance"
-    slopes = None
-    if map_ or period:
+    moving = None
+    if map_:
         resonator = ring_for(found, ring)
-        if map_:
-            what = Pulsing(resonator, *grid(resonator, power, detuning, points))
-        else:
-            watts = quantity.parse(power, "W", name="--power")
-            what = Settled("period", resonator, watts, detuning_of(detuning, resonator))
-        slopes = optics_of(found, optics, resonator)
+        what, moving = Pulsing(resonator, *grid(resonator, power, detuning, points)), optics_of(found, resonator)
+    elif period:
+        what, moving = settled_of(found, ring, power, detuning)
     held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads} | fixed
     if held:
         units = units_of(found)
@@ -175,7 +152,7 @@ def uncertainty(
     if period and interpolate is None:
         count = samples * (len(spreads) + 2)
         note(f"{count} settled cycles, some minutes; with --interpolate 150 only 150, interpolated, some seconds")
-    settings: dict[str, Any] = {"samples": samples, "fixed": fixed, "optics": slopes, "seed": seed}
+    settings: dict[str, Any] = {"samples": samples, "fixed": fixed, "optics": moving, "seed": seed}
     with options.executor_of(context, scheduler, workers) as executor, working("sampling"):
         data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, executor=executor, **settings)
     if map_:
@@ -253,33 +230,19 @@ def ring_for(family: Family, given: str) -> RingResonator:
     return found
 
 
-def optics_of(family: Family, given: Sequence[str] | None, ring: RingResonator) -> Optics | MovingRing | None:
-    """How the ring follows the geometry: --optics 'bus_rate/width=-1e17', or what the family knows of its light.
-
-    Slopes are d(optical number)/d(parameter) in SI; 'detuning' is a number, too.
-    """
-    if not given and family.optics is not None:
-        moving = MovingRing(family, ring)
-        at = ", ".join(f"{name} = {written(value, units_of(family)[name])}" for name, value in moving.at.items())
-        buses = "" if "kappa 0" in family.optics.names else "; no [[bus]]: kappa^2 stands still"
-        note(f"the optics move with the geometry, from the ring as it is at {at}{buses}")
-        return moving
-    if not given:
+def optics_of(family: Family, ring: RingResonator) -> MovingRing | None:
+    """How the ring follows the geometry: what the family knows of its light."""
+    if family.optics is None:
         note(
             "the optics stand still, this is the thermal part alone; [light] and [[bus]] in the geometry of the "
-            "family, or --optics, move them"
+            "family move them"
         )
         return None
-    slopes: dict[str, dict[str, float]] = {}
-    known = {*optical_names(ring), "detuning"}
-    for left, value in assigned("--optics", given, "bus_rate/width=-1e17").items():
-        with reading(f"--optics '{left}={value}'", "NUMBER/PARAMETER=SLOPE"):
-            number, parameter = (part.strip() for part in left.split("/"))
-        slope = quantity.parse(value, "", name=f"--optics {left}")
-        slopes.setdefault(checks.choice("--optics: number", number, known), {})[parameter] = slope
-    found = surrogate.Optics(slopes)
-    found.check(family)
-    return found
+    moving = MovingRing(family, ring)
+    at = ", ".join(f"{name} = {written(value, units_of(family)[name])}" for name, value in moving.at.items())
+    buses = "" if "kappa 0" in family.optics.names else "; no [[bus]]: kappa^2 stands still"
+    note(f"the optics move with the geometry, from the ring as it is at {at}{buses}")
+    return moving
 
 
 def _of_parameters(family: Family, option: str, given: list[str] | None, example: str) -> dict[str, tuple[str, str]]:
@@ -291,42 +254,25 @@ def _of_parameters(family: Family, option: str, given: list[str] | None, example
 
 @dataclass(frozen=True)
 class Settled:
-    """Period (s) or swing (K) of the settled cycle of a ring at one power (W) and detuning (Hz)."""
+    """Period (s) of the settled cycle of a ring at one power (W) and detuning (Hz)."""
 
-    name: str
     ring: RingResonator
     power: float
     detuning: float
-
-    @property
-    def __name__(self) -> str:
-        """Name of the quantity."""
-        return f"settled_{self.name}"
+    __name__ = "settled_period"
 
     def __call__(self, model: Any, changes: Change | None = None) -> float:
         """That of one member."""
         moved, shift = _changed(self.ring, changes)
         found = coupled.limit_cycle(moved, model, power=self.power, detuning=self.detuning + shift)
-        return float(found.attrs[self.name])
+        return float(found.attrs["period"])
 
 
-@dataclass(frozen=True)
-class PulsingRange:
-    """Range of detunings in Hz over which no state is stable, at one power (W)."""
-
-    ring: RingResonator
-    power: float
-    __name__ = "range_of_pulsing"
-
-    def __call__(self, model: Any, changes: Change | None = None) -> float:
-        """That of one member."""
-        moved, _ = _changed(self.ring, changes)
-        detunings = np.linspace(*DETUNINGS)
-        found = coupled.stability_map(moved, model, [self.power, 1.001 * self.power], detunings)
-        growth = found.growth_rate.values[0]
-        low, high = growth[:-1], growth[1:]
-        share = np.clip(np.maximum(low, high) / np.maximum(np.abs(high - low), 1e-300), 0.0, 1.0)
-        return float(share.sum() * np.diff(detunings)[0])
+def settled_of(family: Family, ring: str, power: str, detuning: str) -> tuple[Settled, MovingRing | None]:
+    """The settled period under --ring, --power and --detuning, and how that ring follows the geometry."""
+    resonator = ring_for(family, ring)
+    watts = quantity.parse(power, "W", name="--power")
+    return Settled(resonator, watts, detuning_of(detuning, resonator)), optics_of(family, resonator)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,17 @@
 """``thermofem doctor``: what works on this machine."""
 
+import contextlib
 import importlib.metadata
 import platform
 import re
-import sys
 from collections.abc import Callable
+from shutil import which
 from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
+from coupled.kernel.library import library
 from thermofem import strip_ring
 from thermofem.mesh import find_committed, gmsh_problem
 
@@ -31,22 +33,28 @@ def doctor() -> dict[str, Any]:
 
 
 def _python() -> tuple[str, str | None]:
-    problem = None if sys.version_info >= (3, 11) else "3.11 or newer is needed"
-    return f"{platform.python_version()} on {platform.system()}", problem
+    return f"{platform.python_version()} on {platform.system()}", None
+
+
+def _requirements() -> list[str]:
+    """What the installed package needs, as "NAME>=1; extra == 'EXTRA'"; nothing of a checkout that is not installed."""
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        return importlib.metadata.requires("thermofem") or []
+    return []
+
+
+def _version(line: str) -> tuple[str, str | None]:
+    """The name in a requirement, and the version that is there."""
+    name = re.split(r"[^\w.-]", line)[0]
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        return name, importlib.metadata.version(name)
+    return name, None
 
 
 def _packages() -> tuple[str, str | None]:
-    try:
-        requirements = importlib.metadata.requires("thermofem") or []
-    except importlib.metadata.PackageNotFoundError:
-        return "thermofem runs from a checkout and is not installed", None
-    found, missing = [], []
-    for name in (re.split(r"[^\w.-]", line)[0] for line in requirements if "extra ==" not in line):
-        try:
-            found.append(f"{name} {importlib.metadata.version(name)}")
-        except importlib.metadata.PackageNotFoundError:
-            missing.append(name)
-    return ", ".join(found), f"pip install {' '.join(missing)}" if missing else None
+    found = [_version(line) for line in _requirements() if "extra ==" not in line]
+    missing = " ".join(name for name, version in found if version is None)
+    return ", ".join(f"{name} {version}" for name, version in found), f"pip install {missing}" if missing else None
 
 
 def _meshes() -> tuple[str, str | None]:
@@ -59,18 +67,7 @@ def _mesher() -> tuple[str, str | None]:
     return "gmsh can mesh new geometries", gmsh_problem()
 
 
-def _netcdf() -> tuple[str, str | None]:
-    try:
-        import h5netcdf
-        import h5py
-    except ImportError as error:
-        return "", str(error)
-    return f"HDF5 {h5py.version.hdf5_version}, h5netcdf {h5netcdf.__version__}", None
-
-
 def _kernel() -> tuple[str, str | None]:
-    from coupled.kernel.library import library
-
     try:
         library()
     except (OSError, RuntimeError) as error:
@@ -79,15 +76,14 @@ def _kernel() -> tuple[str, str | None]:
 
 
 def _optional() -> tuple[str, str | None]:
-    """What some exports and films alone need; nothing fails without it."""
-    from importlib.util import find_spec
-    from shutil import which
-
-    there = {
-        "ffmpeg (films as .mp4)": which("ffmpeg"),
-        "gdsfactory (geometries of its sections)": find_spec("gdsfactory"),
-    }
-    return ", ".join(name if found else f"no {name}" for name, found in there.items()), None
+    """What clusters, searches by swarms, other programs' geometries and films alone need."""
+    words = [] if which("ffmpeg") else ["no ffmpeg (films as .mp4)"]
+    for line in _requirements():
+        extra = re.search(r"extra == .(\w+).", line)
+        if extra and extra[1] != "dev":
+            name, version = _version(line)
+            words.append(f"{name} {version}" if version else f'no {name}: pip install "thermofem[{extra[1]}]"')
+    return "; ".join(words), None
 
 
 CHECKS: dict[str, Callable[[], tuple[str, str | None]]] = {
@@ -95,7 +91,6 @@ CHECKS: dict[str, Callable[[], tuple[str, str | None]]] = {
     "packages": _packages,
     "committed meshes": _meshes,
     "mesher": _mesher,
-    "netCDF": _netcdf,
     "kernel": _kernel,
     "optional": _optional,
 }

@@ -62,15 +62,12 @@ def heating(
     if square is None:
         unused(context, "goes with --square: a pulse or a step has no duty cycle", "duty")
     watts = quantity.not_negative(power, "W", name="--power")
-    if pulse is not None:
-        with reading(f"--power {power} with --pulse {pulse}"):
+    with reading(f"--pulse {pulse}" if pulse else f"--square {square}" if square else f"--power {power}"):
+        if pulse is not None:
             return th.Pulse(watts, quantity.positive(pulse, "s", name="--pulse"))
-    if square is not None:
-        with reading(f"--power {power} with --square {square}"):
-            return th.SquareWave(
-                watts, quantity.positive(square, "s", name="--square"), 1 / 3 if duty is None else duty
-            )
-    with reading(f"--power {power}"):
+        if square is not None:
+            share = 1 / 3 if duty is None else duty
+            return th.SquareWave(watts, quantity.positive(square, "s", name="--square"), share)
         return th.Constant(watts)
 
 

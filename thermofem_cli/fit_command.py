@@ -19,7 +19,6 @@ from .console import note, parameter_unit, say, working, written, wrote
 from .drive_texts import heating
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
-TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
 TABLE = "a table of numbers"
 DRIVE = "power", "pulse", "square", "duty"
 
@@ -46,10 +45,11 @@ def fit(
     fall: Annotated[
         bool, typer.Option("--fall", help="The rows fall after a long heating, or that of --pulse.")
     ] = False,
-    transfer: Annotated[bool, typer.Option(help=TRANSFER)] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
     heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
-    read: Annotated[str | None, typer.Option(help="Part that was read; picks one of several.")] = None,
+    read: Annotated[
+        str | None, typer.Option(help="Part that was read; picks one of several, and says of a table what it shows.")
+    ] = None,
     readout: Annotated[
         str | None, typer.Option(help="mzi: the trace is light behind an interferometer; gives bias and visibility.")
     ] = None,
@@ -89,7 +89,7 @@ def fit(
     with about(data):
         training = [_channel(path, one, heated, read) for path, one in zip(data, training, strict=True)]
         with working("training"):
-            found = _trained(kind, training, order, transfer or None, mzi)
+            found = _trained(kind, training, order, mzi)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=files.plain(provenance))
     _print(found, kind, "V" if in_volts(assumed) else "K")
@@ -129,18 +129,18 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
-def _trained(kind: str, training: list[Any], order: str | None, transfer: bool | None, readout: th.MZI | None) -> Any:
+def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI | None) -> Any:
     """The fit of a kind of model; a SINDy network is that of the core and the shells around it."""
     if kind == "newton":
         return surrogate.fit_newton(training)
     if kind == "second-order":
-        return surrogate.fit_second_order(training, transfer=transfer)
+        return surrogate.fit_second_order(training)
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
     if kind == "sindy":
         return surrogate.fit_sindy(training[0])
     poles = int(order) if order is not None and order.isdigit() else order or "auto"
-    return surrogate.fit_foster(training, order=poles, transfer=transfer, readout=readout)
+    return surrogate.fit_foster(training, order=poles, readout=readout)
 
 
 def _training(context: typer.Context, paths: list[Path], read_as: dict[str, Any]) -> tuple[list[xr.Dataset], list[str]]:

@@ -29,13 +29,10 @@ EVERYWHERE: dict[str, tuple[Any, Any]] = {
 
 Geometry = Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")]
 Accuracy = Annotated[float, typer.Option(help="Wanted relative error of the mesh.")]
-GeometryAccuracy = Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")]
 
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
 Heated = Annotated[str | None, typer.Option(help="Part that takes the heat, of a model of several parts.")]
-Read = Annotated[str | None, typer.Option(help="Part that is read, of a model of several parts.")]
-CHANNEL = "Part that the light heats and whose temperature shifts the resonance; or use --heated and --read."
-Channel = Annotated[str | None, typer.Option(help=CHANNEL)]
+Read = Annotated[str | None, typer.Option(help="Part that is read, of a model of several parts; default: the heated.")]
 Heater = Annotated[list[str] | None, typer.Option(help="Constant power of another part of the model: 'heater=5 mW'.")]
 HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
 VaryingHeater = Annotated[list[str] | None, typer.Option("--heater", help=HEATER)]
@@ -64,15 +61,6 @@ Duty = Annotated[float | None, typer.Option(help="Duty cycle of the square wave;
 
 Family = Annotated[Path, typer.Argument(metavar="FAMILY", help="Family file of thermofem family.")]
 Fix = Annotated[list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")]
-FamilyRing = Annotated[str, typer.Option("--ring", help="Ring file (TOML) or borghi2021, for the settled period.")]
-FamilyPower = Annotated[str, typer.Option("--power", help="Laser power in the waveguide, for self-pulsing.")]
-FamilyDetuning = Annotated[
-    str, typer.Option("--detuning", help="Laser minus cold resonance (GHz or pm), for self-pulsing.")
-]
-Optics = Annotated[
-    list[str] | None,
-    typer.Option(help="d(optics)/d(parameter) in SI, e.g. 'bus_rate/width=-1e17' or 'detuning/width=1e20'."),
-]
 
 Workers = Annotated[int | None, typer.Option(min=1, max=1024, help="Worker processes; default: one for each CPU.")]
 Processes = Annotated[int, typer.Option("--workers", min=1, max=1024, help="Worker processes.")]
@@ -82,7 +70,6 @@ FieldTimes = Annotated[list[str] | None, typer.Option(help="Keep the field at '1
 Paraview = Annotated[Path | None, typer.Option(help="Write the fields for ParaView: .xdmf, or .vtu of one time.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
-NetCDF = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
 
 

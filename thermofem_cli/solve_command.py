@@ -43,7 +43,7 @@ def solve(
     ] = False,
     field_times: options.FieldTimes = None,
     paraview: options.Paraview = None,
-    output: options.NetCDF = Path("heat.nc"),
+    output: options.Output = Path("heat.nc"),
 ) -> dict[str, Any]:
     """Solve the heat equation of one geometry and write training data (netCDF).
 
@@ -70,9 +70,6 @@ def solve(
     files = [output, figure, preview, paraview]
     check_outputs(files, images=[figure, preview], inputs=[geometry])
     length = quantity.positive(duration, "s", name="--duration")
-    if not periodic and (pulse or square) and not wave.breakpoints(0.0, length).size:
-        given = f"--pulse {pulse}" if pulse else f"--square {square}"
-        note(f"{given} is on all through --duration {duration}: the result is that of a step")
     kept = times_of(field_times)
     if paraview and not kept:
         kept = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
@@ -85,12 +82,13 @@ def solve(
         _preview(section, heat.mesh, preview)
     wanted = read[0] if read and len(read) == 1 else tuple(read or ()) or None
     settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": rtol}
-    span = wave.period if periodic and wave.period else length
-    with time_bar(f"solving with {heat.unknowns} unknowns", span, periodic=periodic) as progress:
-        if periodic:
-            data = th.solve_periodic(heat, wave, samples, progress=progress, **settings)
-        else:
-            times = np.linspace(0, length, samples)
+    what = f"solving with {heat.unknowns} unknowns"
+    if periodic:
+        with working(what):
+            data = th.solve_periodic(heat, wave, samples, **settings)
+    else:
+        times = np.linspace(0, length, samples)
+        with time_bar(what, length) as progress:
             data = th.solve(heat, wave, times, field_times=kept, progress=progress, **settings)
     with working("writing"):
         th.save(data, output)

@@ -32,7 +32,7 @@ def validate(
     duty: Annotated[float, typer.Option(help="Its duty cycle.")] = 1 / 3,
     shortest: Annotated[str, typer.Option(help="Shortest period.")] = "0.1 us",
     longest: Annotated[str, typer.Option(help="Longest period.")] = "10 us",
-    accuracy: options.GeometryAccuracy = 1e-3,
+    accuracy: options.Accuracy = 1e-3,
     heated: options.Heated = None,
     read: options.Read = None,
     figure: options.Figure = None,

@@ -27,7 +27,7 @@ def folder(tmp_path):
 
 def test_simulate_with_a_heater_and_a_modulated_laser(folder):
     done = thermofem(
-        "simulate", "m.json", "--channel", "core", "--heater", "heater=5 mW square 1 us", "--modulate",
+        "simulate", "m.json", "--heated", "core", "--heater", "heater=5 mW square 1 us", "--modulate",
         "1 mW pulse 100 ns at 1 us", "--duration", "2 us", "--figure", "a.png", "-o", "run.nc", cwd=folder,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -47,7 +47,7 @@ def test_simulate_with_a_heater_and_a_modulated_laser(folder):
 
 def test_simulate_sweeps_the_laser(folder):
     done = thermofem(
-        "simulate", "m.json", "--channel", "core", "--power", "1 mW", "--sweep", "20 GHz, -40 GHz, 20 GHz",
+        "simulate", "m.json", "--heated", "core", "--power", "1 mW", "--sweep", "20 GHz, -40 GHz, 20 GHz",
         "--duration", "2 us", "--figure", "a.png", "-o", "run.nc", cwd=folder,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -61,7 +61,7 @@ def test_simulate_sweeps_the_laser(folder):
 def test_simulate_with_a_probe_on_another_resonance(folder):
     """Numbers and file against the same run in Python."""
     done = thermofem(
-        "simulate", "m.json", "--channel", "core", "--laser", "1 uW -5 GHz on 1.5 THz", "--laser",
+        "simulate", "m.json", "--heated", "core", "--laser", "1 uW -5 GHz on 1.5 THz", "--laser",
         "1 mW pulse 50 ns at 0.1 us, 4 GHz", "--duration", "0.4 us", "--figure", "a.png", "-o", "run.nc", "--json",
         cwd=folder,
     )  # fmt: skip
@@ -90,9 +90,7 @@ def test_a_map_with_a_heater(folder):
     done = thermofem("stability", "m.json", "--heater", "heater=4 mW", "--detuning", ends, *arguments, cwd=folder)
     assert done.returncode == 0, done.stderr
     warm = th.load(folder / "map.nc")
-    done = thermofem(
-        "stability", "m.json", "--channel", "core", "--detuning", "-30 GHz, 30 GHz", *arguments, cwd=folder
-    )
+    done = thermofem("stability", "m.json", "--heated", "core", "--detuning", "-30 GHz, 30 GHz", *arguments, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert (warm["regime"].values == th.load(folder / "map.nc")["regime"].values).all()
     assert len(set(warm["regime"].values.ravel())) > 1
@@ -112,18 +110,17 @@ def test_reduce_makes_a_model_with_a_heater(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["simulate", "m.json"], "--channel core"),
+        (["simulate", "m.json"], "--heated core"),
         (["simulate", "m.json", "--heater", "5 mW"], "NAME=VALUE"),
-        (["simulate", "m.json", "--channel", "core", "--modulate", "1 GHz sine"], "--modulate = ''"),
-        (["simulate", "m.json", "--channel", "core", "--heated", "core"], "names both parts"),
-        (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz"], "two quantities"),
-        (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz, 1 mW"], "--sweep"),
-        (["simulate", "m.json", "--channel", "core", "--modulate", "3 K square 1 us"], "--modulate"),
-        (["simulate", "m.json", "--channel", "core", "--modulate", "3 mW square 1 us duty x"], "AMOUNT square"),
-        (["simulate", "m.json", "--channel", "core", "--laser", "8 dBm"], "POWER DETUNING [on OFFSET]"),
-        (["simulate", "m.json", "--channel", "core", "--laser", "0 GHz 8 dBm"], "a power is needed"),
-        (["simulate", "m.json", "--channel", "core", "--laser", "8 dBm 0 K"], "a frequency is needed"),
-        (["simulate", "m.json", "--channel", "core", "--laser", "1 mW 0 GHz on -400 THz"], "frequency"),
+        (["simulate", "m.json", "--heated", "core", "--modulate", "1 GHz sine"], "--modulate = ''"),
+        (["simulate", "m.json", "--heated", "core", "--sweep", "20 GHz"], "two quantities"),
+        (["simulate", "m.json", "--heated", "core", "--sweep", "20 GHz, 1 mW"], "--sweep"),
+        (["simulate", "m.json", "--heated", "core", "--modulate", "3 K square 1 us"], "--modulate"),
+        (["simulate", "m.json", "--heated", "core", "--modulate", "3 mW square 1 us duty x"], "AMOUNT square"),
+        (["simulate", "m.json", "--heated", "core", "--laser", "8 dBm"], "POWER DETUNING [on OFFSET]"),
+        (["simulate", "m.json", "--heated", "core", "--laser", "0 GHz 8 dBm"], "a power is needed"),
+        (["simulate", "m.json", "--heated", "core", "--laser", "8 dBm 0 K"], "a frequency is needed"),
+        (["simulate", "m.json", "--heated", "core", "--laser", "1 mW 0 GHz on -400 THz"], "frequency"),
         (["map", "m.json", "--heater", "heater=5 mW square 1 us"], "a power is needed"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

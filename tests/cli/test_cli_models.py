@@ -171,7 +171,7 @@ def test_simulate_reads_a_ring_file(folder):
         (["validate", "second.json", "--reference", "fem.json", "--shortest", "20 us"], "must be below --longest"),
         (["simulate", "fem.json", "--detuning", "-10"], "--detuning"),
         (["simulate", "fem.json", "--power", "8 dB"], "--power"),
-        (["simulate", "fem.json", "--duration", "1 ps"], "--duration = 1 ps is over after"),
+        (["simulate", "fem.json", "--duration", "1 ps"], "--duration = 1 ps: run.time has 4 samples"),
         (["simulate", "fem.json", "--ring", "borghi2022"], "neither a file nor one of borghi2021, borghi2021-lumped"),
     ],
 )

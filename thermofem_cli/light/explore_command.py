@@ -14,7 +14,7 @@ from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import channel_of, check_outputs, expect, kind_of, note_ring, ring_of, section_of
+from ..command_files import check_outputs, expect, kind_of, note_ring, ring_of, section_of
 from ..console import note, working, wrote
 from ..drive_texts import detuning_of, steady_heaters
 
@@ -32,11 +32,10 @@ def explore(
         str | None, typer.Option(help="Power in the bus waveguide; default: 8 dBm, or the end of the plane next to it.")
     ] = None,
     detuning: options.Detuning = "0 GHz",
-    channel: options.Channel = None,
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.Heater = None,
-    accuracy: options.GeometryAccuracy = 1e-3,
+    accuracy: options.Accuracy = 1e-3,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
 ) -> dict[str, Any]:
     """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.
@@ -48,14 +47,13 @@ def explore(
     check_outputs([output], inputs=[*given, ring])
     if output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--output = {output} must end in .html, so that a browser opens it")
-    light, seen = channel_of(channel, heated, read)
     resonator = ring_of(ring)
     settings: dict[str, Any] = {
         "power": None if power is None else quantity.parse(power, "W", name="--power"),
         "detuning": detuning_of(detuning, resonator),
         "heaters": steady_heaters(heater),
-        "heated": light,
-        "read": seen,
+        "heated": heated,
+        "read": read,
     }
     kinds = {kind_of(path) for path in given}
     if len(given) > 1 and kinds & {"geometry", "family"}:
@@ -66,9 +64,9 @@ def explore(
         settings["family"] = surrogate.load_family(given[0])
         models = _beside(settings["family"])
     elif not given or kinds == {"geometry"}:
-        models, settings["heat"] = models_of_geometry(given[0] if given else None, accuracy, light)
+        models, settings["heat"] = models_of_geometry(given[0] if given else None, accuracy, heated)
     else:
-        models = _loaded(given, light, seen)
+        models = _loaded(given, heated, read)
     with working("writing the page"):
         page: Page = coupled.explore(resonator, models, output, **settings)
     note_ring(resonator, ring)

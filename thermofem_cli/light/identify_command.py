@@ -30,7 +30,6 @@ def identify(
     ] = None,
     power: Annotated[list[str] | None, typer.Option(help="Power in the bus waveguide, of each table.")] = None,
     detuning: Annotated[list[str] | None, typer.Option(help="Laser minus cold resonance, of each table.")] = None,
-    bounds: Annotated[list[str] | None, typer.Option(help="Bounds in SI, 'tau_s=1e-7,5e-6'; repeatable.")] = None,
     columns: Annotated[str, typer.Option(help="Numbers of the columns of time and drop in tables.")] = "1,2",
     units: Annotated[str | None, typer.Option(help="Units of both, 'us,mV'; any but W frees the scale.")] = None,
     settled: Annotated[bool, typer.Option("--settled", help="The light was on long before the tables begin.")] = False,
@@ -64,7 +63,7 @@ def identify(
         seen.append(one)
     found = coupled.identify(
         resonator, seen, free=[name.strip() for name in free.split(",")], model=model_of(model)[0] if model else None,
-        bounds=dict(_bound(text) for text in bounds or []), seed=seed, show_bar=watched(),
+        seed=seed, show_bar=watched(),
     )  # fmt: skip
     output.write_text(write_text(found.ring, dict.fromkeys(found.parameters, "identified")), encoding="utf-8")
     surrogate.save_model(found.model, heat)
@@ -117,13 +116,3 @@ def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     except InputError:
         note(f"the drop of {path} is in an arbitrary unit ({unit}): its scale is free")
     return xr.Dataset({"drop": ("time", drop, {"units": unit})}, {"time": t})
-
-
-def _bound(text: str) -> tuple[str, tuple[float, float]]:
-    """Name and both ends of 'name=low,high'."""
-    try:
-        name, ends = text.split("=")
-        low, high = map(float, ends.split(","))
-    except ValueError:
-        raise InputError(f"--bounds = {text!r} must be a name and two numbers in SI, 'tau_s=1e-7,5e-6'") from None
-    return name.strip(), (low, high)

@@ -11,10 +11,12 @@ import xarray as xr
 import coupled
 import thermofem as th
 from coupled import RingResonator
+from coupled.heaters import constant
+from coupled.ring_from import tuning
 from thermofem.data import quantity
 
 from .. import options
-from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
+from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import say, watched, working, written, wrote
 from ..drive_texts import grid, steady_heaters
 
@@ -23,7 +25,6 @@ def map_(
     context: typer.Context,
     model: options.Model,
     ring: options.Ring = options.REFERENCE_RING,
-    channel: options.Channel = None,
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.Heater = None,
@@ -41,45 +42,50 @@ def map_(
     ] = None,
     scheduler: options.Scheduler = None,
     figure: options.Figure = None,
-    output: options.NetCDF = Path("map.nc"),
+    output: options.Output = Path("map.nc"),
 ) -> dict[str, Any]:
     """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
     check_outputs([output, figure, resume], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     over = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
-    thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
+    thermal, parts = model_of(model, heated, read, powers)
     length = None if duration is None else quantity.parse(duration, "s", name="--duration")
     settings: dict[str, Any] = {"duration": length, "follow": follow, "file": resume, "show_bar": watched(), **parts}
     with options.executor_of(context, scheduler) as executor:
         found = coupled.pulsing_map(resonator, thermal, over[0], over[1], heaters=powers, **settings, executor=executor)
-    th.save(found, output)
     note_ring(resonator, ring)
-    counts = say_regimes(found)
     if "suggested_duration" in found.attrs:
         longer = quantity.write(found.attrs["suggested_duration"], "s")
         say(
-            f'{counts["slow transient"]} points still move when their run ends; try --duration "{longer}": '
-            "ten times what a step of this heat takes to 95 %"
+            f'some points still move when their run ends; try --duration "{longer}": ten times what a step of this '
+            "heat takes to 95 %"
         )
     if figure:
         draw_map(found, figure, ("regime", "frequency", "duty"), resonator, thermal, powers, parts)
-    numbers = {"thresholds": say_thresholds(found), **say_tuning(resonator, thermal, **parts)}
-    wrote(output, figure)
-    return {"points": counts, **numbers, "map": output, "figure": figure}
+    return _written(found, output, figure, resonator, thermal, parts)
 
 
-def say_regimes(found: xr.Dataset) -> dict[str, int]:
-    """Print and return the number of points of each regime."""
+def _written(
+    found: xr.Dataset,
+    output: Path,
+    figure: Path | None,
+    ring: RingResonator,
+    model: th.models.ThermalModel,
+    parts: dict[str, Any],
+) -> dict[str, Any]:
+    """Write a map, and print its regimes, thresholds and tuning."""
+    th.save(found, output)
     names, counts = np.unique(found["regime"].values, return_counts=True)
-    say(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
-    return {str(name): int(count) for name, count in zip(names, counts, strict=True)}
+    points = dict(zip(map(str, names), map(int, counts), strict=True))
+    say(", ".join(f"{count} {name}" for name, count in points.items()))
+    numbers = {"thresholds": say_thresholds(found), **say_tuning(ring, model, **parts)}
+    wrote(output, figure)
+    return {"points": points, **numbers, "map": output, "figure": figure}
 
 
 def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str | None) -> dict[str, float]:
     """Print and return pm/K, nm per mW absorbed, and the power for half a free spectral range where it is known."""
-    from coupled.ring_from import tuning
-
     found = tuning(ring, model, **parts)
     kelvin, watt = f"{found['shift_per_kelvin'] * 1e12:.3g} pm/K", f"{found['shift_per_watt'] * 1e6:.3g} nm"
     pi = f", pi power {written(found['pi_power'], 'W')}" if "pi_power" in found else ""
@@ -115,7 +121,6 @@ def draw_map(
     parts: dict[str, Any],
 ) -> None:
     """Draw a map with the Hopf curves, the folds of fixed points and those of cycles of a linear model."""
-    from coupled.heaters import constant
     from coupled.plot import plot_maps
     from thermofem.plot import save_figure
 
@@ -142,7 +147,6 @@ def draw_map(
 def stability(
     model: options.Model,
     ring: options.Ring = options.REFERENCE_RING,
-    channel: options.Channel = None,
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.Heater = None,
@@ -150,21 +154,17 @@ def stability(
     detuning: options.Detunings = "-30 GHz, 30 GHz",
     points: options.Points = "100, 100",
     figure: options.Figure = None,
-    output: options.NetCDF = Path("stability.nc"),
+    output: options.Output = Path("stability.nc"),
 ) -> dict[str, Any]:
     """Classify every point of a map by linear stability; the figure adds Hopf curves and folds of states and cycles."""
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     axes = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
-    thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
+    thermal, parts = model_of(model, heated, read, powers)
     with working("finding fixed points and their eigenvalues"):
         found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
-    th.save(found, output)
     note_ring(resonator, ring)
-    counts = say_regimes(found)
     if figure:
         draw_map(found, figure, ("regime",), resonator, thermal, powers, parts)
-    numbers = {"thresholds": say_thresholds(found), **say_tuning(resonator, thermal, **parts)}
-    wrote(output, figure)
-    return {"points": counts, **numbers, "map": output, "figure": figure}
+    return _written(found, output, figure, resonator, thermal, parts)

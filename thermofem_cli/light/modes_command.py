@@ -13,14 +13,13 @@ import thermofem as th
 from thermofem.data import files, quantity
 
 from .. import options
-from ..command_files import check_outputs, ring_of, section_of
+from ..command_files import check_outputs, section_of
 from ..console import note, say, working, wrote
 
 
 def modes(
     geometry: options.Geometry = None,
     wavelength: options.Wavelength = None,
-    part: Annotated[str | None, typer.Option(help="Part that guides; default: that of [light], or core.")] = None,
     accuracy: options.Accuracy = 1e-3,
     figure: options.Figure = None,
 ) -> dict[str, Any]:
@@ -34,7 +33,7 @@ def modes(
         light = th.light(
             th.assemble(replace(section, light=None), accuracy),
             wavelength=wavelength_of(section, wavelength),
-            part=part or (section.light.part if section.light else None),
+            part=section.light.part if section.light else None,
         )
         found = light.modes
         first = light.mode(found[0].name)
@@ -112,7 +111,6 @@ def ring(
     buses: Annotated[
         int | None, typer.Option(min=1, max=2, help="Number of buses; default: 2, or that of [[bus]] tables.")
     ] = None,
-    base: Annotated[str | None, typer.Option(help="Ring that gives carriers and sigmas; default: by material.")] = None,
     mode: Annotated[
         str | None, typer.Option(help="Guided mode, such as TM0; default: that of [light], or TE0.")
     ] = None,
@@ -135,7 +133,6 @@ def ring(
             coupling=coupling,
             straight=quantity.parse(straight, "m", name="--straight"),
             buses=buses,
-            base=None if base is None else ring_of(base),
             mode=mode,
         )
     files.write_whole(output, lambda path: path.write_text(made.to_toml(), encoding="utf-8"))

@@ -15,9 +15,9 @@ from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from .. import drive_texts, options
-from ..command_files import channel_of, check_outputs, expect, model_of, note_ring, ring_of, section_of
+from ..command_files import check_outputs, expect, model_of, note_ring, ring_of, section_of
 from ..console import say, time_bar, working, wrote
-from ..drive_texts import detuning_of, heater_powers, times_of
+from ..drive_texts import detuning_of, heater_powers, reading, times_of
 
 SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
 MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
@@ -35,7 +35,6 @@ def simulate(
     duration: options.Duration = "20 us",
     rtol: options.Rtol = 1e-6,
     ring: options.Ring = options.REFERENCE_RING,
-    channel: options.Channel = None,
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.VaryingHeater = None,
@@ -52,18 +51,18 @@ def simulate(
         options.unused(context, f"has no effect with a --sweep of the {swept}", swept)
     length = quantity.positive(duration, "s", name="--duration")
     powers = drive_texts.heater_powers(heater, length)
-    thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
+    thermal, parts = model_of(model, heated, read, powers)
     resonator = ring_of(ring)
     light = drive_texts.light(resonator, power, detuning, sweep, modulate, length)
     others = drive_texts.lasers(laser, resonator, length)
     settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **light}
     with time_bar("integrating", length) as progress:
         run = coupled.simulate(resonator, thermal, rtol=rtol, progress=progress, **settings)
-    with working("judging and writing the run"):
-        found = verdict(run, duration)
+    with working("judging and writing the run"), reading(f"--duration = {duration}"):
+        found = coupled.pulsing(run)
         th.save(run, output)
     if figure:
-        from coupled.plot.runs import plot_sweep, plot_traces
+        from coupled.plot import plot_sweep, plot_traces
         from thermofem.plot import save_figure
 
         save_figure(plot_sweep(run) if sweep else plot_traces(run), figure)
@@ -86,14 +85,6 @@ def _probes(run: xr.Dataset) -> list[dict[str, float]]:
         say(f"resonance at {at / 1e12:.4f} THz: drop power from {low * 1e3:.4g} to {high * 1e3:.4g} mW")
         found.append({"resonance": float(at), "drop_low": low, "drop_high": high})
     return found
-
-
-def verdict(run: xr.Dataset, duration: str) -> Pulsing:
-    """Classify a run; InputError where it has too few steps."""
-    steps = run["time"].size - 1
-    if steps < 4:
-        raise InputError(f"--duration = {duration} is over after {steps} steps, too few for a cycle; make it longer")
-    return coupled.pulsing(run)
 
 
 def say_pulsing(found: Pulsing) -> dict[str, Any]:
@@ -121,7 +112,7 @@ def cosimulate(
     field_times: options.FieldTimes = None,
     paraview: options.Paraview = None,
     figure: options.Figure = None,
-    output: options.NetCDF = Path("cosimulation.nc"),
+    output: options.Output = Path("cosimulation.nc"),
 ) -> dict[str, Any]:
     """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
     check_outputs([output, figure, paraview], images=[figure], inputs=[geometry, ring, predictor])
@@ -138,19 +129,17 @@ def cosimulate(
     if paraview and not settings["field_times"]:
         raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
     if paraview:
-        from thermofem.data.fields import field_file
-
-        field_file(paraview, len(settings["field_times"]))
+        th.fields.field_file(paraview, len(settings["field_times"]))
     section = section_of(geometry)
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy)
     with time_bar(f"{heat.unknowns} temperatures in the loop", length) as progress:
         run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
-    with working("judging and writing the run"):
-        found = verdict(run, duration)
+    with working("judging and writing the run"), reading(f"--duration = {duration}"):
+        found = coupled.pulsing(run)
         th.save(run, output)
     if paraview:
-        th.data.fields.write_fields(run, paraview)
+        th.fields.write_fields(run, paraview)
     if figure:
         from coupled.plot import plot_traces
         from thermofem.plot import save_figure
@@ -172,10 +161,7 @@ def cosimulate(
 
 
 def _predictor(given: str | None) -> th.models.ThermalModel | None:
-
-    if given is None:
-        return None
-    if given == "none":
-        return NO_PREDICTOR
+    if given is None or given == "none":
+        return NO_PREDICTOR if given else None
     expect(Path(given), "model")
     return surrogate.load_model(given)
