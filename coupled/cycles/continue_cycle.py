@@ -143,7 +143,7 @@ def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
         "extinction": (np.array([s.extinction for s in seen]), "dB", "extinction"),
         "drop_low": (np.array([s.lowest for s in seen]) * dropped, "W", "lowest drop power"),
         "drop_high": (np.array([s.highest for s in seen]) * dropped, "W", "highest drop power"),
-        "stability": (np.array([stability(f.place.orbit.others)[0] for f in found]), "1", "kind of the cycle"),
+        "stability": (np.array([stability(f.place.orbit) for f in found]), "1", "kind of the cycle"),
         "special": (np.array([f.kind for f in found]), "1", "where the stability changes"),
     }
     variables: dict[str, Any] = {

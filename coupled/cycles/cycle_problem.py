@@ -1,6 +1,5 @@
 """One ring, its heat and its laser, whose cycles are wanted, and the numbers they depend on, by name."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,7 +20,7 @@ from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact, compact
 from ..unknowns import FROM_ZERO, number_of, optical_names, varied
-from .return_map import FINE, Flow, Orbit
+from .return_map import Flow, Orbit
 from .settling import settled
 
 LONGEST = 2e6  # ns, of a transient
@@ -94,14 +93,13 @@ class CycleProblem:
         """Power and detuning, for messages."""
         return f" at power = {self.power:g} W, detuning = {self.detuning:g} Hz"
 
-    def settled(
-        self, y: Array, begin: str = "a cold ring", rtol: float = FINE, look: Callable[[], None] = lambda: None
-    ) -> Orbit:
+    def settled(self, y: Array, begin: str = "a cold ring") -> Orbit:
         """The cycle on which the ring settles from a state; InputError as `settling.settled`."""
-        return settled(
-            self.flow, y, lambda: self.stable_points, self.longest, begin=begin, rtol=rtol, where=self.where,
-            slow=self.longest < SLOWEST * self.slowest, look=look,
-        )  # fmt: skip
+        slow = self.longest < SLOWEST * self.slowest
+        orbit: Orbit = settled(
+            self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where, slow=slow
+        )
+        return orbit
 
 
 STEP = 1e-4  # of a number: its fourth power is the truncation, 1e-16 over it the round-off

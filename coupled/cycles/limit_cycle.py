@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from thermofem import checks
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array
 from thermofem.checks import InputError
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
@@ -27,14 +27,13 @@ from ..thermal import check_geometry, provenance, trusted
 from .branch import is_hopf_point, near_hopf
 from .cycle_problem import MOST, CycleProblem
 from .multiple_shooting import Family, first_place
-from .return_map import FINE, MIDDLE, Flow, Orbit, close, measure, time_weights
-from .settling import Part, RestError, measured, pulse_train
+from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, measure, time_weights
+from .settling import Part, UnsettledError, measured, pulse_train
 
 UNSTABLE = 1 + 1e-7  # of a multiplier; they are exact to some 1e-8
 MOST_PULSES = 1000  # in a period of a guess
 SETTLING, TURNS = 30.0, 1e5  # of the slowest heat; ns: a transient that leads near a cycle, then some pulses
 NEARLY = 1e-3  # of the largest values, to which a pulse repeats itself
-REACH = 30.0  # of a guess's period, within which the next pulse comes
 LONGEST = 1.0  # s, of a circuit's trace
 SWING = 1e-3  # relative, below which the state of a circuit counts as at rest
 ROWS = 401  # of a circuit's cycle
@@ -160,9 +159,7 @@ def settled_cold(p: CycleProblem) -> Orbit:
     """
     try:
         return p.settled(p.flow.rough.zero())
-    except RestError:
-        raise
-    except InputError:
+    except UnsettledError:
         transient = p.flow.run(p.flow.rough.zero(), min(SETTLING * p.slowest + TURNS, MOST))
         late = p.flow.seen(transient.rows[transient.rows[:, 0] > transient.t - TURNS / 2])
         met = p.flow.run(transient.y, TURNS, FINE, level=float(late.min() + late.max()) / 2)
@@ -201,8 +198,7 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
 def _numbers(orbit: Orbit) -> dict[str, Any]:
     """Attributes of a cycle: period, measures, settling time, and stability in words."""
     seen, period = measure(orbit.trace.rows), orbit.T * NS
-    kind, worst = stability(orbit.others)
-    size = abs(worst)
+    kind, worst, size = stability(orbit), orbit.worst, orbit.size
     settling = period / -np.log(size) if 0 < size < 1 else 0.0 if size == 0 else np.inf
     words = {
         "stable": f"a deviation shrinks to {size:.3g} of itself in a period",
@@ -217,14 +213,11 @@ def _numbers(orbit: Orbit) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def stability(others: NDArray[np.complex128]) -> tuple[str, complex]:
-    """The kind of a cycle, and the largest of its multipliers but the trivial one."""
-    if others.size == 0:
-        return "stable", 0j
-    worst = complex(others[np.argmax(np.abs(others))])
-    if abs(worst) < UNSTABLE:
-        return "stable", worst
-    return ("doubled" if worst.real < -1 and worst.imag == 0 else "unstable"), worst
+def stability(orbit: Orbit) -> str:
+    """The kind of a cycle."""
+    if orbit.size < UNSTABLE:
+        return "stable"
+    return "doubled" if orbit.worst.real < -1 and orbit.worst.imag == 0 else "unstable"
 
 
 def _of_circuit(
@@ -244,7 +237,7 @@ def _of_circuit(
     rough, fine = (system.problem(method) for method in (Method.RODAS4, Method.RODAS5P))
     run = Flow(fine, fine).run(fine.zero(), settle / NS, MIDDLE)
     quantity, k, seen = _pulses(run.rows, fine.rings, settle)
-    orbit, why, _ = pulse_train(Flow(rough, fine, quantity, k), run.y, seen, False, True, FINE)
+    orbit, why, _ = pulse_train(Flow(rough, fine, quantity, k), run.y, seen, wary=False, last=True)
     if orbit is None:
         raise InputError(
             f"settle = {settle:g} s leads to no cycle: {why}",

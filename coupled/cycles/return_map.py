@@ -29,6 +29,7 @@ LARGEST = 0.3  # relative step of Newton's method
 CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
 TURNS = 30  # of Newton's method
 PER_STEP = 4  # rows for each step of a precise trace
+REACH = 30.0  # of the longest wait for a pulse, within which the next one comes
 FLAT = 1e-5  # relative range of the section's quantity below which an orbit is a fixed point
 
 
@@ -78,9 +79,14 @@ class Orbit(NamedTuple):
         return np.delete(every, int(np.argmin(np.abs(every - 1))))
 
     @property
+    def worst(self) -> complex:
+        """The largest of the others, 0 where there is none."""
+        return complex(self.others[0]) if len(self.V) > 1 else 0j
+
+    @property
     def size(self) -> float:
-        """Largest modulus of the others: by what a deviation grows or shrinks in a period."""
-        return float(np.abs(self.others).max(initial=0.0))
+        """By what a deviation grows or shrinks in a period."""
+        return abs(self.worst)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +133,33 @@ class Flow:
             y, rtol=rtol, event=event, keep_steps=keep_steps or level is not None, first_step=first_step,
             per_step=1 if rtol >= MIDDLE else PER_STEP,
         )  # fmt: skip
+
+    @property
+    def heat(self) -> int:
+        """Place of the first state of heat."""
+        return self.rough.rings * self.rough.block
+
+    def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
+        """As of `settling.Shooting`; so are the next four."""
+        run = self.run(y, duration, first_step=first_step)
+        return run.y, run.step, run.rows, self.seen(run.rows)
+
+    def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
+        """Where the quantity next rises through a level."""
+        run = self.run(y, longest, level=self.value(y) if level is None else level, above=level is None)
+        return run.y if run.crossings.size else None
+
+    def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> "Orbit | None":
+        """The orbit near a state; its period to 1e-6 where it is not wanted precisely."""
+        return close(self, y, pulses, REACH * wait, rtol=FINE if precisely else MIDDLE)
+
+    def confirmed(self, orbit: Orbit, wait: float) -> "Orbit | None":
+        """The orbit closed precisely."""
+        return close(self, orbit.start, orbit.pulses, REACH * wait, beside=orbit)
+
+    def swing(self, orbit: Orbit) -> float:
+        """Range of the quantity."""
+        return float(np.ptp(self.seen(orbit.trace.rows)))
 
     def trace(self, y: Array, rtol: float, pulses: int, longest: float) -> Trace | None:
         """Follow a state through ``pulses`` returns to the section; None where one takes more than ``longest`` ns."""

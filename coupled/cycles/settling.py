@@ -7,14 +7,14 @@ it by further turns, and, where a stable fixed point exists, if it is as large a
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
-from .return_map import FINE, FLAT, MIDDLE, ROUGH, Flow, Orbit, close
+from .return_map import FLAT, REACH
 
 FIRST_PART, LONGEST_PART, LONGEST_SEEN = 4e3, 1e5, 1e6  # ns; the last without three pulses in it
 REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
@@ -30,6 +30,10 @@ SLOW = ", such as that of a model without its slowest pole"
 
 class RestError(InputError):
     """The system comes to rest at a stable fixed point."""
+
+
+class UnsettledError(InputError):
+    """The system neither rests nor repeats itself."""
 
 
 class Part(NamedTuple):
@@ -76,30 +80,33 @@ def measured(t: Array, q: Array, duration: float) -> Part:
     return Part(low, high, third, fourth, ups.size, gap, (top - min(lows)) / max(top, 1e-300))
 
 
-def transient(
-    run: Callable[[Array, float, float], tuple[Array, float, Array, Array]], y: Array, points: Callable[[], Array],
-    longest: float, look: Callable[[], None],
-) -> Iterator[tuple[Array, Part, Array | None, float]]:  # fmt: skip
-    """Yield the parts of a transient: its end, what it does, the stable fixed point it is at, and the ns passed.
+class Shooting(Protocol):
+    """A system whose settled cycle is looked for; times in ns. Its orbits have start, T, pulses, size and worst."""
 
-    run: integrates from a state for a time in ns with a first step; returns the end, the next step, rows, and the
-        watched quantity along them.
-    look: called before each part; it may raise.
-    """
-    passed, duration, step = 0.0, FIRST_PART, 0.0
-    while passed < longest:
-        look()
-        y, step, rows, q = run(y, duration, min(step, FIRST_STEP))
-        passed += duration
-        seen = measured(rows[:, 0], q, duration)
-        yield y, seen, resting(rows[-1], points()) if seen.rests else None, passed
-        duration = seen.following(duration, longest)
+    @property
+    def heat(self) -> int:
+        """Place of the first state of heat."""
+
+    def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
+        """Integrate; return the end, the step that would be next, rows, and the watched quantity along them."""
+
+    def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
+        """Return where the quantity next rises through a level, by default that of ``y``; None within ``longest``."""
+
+    def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> Any:
+        """Return the orbit of so many pulses, some ``wait`` ns each, near ``y``; None where there is none."""
+
+    def confirmed(self, orbit: Any, wait: float) -> Any:
+        """Return the orbit as it is wanted; None where a closer look finds that it is none, or does not attract."""
+
+    def swing(self, orbit: Any) -> float:
+        """Return the range of the quantity along an orbit."""
 
 
 def settled(
-    flow: Flow, y: Array, points: Callable[[], Array], longest: float, *, begin: str = "a cold ring", where: str = "",
-    slow: bool = False, rtol: float = FINE, look: Callable[[], None] = lambda: None,
-) -> Orbit:  # fmt: skip
+    system: Shooting, y: Array, points: Callable[[], Array], longest: float, *, begin: str = "a cold ring",
+    where: str = "", slow: bool = False, look: Callable[[], None] = lambda: None,
+) -> Any:  # fmt: skip
     """Return the cycle on which the state ``y`` settles.
 
     points: returns the stable fixed points, rows (U, N, dT); most cycles are found without them.
@@ -107,26 +114,26 @@ def settled(
     where: the power and detuning, for messages.
     look: called between the parts of the transient; it may raise.
 
-    Raises InputError: it comes to rest (RestError), or does not repeat itself within ``longest``.
+    Raises RestError, or UnsettledError where it does not repeat itself within ``longest``.
     """
-    passed, said, wary = 0.0, "no pulse", False
-
-    def run(y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        part = flow.run(y, duration, first_step=first_step)
-        return part.y, part.step, part.rows, flow.seen(part.rows)
-
-    for end, seen, at, passed in transient(run, y, points, longest, look):
+    passed, said, wary, duration, step = 0.0, "no pulse", False, FIRST_PART, 0.0
+    while passed < longest:
+        look()
+        y, step, rows, q = system.part(y, duration, min(step, FIRST_STEP))
+        passed, seen = passed + duration, measured(rows[:, 0], q, duration)
+        at = resting(rows[-1], points()) if seen.rests else None
         if seen.pulses(points):
-            found, said, unstable = pulse_train(flow, end, seen, wary, passed >= longest, rtol)
+            found, said, unstable = pulse_train(system, y, seen, wary, passed >= longest)
             wary = wary or unstable
             if found is not None:
-                swing = float(np.ptp(flow.seen(found.trace.rows)))
-                if abs(swing - (seen.high - seen.low)) <= AGREE * (seen.high - seen.low) or not len(points()):
+                change = abs(system.swing(found) - (seen.high - seen.low))
+                if change <= AGREE * (seen.high - seen.low) or not len(points()):
                     return found
                 said = "the pulses still change"
         if at is not None:
             raise RestError(rest_words(where, passed, at, begin))
-    raise InputError(
+        duration = seen.following(duration, longest)
+    raise UnsettledError(
         f"no settled cycle{where}: {passed / 1e3:.4g} us from {begin} do not lead to one ({said}); give guess= a cycle "
         "nearby" + (SLOW if slow else "")
     )
@@ -146,107 +153,101 @@ def resting(row: Array, points: Array) -> Array | None:
     return next((point for point in points if np.all(np.abs(here - point) <= REST * np.abs(point))), None)
 
 
-def pulse_train(
-    flow: Flow, y: Array, seen: Part, wary: bool, last: bool, rtol: float
-) -> tuple[Orbit | None, str, bool]:
+def pulse_train(system: Shooting, y: Array, seen: Part, wary: bool, last: bool) -> tuple[Any, str, bool]:
     """The stable cycle near a trace that pulses, or why there is none; and whether an unstable one is there.
 
     Where that is known, only a trace that repeats itself is tried (``wary``); precisely the ``last`` time.
     """
-    run = flow.run(y, 4 * seen.longest, level=(seen.low + seen.high) / 2)
-    met = run.y
-    if run.crossings.size == 0:
+    wait, said, unstable = seen.longest, "the pulses do not repeat", wary
+    met = system.turn(y, 4 * wait, (seen.low + seen.high) / 2)
+    if met is None:
         return None, "the pulses end", False
-    reach = 30 * seen.longest
-    off = _distances(flow, met, reach)
-    said, unstable = "the pulses do not repeat", wary
-    for pulses, precisely in _tries(off, wary, last):
-        found, why = _stable(flow, met, reach, pulses, FINE if precisely else MIDDLE)
+    for pulses, precisely in _tries(system, met, wait, wary, last):
+        found, why = _stable(system, met, wait, pulses, precisely)
         if found is not None:
-            shortest = once(flow, found, reach)
-            if comes_nearer(flow, met, shortest, reach):
-                closed: Orbit | None = shortest
-                if rtol < MIDDLE and not (precisely and shortest is found):
-                    closed = close(flow, shortest.start, shortest.pulses, reach, rtol=rtol, beside=shortest)
+            shortest = once(system, found, wait)
+            if comes_nearer(system, met, shortest, wait):
+                closed = system.confirmed(shortest, wait)
                 if closed is not None:
                     return closed, "", False
         said, unstable = why or said, unstable or bool(why)
     return None, said, unstable
 
 
-def _distances(flow: Flow, y: Array, reach: float) -> dict[int, float]:
-    """How far a trace is off its beginning after one pulse, two and so on, until it repeats itself."""
-    trace, off = flow.trace(y, ROUGH, MOST_PULSES, reach), dict[int, float]()
-    if trace is None:
-        trace = flow.trace(y, ROUGH, 1, reach)
-    for pulses, at in enumerate([*trace.crossings[1:], trace.end] if trace else [], 1):
-        off[pulses] = distance(flow, at, y)
-        if off[pulses] <= REPEATS:
-            break
-    return off
-
-
-def _tries(off: dict[int, float], wary: bool, last: bool) -> Iterator[tuple[int, bool]]:
-    """How many pulses to try, and whether precisely: the fewest first, after which the trace is nearest."""
+def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> Iterator[tuple[int, bool]]:
+    """How many pulses to try, and whether precisely: one, then the fewest after which the trace is nearest."""
+    if not wary:
+        yield 1, False
+    off = _distances(system, y, wait, MOST_PULSES)
     least = min(off.values(), default=np.inf)
     back = next((pulses for pulses in off if off[pulses] <= min(2 * least, BACK)), 0)
-    if back:
+    if back > 1 or (back and wary):
         yield back, False
-    if back != 1 and not wary:
-        yield 1, False
     if least <= REPEATS or (last and back):
         yield back, True
 
 
-def _stable(flow: Flow, y: Array, reach: float, pulses: int, rtol: float) -> tuple[Orbit | None, str]:
+def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, float]:
+    """How far a trace is off its beginning after one pulse, two and so on, until it repeats itself."""
+    at, off = system.turn(y, REACH * wait), dict[int, float]()
+    while at is not None and len(off) < most:
+        off[len(off) + 1] = away = distance(system, at, y)
+        at = None if away <= REPEATS else system.turn(at, REACH * wait)
+    return off
+
+
+def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: bool) -> tuple[Any, str]:
     """The stable cycle of ``pulses`` pulses, or of twice as many where that has doubled; or why there is none."""
     said = ""
     while pulses <= MOST_PULSES:
-        orbit = close(flow, y, pulses, reach, rtol=rtol)
+        orbit = system.cycle(y, pulses, wait, precisely)
         if orbit is None:
             return None, said
         if orbit.size < 1:
             return orbit, ""
-        worst = orbit.others[0]
-        if worst.real > -1 or abs(worst.imag) > 0:
+        if orbit.worst.real > -1 or orbit.worst.imag != 0:
             return None, "the cycle there is unstable"
-        said = f"a cycle of {pulses} has doubled, with a multiplier of {worst.real:.3g}"
-        later = flow.trace(y, ROUGH, DIFFER, reach)
-        if later is None:
-            return None, said
-        y, pulses = later.end, 2 * pulses
+        said = f"a cycle of {pulses} has doubled, with a multiplier of {orbit.worst.real:.3g}"
+        for _ in range(DIFFER):
+            later = system.turn(y, REACH * wait)
+            if later is None:
+                return None, said
+            y = later
+        pulses *= 2
     return None, said
 
 
-def once(flow: Flow, orbit: Orbit, reach: float) -> Orbit:
+def once(system: Shooting, orbit: Any, wait: float) -> Any:
     """The shorter cycle where the orbit goes round it several times."""
-    for pulses in range(1, orbit.pulses // 2 + 1):
-        if orbit.pulses % pulses == 0 and distance(flow, orbit.trace.crossings[pulses], orbit.start) <= BACK:
-            shorter = close(flow, orbit.start, pulses, reach, rtol=MIDDLE)
+    for pulses, off in _distances(system, orbit.start, wait, orbit.pulses // 2).items():
+        if orbit.pulses % pulses == 0 and off <= BACK:
+            shorter = system.cycle(orbit.start, pulses, wait, False)
             share = pulses / orbit.pulses
             if shorter is not None and abs(shorter.T - share * orbit.T) <= 1e-3 * orbit.T and shorter.size < 1:
                 return shorter
     return orbit
 
 
-def comes_nearer(flow: Flow, y: Array, orbit: Orbit, reach: float) -> bool:
+def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
     """Whether the trace through ``y`` is nearer to the orbit after as many turns as halve a small deviation."""
-    run = flow.run(y, reach, level=flow.value(orbit.start))
-    at = run.y
-    if run.crossings.size == 0:
-        return False
-    starts = [orbit.trace.crossings[k] for k in range(orbit.pulses)]
-    first = [distance(flow, at, start) for start in starts]
-    if min(first) <= REPEATS:
-        return True
     turns = int(np.clip(np.ceil(np.log(0.5) / np.log(max(orbit.size, 1e-3))), 2, PATIENT))
-    later = flow.trace(at, ROUGH, turns * orbit.pulses, reach)
-    return later is not None and min(distance(flow, later.end, start) for start in starts) < max(
-        0.9 * min(first), REPEATS
-    )
+    first, last = np.inf, np.inf
+    for k in range((turns + 1) * orbit.pulses):
+        off = distance(system, y, orbit.start)
+        if k < orbit.pulses:
+            first = min(first, off)
+        if first < REPEATS:
+            return True
+        if k >= turns * orbit.pulses:
+            last = min(last, off)
+        after = system.turn(y, REACH * wait)
+        if after is None:
+            return False
+        y = after
+    return last < max((1 + orbit.size**turns) / 2 * first, REPEATS)
 
 
-def distance(flow: Flow, y: Array, other: Array) -> float:
+def distance(system: Shooting, y: Array, other: Array) -> float:
     """How far the heat of two states differs, of the largest."""
-    heat = flow.rough.rings * flow.rough.block
-    return float(np.abs(y[heat:] - other[heat:]).max() / max(np.abs(other[heat:]).max(), 1e-300))
+    heat, orbit = y[system.heat :], other[system.heat :]
+    return float(np.abs(heat - orbit).max() / max(np.abs(orbit).max(), 1e-300))

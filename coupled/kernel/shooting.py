@@ -44,7 +44,7 @@ class Trace(NamedTuple):
 class Closed(NamedTuple):
     """A closed orbit."""
 
-    y: Array  # in the section
+    start: Array  # in the section
     T: float  # ns
     slow: NDArray[np.int32]  # states of heat that last from turn to turn
     M: Array  # derivative of the return map by them, shape (m, n)
@@ -127,7 +127,7 @@ class Turns:
 
     def closer(self, found: Closed, rtol: float) -> Closed | None:
         """The same orbit, closed by traces of another tolerance."""
-        return self._close(found.y, found.T, found.pulses, found.slow, found, rtol, rtol)
+        return self._close(found.start, found.T, found.pulses, found.slow, found, rtol, rtol)
 
     @staticmethod
     def _growth(found: Closed) -> float:

@@ -7,17 +7,16 @@ transient leads to is accepted if the transient comes nearer to it, and a trace 
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
-from ..cycles import settling
 from ..cycles.cycle_problem import CycleProblem
-from ..cycles.return_map import measure
-from ..cycles.settling import FLAT, MOST_PULSES, Part, RestError, rest_words
+from ..cycles.return_map import FLAT, measure
+from ..cycles.settling import RestError, UnsettledError, settled
 from ..kernel.shooting import FINE, Closed, Turns
 from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning
@@ -36,7 +35,6 @@ class Cell(NamedTuple):
     rise: float = 0.0  # K, the highest of its cycle or trace and its fixed points
 
 
-TRIES = 4  # of closing a cycle near a transient
 LONG = 2400  # steps of a cycle; one with more may be a burst, of which a stable return map alone proves little
 ASIDE = 3e-4  # of the largest state of heat: the distance from a cycle at which a trace begins that tests it
 AGAIN = 3  # periods of that trace, in which its distance must change as the return map says
@@ -68,6 +66,8 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
 class _Row:
     """Points of one ring under one power."""
 
+    heat = 3  # place of the first of its states
+
     def __init__(self, ring: Any, model: Any, power: float, watch: Array) -> None:
         self.watch, self.problem = watch, CycleProblem(ring, model, power, 0.0)
         self.turns = Turns(self.problem.kernel(Method.RODAS4))
@@ -84,17 +84,17 @@ class _Row:
 
     def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Cell, Closed | None]:
         """What the ring does, and its cycle; ``beside`` are those just before, of one pulse, the last first."""
-        p = replace(self.problem, detuning=detuning)
+        self.problem = replace(self.problem, detuning=detuning)
         self.turns.problem.set_detuning(internal_detuning(detuning))
         self.turns.near(fixed.every)
         found = self._continued(beside) if beside and not len(fixed.stable) else None
-        return self._from_cold(p, fixed.stable) if found is None else (self._words(p, found), found)
+        return self._from_cold(fixed.stable) if found is None else (self._words(found), found)
 
-    def _words(self, p: CycleProblem, found: Closed) -> Cell:
+    def _words(self, found: Closed) -> Cell:
         """A cycle as a map tells it; one of many steps is closed precisely, as their errors add up."""
         closer = None
         if len(found.rows) > LONG:
-            self.precise.problem.set_detuning(internal_detuning(p.detuning))
+            self.precise.problem.set_detuning(internal_detuning(self.problem.detuning))
             closer = self.precise.closer(found, PRECISE)
         told = closer or found
         return _pulsing(told.T, told.size, told.pulses, told.rows)
@@ -102,101 +102,75 @@ class _Row:
     def _continued(self, beside: list[Closed]) -> Closed | None:
         """The stable cycle that continues those ``beside``."""
         ahead, last = AHEAD[len(beside) - 1], beside[0]
-        y = np.sum([a * one.y for a, one in zip(ahead, beside, strict=True)], axis=0)
+        y = np.sum([a * one.start for a, one in zip(ahead, beside, strict=True)], axis=0)
         T = sum(a * one.T for a, one in zip(ahead, beside, strict=True))
         if len(beside) > 1 and np.array_equal(last.slow, beside[1].slow):
             last = last._replace(M=2 * last.M - beside[1].M, dT=2 * last.dT - beside[1].dT)
         found = self.turns.close(y, T, beside=last)
-        return found if _is_stable(found) and (len(found.rows) < LONG or self._attracts(found)) else None
+        if found is None or found.size >= 1 or not self._moves(found):
+            return None
+        return found if len(found.rows) < LONG or self._attracts(found) else None
 
-    def _run(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        """A part of a transient."""
+    def _from_cold(self, points: Array) -> tuple[Cell, Closed | None]:
+        """What a cold ring comes to; ``points`` are the stable fixed points."""
+        try:
+            found = settled(
+                self,
+                self.turns.problem.zero(),
+                lambda: points,
+                self.problem.longest,
+                where=self.problem.where,
+                look=self.look,
+            )
+        except RestError as rest:
+            return Cell(Regime.STABLE, swing=0.0, reason=str(rest)), None
+        except UnsettledError as error:
+            return Cell(Regime.SLOW_TRANSIENT, reason=str(error)), None
+        return self._words(found), found
+
+    def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
+        """As of `settling.Shooting`; so are the next four."""
         end, rows = self.turns.run(y, duration, first_step=first_step), self.turns.rows
         return end.y, end.step, rows, rows[:, 3]
 
-    def _from_cold(self, p: CycleProblem, points: Array) -> tuple[Cell, Closed | None]:
-        """What a cold ring comes to; ``points`` are the stable fixed points."""
-        passed, tries = 0.0, 0
-        parts = settling.transient(
-            self._run, self.turns.problem.zero(), lambda: points, self.problem.longest, self.look
-        )
-        for y, seen, at, passed in parts:
-            if seen.pulses(lambda: points):
-                found, tries = self._pursued(y, seen, len(points) > 0), tries + 1
-                if found is not None:
-                    return self._words(p, found), found
-            if at is not None:
-                return Cell(Regime.STABLE, swing=0.0, reason=rest_words(p.where, passed, at)), None
-            if tries == TRIES:
-                return self._carefully(p, y), None
-        words = f"no settled cycle{p.where}: {passed / 1e3:.4g} us from a cold ring do not lead to one"
-        return Cell(Regime.SLOW_TRANSIENT, reason=words), None
+    def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
+        """Where the carriers next rise through a level."""
+        end = self.turns.run(y, longest, level=float(y[2]) if level is None else level, above=level is None)
+        return end.y if end.met else None
 
-    def _pursued(self, y: Array, seen: Part, still: bool) -> Closed | None:
-        """The stable cycle that a transient in ``y`` comes to; where a cycle has doubled, that of twice the pulses."""
-        level, reach, pulses = (seen.low + seen.high) / 2, REACH * seen.longest, 1
-        while pulses <= MOST_PULSES:
-            met = self.turns.run(y, reach, level=level)
-            found = self.turns.close(met.y, pulses * seen.longest, pulses) if met.met else None
-            if _is_stable(found):
-                change = abs(np.ptp(found.rows[:, 3]) - (seen.high - seen.low))
-                alike = not still or change <= settling.AGREE * (seen.high - seen.low)
-                return found if alike and self._comes_nearer(met.y, found) and self._attracts(found) else None
-            if found is None or found.worst.real > -1 or found.worst.imag != 0:
-                return None
-            pulses *= 2  # pulses that differ more make a better start
-            y = self.turns.run(met.y, settling.DIFFER * seen.longest).y
-        return None
+    def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> Closed | None:
+        """The orbit near a state."""
+        found = (self.precise if precisely else self.turns).close(y, pulses * wait, pulses)
+        return found if found is not None and self._moves(found) else None
 
-    def _comes_nearer(self, y: Array, found: Closed) -> bool:
-        """Whether the trace from ``y`` is nearer to the cycle after as many turns as halve a small deviation."""
-        turns = int(np.clip(np.ceil(np.log(0.5) / np.log(max(found.size, 1e-3))), 2, settling.PATIENT))
-        warmest, first, last = np.abs(found.y[3:]).max(), np.inf, np.inf
-        for turn in range((turns + 1) * found.pulses):
-            off = np.abs(y[3:] - found.y[3:]).max() / warmest
-            if turn < found.pulses:
-                first = min(first, off)
-            if first < settling.REPEATS:
-                return True
-            if turn >= turns * found.pulses:
-                last = min(last, off)
-            run = self.turns.run(y, REACH * found.T, level=found.y[2], above=True)
-            if not run.met:
-                return False
-            y = run.y
-        return bool(last < max((1 + found.size**turns) / 2 * first, settling.REPEATS))
+    def _moves(self, orbit: Closed) -> bool:
+        """Whether it is more than a fixed point."""
+        return self.swing(orbit) > FLAT * float(orbit.rows[:, 3].max())
+
+    def confirmed(self, orbit: Closed, wait: float) -> Closed | None:
+        """The orbit, where a trace says that it attracts, or the multipliers along precise steps."""
+        if self._attracts(orbit):
+            return orbit
+        found = self.problem.flow.cycle(orbit.start, orbit.pulses, wait, precisely=True)
+        return orbit if found is not None and found.size < 1 else None
+
+    def swing(self, orbit: Closed) -> float:
+        """Range of the carriers."""
+        return float(np.ptp(orbit.rows[:, 3]))
 
     def _attracts(self, found: Closed) -> bool:
         """Whether a trace from beside the cycle comes nearer as the return map says: among bursts it may err."""
         slow, M = found.slow, found.M[found.slow]
-        aside = ASIDE * np.abs(found.y[3:]).max()
-        y, off = found.y.copy(), np.full(slow.size, aside)
+        aside = ASIDE * np.abs(found.start[3:]).max()
+        y, off = found.start.copy(), np.full(slow.size, aside)
         y[slow] += off
         for _ in range(AGAIN * found.pulses):
-            run = self.turns.run(y, REACH * found.T, level=found.y[2], above=True, rtol=FINE)
+            run = self.turns.run(y, REACH * found.T, level=found.start[2], above=True, rtol=FINE)
             if not run.met:
                 return False
             y = run.y
         expected = np.linalg.matrix_power(M, AGAIN) @ off
-        return bool(np.abs(y[slow] - found.y[slow] - expected).max() < aside / 2)
-
-    def _carefully(self, p: CycleProblem, y: Array) -> Cell:
-        """What a transient in ``y`` comes to, by `settling.settled`."""
-        try:
-            orbit = p.settled(y, look=self.look)
-        except RestError as rest:
-            return Cell(Regime.STABLE, swing=0.0, reason=str(rest))
-        except InputError as error:
-            return Cell(Regime.SLOW_TRANSIENT, reason=str(error))
-        return _pulsing(orbit.T, orbit.size, orbit.pulses, orbit.trace.rows)
-
-
-def _is_stable(found: Closed | None) -> TypeGuard[Closed]:
-    """Whether there is a cycle, and its multipliers say that it is stable."""
-    if found is None or not found.size < 1:
-        return False
-    N = found.rows[:, 3]
-    return bool(np.ptp(N) > FLAT * N.max())
+        return bool(np.abs(y[slow] - found.start[slow] - expected).max() < aside / 2)
 
 
 def _pulsing(T: float, size: float, pulses: int, rows: Array) -> Cell:
