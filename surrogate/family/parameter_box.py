@@ -15,8 +15,8 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.campaign import Variation
 from thermofem.fem.surfaces import PERFECT, resistances
 from thermofem.geometry.parameter_paths import Change, change
+from thermofem.materials.material_laws import PowerLaw
 from thermofem.materials.material_library import Material
-from thermofem.materials.property_laws import PowerLaw
 
 APART = 7919  # added to a seed, so that two draws have no point in common
 

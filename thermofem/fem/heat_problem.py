@@ -19,7 +19,7 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..geometry.section_parts import LIGHT
-from ..materials.property_laws import Law, is_constant
+from ..materials.material_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
 from ..transient.integration import Ledger

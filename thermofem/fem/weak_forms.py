@@ -14,7 +14,7 @@ from skfem.quadrature import get_quadrature
 
 from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, NDArray
-from ..materials.property_laws import Law, check_positive
+from ..materials.material_laws import Law, check_positive
 from ..mesh.triangles import radii
 from ..models import StateSpace
 from ..transient.integration import Ledger

@@ -16,7 +16,7 @@ from .. import checks
 from ..checks import InputError
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
-from ..materials.index_laws import constant, read_index, write_index
+from ..materials.material_laws import fixed_index, read_index, write_index
 from ..materials.material_library import LAW_KEYS, LIBRARY, PROPERTIES, Material, read_property, write_property
 from . import section_parts
 from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe, ring
@@ -214,7 +214,7 @@ def spelled_out(geometry: CrossSection) -> dict[str, Any]:
     for part in table["part"]:
         part.setdefault("sidewall_angle", as_text("sidewall_angle", section_parts.VERTICAL))
     for m in map(geometry.material_of, geometry.region_names):
-        n = constant(m.index)
+        n = fixed_index(m.index)
         index = {} if n is None else {"index": n}
         table["material"][m.name] = {"thermo_optic": "0 1/K", **_material_values(m), **index}
     return table

@@ -23,7 +23,7 @@ from .. import checks
 from ..arrays import Array
 from ..checks import InputError
 from ..data import files, quantity
-from ..materials.index_laws import constant
+from ..materials.material_laws import fixed_index
 from ..materials.material_library import find, with_value
 from .geometry_file import as_text, fields, spelled_out, unit_of
 from .regions import boxes, outlines
@@ -218,7 +218,7 @@ def _numbers(geometry: CrossSection, at: Mapping[str, Any]) -> dict[str, dict[An
         return m.conductivity, m.conductivity if m.conductivity_z is None else m.conductivity_z
 
     for material in used:
-        optical[material.name, "index"] = constant(material.index) or 0.0
+        optical[material.name, "index"] = fixed_index(material.index) or 0.0
         optical[material.name, "thermo_optic"] = material.thermo_optic
     for bus in at["buses"]:
         optical |= {(bus.name, "gap"): bus.gap, (bus.name, "straight"): bus.straight}

@@ -8,9 +8,8 @@ import sys as _sys
 from collections.abc import Iterator as _Iterator
 from types import ModuleType as _ModuleType
 
-from .index_laws import INDEX_LAWS, IndexTable, Sellmeier, constant_index
+from .material_laws import INDEX_LAWS, IndexTable, Polynomial, PowerLaw, Sellmeier, Table, constant_index
 from .material_library import LIBRARY, Material, find, silicon_film
-from .property_laws import Polynomial, PowerLaw, Table
 
 __all__ = [
     "INDEX_LAWS", "LIBRARY", "IndexTable", "Material", "Polynomial", "PowerLaw", "Sellmeier", "Table",

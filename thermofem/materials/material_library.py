@@ -23,8 +23,7 @@ from typing import Any
 from .. import checks
 from ..checks import InputError, finite, prefixed
 from ..data import quantity
-from .index_laws import INDEX_LAWS, IndexLaw
-from .property_laws import CONSTANT, Law, Polynomial, PowerLaw, Table, is_constant
+from .material_laws import CONSTANT, INDEX_LAWS, IndexLaw, Law, Polynomial, PowerLaw, Table, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated
 
@@ -47,11 +46,11 @@ class Material:
     source : str
         where the values come from and how far they can be trusted.
     conductivity_law, specific_heat_law : PowerLaw, Polynomial or Table
-        see `property_laws`; constant by default, ``PowerLaw(-1.3)`` for the conductivity of bulk silicon.
+        see `material_laws`; constant by default, ``PowerLaw(-1.3)`` for the conductivity of bulk silicon.
     conductivity_z : float, W/m/K
         along z; None where it is the same. The law holds for both directions.
     index : Sellmeier or IndexTable
-        refractive index over wavelength (`thermofem.materials.index_laws`); None where light must not go.
+        refractive index over wavelength (`thermofem.materials.material_laws`); None where light must not go.
     thermo_optic : float, 1/K
         dn/dT.
     two_photon, kerr : float, m/W and m^2/W

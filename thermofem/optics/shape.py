@@ -21,7 +21,7 @@ from .. import checks
 from ..arrays import Array
 from ..geometry.parameter_paths import Change, change
 from ..geometry.section_parts import LIGHT
-from ..materials.index_laws import constant, constant_index
+from ..materials.material_laws import constant_index, fixed_index
 from ..materials.material_library import Material
 from ..mesh.mesh_motion import vertex_velocities
 from ..mesh.triangles import locate
@@ -125,7 +125,7 @@ class Variation:
 
         def after(material: Material) -> Material:
             n, slope = (h * self.change.optical.get((material.name, key), 0.0) for key in ("index", "thermo_optic"))
-            index = constant_index((constant(material.index) or 1.0) + n) if n else material.index
+            index = constant_index((fixed_index(material.index) or 1.0) + n) if n else material.index
             return replace(material, index=index, thermo_optic=material.thermo_optic + slope)
 
         mesh = replace(window.mesh, doflocs=window.mesh.doflocs + h * UM * velocity)

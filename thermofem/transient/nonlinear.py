@@ -33,7 +33,7 @@ from scipy.sparse.linalg import splu
 
 from ..algebra.krylov import Basis
 from ..arrays import Array, NDArray
-from ..materials.property_laws import Law, check_positive
+from ..materials.material_laws import Law, check_positive
 
 
 @dataclass(frozen=True, eq=False)
