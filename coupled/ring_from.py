@@ -22,7 +22,7 @@ from thermofem.checks import InputError
 from thermofem.data import quantity
 from thermofem.geometry import Bus
 from thermofem.optics import shape
-from thermofem.optics.coupler import MOST, TRUSTED, of_buses
+from thermofem.optics.coupler import MOST, STEP, TRUSTED, of_buses
 
 from . import ring_toml
 from .carriers import ConstantLifetime
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from thermofem.geometry import CrossSection
     from thermofem.optics.coupler import Coupling
     from thermofem.optics.mode import Mode
-
-STEP = 1e-30  # of complex differences, which have no round-off
 
 
 class Origin(NamedTuple):

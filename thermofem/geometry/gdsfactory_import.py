@@ -74,7 +74,7 @@ def from_gdsfactory(
             f"component holds a loop of {length:.4g} um, but its settings make a ring of "
             f"{2 * math.pi * radius / UM:.4g} um; build this CrossSection from th.Part"
         )
-    parts: list[Part] = []
+    parts: dict[str, Part] = {}
     for section in sections:
         level_on = {_drawn(levels, name): name for name in (*reversed(levels), core)}
         name = level_on[checks.choice("layer of a section of the component", str(section.layer), level_on)]
@@ -82,17 +82,14 @@ def from_gdsfactory(
         hint = "sections beside the middle are not imported: build this CrossSection from th.Part"
         checks.between(f"level {name!r}: offset of its section", offset, -THIN, THIN, unit="um", hint=hint)
         part = _part(name, core, _level(levels, name), radius, section.width, known)
-        same = next((other for other in parts if other.name == part.name), None)
-        if same is None:
-            parts.append(part)
-        elif same != part:
+        if parts.setdefault(part.name, part) != part:
             raise checks.InputError(
                 f"level {name!r} has two sections of different width; a part is made of one, so build this "
                 "CrossSection from th.Part, one for each"
             )
-    parts.sort(key=lambda part: part.name == "core")  # the core overwrites the slab it stands on
+    ordered = sorted(parts.values(), key=lambda part: part.name == "core")  # the core overwrites the slab under it
     label = str(getattr(component, "function_name", None) or component.name)
-    return CrossSection(label, outer_radius, layers, tuple(parts), bottom=Boundary("open"), outer=Boundary("open"))
+    return CrossSection(label, outer_radius, layers, tuple(ordered), bottom=Boundary("open"), outer=Boundary("open"))
 
 
 def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:

@@ -63,10 +63,6 @@ class Motion:
         self._place = self._place.ravel()
         self._once = replace(mesh, points=points, triangles=self._place[mesh.triangles])
         self._cut, self.corners = geometry.subdivision, geometry.subdivision.corners
-        self._rings = _rings(self._cut.faces)
-        number = {(r, z): k for k, (r, z) in enumerate(self.corners.tolist())}
-        self._which = np.array([number[r, z] for r, z in np.concatenate(self._rings).tolist()])
-        self._first = np.unique(self._which, return_index=True)[1]
         self._held, self._shares, self._ends = self._outline()
 
     def _outline(self) -> tuple[NDArray[np.bool_], Array, NDArray[np.intp]]:
@@ -119,12 +115,15 @@ class Motion:
         sizes = ([(face.owner, *map(len, face.rings)) for face in each] for each in (faces, self._cut.faces))
         if len({str(one) for one in sizes}) > 1:
             raise InputError("the new geometry has other faces than the old one, so its mesh cannot follow")
-        rings = _rings(faces)
-        new = np.concatenate([_aligned(ring, old) for ring, old in zip(rings, self._rings, strict=True)])
-        corners = new[self._first]
-        if not np.array_equal(corners[self._which], new):
+        pairs = {
+            (tuple(corner), tuple(place))
+            for ring, old in zip(_rings(faces), _rings(self._cut.faces), strict=True)
+            for corner, place in zip(old.tolist(), _aligned(ring, old).tolist(), strict=True)
+        }
+        moved = dict(pairs)
+        if len(moved) < len(pairs):
             raise InputError("the faces of the new geometry meet in other corners, so its mesh cannot follow")
-        return np.asarray(corners)
+        return np.array([moved[tuple(corner)] for corner in self.corners.tolist()])
 
     def velocity(self, corner_velocity: Array) -> Array:
         """d(points)/dp, shape (vertices, 2), from d(corners)/dp, shape (c, 2)."""

@@ -43,6 +43,8 @@ def modes(
         say(f"n_eff belongs to R = {light.radius * 1e6:.6g} um, {where}")
     for mode in found:
         say(_words(mode))
+    if lost := set(light.names) - {mode.name for mode in found}:
+        say(f"{', '.join(sorted(lost))}: held by the straight guide, but not in this bend")
     say(f"{first.name}: n_eff within {first.error:.0e} of finer elements")
     if figure:
         from thermofem import plot
@@ -136,7 +138,7 @@ def ring(
             mode=mode,
         )
     files.write_whole(output, lambda path: path.write_text(made.to_toml(), encoding="utf-8"))
-    found, names = made.ring, [one.name for one in made.mode.light.modes]
+    found, names = made.ring, made.mode.light.names
     if len(names) > 1:
         note(f"the guide holds {', '.join(names)}; {made.mode.name} is taken, --mode picks another")
     say(
