@@ -257,27 +257,6 @@ def test_what_is_hardly_heat_flow(system, exact):
     assert system.response(th.Constant(1.0), t) == pytest.approx(exact(t), rel=1e-5)
 
 
-@pytest.mark.parametrize("wave", [th.Constant(1e-3), th.SquareWave(power=2e-3, period=1e-6, duty=1 / 3)])
-def test_many_times_are_answered_in_pieces(wave, monkeypatch):
-    """Watched at some of the times and evaluated in pieces, against all at once."""
-    times = np.linspace(0.0, 20e-6, 4000)
-    heat = th.assemble(th.strip_ring())
-    whole = th.solve(heat, wave, times, read=("core", "box"), field_times=[3e-6])
-    monkeypatch.setattr(modal, "WATCHED", 300)
-    pieces = th.solve(heat, wave, times, read=("core", "box"), field_times=[3e-6])
-    # both have settled to 1e-4 (rtol) of the largest rise so far, perhaps at another size of the space
-    scale = np.maximum.accumulate(whole.delta_T.values, axis=0)[1:]
-    assert np.abs((pieces.delta_T - whole.delta_T).values[1:] / scale).max() < 1e-4
-    assert pieces.field.values == pytest.approx(whole.field.values, rel=1e-3, abs=1e-4)
-
-
-def test_powers_of_too_many_pieces_are_refused_before_they_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(modal, "MOST", 500)
-    times = np.linspace(0.0, 1e-6, 1000)
-    with pytest.raises(th.InputError, match=r"has 998 straight pieces .* would take about 0 GB; at most 500 fit"):
-        th.solve(th.assemble(th.strip_ring()), th.Sampled(times, np.sin(1e7 * times) ** 2), times)
-
-
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
 def test_a_space_that_cannot_grow_is_no_settled_one(rtol):
     """Rates whose heat hardly reaches the last hundred states: the space stopped growing with an error of 7e-2."""

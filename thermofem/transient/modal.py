@@ -41,8 +41,6 @@ EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # rounds before the first comparison, and before the integrator takes over
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
 LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such a breakpoint
-WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
-MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +93,7 @@ class Modal:
         times, kept = check_run(times, snapshots, rtol)
         if not wave.piecewise_linear:
             return None
-        every = np.unique(np.concatenate([[0.0], times, kept]))
-        edges = _edges(wave, float(every[-1]))
-        wanted = _thinned(every, kept, edges)
+        wanted = np.unique(np.concatenate([[0.0], times, kept]))
         shown = wanted.searchsorted(kept)
         first, answers, last = _first(wave, wanted), list[Answer](), np.inf
         size = 0
@@ -122,23 +118,16 @@ class Modal:
         else:
             return None
         found = answers[-1]
-        if wanted is every:
-            outputs = found.outputs[wanted.searchsorted(times)]
-        else:  # in chunks; each begins at t = 0 again
-            rows = found.basis.read(C).T * found.basis.heating
-            chunks = np.array_split(times, 1 + times.size // max(WATCHED, edges.size))
-            each = (pole_responses(found.basis.rate, wave, t, periodic=periodic) @ rows for t in chunks)
-            outputs = np.concatenate(list(each))
         heat = _balance(found, ledger, wave, float(wanted[-1])) if isinstance(ledger, Ledger) else [np.nan] * 3
         return Trajectory(
             times=times,
-            outputs=outputs,
+            outputs=found.outputs[wanted.searchsorted(times)],
             final=found.basis.vectors @ found.z[-1],
             snapshots=found.z[shown] @ found.basis.vectors.T if shown.size else np.empty((0, self.system.order)),
             heat_in=heat[0],
             heat_stored=heat[1],
             heat_out=heat[2],
-            steps=edges.size + 1,
+            steps=wave.breakpoints(0.0, float(wanted[-1])).size + 1,
             rejected=0,
             factorizations=space.shifts.size,
             solves=size,
@@ -170,34 +159,6 @@ class Modal:
     def _cell(self) -> float:
         """About the rate of the fastest cell of the mesh."""
         return float((-self.system.A.diagonal() / self.system.E.diagonal()).max())
-
-
-def _edges(wave: Waveform, end: float) -> NDArray[np.float64]:
-    """Breakpoints of the power in s.
-
-    Raises InputError: more of them than fit into memory.
-    """
-    edges = wave.breakpoints(0.0, end)
-    if edges.size > MOST:
-        raise checks.InputError(
-            f"the power has {edges.size} straight pieces until {end:g} s, which would take about "
-            f"{edges.size * PER_PIECE / 1e9:.0f} GB; at most {MOST} fit: give fewer samples or solve shorter runs"
-        )
-    return edges
-
-
-def _thinned(wanted: Array, kept: Array, edges: Array) -> Array:
-    """The times at which convergence is judged while the space grows: all, or `WATCHED` of them.
-
-    Evenly and geometrically spaced ones, the first after each edge, the last, and those of snapshots.
-    """
-    if wanted.size <= 2 * WATCHED:
-        return wanted
-    last = wanted.size - 1
-    even, early = np.linspace(0, last, WATCHED), np.geomspace(1, last, WATCHED // 4)
-    after = np.minimum(wanted.searchsorted(edges, side="right"), last)
-    chosen = np.unique(np.concatenate([even.astype(int), early.astype(int), after, wanted.searchsorted(kept)]))
-    return np.asarray(wanted[chosen])
 
 
 def _first(wave: Waveform, wanted: Array) -> float:
