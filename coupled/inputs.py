@@ -137,6 +137,8 @@ def table(functions: Sequence[Pieces]) -> Polynomials:
 
 def last_change(function: Pieces) -> float:
     """When a piecewise cubic last changes, s; 0 for a constant."""
+    if len(function.coefficients) == 1 and not function.coefficients[0, 1:].any():
+        return 0.0
     sizes = np.abs(function.coefficients) * np.diff(function.edges)[:, None] ** np.arange(DEGREE + 1)
     tolerance = FIT_TOLERANCE * sizes[:, 0].max()
     changed = np.any(sizes[:, 1:] > tolerance, axis=1)

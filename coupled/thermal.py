@@ -110,11 +110,10 @@ def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArr
     """
     inner = bare(model)
     falls = isinstance(inner, OutputMap) and inner.coefficient < 0
-    # 4001 times at which the rise is compared with what the model describes
-    extra = np.linspace(0.0, duration, 4001)
     if not times.size or not (falls or getattr(inner, "largest_rise", None) is not None):
-        extra = extra[:0]
-    every = np.concatenate([times, extra])
+        return times, np.ones(times.size, dtype=bool)
+    # 4001 times at which the rise is compared with what the model describes
+    every = np.concatenate([times, np.linspace(0.0, duration, 4001)])
     order = np.argsort(every, kind="stable")
     return every[order], order < times.size
 

@@ -138,7 +138,8 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
     if newton and model is None:
         return asdict(parameters.NEWTON_FIT), None
     if model is None:
-        raise checks.InputError(f"free = {list(free)} has no thermal parameter; give the thermal model as model=")
+        hint = checks.Hint("give the thermal model as model=", text="give the thermal model with --model")
+        raise checks.InputError(f"free = {list(free)} has no thermal parameter", hint)
     poles = linear(model, f"free {list(free)}") if newton or {*free} & {*POLES} else compact(model)
     if newton and isinstance(poles, Foster) and poles.order == 1:
         tau, R = float(np.ravel(poles.tau)[0]), float(np.ravel(poles.R)[0])

@@ -83,7 +83,7 @@ def finish(numbers: Mapping[str, Any] | None, **_: Any) -> None:
 app = typer.Typer(
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
     epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png. "
-    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error, 130 interrupted.",
+    "Exit codes: 0 done, 1 doctor or identify failed, 2 bad input, 70 unforeseen error, 130 interrupted.",
     context_settings={"help_option_names": ["-h", "--help"]},
     invoke_without_command=True,
     pretty_exceptions_enable=False,
@@ -111,7 +111,7 @@ def begin(
 def main() -> None:
     """Run the command line; an error of the user is one line on standard error.
 
-    Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error, 130 interrupted.
+    Exit codes: 0 done, 1 doctor or identify failed, 2 bad input, 70 unforeseen error, 130 interrupted.
     """
     os.environ.setdefault("MPLBACKEND", "agg")  # figures are files
     with warnings.catch_warnings(record=True) as caught:

@@ -167,7 +167,9 @@ def simulate(
         progress=progress,
     )  # fmt: skip
     trusted(model, run.delta_T)
-    end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
+    end = run.final
+    if heat.powers:
+        end = replace(end, thermal=np.asarray(end.thermal) + heat.states(run.reached))
     places = np.array([one.frequency for one in run.lights.resonances[1:]])
     several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
     found = xr.Dataset(

@@ -90,6 +90,7 @@ def identify(
         "standard_deviations": found.standard_deviations,
         "misfit": misfit,
         "failed": found.failed,
+        "passed": not found.failed,
         "notes": list(found.notes),
         "wrote": [path for path in (output, heat, figure) if path],
     }

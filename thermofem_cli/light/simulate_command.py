@@ -67,7 +67,7 @@ def simulate(
 
         save_figure(plot_sweep(run) if sweep else plot_traces(run), figure)
     note_ring(resonator, ring)
-    numbers = say_pulsing(found)
+    numbers = say_pulsing(found, run)
     if others:
         numbers |= {"lasers": 1 + len(others), "probes": _probes(run)}
     wrote(output, figure)
@@ -87,11 +87,13 @@ def _probes(run: xr.Dataset) -> list[dict[str, float]]:
     return found
 
 
-def say_pulsing(found: Pulsing) -> dict[str, Any]:
-    """Print regime and cycle of a trace; returns them."""
+def say_pulsing(found: Pulsing, run: xr.Dataset) -> dict[str, Any]:
+    """Print regime and cycle of a trace, or where it ended; returns them."""
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    else:
+        say(f"at the end drop power {float(run['drop'][-1]) * 1e3:.4g} mW, rise {float(run['delta_T'][-1]):.4g} K")
     numbers = {name: getattr(found, name) for name in ("period", "duty", "swing")}
     return {"regime": str(found.regime), "reason": found.reason, **numbers}
 
@@ -146,7 +148,7 @@ def cosimulate(
 
         save_figure(plot_traces(run), figure)
     note_ring(resonator, ring)
-    numbers = say_pulsing(found)
+    numbers = say_pulsing(found, run)
     a = run.attrs
     say(
         f"{a['windows']} windows, {a['passes']} passes, largest discrepancy {a['largest_discrepancy'] * 1e3:.2g} mK, "
