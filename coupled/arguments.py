@@ -62,11 +62,6 @@ def power_in_time(power: Any, duration: float, name: str = "power", most: float 
 
 def detuning_in_time(detuning: Any, duration: float) -> Any:
     """Return a constant detuning as a float and anything else as `Pieces`; InputError where it is out of range."""
-    if type(detuning) in (list, tuple) and sum(_is_number(part) for part in detuning) > 1:
-        raise checks.InputError(
-            f"detuning is a list of {len(detuning)} with several numbers; a list is one laser: give one number, with "
-            "waveforms where it varies, and a second laser as lasers=[coupled.Laser(power, detuning)] of simulate"
-        )
     if _is_number(detuning):
         return check_detuning(detuning)
     found = pieces("detuning", detuning, 0.0, float(duration))

@@ -37,7 +37,6 @@ from .forced_filters import noise_of
 log = logging.getLogger("thermofem")
 
 RESISTANCE, POWER = "thermal_resistance", "power"
-SCREENED, REFINED = 64, 2  # points of the box, least squares from the start and the best of them
 SIDE = 3.0  # linewidths by which a curve goes on beyond its sweep
 NOISE = 2e-3  # of the range of a sweep: no measurement is better
 # of an unknown, for slopes in the search and at its end: far above what the 600 points of a curve leave
@@ -95,7 +94,6 @@ def fit_transmission(
     free: Sequence[str],
     model: ThermalModel | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    seed: int = 1,
 ) -> TransmissionFit:
     """Find the numbers of a ring whose steady transmission is closest to all the given slow sweeps at once.
 
@@ -114,8 +112,6 @@ def fit_transmission(
         whose thermal resistance is taken, or started from; by default the paper's.
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start; of "frequency" the range of the sweeps (Hz).
-    seed : int
-        of the points of the box that are tried where the start does not lead to the noise.
 
     Returns
     -------
@@ -142,7 +138,7 @@ def fit_transmission(
     data = [_sweep(f"sweeps[{k}]", one, ring) for k, one in enumerate(datasets("sweeps", sweeps))]
     heat = second_order_poles(**asdict(SECOND_ORDER_FEM)) if model is None else model
     search = _search(ring, float(heat.thermal_resistance), data, free, bounds)
-    x, r, J = _best(search, seed)
+    x, r, J = _best(search)
     return _result(search, x, r, J, doubts)
 
 
@@ -290,33 +286,24 @@ def _search(
     return _Search(ring, resistance, data, tuple(free), np.array(start), np.array(low), np.array(high), units)
 
 
-def _best(search: _Search, seed: int) -> tuple[Array, Array, Array]:
-    """The best end of least squares from the start and, unless that meets the noise, from points of the box.
+def _best(search: _Search) -> tuple[Array, Array, Array]:
+    """Where least squares ends: x, residuals and their slopes.
 
-    Returns x, residuals and their slopes. Distances beyond a fold are far at first, so they count by less than squares.
+    Distances beyond a fold are far at first, so they count by less than squares in a first search.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import qmc
 
-    def descended(x: Array, loss: str) -> Any:
+    def descended(x: Array, loss: str, jac: str, step: float) -> Any:
         return least_squares(
-            search.residuals, x, bounds=(search.low - 1e-12, search.high + 1e-12), loss=loss, max_nfev=60, xtol=1e-8,
-            ftol=1e-8, diff_step=STEP / np.maximum(np.abs(x), 1e-2), x_scale=1.0,
+            search.residuals, x, jac=jac, bounds=(search.low - 1e-12, search.high + 1e-12), loss=loss, max_nfev=60,
+            xtol=1e-8, ftol=1e-8, diff_step=step / np.maximum(np.abs(x), 1e-2), x_scale=1.0,
         )  # fmt: skip
 
-    best = descended(search.start, "soft_l1")
-    if np.mean(best.fun**2) > WORSE**2:
-        points = qmc.scale(
-            qmc.Sobol(search.start.size, rng=checks.seed(seed)).random(SCREENED), search.low, search.high
-        )
-        costs = [float(np.sum(np.abs(search.residuals(x)))) for x in points]
-        ends = [descended(points[k], "soft_l1") for k in np.argsort(costs)[:REFINED]]
-        best = min([best, *ends], key=lambda end: float(end.cost))
-    best = descended(best.x, "linear")
+    first = descended(search.start, "soft_l1", "2-point", STEP)
+    best = descended(first.x, "linear", "3-point", WIDE)
     if best.fun[0] == IMPOSSIBLE:
         raise InputError("no ring in the bounds has a steady transmission at these powers")
-    rows = [search.residuals(best.x + WIDE * e) - search.residuals(best.x - WIDE * e) for e in np.eye(best.x.size)]
-    return best.x, best.fun, np.transpose(rows) / (2 * WIDE)
+    return best.x, best.fun, best.jac
 
 
 def _result(search: _Search, x: Array, r: Array, J: Array, doubts: tuple[str, ...]) -> TransmissionFit:

@@ -241,13 +241,6 @@ def test_methods_go_by_name():
     assert run.attrs["method"] == "rodas4"
 
 
-def test_two_lasers_are_not_added_up_to_one():
-    with pytest.raises(th.InputError, match="a second laser as lasers="):
-        coupled.simulate(
-            coupled.borghi2021(), th.Foster([7800.0], [1e-6]), power=[1e-3, 1e-3], detuning=[0.0, 20e9], duration=1e-8
-        )
-
-
 @pytest.mark.parametrize("further", [(), [coupled.Laser(power=th.Sampled([0, 4e-6], [0, 1e-6]), detuning=1e9)]])
 @pytest.mark.slow
 def test_a_ramp_of_one_piece_may_begin_in_the_dark(further):
