@@ -11,7 +11,7 @@ from scipy.io import loadmat
 
 import thermofem
 from thermofem.checks import InputError
-from thermofem.data.files import lines_of
+from thermofem.data.files import lines_of, write_whole
 from thermofem.models import ThermalModel
 
 MARK = "Thermal model of thermofem"  # how the header of every export begins
@@ -74,6 +74,14 @@ def _error(provenance: Mapping[str, Any]) -> str:
 def comment(lines: Iterable[str], mark: str) -> str:
     """The lines as comments in plain ASCII, which every simulator reads; a line with breaks becomes several."""
     return "".join(f"{mark} {piece}".rstrip() + "\n" for line in lines for piece in lines_of(line))
+
+
+def write_texts(path: Path, text: str, deck: str, ending: str) -> Path:
+    """Write an export, and beside it the deck of a run where there is one."""
+    if deck:
+        demo = path.with_name(f"{path.stem}_demo{ending}")
+        write_whole(demo, lambda p: p.write_text(deck, encoding="utf-8"))
+    return write_whole(path, lambda p: p.write_text(text, encoding="utf-8"))
 
 
 def plain_name(name: str) -> str:

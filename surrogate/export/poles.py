@@ -89,7 +89,7 @@ class RCNetwork:
     shares [shape (n, inputs)]: share of the power into each heated pin that enters each pole; None: one pin, all poles
         in series (Foster).
     reads [shape (outputs, n)]: share of each pole's temperature in each pin that is read.
-    pins: every part once, heated ones first.
+    parts, pins: every part once, heated ones first, and the pins named after them.
     heated, read: pins of the columns of ``shares`` and of the rows of ``reads``.
     coefficient [1/K]: of the output map dT = z + coefficient z^2, or 0.
     """
@@ -98,6 +98,7 @@ class RCNetwork:
     C: Array
     shares: Array | None
     reads: Array
+    parts: list[str]
     pins: list[str]
     heated: list[int]
     read: list[int]
@@ -119,7 +120,15 @@ def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
     else:
         size = np.abs(found.B).max(axis=1)
         shares = found.B / size[:, None]
-    return RCNetwork(size / found.rate, 1 / size, shares, found.C, pins, heated, read, found.coefficient)
+    return RCNetwork(size / found.rate, 1 / size, shares, found.C, parts, pins, heated, read, found.coefficient)
+
+
+def ring_network(model: Any, *, taken: Iterable[str]) -> tuple[RCNetwork, str]:
+    """The network with a pin "heat" for the part that light heats, and the pin of the part whose rise detunes it."""
+    net = rc_network(model, taken=(*taken, "heat"))
+    heated, read = (net.parts.index(part) for part in lit_part(model))
+    net.pins[heated] = "heat"
+    return net, net.pins[read]
 
 
 def lit_part(model: Any) -> tuple[str, str]:

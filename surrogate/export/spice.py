@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 
 from thermofem import Foster
 from thermofem.checks import InputError
-from thermofem.data.files import write_whole
 from thermofem.models.cauer import cauer
 
-from .export_header import comment, identifiers, plain_name
-from .poles import RCNetwork, lit_part, rc_network
+from .export_header import comment, identifiers, plain_name, write_texts
+from .poles import RCNetwork, lit_part, rc_network, ring_network
 from .ring_rates import DURATION, EPSILON, NS, Demonstration, RingRates, ring_rates
 
 USAGE = (
@@ -51,20 +50,16 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
     """Write the subcircuit named after the file, and the deck of a run beside it; see `surrogate.export_model`."""
     name = identifiers([path.stem], taken=WORDS)[0]
     if ring is None:
-        lines, body = _heat_alone(name, model, header)
+        lines, body, deck = _heat_alone(name, model, header)
     elif hasattr(ring, "rings"):
         lines, body, deck = _circuit(name, model, header, ring, path, run)
     else:
         lines, body, deck = _ring(name, model, header, ring, path, run)
-    if ring is not None and run is not None:
-        demo = path.with_name(f"{path.stem}_demo.cir")
-        write_whole(demo, lambda p: p.write_text(deck, encoding="ascii"))
-    text = comment(lines, "*") + "\n" + "\n".join(body) + "\n"
-    return write_whole(path, lambda p: p.write_text(text, encoding="ascii"))
+    return write_texts(path, comment(lines, "*") + "\n" + "\n".join(body) + "\n", deck, ".cir")
 
 
-def _heat_alone(name: str, model: Any, header: list[str]) -> tuple[list[str], list[str]]:
-    """Comments and lines of a thermal model."""
+def _heat_alone(name: str, model: Any, header: list[str]) -> tuple[list[str], list[str], str]:
+    """Comments and lines of a thermal model, and no deck."""
     net = rc_network(model, taken=WORDS)
     pins = " ".join(net.pins) if len(net.pins) <= 8 else "PINS"
     lines = [*USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", "", *header]
@@ -77,18 +72,16 @@ def _heat_alone(name: str, model: Any, header: list[str]) -> tuple[list[str], li
             lines.insert(3, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
         except InputError as error:
             lines.insert(3, f"{name} is a Foster network, without a Cauer ladder: {error}")
-    return lines, body
+    return lines, body, ""
 
 
 def _ring(
     name: str, model: Any, header: list[str], ring: Any, path: Path, run: Demonstration | None
 ) -> tuple[list[str], list[str], str]:
     """Comments, lines and deck of one ring with its heat."""
-    rates, (heated, read) = ring_rates(ring), lit_part(model)
-    net = rc_network(model, taken=(*WORDS, *LIGHT.split(), "heat"))
-    parts = list(dict.fromkeys([*model.inputs, *model.outputs]))
-    pin = dict(zip(parts, net.pins, strict=True)) | {heated: "heat"}
-    others = [pin[part] for part in parts if part != heated]
+    rates = ring_rates(ring)
+    net, read = ring_network(model, taken=(*WORDS, *LIGHT.split()))
+    others = [pin for pin in net.pins if pin != "heat"]
     pins = " ".join([LIGHT, "heat", *others])
     lines = [*RING_USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", f"ring: {ring.name}", ""]
     body = [
@@ -97,8 +90,8 @@ def _ring(
         *_heat(f"{name}_heat", net),
         "",
         f".subckt {name} {pins} ambient",
-        *_heated_by_light(f"Xlight {LIGHT} {{}} ambient {name}_light", "", pin[heated], pin[read]),
-        f"Xheat {' '.join(pin[part] for part in parts)} ambient {name}_heat",
+        *_heated_by_light(f"Xlight {LIGHT} {{}} ambient {name}_light", "", "heat", read),
+        f"Xheat {' '.join(net.pins)} ambient {name}_heat",
         f".ends {name}",
     ]
     deck = ""
@@ -152,7 +145,7 @@ def _heat_of_rings(
 ) -> tuple[list[str], list[str], list[tuple[str, str]]]:
     """Lines and pins of the heat of all rings, and the pins that the light of each heats and reads."""
     rings = identifiers(circuit.names, taken=taken)
-    count, parts = len(rings), list(dict.fromkeys([*model.inputs, *model.outputs]))
+    count, parts = len(rings), net.parts
     if count > 1 and len(parts) > 1 and len(model.outputs) == count <= len(model.inputs):
         own = list(model.inputs[:count])
         order = [own.index(ring) for ring in circuit.names] if {*own} == {*circuit.names} else range(count)

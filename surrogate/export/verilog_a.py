@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from thermofem.data.files import write_whole
-
-from .export_header import comment, identifiers, plain_name
-from .poles import RCNetwork, lit_part, rc_network
+from .export_header import comment, identifiers, plain_name, write_texts
+from .poles import RCNetwork, rc_network, ring_network
 from .ring_rates import DURATION, EPSILON, Demonstration, RingRates, ring_rates
 
 # reserved words of Verilog-AMS, none of which may name a pin
@@ -79,22 +77,18 @@ enddiscipline
 
 def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demonstration | None = None) -> Path:
     """Write the module named after the file, and a netlist of VACASK beside it; see `surrogate.export_model`."""
-    name = identifiers([path.stem], taken=KEYWORDS)[0]
+    name, deck = identifiers([path.stem], taken=KEYWORDS)[0], ""
     if ring is None:
         net, light = rc_network(model, taken=(*KEYWORDS, name)), []
         thermal, signals, disciplines, lines = net.pins, [], [], header
     else:
-        net = rc_network(model, taken=(*KEYWORDS, *LIGHT, *NAMES, name, "heat"))
-        parts, (heated, read) = list(dict.fromkeys([*model.inputs, *model.outputs])), lit_part(model)
-        net.pins[parts.index(heated)] = "heat"
+        net, read = ring_network(model, taken=(*KEYWORDS, *LIGHT, *NAMES, name))
         rates, signals, disciplines = ring_rates(ring), list(LIGHT), DISCIPLINES
-        thermal, light = net.pins, _light(rates, net.pins[parts.index(read)])
+        thermal, light = net.pins, _light(rates, read)
         lines = [*RING_USAGE, f"ring: {ring.name}", "", *header]
         if run is not None:
-            demo = path.with_name(f"{path.stem}_demo.sim")
             pins = [{"in_re": "re", "in_im": "im"}.get(pin, "0" if pin[:3] == "add" else pin) for pin in LIGHT]
             deck = _netlist(name, path, run, rates, [*pins, *thermal])
-            write_whole(demo, lambda p: p.write_text(deck, encoding="ascii"))
     declarations, statements = _foster(net) if net.shares is None else _coupled(net, net.shares)
     listed = ", ".join([*signals, *thermal, "ambient"])
     module = [
@@ -113,8 +107,7 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
         "  end",
         "endmodule",
     ]
-    text = comment(lines, "//") + "\n" + "\n".join(module) + "\n"
-    return write_whole(path, lambda p: p.write_text(text, encoding="ascii"))
+    return write_texts(path, comment(lines, "//") + "\n" + "\n".join(module) + "\n", deck, ".sim")
 
 
 def _light(r: RingRates, read: str) -> list[str]:

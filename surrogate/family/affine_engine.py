@@ -55,13 +55,9 @@ def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
     ``samples`` has shape (n, q): q coefficients at n random members.
     """
     size = np.maximum(np.linalg.norm(samples, axis=0), 1e-300)
-    unit, kind, ratio = samples / size, np.full(len(size), -1), np.zeros(len(size))
-    for k in range(len(size)):
-        if kind[k] < 0:
-            off = np.linalg.norm(unit - unit[:, k : k + 1], axis=0)
-            alike = (kind < 0) & (off < 1e-12)  # 1e-12: two coefficients of constant ratio over the box are one
-            kind[alike], ratio[alike] = kind.max() + 1, size[alike] / size[k]
-    return kind, ratio
+    # 11 digits: two coefficients of constant ratio over the box are one; where round-off parts them they stay two
+    _, first, kind = np.unique((samples / size).round(11), axis=1, return_index=True, return_inverse=True)
+    return kind, size / size[first[kind]]
 
 
 @dataclass(frozen=True, eq=False)

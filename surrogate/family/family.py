@@ -195,10 +195,7 @@ class Family:
         return self._with_output_map(model, self.box.row(values), (a, b))
 
     def thermal_resistance(self, *, heated: str | None = None, read: str | None = None, **values: ArrayLike) -> Array:
-        """Return R_th in K/W of many members; the values broadcast against each other.
-
-        At most that of `model`, and by a tenth of the tolerance wherever the training looked: it takes fewer functions.
-        """
+        """Return R_th in K/W of many members; the values broadcast against each other."""
         rows = self.box.rows(values)
         a, b = self.channel(heated, read)
         found = self.members.resistances(rows.reshape(-1, self.box.size), a, b)

@@ -101,8 +101,9 @@ def uncertainty(
     if like is None:
         data = _of_numbers(np.reshape(found, (-1, samples)), list(distributions), attrs)
         per = {"per_deviation": study.per_deviation()}
-        if optics is not None:
-            still = Property(family, quantity, _Still(optics, study.medians))
+        if optics is not None and callable(quantity):
+            rest = optics.changes(family, study.medians)
+            still = Property(family, lambda model: quantity(model, rest))
             per["per_deviation_heat"] = replace(study, one=still).per_deviation()
         return data.assign({name: ("parameter", change) for name, change in per.items()})
     table = [np.ravel(value) if np.ndim(value) else np.full(np.size(like), np.nan) for value in found]
@@ -117,20 +118,6 @@ def _check(family: Family, distributions: Mapping[str, Any], fixed: Mapping[str,
         checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
     if not isinstance(samples, int) or not 2 <= samples <= MOST or samples & (samples - 1):
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
-
-
-@dataclass(frozen=True)
-class _Still:
-    """Optics that stay as they are at one member."""
-
-    optics: Follows
-    at: Mapping[str, float]
-
-    def check(self, family: Family) -> None:
-        self.optics.check(family)
-
-    def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
-        return self.optics.changes(family, self.at)
 
 
 @dataclass(frozen=True, eq=False)
