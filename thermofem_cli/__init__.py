@@ -44,7 +44,6 @@ from .validate_command import validate
 
 __all__ = ["app", "main"]
 
-UNFORESEEN = 70  # exit code, sysexits.h: an error of the software
 INTERRUPTED = 130  # exit code of shells after Ctrl-C
 COMMANDS: dict[str, Callable[..., Any]] = {
     "solve": solve,
@@ -147,5 +146,5 @@ def _run() -> tuple[int, str]:
         if settings.verbose:
             raise
         what = f"unforeseen {type(error).__name__}: {error}"
-        return UNFORESEEN, f"error: {what}; --verbose shows where; please report it"
+        return 70, f"error: {what}; --verbose shows where; please report it"  # sysexits.h: an error of the software
     return (code, "interrupted" if code == INTERRUPTED else "") if isinstance(code, int) else (0, "")

@@ -53,7 +53,8 @@ def export(
     run: dict[str, Any] = {}
     if power is not None:
         run["power"] = quantity.not_negative(power, "W", name="--power")
-        run["detuning"] = 0.0 if light is None else drive_texts.detuning_of(detuning, _reference(light))
+        rings = getattr(light, "resonators", (light,))  # of a circuit pm are those of the first ring
+        run["detuning"] = 0.0 if light is None else drive_texts.detuning_of(detuning, rings[0])
         if ring:
             with working("settled period"):
                 run["period"] = _period(light, loaded, run["power"], run["detuning"])
@@ -61,11 +62,6 @@ def export(
     surrogate.export_model(loaded, target, to=to, ring=light, provenance=provenance, fmi=fmi, platforms=names, **run)
     wrote(target, demo)
     return {"file": target, "demo": demo, "to": to, "period": run.get("period")}
-
-
-def _reference(light: Any) -> Any:
-    """The ring whose wavelength a detuning in pm refers to."""
-    return light.resonators[0] if hasattr(light, "resonators") else light
 
 
 def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:

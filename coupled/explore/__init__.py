@@ -25,7 +25,6 @@ from .geometries import family_of
 from .section import section_of
 
 MOVED = ("loadedQ", "intrinsicQ", "absorbed", "lifetime", "volume", "thermoOptic", "resistance")  # None until they are
-POWER = 8.0  # dBm, of the papers
 STEP_TIMES = np.geomspace(1e-9, 1e-4, 26)  # s, at which the FEM's own step response is drawn
 
 
@@ -130,7 +129,7 @@ def explore(
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
     rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE)
     low, high = rings[0]["window"]["power"]
-    level = min(max(POWER, low), high) if power is None else 10 * math.log10(check_power(power) / 1e-3)
+    level = min(max(8.0, low), high) if power is None else 10 * math.log10(check_power(power) / 1e-3)
     start = {
         "ring": 0, "model": 0, "power": round(level, 6), "detuning": round(detuning / 1e9, 9),
         **dict.fromkeys(MOVED), "duration": 20, "view": "cycle", "units": "GHz",

@@ -21,7 +21,6 @@ from ..resonator import RingResonator
 
 Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in GHz
 
-ROUND_OFF = 1e-12  # relative; a ring file writes a temperature for kT and may change its last digit
 OF_MAPS: Window = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # the maps of Borghi et al.
 OF_SMALL: Window = {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}
 RESISTANCE = 8e3  # K/W of the strips of the papers
@@ -31,7 +30,6 @@ HEATERS = 3
 TRAINED_LAW = "second order, experiment (Borghi 2021)"
 NEWTON_LAW = "Newton's law, 275 ns (Borghi 2021)"
 SMALL_LAW = "Newton's law, 65 ns (Van Vaerenbergh 2012)"
-POINTS = 80  # of a curve
 LUMPED = parameters.borghi2021().with_lumped_fcd()
 # rings of the papers, each with the window of its plane
 PUBLISHED = (parameters.borghi2021(), OF_MAPS), (LUMPED, OF_MAPS), (parameters.vanvaerenbergh2012(), OF_SMALL)
@@ -169,8 +167,8 @@ def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[
     except checks.InputError:  # a window that the steady states of this ring do not reach
         return []
     out = []
-    for curve in found:  # at most POINTS points, with the digits that a figure needs
-        kept = curve.isel(point=np.unique(np.linspace(0, curve.sizes["point"] - 1, POINTS).astype(int)))
+    for curve in found:  # at most 80 points, with the digits that a figure needs
+        kept = curve.isel(point=np.unique(np.linspace(0, curve.sizes["point"] - 1, 80).astype(int)))
         pairs = np.column_stack([kept["power"].values, kept["detuning"].values])
         out.append([[float(f"{x:.7g}") for x in pair] for pair in pairs])
     return out
@@ -208,13 +206,13 @@ def same_numbers(one: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Whether two values are equal, numbers within round-off."""
+    """Whether two values are equal; a ring file writes a temperature for kT and may change the last digit of that."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
     if isinstance(a, tuple | list) and isinstance(b, tuple | list):
         return len(a) == len(b) and all(map(_same, a, b))
     if isinstance(a, int | float) and isinstance(b, int | float):
-        return math.isclose(a, b, rel_tol=ROUND_OFF)
+        return math.isclose(a, b, rel_tol=1e-12)
     return bool(a == b)
 
 

@@ -13,7 +13,6 @@ from thermofem.arrays import Array
 POINTS = {1: 33, 2: 13, 3: 8}  # of the grid along each parameter
 TAU = np.geomspace(1e-9, 1e-4, 31)  # s; six a decade
 TIMES = np.geomspace(2e-10, 1e-3, 90)  # s, at which steps are fitted
-CHECKED = 24  # random members that the error is measured on
 
 
 def family_of(family: Any) -> dict[str, Any]:
@@ -21,7 +20,7 @@ def family_of(family: Any) -> dict[str, Any]:
 
     Every point is fitted to the step response of its member by nonnegative least squares with its R_th, so what lies
     between is a mixture of steps: passive, and as far off as steps are from linear in the parameters. ``error`` is the
-    largest deviation found on random members, relative to R_th; ``scale`` leads from SI to the displayed unit. More
+    largest deviation found on 24 random members, relative to R_th; ``scale`` leads from SI to the displayed unit. More
     than three parameters: the others stay at the middle of their range.
     """
     checks.has("family", family, "names", "box", "model", hint="surrogate.train_family or load_family makes one")
@@ -38,7 +37,7 @@ def family_of(family: Any) -> dict[str, Any]:
     between = RegularGridInterpolator(grid, rows.reshape(*(points,) * moved, TAU.size))
     draw = np.random.default_rng(1)
     error = 0.0
-    for _ in range(CHECKED):
+    for _ in range(24):
         share = draw.uniform(0, 1, moved)
         values = {names[k]: _at(share[k], low[k], high[k], logs[k]) for k in range(moved)}
         exact = family.model(**(middle | values))

@@ -17,7 +17,6 @@ from .contents import Parts
 WIDTH, HEIGHT = 132, 88  # pixels
 SPAN = 6e-6  # m, of the picture, unless the parts are wider
 MODES = 14  # at most
-SMALL = 1e-4  # share of R_th below which a mode is not drawn
 
 
 def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any]:
@@ -27,8 +26,7 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
     parts: what the light heats and what is read; every other input is a heater, of which the field at rest is kept.
     """
     R, tau, modes, heaters = _fields(reduction, parts)
-    kept = np.flatnonzero(SMALL * R.sum() < R)
-    kept = np.sort(kept[np.argsort(-R[kept])][:MODES])
+    kept = np.sort(np.argsort(-R)[:MODES])
     r, z = _window(heat)
     at_r, at_z = (edges[0] + (np.arange(n) + 0.5) / n * (edges[1] - edges[0]) for edges, n in ((r, WIDTH), (z, HEIGHT)))
     fields = heat.field(np.concatenate([modes[kept], *heaters.values()]))

@@ -17,7 +17,6 @@ from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, watched, written, wrote
 from ..drive_texts import detuning_of
 
-LONGEST = 1.0  # s: a column of times without a unit that spans more is not in s
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
 
 
@@ -108,7 +107,7 @@ def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
         raise InputError(f"--columns = {columns!r} must be two of the columns {', '.join(known)}") from None
     stated = units.split(",") if units else [first.unit, second.unit]
     t, drop = first.values, second.values
-    if not stated[0] and t[-1] - t[0] > LONGEST:
+    if not stated[0] and t[-1] - t[0] > 1.0:  # hardly seconds
         raise InputError(f"the times of {path} state no unit and span {t[-1] - t[0]:g}", 'give --units "us,mV"')
     t = t * quantity.parse(f"1 {stated[0] or 's'}", "s", name="--units")
     unit = stated[-1].strip() or "arbitrary"
