@@ -30,7 +30,7 @@ from .balance import (
     tilted,
 )
 from .steady_states import eigenvalues, observables
-from .zeros import equidistant, intervals_in_window, zeros
+from .zeros import intervals_in_window, zeros
 
 POINTS = 600  # of a curve
 Curve: TypeAlias = Callable[[Array], tuple[Array, ...]]
@@ -222,10 +222,12 @@ def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tup
     row, ends = (2, P) if P.size > 1 else (3, nu)
     grid = np.linspace(low, high, POINTS)
     parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
-    points = equidistant(lambda s: np.array(curve(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
+    lengths = np.diff(parts, axis=1)[:, 0]
+    counts = 2 + ((POINTS - 2 * len(parts)) * lengths / lengths.sum()).astype(int)
+    points = [np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)]
     values = list(curve(np.concatenate(points))[:4])
-    stops = np.cumsum([s.size for s in points])
-    for k in (*(stops - 1), *(stops - [s.size for s in points])):
+    stops = np.cumsum(counts)
+    for k in (*(stops - 1), *(stops - counts)):
         values[row][k] = ends[np.argmin(np.abs(ends - values[row][k]))]  # to the last digit
     return tuple(values)
 

@@ -61,24 +61,6 @@ def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
     return [(float(ends[a]), float(ends[b])) for a, b in runs_of(inside)]
 
 
-def equidistant(curve: Curve, intervals: list[tuple[float, float]], count: int) -> list[Array]:
-    """Return parameters of points at equal distances in the drawn plane, with the ends of each interval.
-
-    At most ``count`` points in all.
-    """
-    fine = [np.linspace(low, high, count) for low, high in intervals]
-    drawn = [curve(s) for s in fine]
-    size = np.maximum(np.ptp(np.concatenate(drawn, axis=1), axis=1), 1e-300)[:, None]
-    steps = [np.sqrt(np.sum((np.diff(points, axis=1) / size) ** 2, axis=0)) for points in drawn]
-    lengths = [np.concatenate([[0], np.cumsum(step)]) for step in steps]
-    total = max(sum(length[-1] for length in lengths), 1e-300)
-    counts = [2 + int((count - 2 * len(intervals)) * length[-1] / total) for length in lengths]
-    return [
-        np.interp(np.linspace(0, length[-1], number), length, s)
-        for s, length, number in zip(fine, lengths, counts, strict=True)
-    ]
-
-
 def distances(points: Array, line: Array) -> Array:
     """Return how far points are from a line through others; shapes (m, d) and (n, d) to (m,)."""
     start, side = line[:-1], np.diff(line, axis=0)

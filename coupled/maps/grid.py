@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thermofem import OutputMap, Quadratic, checks
+from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data.dataset import describe
 
@@ -108,7 +108,6 @@ class Fixed(NamedTuple):
 
 def surveys(model: Compact, points: list[Point]) -> Iterator[tuple[NDArray[np.intp], Survey | checks.InputError]]:
     """Yield indices of points of one ring, and their fixed points or why they have none."""
-    model = _moved(model)
     for ring in dict.fromkeys(ring for ring, _, _ in points):
         groups = [np.array([k for k, point in enumerate(points) if point[0] is ring or point[0] == ring])]
         for cells in groups:
@@ -122,17 +121,6 @@ def surveys(model: Compact, points: list[Point]) -> Iterator[tuple[NDArray[np.in
                     yield cells, error
                 else:  # at this power, perhaps not at others
                     groups += [cells[powers == power] for power in several]
-
-
-def _moved(model: Compact) -> Compact:
-    """The model without poles that light does not move: those of no gain, and all but one of equal rates."""
-    if isinstance(model, Quadratic):
-        return model
-    linear = model.linear if isinstance(model, OutputMap) else model
-    tau, which = np.unique(linear.tau, return_inverse=True)
-    R = np.bincount(which, linear.R)
-    network = replace(linear, R=R[R != 0], tau=tau[R != 0])
-    return replace(model, linear=network) if isinstance(model, OutputMap) else network
 
 
 def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
