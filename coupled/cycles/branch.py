@@ -53,7 +53,7 @@ BORN, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still 
 FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `multiple_shooting.weights`
 TURN = 0.3  # of the largest values, what the nodes may change in a step
 EASY, HARD = 3, 5  # steps of Newton's method
-SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends in a Hopf point
+SMALL = 0.05  # relative range of a cycle where a branch that shrinks ends in a Hopf point
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
 AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
 REPELLED = 1e10  # multiplier at which the parameter of a canard stays while the cycle changes
@@ -109,16 +109,10 @@ def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
         unit = weights(family, Trace(trial.y[0], turn.y, T, turn.rows, []))
         row = outward * unit
         found = corrected(family, trial, (row / np.linalg.norm(row))[None], unit, extent=extent_of(turn.rows))
-        if found is not None and relative_range(family, found) > r / 4:
+        if found is not None and found.extent > r / 4:
             tangent = found.directions[0] * found.unit
             return found, tangent * np.sign(tangent @ (outward * found.unit)) / np.linalg.norm(tangent)
     raise InputError("no small cycle was found at the Hopf point given as guess: Newton's method finds none")
-
-
-def relative_range(family: Family, place: Place) -> float:
-    """Largest less smallest of the carriers, over the largest."""
-    seen = family.base.flow.seen(place.orbit.trace.rows)
-    return float(np.ptp(seen) / seen.max())
 
 
 def hopf_near(family: Family, place: Place) -> Place | None:
@@ -199,11 +193,11 @@ def follow_along(
         if good is None:
             return out, "its nodes cannot be placed"
         finer = good[0]
-        shrinks = relative_range(family, finer) < relative_range(family, place)
+        shrinks = finer.extent < place.extent
         place, tangent = finer, _unit(finer, finer.directions[0])
         out.append(Found(place, ""))
         shortest = min(shortest, place.orbit.T)
-        if shrinks and relative_range(family, place) < SMALL and (end := hopf_near(family, place)):
+        if shrinks and place.extent < SMALL and (end := hopf_near(family, place)):
             return [*out, Found(end, HOPF)], "a Hopf point"
         if place.orbit.size > REPELLED:
             return out, f"the branch turns vertical: a deviation grows by {place.orbit.size:.1g} in a period"

@@ -27,7 +27,7 @@ from ..equilibria.zeros import distances
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..thermal import Compact, trusted
-from .branch import SLOWEST, born, follow_along, laser_of, relative_range
+from .branch import SLOWEST, born, follow_along, laser_of
 from .cycle_problem import CycleProblem
 from .multiple_shooting import Family, Place, corrected, on_good_nodes, position, predicted
 from .return_map import measure
@@ -40,7 +40,7 @@ POINTS = 300  # of a curve, each way
 FIRST, LONGEST, SHORTEST = 0.01, 0.06, 1e-5  # steps, in units of `multiple_shooting.weights`
 TURN = 0.8  # of the largest values, what the nodes may change in a step
 EASY, HARD, MOST_STEPS = 6, 9, 12  # of Newton's method, to a fold
-SMALLEST = 0.03  # relative range of the carriers, where a curve ends on a Hopf curve
+SMALLEST = 0.03  # relative range of a cycle, where a curve ends on a Hopf curve
 SECANT = 1e-7  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
 ON_IT = 1e-6  # distance from the fold in these units: the parameters are off by its square
 
@@ -207,7 +207,7 @@ def _followed(family: Family, place: Place, along: Array, window: _Window) -> tu
         shortest = min(shortest, after.orbit.T)
         if not window.holds(after.values, MARGIN):
             return out, "the end of the range"
-        if relative_range(family, after) < SMALLEST:
+        if after.extent < SMALLEST:
             return out, "a Hopf curve"
         if SLOWEST * shortest < after.orbit.T:
             return out, "the period grows without bound"
