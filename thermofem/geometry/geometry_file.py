@@ -242,17 +242,14 @@ def _material_values(m: Material) -> dict[str, Any]:
 
 def _part_values(part: Part) -> dict[str, Any]:
     """Fields of a part, with its radius and width where these give exactly the same edges."""
-    sizes = {"inner_radius": part.inner_radius, "outer_radius": part.outer_radius}
-    if part.x is not None and part.width is not None:
+    inner, outer = part.inner_radius, part.outer_radius
+    radius, width = float(f"{(inner + outer) / 2:.12g}"), float(f"{outer - inner:.12g}")
+    if part.straight:
         sizes = {"x": part.x, "width": part.width}
-    radius = float(f"{(part.inner_radius + part.outer_radius) / 2:.12g}")
-    width = float(f"{part.outer_radius - part.inner_radius:.12g}")
-    if (
-        part.x is None
-        and part.inner_radius
-        and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius)
-    ):
+    elif inner and (radius - width / 2, radius + width / 2) == (inner, outer):
         sizes = {"radius": radius, "width": width}
+    else:
+        sizes = {"inner_radius": inner, "outer_radius": outer}
     angle = None if part.sidewall_angle == section_parts.VERTICAL else part.sidewall_angle
     rest = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle, "heated": part.heated}
     return {"name": part.name, "material": part.material, **sizes, **rest}
