@@ -17,7 +17,7 @@ from . import checks
 from .arrays import Array
 from .fem.heat_problem import HeatProblem
 from .models import ThermalModel
-from .waveforms import Constant, SquareWave, Waveform, period_times
+from .waveforms import Constant, SquareWave, period_times
 
 DECIBELS = {"optical": 0.5, "electrical": np.sqrt(0.5)}  # |Z|/R_th at -3 dB: 10 log10 of the light, or of its square
 SAMPLES = 2001  # of a trace whose times are read, of a step on a logarithmic scale
@@ -82,7 +82,7 @@ class _Readout(ABC):
 
         return float(10 ** brentq(above, -3, 14, xtol=1e-10))
 
-    def edge_times(self, model: ThermalModel | HeatProblem, wave: Waveform) -> EdgeTimes:
+    def edge_times(self, model: ThermalModel | HeatProblem, wave: Constant | SquareWave) -> EdgeTimes:
         """Rise and fall times as an instrument reads them from the optical power.
 
         Parameters
@@ -90,28 +90,22 @@ class _Readout(ABC):
         model : ThermalModel or HeatProblem
         wave : Waveform
             a `Constant` is a step from rest, without a fall; a `SquareWave` of any period has both edges in its
-            periodic state; of another periodic waveform (a sine as a `Function`) the rise is from the lowest to the
-            highest power, the fall back.
+            periodic state.
 
         Raises
         ------
         InputError
-            a waveform that neither is constant nor has a period.
+            another waveform.
         """
         of = thermal(model)
         if isinstance(wave, Constant):
             rise, rise_10_90 = _crossings(*self._step(of, wave))
             return EdgeTimes(rise, np.nan, rise_10_90, np.nan)
+        checks.instance("wave", wave, SquareWave, hint="edge times are those of a Constant or a SquareWave")
         times, light = period_times(wave, SAMPLES), self._light(of.periodic_response(wave, SAMPLES))
-        power = np.asarray(wave(times[:-1]))
-        if isinstance(wave, SquareWave):
-            start, stop = 0, int(np.argmin(np.abs(times - wave.duty * wave.period)))
-        else:
-            start, stop = int(power.argmin()), int(power.argmax())
-        longer, lit = np.append(times, times[1:] + times[-1]), np.append(light, light[1:])
-        ends = (start, stop), (stop, start)
-        arcs = [slice(a, b + (1 if b > a else times.size)) for a, b in ends]  # one of them over the end of the period
-        (rise, rise_10_90), (fall, fall_10_90) = (_crossings(longer[arc] - longer[arc][0], lit[arc]) for arc in arcs)
+        off = int(np.argmin(np.abs(times - wave.duty * wave.period)))
+        rise, rise_10_90 = _crossings(times[: off + 1], light[: off + 1])
+        fall, fall_10_90 = _crossings(times[off:] - times[off], light[off:])
         return EdgeTimes(rise, fall, rise_10_90, fall_10_90)
 
     def _step(self, of: ThermalModel, wave: Constant) -> tuple[Array, Array]:

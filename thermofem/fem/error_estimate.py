@@ -307,12 +307,10 @@ class MeshError:
         names = list(dict.fromkeys(name for channel in channels for name in channel))
         means = np.column_stack([d.means[name] for name in names])
         load = np.column_stack([self.enrichment.mean(heat, name) for name in names])
-        fields = np.empty((len(names), d.free.size, len(self.shifts)))
-        fields[:, :, -1] = [self.static(name) for name in names]  # while the factors of 0 are there
-        for k, s in enumerate(self.shifts[:-1]):
-            fields[:, :, k] = [d.factors.solve(s, 1.0, mean) for mean in means[d.free].T]
         found = np.zeros((len(means), len(self.shifts), len(names)))
-        found[d.free] = fields.transpose(1, 2, 0)
+        found[d.free, -1] = np.column_stack([self.static(name) for name in names])  # while the factors of 0 are there
+        for k, s in enumerate(self.shifts[:-1]):
+            found[d.free, k] = np.column_stack([d.factors.solve(s, 1.0, mean) for mean in means[d.free].T])
         values = np.einsum("ia,isb->sab", means, found, optimize=True)
         each = [self.enrichment.added(s, found[:, k], load) for k, s in enumerate(self.shifts)]
         totals, shares = (np.array(one) for one in zip(*each, strict=True))
@@ -321,12 +319,12 @@ class MeshError:
         errors, local, weights = {}, {}, {}
         for heated, read in channels:
             i, j = names.index(heated), names.index(read)
-            scale = np.array([v[j, i] for v in values]) if i == j else np.full(len(values), values[-1][j, i])
+            scale = values[:, j, i] if i == j else values[-1, j, i]
             pair = np.sqrt(np.abs(shares[:, j] * shares[:, i]))
-            whole = np.abs([total[j, i] for total in totals])
+            whole = np.abs(totals[:, j, i])
             if self.strong:
                 whole, pair = whole + pair @ self.unseen, pair * (1 + self.unseen)
-            each = (factor if i == j else CROSS * factor)[:, None] * pair / np.abs(scale)[:, None]
+            each = ((factor if i == j else CROSS * factor) / np.abs(scale))[:, None] * pair
             errors[heated, read] = factor * whole / np.abs(scale) if i == j else each.sum(axis=1)
             local[heated, read] = each
             gain, own = abs(values[-1][j, i]), values[-1][i, i]

@@ -247,11 +247,10 @@ def _responses(
         step = None if t is None else modal.step_response(t)
         return modal.resistance(), step, None if f is None else modal.impedance(f)
 
-    static = t is None and f is None
-    for _ in range(1 if static else FEWEST):
+    for _ in range(FEWEST):
         space.grow()
     found = answers()
-    while not static and len(space.sizes) <= ROUNDS:
+    while len(space.sizes) <= ROUNDS:
         size = space.order
         space.grow()
         space.grow()

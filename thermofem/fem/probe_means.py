@@ -96,12 +96,6 @@ PER_GAP = 40  # steps of the angle for each gap between the heated part and the 
 FEWEST, MOST = 64, 2000  # steps of the angle
 
 
-def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array:
-    """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3."""
-    points, weights = off_axis_points(geometry, probe)
-    return sampled(basis, points, weights)
-
-
 def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
     """Points (rho, z) in m, shape (n, 2), and their weights in m^3; ``steps`` of the angle by default as needed."""
     r, z, area = _cross_section(geometry, probe)
@@ -151,5 +145,5 @@ def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe)
     with u_i the n basis functions; in a straight section its length stands for 2 pi r.
     """
     if probe.shell is None:
-        return off_axis_integral(geometry, basis, probe)
+        return sampled(basis, *off_axis_points(geometry, probe))
     return shell_integral(geometry, mesh, basis, probe)
