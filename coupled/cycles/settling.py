@@ -1,7 +1,7 @@
 """The stable cycle on which a system settles: a transient, then shooting for as many pulses as repeat themselves.
 
-The transient is integrated in parts until three pulses are seen or a stable fixed point is reached. Its pulses are
-followed until the trace is back where it was; a cycle of so many pulses is closed. One that is unstable with a
+The transient is integrated in parts until three pulses are seen or a stable fixed point is reached. A cycle of
+one pulse is closed, and one of as many as bring the trace back to where it was. One that is unstable with a
 multiplier below -1 has doubled, and twice as many pulses are tried. The cycle is accepted if the trace comes nearer to
 it by further turns, and, where a stable fixed point exists, if it is as large as the pulses of the trace.
 """
