@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from models import coarse_warm_fem
 
-import coupled
 import surrogate
 import thermofem as th
 from thermofem.models import foster
@@ -163,9 +162,3 @@ def test_compare_judges_all_models_on_held_out_drives_of_the_nonlinear_fem(warm,
     # the dynamics of the output map are linear: a part of the second order stays
     assert float(error.sel(model="output map")) < second / 2
     assert float(error.sel(model="quadratic")) < second**2
-
-
-def test_a_reduction_of_another_ring_is_told_apart():
-    here, there = (th.assemble(th.strip_ring(radius=r)) for r in (8e-6, 5e-6))
-    with pytest.raises(th.InputError, match="heat is of another geometry than the model 'Reduction"):
-        coupled.explore(coupled.borghi2021(), surrogate.reduce(here.system), heat=there)

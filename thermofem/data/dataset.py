@@ -262,12 +262,6 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
         )
 
 
-def other_geometry(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> bool:
-    """Whether two origins, such as attributes of a Dataset, state different geometries."""
-    first, second = ((origin or {}).get("geometry") for origin in (one, other))
-    return bool(first and second) and str(first) != str(second)
-
-
 def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
     """Doubts about Datasets that together train one model; what they do not state counts as equal.
 
