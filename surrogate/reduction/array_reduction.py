@@ -9,6 +9,9 @@ distance d_ij from ring j, reads that field off the axis. With one reduced field
 The static field of the heated ring is in the basis: the static gain of every pair is that of the FEM. How the error of
 a pair is bounded stands in `surrogate.reduction.ring_pairs`.
 
+Rings of different geometry: ring i has its own cross-section, over which it reads the field of ring j. What ring j
+reads of ring i is the same but for the silicon of the reading ring and the two meshes; the model has the mean of both.
+
 Passive: with t_k = 1/(1 + (w/lambda_k)^2), which rises with lambda_k, and R_k = b_k c_k/lambda_k, a matrix over pairs,
 
     Re H(i w) = sum_k t_k R_k = sum_m (t_m - t_(m-1)) S_m,    S_m = sum_(k >= m) R_k,    rates in increasing order,
@@ -22,7 +25,6 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.sparse import diags
 
 from thermofem import Foster, StateSpace, checks
@@ -31,7 +33,7 @@ from thermofem.fem import HeatProblem
 from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 
-from .ring_pairs import Pairs, check_positions, reduce_pairs, with_copies
+from .ring_pairs import SAME, Pairs, RingKinds, check_positions, reduce_pairs, ring_positions, rings_of, with_copies
 
 _TIMES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
@@ -54,6 +56,9 @@ class ArrayReduction(HasModel):
     tolerance : float
     poles : array of int, shape (N, inputs)
         how many poles each channel has; far pairs have fewer.
+    asymmetry : float
+        largest difference of the static gains of two rings of different geometry, each as the source, relative to their
+        mean; 0 for rings of one geometry.
     domain_error : float
         relative change of the crosstalk of the farthest pair, or of R_th, if the chip went on beyond the domain. It is
         no part of ``error_bound``; above 1 % the log warns.
@@ -66,6 +71,7 @@ class ArrayReduction(HasModel):
     passive: bool
     tolerance: float
     poles: NDArray[np.int64] = field(repr=False)
+    asymmetry: float = 0.0
     domain_error: float = 0.0
 
     @property
@@ -110,7 +116,7 @@ class ArrayReduction(HasModel):
 
 
 def reduce_array(
-    heat: HeatProblem,
+    heat: HeatProblem | Sequence[HeatProblem],
     positions: ArrayLike,
     tolerance: float = 1e-4,
     *,
@@ -121,8 +127,9 @@ def reduce_array(
 
     Parameters
     ----------
-    heat : HeatProblem
-        of one ring; its mesh is made again where the neighbours need it finer.
+    heat : HeatProblem, or a sequence of N of them
+        of one ring for all, or of each ring, on the same layers. Meshes are made again where the neighbours need them
+        finer.
     positions : array, shape (N, 2), m
         the rings' centres.
     tolerance : float
@@ -140,7 +147,7 @@ def reduce_array(
     ------
     InputError
         rings that overlap, a domain that ends before the most distant pair, a stack that is not laterally uniform
-        (voids), names that are not heated, or a tolerance out of reach.
+        (voids), rings on different layers, names that are not heated, or a tolerance out of reach.
 
     >>> from thermofem import assemble, strip_ring
     >>> pair = reduce_array(assemble(strip_ring(outer_radius=120e-6).opened()), [(0, 0), (20e-6, 0)])
@@ -148,53 +155,111 @@ def reduce_array(
     [[7.89, 0.24], [0.24, 7.89]]
     """
     tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
-    core = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
-    for name in heaters:
-        checks.choice("heaters", name, [other for other in heat.heated if other != core])
-    checks.unique("heaters", heaters)
-    centres, apart = check_positions(heat, core, positions)
-    # the places where a ring is read, its own first; distances that differ by less than 1e-12 m are one
-    distances, place = np.unique(np.round(apart / 1e-12), return_inverse=True)
-    solved, copies = with_copies(heat, core, 1e-12 * distances[1:])
-    domain = solved.domain_error(core, core)
-    if copies:
-        what = f"the crosstalk over {1e6 * apart.max():.3g} um"
-        domain = max(domain, solved.domain_error(core, copies[-1], what=what))
-    pairs = [reduce_pairs(solved, part, (core, *copies), tolerance) for part in (core, *heaters)]
-    model, bounds, poles = _assembled(pairs, place.reshape(apart.shape), ("ring", *heaters))
-    origin = {"geometry": heat.geometry.to_toml(), "mesh_accuracy": heat.accuracy}
+    centres = ring_positions(positions)
+    rings = rings_of(heat, len(centres), heated, heaters)
+    apart = check_positions(rings, centres)
+    names = tuple(heaters) if not isinstance(heaters, str) else (heaters,)
+    sources = [
+        _sources(rings, g, apart, (part, *names), tolerance) for g, part in enumerate(ring.part for ring in rings.kinds)
+    ]
+    model, bounds, poles = _assembled(sources, rings, names)
     return ArrayReduction(
-        model=replace(model, origin=origin),
+        model=replace(model, origin=_origin(rings)),
         positions=centres,
         error_bound=float(bounds.max()),
         channel_bounds=bounds,
         passive=_is_passive(model),
         tolerance=tolerance,
         poles=poles,
-        domain_error=domain,
+        asymmetry=_asymmetry(sources, rings),
+        domain_error=max(source.domain for source in sources),
     ).recorded()
 
 
-def _assembled(
-    pairs: Sequence[Pairs], place: NDArray[np.intp], kinds: Sequence[str]
-) -> tuple[StateSpace, Array, NDArray[np.int64]]:
-    """All sources, read by all rings; the bounds of the channels, and how many poles each has.
+def _origin(rings: RingKinds) -> dict[str, Any]:
+    """Geometry of the rings, one after the other where they differ, and the accuracy of their meshes."""
+    toml = [kind.heat.geometry.to_toml() for kind in rings.kinds]
+    return {"geometry": "\n".join(toml), "mesh_accuracy": max(kind.heat.accuracy for kind in rings.kinds)}
 
-    pairs: the field of the core, then of each heater.
-    place [shape (N, N)]: the row of a `Pairs` by which one ring reads another.
-    kinds: of inputs, in the order of ``pairs``.
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Reduced fields of the heated parts of one kind of ring, and the row by which each ring reads each place.
+
+    pairs: of the core, then of each kind of heater.
+    row [shape (N, N)]: the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring
+        j.
+    domain: relative error by the end of the domain, of the core itself and of the farthest reader.
     """
-    n = len(place)
-    names = tuple(f"{kind} {j + 1}" for kind in kinds for j in range(n))
-    each = [(pair, place[:, j]) for pair in pairs for j in range(n)]  # of every input
-    rate = np.concatenate([pair.rate for pair, _ in each])
-    B = block_diag(*(pair.source[:, None] for pair, _ in each))
-    C = np.hstack([pair.read[rows] for pair, rows in each])
-    bounds = np.column_stack([pair.bound[rows] for pair, rows in each])
-    poles = np.column_stack([np.count_nonzero(pair.read, axis=1)[rows] for pair, rows in each])
+
+    pairs: list[Pairs]
+    row: NDArray[np.intp]
+    domain: float
+
+
+def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
+    """Reduce the fields of one kind of ring, read by every ring at its distance."""
+    row, readers = np.zeros(apart.shape, dtype=np.intp), []
+    known: dict[tuple[int, int], int] = {}
+    for i, j in zip(*np.nonzero(~np.eye(len(apart), dtype=bool)), strict=True):
+        if g not in (rings.of[i], rings.of[j]):
+            continue
+        reader = rings.of[i] if rings.of[j] == g else rings.of[j]
+        key = (int(reader), round(float(apart[i, j]) / SAME))
+        if key not in known:
+            readers.append((int(reader), key[1] * SAME))
+            known[key] = len(readers)
+        row[i, j] = known[key]
+    solved, copies = with_copies(rings, g, readers)
+    read = (heated[0], *copies)
+    domain = solved.domain_error(heated[0], heated[0])
+    if readers:
+        far = int(np.argmax([distance for _, distance in readers]))
+        what = f"the crosstalk over {readers[far][1] * 1e6:.3g} um"
+        domain = max(domain, solved.domain_error(heated[0], copies[far], what=what))
+    return Sources([reduce_pairs(solved, part, read, tolerance) for part in heated], row, domain)
+
+
+def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
+    """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
+    n, kinds = len(rings.of), ("ring", *heaters)
+    names = [f"{kind} {j + 1}" for kind in kinds for j in range(n)]
+    bounds, poles = np.zeros((n, len(names))), np.zeros((n, len(names)), dtype=np.int64)
+    rates, inputs, outputs = [], [], []
+    for column, (m, j) in enumerate(np.ndindex(len(kinds), n)):
+        for g, source in enumerate(sources):
+            # between rings of two kinds half of each source; heater and core are no pair that could be exchanged
+            if rings.of[j] == g:
+                share = np.where((rings.of == g) | (m > 0), 1.0, 0.5)
+            else:
+                share = np.where((rings.of == g) & (m == 0), 0.5, 0.0)
+            used = share > 0
+            if not used.any():
+                continue
+            pair, rows = source.pairs[m], source.row[:, j]
+            rates.append(pair.rate)
+            inputs.append(np.outer(pair.source, np.arange(len(names)) == column))
+            outputs.append(share[:, None] * pair.read[rows])
+            bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
+            poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
+    rate, B = np.concatenate(rates), np.vstack(inputs)
+    outs = tuple(f"ring {i + 1}" for i in range(n))
+    E, A = np.ones(rate.size), -rate
     full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")
-    model = StateSpace(full(np.ones(rate.size)), full(-rate), B, C, inputs=names, outputs=names[:n])
+    model = StateSpace(full(E), full(A), B, np.hstack(outputs), inputs=tuple(names), outputs=outs)
     return model, bounds, poles
+
+
+def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
+    """Largest relative difference of the static gains of two rings of different kind, each as the source."""
+    worst = 0.0
+    for i, j in zip(*np.nonzero(rings.of[:, None] < rings.of), strict=True):
+        one, other = (
+            float((pair.read[source.row[i, j]] * pair.source / pair.rate).sum())
+            for source, pair in ((sources[k], sources[k].pairs[0]) for k in (rings.of[i], rings.of[j]))
+        )
+        worst = max(worst, abs(one - other) / abs(one + other) * 2)
+    return worst
 
 
 def _is_passive(model: StateSpace) -> bool:

@@ -1,4 +1,4 @@
-"""Rings on one chip: their positions, and how one heated ring is read at the places of the others.
+"""Rings on one chip, their kinds and positions, and how one heated ring is read at the places of the others.
 
 One heated ring read at many distances takes few poles for all, and a bound of the error of each distance.
 
@@ -21,49 +21,144 @@ rings, and a pair whose heat hardly arrives need not be known to many digits. Fa
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from thermofem import InputError, Probe, StateSpace, assemble, checks
+from thermofem import InputError, Part, Probe, StateSpace, assemble, checks
 from thermofem.algebra.krylov import orthonormal, symmetric_part
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.geometry.cross_section import check_distance, check_uniform, footprint
+from thermofem.fem.probe_means import off_axis_integral
+from thermofem.geometry.cross_section import check_distance, check_uniform, footprint, reach
 
 from .reduce import project
 
+SAME = 1e-12  # m, distances that differ by less are one
 
-def check_positions(heat: HeatProblem, part: str, positions: ArrayLike) -> tuple[Array, Array]:
-    """Centres of rings in m, shape (N, 2), and the distances of all pairs in m, shape (N, N).
 
-    positions: rows (x, y) in m.
-    Raises InputError: rings that overlap, voids, or a domain that ends before the most distant pair.
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """Rings of one geometry: their heat problem, and the part that light heats."""
+
+    heat: HeatProblem
+    part: str
+
+    @property
+    def core(self) -> Part:
+        """The part that is heated and read."""
+        return next(part for part in self.heat.geometry.parts if part.name == self.part)
+
+
+@dataclass(frozen=True, eq=False)
+class RingKinds:
+    """Kinds of rings, and which one each ring is of, shape (N,)."""
+
+    kinds: list[Kind]
+    of: NDArray[np.intp]
+
+
+def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) -> RingKinds:
+    """The kinds of ``count`` rings from one heat problem for all, or one for each.
+
+    Raises InputError: no heat problems or another number of them, names that are not heated, or rings on different
+        layers.
     """
+    every = list(heat) if isinstance(heat, list | tuple) else [heat] * count
+    checks.integer("len(heat)", len(every), count, count, hint="give one heat problem for each ring, or one for all")
+    kinds: list[Kind] = []
+    of = []
+    for i, one in enumerate(every):
+        of.append(next((k for k, kind in enumerate(kinds) if _equal(kind.heat, one)), len(kinds)))
+        if of[-1] == len(kinds):
+            part = checks.choice("heated", heated, one.heated, default=one.heated[0])
+            _check_heaters(one, heaters, part)
+            _check_stack(every[0], one, i)
+            kinds.append(Kind(one, part))
+    return RingKinds(kinds, np.array(of))
+
+
+def _equal(one: HeatProblem, other: HeatProblem) -> bool:
+    return one is other or (one.geometry == other.geometry and one.accuracy == other.accuracy)
+
+
+def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None:
+    names = checks.instances("heaters", (heaters,) if isinstance(heaters, str) else heaters, str)
+    for name in names:
+        checks.choice("heaters", name, [other for other in heat.heated if other != part])
+    checks.unique("heaters", names)
+
+
+def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:
+    """Raise InputError unless two rings lie on the same layers."""
+    one, two = first.geometry, other.geometry
+    differ = [w for w in ("layers", "bottom", "top", "outer", "ambient") if getattr(one, w) != getattr(two, w)]
+    same = () if differ else one.layers
+    differ += [f"layer {at.name!r}" for at in same if one.material_of(at.name) != two.material_of(at.name)]
+    if differ:
+        raise InputError(f"heat[{i}] and heat[0] differ in {differ[0]}; rings on one chip share its layers and sides")
+
+
+def ring_positions(positions: ArrayLike) -> Array:
+    """Check the centres of rings, rows (x, y) in m."""
     centres = checks.numbers("positions", positions, hint="one row (x, y) in m for each ring")
     checks.shape("positions", centres, (max(len(np.atleast_1d(centres)), 1), 2))
-    apart = np.linalg.norm(centres[:, None] - centres, axis=-1)
-    if len(centres) > 1:
-        check_uniform(heat.geometry, "positions")
-        radius, others = footprint(heat.geometry), apart + np.where(np.eye(len(centres)), np.inf, 0)
-        i, j = np.unravel_index(np.argmin(others), others.shape)
-        if others[i, j] < 2 * radius:
-            raise InputError(
-                f"positions[{i}] and positions[{j}] are {apart[i, j]:g} m apart, and rings that reach {radius:g} m "
-                f"overlap below {2 * radius:g} m; positions are in m"
-            )
-        i, j = np.unravel_index(np.argmax(apart), apart.shape)
-        core = next(one for one in heat.geometry.parts if one.name == part)
-        check_distance(heat.geometry, core, float(apart[i, j]), f"positions[{i}] and positions[{j}]")
-    return centres, np.asarray(apart)
+    return centres
 
 
-def with_copies(heat: HeatProblem, part: str, distances: Array) -> tuple[HeatProblem, tuple[str, ...]]:
-    """The heat problem with copies of a part at some distances in m, on a mesh that resolves them, and their names."""
-    copies = tuple(Probe(f"copy {k}", part, distance=float(d)) for k, d in enumerate(distances, 1))
-    solved = assemble(replace(heat.geometry, probes=copies), heat.accuracy) if copies else heat
-    return solved, tuple(copy.name for copy in copies)
+def check_positions(rings: RingKinds, centres: Array) -> Array:
+    """Distances of all pairs in m, shape (N, N).
+
+    Raises InputError: rings that overlap, voids, or a domain that ends before the most distant pair.
+    """
+    between = np.linalg.norm(centres[:, None] - centres, axis=-1)
+    if len(centres) == 1:
+        return between
+    for kind in rings.kinds:
+        check_uniform(kind.heat.geometry, "positions")
+    radius = np.array([footprint(rings.kinds[g].heat.geometry) for g in rings.of])
+    gap = between - radius[:, None] - radius + np.where(np.eye(len(centres)), np.inf, 0)
+    i, j = np.unravel_index(np.argmin(gap), gap.shape)
+    if gap[i, j] < 0:
+        raise InputError(
+            f"positions[{i}] and positions[{j}] are {between[i, j]:g} m apart, and rings that reach "
+            f"{radius[i]:g} and {radius[j]:g} m overlap below {radius[i] + radius[j]:g} m; positions are in m"
+        )
+    for k in np.argsort(-between, axis=None):  # the most distant pair first
+        i, j = np.unravel_index(k, between.shape)
+        if i != j:
+            source, reader = rings.kinds[rings.of[i]], rings.kinds[rings.of[j]]
+            who = f"positions[{i}] and positions[{j}]"
+            check_distance(source.heat.geometry, reader.core, float(between[i, j]), who)
+    return np.asarray(between)
+
+
+def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) -> tuple[HeatProblem, tuple[str, ...]]:
+    """The heat problem of one kind with copies of readers, (kind, distance in m), on a mesh that resolves them.
+
+    Of a reader of another kind a copy of the own part refines the mesh: one that is larger stands where it would just
+    be clear of the source, and covers the place of the reader.
+    """
+    own = rings.kinds[g]
+    if not readers:
+        return own.heat, ()
+    names = tuple(f"copy {k + 1}" for k in range(len(readers)))
+    clear = (footprint(own.heat.geometry) + reach(own.core)) * (1 + 1e-9)
+    distances = [d if kind == g else max(d, clear) for kind, d in readers]
+    copies = [Probe(name, own.part, distance=float(d)) for name, d in zip(names, distances, strict=True)]
+    solved = assemble(replace(own.heat.geometry, probes=tuple(copies)), own.heat.accuracy)
+    d, foreign = solved.discretization, {}
+    for name, (kind, distance) in zip(names, readers, strict=True):
+        if kind != g:  # the same mesh, read over the cross-section of the other kind
+            reader = rings.kinds[kind]
+            probe = Probe(name, reader.part, distance=float(distance))
+            total = off_axis_integral(reader.heat.geometry, d.basis, probe)
+            foreign[name] = total / total.sum()
+    if foreign:
+        solved = replace(solved, discretization=replace(d, means={**d.means, **foreign}))
+    return solved, names
 
 
 FLOOR = 1e-2  # of R_th, added to the static gain of a pair

@@ -62,6 +62,53 @@ def test_static_crosstalk_is_that_of_the_exact_layered_stack():
         assert array.crosstalk[0, j] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * array.crosstalk[0, 0])
 
 
+@pytest.fixture(scope="module")
+def mixed():
+    """Two rings of 5 um radius and one of 7.955 um, cores with the oxide's properties."""
+    every = []
+    for radius in (5e-6, 7.955e-6):
+        strip = th.strip_ring(radius=radius, outer_radius=120e-6)
+        every.append(th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))))
+    return surrogate.reduce_array([every[0], every[1], every[0]], MIXED)
+
+
+MIXED = [(0, 0), (20e-6, 0), (0, 30e-6)]
+
+
+def test_rings_of_different_geometry_are_those_of_the_exact_layered_stack(mixed):
+    large, small = Stack(), Stack(radius=5e-6)
+    for i, j, exact in (
+        (0, 1, large.impedance(20e-6, reader=5e-6)),
+        (0, 2, small.impedance(30e-6)),
+        (1, 2, large.impedance(float(np.hypot(20e-6, 30e-6)), reader=5e-6)),
+    ):
+        scale = max(mixed.crosstalk[i, i], mixed.crosstalk[j, j])
+        assert mixed.crosstalk[i, j] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * scale)  # of the meshes
+        # in time, too: at a rate s = 1e5/s, the same error relative to the static value
+        s = impedance(mixed.model, -1j * 1e5)[i, j].real
+        stack = small if (i, j) == (0, 2) else large
+        d = float(np.hypot(*np.subtract(MIXED[i], MIXED[j])))
+        assert s == pytest.approx(stack.impedance(d, 1e5, reader=5e-6), rel=0, abs=1e-3 * (exact + FLOOR * scale))
+
+
+def test_rings_of_different_geometry_stay_symmetric_and_passive(mixed):
+    assert mixed.passive
+    assert mixed.error_bound <= 1e-4
+    assert mixed.asymmetry < 2e-3  # of the two meshes, each asked for 1e-3
+    for omega in np.geomspace(1, 1e13, 60):
+        H = impedance(mixed.model, omega)
+        assert np.abs(H - H.T).max() <= 1e-12 * np.abs(H).max()  # round-off of the solve
+        assert np.linalg.eigvalsh(H.real)[0] >= -1e-12 * np.abs(H).max()
+
+
+def test_rings_on_different_layers_are_refused(ring):
+    other = th.assemble(th.strip_ring(box=3e-6, outer_radius=120e-6), 1e-2)
+    with pytest.raises(th.InputError, match=r"heat\[1\] and heat\[0\] differ in layers"):
+        surrogate.reduce_array([ring, other], [(0, 0), (20e-6, 0)])
+    with pytest.raises(th.InputError, match=r"len\(heat\) = 1 must be a whole number from 2"):
+        surrogate.reduce_array([ring], [(0, 0), (20e-6, 0)])
+
+
 def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
     """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
     monkeypatch.setattr(domain_truncation, "_reported", set())
@@ -79,6 +126,19 @@ def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog)
     assert closed.domain_error == pytest.approx(exact / closed.crosstalk[0, 2] - 1, rel=0.05)
     (told,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert "which moves the crosstalk over 48 um by 3.5e+00" in told
+
+
+def test_rings_of_two_sizes_may_lie_as_near_as_they_fit():
+    """The smaller ring was refused where a copy of the larger one had no room; they are 2.5 um apart."""
+    every = []
+    for radius in (5e-6, 8e-6):
+        strip = th.strip_ring(radius=radius, outer_radius=120e-6)
+        every.append(th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))))
+    pair = surrogate.reduce_array(every, [(0, 0), (16e-6, 0)])
+    exact = Stack(radius=8e-6).impedance(16e-6, reader=5e-6)
+    scale = float(pair.crosstalk.max())
+    # as above: of the meshes
+    assert pair.crosstalk[0, 1] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * scale)
 
 
 def test_the_model_is_symmetric_and_passive(array):
@@ -195,6 +255,20 @@ def test_pictures_hold_the_numbers(array):
     mpl.pyplot.close("all")
 
 
+def test_half_times_of_rings_of_two_kinds():
+    """Pairs at one distance counted as equal: a ring had the half time of another one, 707 ns for 1274 ns."""
+    kinds = [
+        th.assemble(th.strip_ring(radius=r, width=w, outer_radius=2e-4), accuracy=1e-2)
+        for r, w in ((5e-6, 4e-7), (1e-5, 2e-6))
+    ]
+    array = surrogate.reduce_array([kinds[0], *kinds], [(0, 0), (40e-6, 0), (80e-6, 0)], 1e-2)
+    for ring in range(3):
+        channel, half = array.channel(ring, ring), array.half_times[ring, ring]
+        # straight between samples 6 % apart
+        assert channel.step_response([half])[0] == pytest.approx(channel.thermal_resistance / 2, rel=2e-3)
+    assert array.half_times[2, 2] > 1.3 * array.half_times[0, 0]
+
+
 def test_half_times_below_a_nanosecond():
     """A disc of 0.2 um in silicon has half of its rise before 1 ns, where the search began: an empty array."""
     silicon = [th.Layer("substrate", "Si", 2e-6), th.Layer("box", "Si", 5e-7, datum=True), th.Layer("clad", "Si", 5e-7)]
@@ -205,3 +279,14 @@ def test_half_times_below_a_nanosecond():
     rise = th.solve(heat, th.Constant(1.0), times, rtol=1e-6).delta_T.values / heat.thermal_resistance("core")
     assert rise[0] < 0.5 < rise[2]
     assert rise[1] == pytest.approx(0.5, abs=1e-3)  # the reduction's tolerance, and samples 6 % apart
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [({"ambient": 400.0}, "ambient"), ({"outer": th.Boundary("open")}, "outer")]
+)
+def test_rings_of_one_chip_share_its_sides_and_ambient(change, words):
+    """The crosstalk was 47.3 or 37.4 K/W, as the ambient of the one ring or the other counted."""
+    large, small = th.strip_ring(), th.strip_ring(radius=3e-6)
+    kinds = [th.assemble(large, 0.05), th.assemble(replace(small, **change), 0.05)]
+    with pytest.raises(th.InputError, match=f"differ in {words}; rings on one chip share its layers and sides"):
+        surrogate.reduce_array(kinds, [(0, 0), (30e-6, 0)])
