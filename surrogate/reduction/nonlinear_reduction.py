@@ -1,6 +1,6 @@
 """Small models of heat flow with k(T) and c_p(T): a quadratic Galerkin reduction, and a static output map.
 
-The output map dT = z + coefficient z^2 of a linear model comes from steady solutions with k(T)
+The output map dT = z + coefficient z^2 of a linear model comes from steady solutions with k(T) or from data
 (G. Kirchhoff, Vorlesungen ueber die Theorie der Waerme (Teubner, 1894): with k(T) the integral of k obeys a nearly
 linear heat equation, and the temperature is a function of it).
 
@@ -28,15 +28,19 @@ Sources: B. Kramer, K. Willcox, AIAA J. 57, 2297 (2019); E. Qian, B. Kramer, B. 
 weights, of gamma).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
+from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
+from thermofem.data.dataset import responses_of, warn_of
 from thermofem.models import HasModel, NonlinearSystem, check_single
 from thermofem.transient.nonlinear import cubic_form
 
@@ -73,9 +77,37 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
     z = system.thermal_resistance * powers
     rise = np.array([float(system.steady_rise(p)[0]) for p in powers])
     coefficient = (rise - z) @ z**2 / (z**2 @ z**2)
-    origin: dict[str, Any] = {**(linear.origin or {}), "method": "output map of k(T) steady states"}  # type: ignore[union-attr]
-    origin["linear_method"] = (linear.origin or {}).get("method")  # type: ignore[union-attr]
-    return OutputMap(linear, float(coefficient), float(rise[-1]), origin)  # type: ignore[arg-type]
+    return _mapped(linear, float(coefficient), float(rise[-1]), "output map of k(T) steady states")  # type: ignore[arg-type]
+
+
+def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> OutputMap:
+    """The static map of the output, dT = z + coefficient z^2, that fits data best; the linear model is kept.
+
+    Parameters
+    ----------
+    linear : Foster
+        at small power, as of `reduce` or a fit to a weak drive.
+    data : Dataset or list of them
+        with rises large enough to show the nonlinearity.
+
+    Raises
+    ------
+    InputError
+        data without power or rise.
+    """
+    responses = responses_of(data)
+    warn_of(responses)
+    rate = 1 / np.asarray(linear.tau)
+    z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in responses])
+    rise = np.concatenate([d.rise for d in responses])
+    coefficient = float((rise - z) @ z**2 / (z**2 @ z**2))
+    return _mapped(linear, coefficient, float(rise.max()), "output map of a linear model, fitted to data")
+
+
+def _mapped(linear: Foster, coefficient: float, largest_rise: float, method: str) -> OutputMap:
+    """The output map over a linear model, with the provenance of that model."""
+    origin = {**(linear.origin or {}), "method": method, "linear_method": (linear.origin or {}).get("method")}
+    return OutputMap(linear, coefficient, largest_rise, origin)
 
 
 def check_nonlinear(system: NonlinearSystem, power: float) -> float:

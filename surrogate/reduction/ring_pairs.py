@@ -31,7 +31,7 @@ from thermofem import InputError, Part, Probe, StateSpace, assemble, checks
 from thermofem.algebra.krylov import orthonormal, symmetric_part
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.probe_means import off_axis_integral
+from thermofem.fem.probe_means import off_axis_points, sampled
 from thermofem.geometry.cross_section import check_distance, check_uniform, footprint, reach
 
 from .reduce import project
@@ -154,7 +154,7 @@ def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) 
         if kind != g:  # the same mesh, read over the cross-section of the other kind
             reader = rings.kinds[kind]
             probe = Probe(name, reader.part, distance=float(distance))
-            total = off_axis_integral(reader.heat.geometry, d.basis, probe)
+            total = sampled(d.basis, *off_axis_points(reader.heat.geometry, probe))
             foreign[name] = total / total.sum()
     if foreign:
         solved = replace(solved, discretization=replace(d, means={**d.means, **foreign}))

@@ -160,7 +160,7 @@ def calibrate(
         covariance=covariance * np.outer(slope, slope),
         residual=float(np.sqrt(np.mean((left * scale) ** 2))),
         reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
-        correlation=float(np.mean(left[1:] * left[:-1]) / max(np.mean(left**2), 1e-300)),
+        correlation=float(left[1:] @ left[:-1] / max(left @ left, 1e-300)),
         unseen=(*unseen, *family.doubts(span.at(x), channel)),
         active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
         certified=family.certify(**found),

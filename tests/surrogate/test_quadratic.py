@@ -119,7 +119,9 @@ def test_the_linear_part_is_the_certified_reduction_or_better(conducting, conduc
 def test_output_map_errs_by_less_than_three_per_mille_of_the_peak(warm, conducting):
     for system, answers in (warm, conducting):
         static = surrogate.output_map(system, POWER)
-        assert np.mean([e.mean() for e in errors(static, answers).values()]) < 3e-3
+        data = [th.dataset.build(DRIVES[n][1], answers[n], DRIVES[n][0]) for n in ("half", "pulse")]
+        for model in (static, surrogate.reduction.nonlinear_reduction.fit_output_map(static.linear, data)):
+            assert np.mean([e.mean() for e in errors(model, answers).values()]) < 3e-3
         # least squares over two powers of (cubic - quadratic): below a tenth of the linear model's error there
         assert static.steady_rise(POWER) == pytest.approx(system.steady_rise(POWER)[0], rel=0.1 * 0.07)
         assert static.coefficient < 0  # conductivity of the oxide rises: it warms less than linearly
@@ -150,6 +152,8 @@ def test_what_cannot_be_reduced_is_named(warm):
     two = replace(system, linear=replace(system.linear, C=np.vstack([system.linear.C] * 2), outputs=("core", "shell")))
     with pytest.raises(th.InputError, match="inputs"):
         surrogate.output_map(two, POWER)
+    with pytest.raises(th.InputError, match="data has 0 Datasets"):
+        surrogate.reduction.nonlinear_reduction.fit_output_map(th.Foster(R=[1.0], tau=[1e-6]), [])
 
 
 def test_compare_judges_all_models_on_held_out_drives_of_the_nonlinear_fem(warm, warm_quadratic):
