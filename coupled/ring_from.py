@@ -78,9 +78,9 @@ class MadeRing:
 
         The lengths of the section (the gap is kept where the guide moves), indices and thermo_optic of materials,
         "light.loss", "light.wavelength", and gap and straight of a [[bus]]. The order of the resonance is held, and
-        what the bend radiates. With derivatives of a cycle by these numbers (`coupled.cycles.cycle_derivatives`) and
-        of the poles (`surrogate.pole_derivatives`) they give d(period)/d(width) with heat and light moving:
-        `coupled.ring_from.chain`. Against differences on the same moved mesh: 1e-6 (measured).
+        what the bend radiates. With derivatives of a cycle by these numbers (`cycle_derivatives`) and of the poles
+        (`pole_derivatives`) they give d(period)/d(width) with heat and light moving: `chain` in this module. Against
+        differences on the same moved mesh: 1e-6 (measured).
 
         Returns
         -------
@@ -299,9 +299,9 @@ def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]
     Parameters
     ----------
     of_cycle : Dataset
-        of `coupled.cycles.cycle_derivatives`.
+        of `cycles.derivatives.cycle_derivatives`.
     slopes : dict from number to float
-        of the ring (`MadeRing.derivatives`) and of the poles "R1", "tau1", ... (`surrogate.pole_derivatives`).
+        of the ring (`MadeRing.derivatives`) and of the poles "R1", "tau1", ... (`pole_derivatives` of surrogate).
     """
     names = [name for name in map(str, of_cycle.parameter.values) if name in slopes]
     weights = [slopes[name] for name in names]

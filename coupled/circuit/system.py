@@ -161,10 +161,11 @@ def detunings_of(circuit: Circuit, detuning: Any, duration: float) -> list[Piece
 
 
 def echoes(edges: Array, light: Light, duration: float) -> Array:
-    """Breakpoints of the lasers and those that come back through the delays while they are strong enough.
+    """Times at which a jump of a laser is felt: at once, and after each further sum of delays, until it is too weak.
 
-    Light behind a delay is at most as strong as before it times the largest gain from any delay to any other past the
-    rings. A ring makes a kink of a jump: one passage through a ring is counted as a gain of 1, more are left out.
+    gain: largest factor of the amplitude from one delay to the next by ways past the rings. An echo after n delays is
+    kept while gain^(n - 1) > 1e-7: light through a ring changes without a jump, and one passage is allowed for.
+    Returns times in s, increasing, below ``duration``. Raises InputError: more than `MOST_EDGES` of them.
     """
     delays = np.unique(light.delay)
     gain = float(np.abs(light.seen_delay[: light.delay.size]).sum(axis=1).max(initial=0.0))

@@ -88,9 +88,10 @@ def _at_rest(p: CycleProblem, U: float, D: float) -> tuple[Array, Array]:
 
 
 def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
-    """A small cycle of a family beside the Hopf point ``guess``, and the tangent of its branch away from it.
+    """Start a branch of cycles at a Hopf point: its first cycle, and the unit tangent towards larger ones.
 
-    size: relative amplitude of its carriers.
+    guess: a point of `hopf_curves`. size: relative amplitude of the carriers of the first cycle.
+    Raises InputError: no imaginary eigenvalues at the frequency of the point, or no cycle beside it.
     """
     p = family.base
     power, detuning = laser_of(guess, turned_by(p.rise, p.ring))

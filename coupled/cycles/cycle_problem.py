@@ -44,7 +44,7 @@ class CycleProblem:
 
     @property
     def total_detuning(self) -> float:
-        """The detuning with what heaters turn the resonance by, Hz."""
+        """Detuning in Hz of a ring without heaters that has its resonance as far from the laser as this one."""
         return self.detuning + turned_by(self.rise, self.ring)
 
     def kernel(self, method: Method) -> Problem:

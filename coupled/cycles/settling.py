@@ -85,7 +85,7 @@ class Shooting(Protocol):
 
     @property
     def heat(self) -> int:
-        """Place of the first state of heat."""
+        """Index of the first state of heat in y."""
 
     def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
         """Integrate; return the end, the step that would be next, rows, and the watched quantity along them."""

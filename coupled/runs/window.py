@@ -218,9 +218,10 @@ def _event(event: Event | None) -> Crossing | None:
 
 
 def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: float, offset: Any = 0.0) -> Lights:
-    """The lasers as the kernel takes them, under a temperature offset in K; the first is on the ring's own resonance.
+    """Convert lasers to what the kernel takes between two times in s.
 
-    An offset shifts a resonance as a detuning of thermal_shift x offset does, so it becomes one.
+    The first laser drives the ring's own resonance. offset [K]: a temperature that other sources add, a number or a
+    function of time. It acts as a detuning of thermal_shift x offset, and is added as one.
     """
     resonances = list(dict.fromkeys([ring, *(one.resonance or ring for one in lasers)]))
     at = [resonances.index(one.resonance or ring) for one in lasers]

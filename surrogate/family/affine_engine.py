@@ -87,10 +87,12 @@ class Coefficients:
 
 
 class AffineEngine:
-    """Full and reduced matrices of a family on lines.
+    """Matrices of a family whose outlines are horizontal and vertical lines, full and reduced.
 
-    accuracy: of the reference mesh.
-    made: that mesh with one region for each cell, and the cell of each triangle, where they are there already.
+    The reference mesh is stretched cell by cell, so that K and M are sums of cell matrices with known weights.
+
+    accuracy: relative, of the reference mesh.
+    made: that mesh with one region for each cell, and the cell of each triangle; None makes them.
     """
 
     def __init__(self, box: Box, accuracy: float, made: tuple[Mesh, NDArray[np.intp]] | None = None) -> None:

@@ -81,7 +81,8 @@ class Family:
         k(T) and c_p(T) up to a power: the output map of every member, by interpolation, and its own error. All errors
         beside it, derivatives and certificates are those at small power.
     optics : OpticalNumbers, optional
-        where the geometry has [light]: what `coupled.ring_at` makes the ring of a member from, and its errors.
+        where the geometry has [light]: what `ring_at` of coupled.ring_family makes a member's ring from, and its
+        errors.
     provenance : dict
     """
 

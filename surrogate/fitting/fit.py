@@ -294,10 +294,10 @@ class Training:
 
 
 def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
-    """Run the swarm.
+    """Find starting rates of a fit by particle swarm: rates and amplitudes of least squared residual.
 
-    Returns log_rate [shape (order,)]: of the best particle.
-    Returns residual [K]: rms of the best particle itself, before any polishing.
+    Returns log_rate [shape (order,)]: ln of the rates 1/tau of the best particle, in order.
+    Returns residual [K]: rms of that particle, before least squares improve it.
     """
     from pymoo.algorithms.soo.nonconvex.pso import PSO
     from pymoo.optimize import minimize

@@ -104,12 +104,12 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int 
 
 
 def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
-    """The next mesh; None where triangles would have to be finer than `FINEST`.
+    """Divide the triangles that carry too much of the error; None where they would be finer than `FINEST`.
 
-    mesh: of the estimate, without doubled nodes.
+    mesh: of the estimate, without doubled nodes. target: wanted relative error.
 
-    At a vertex where the field is strongly singular the triangles are divided several times at once, as often as makes
-    their error fall as it does at an ordinary corner.
+    At a vertex where the field is strongly singular triangles are divided several times at once: so often that the
+    error falls as it does at an ordinary corner.
     """
     finest = FINEST * float(np.abs(mesh.points).max())
     at = {point: _touching(mesh, point) for point in estimate.corners}

@@ -152,7 +152,7 @@ class Table:
         return PchipInterpolator(self.temperatures, self.values)
 
     def value(self, T: ArrayLike) -> Array:
-        """v(T)."""
+        """The property at T in K, monotone cubic between the rows, constant beyond them; in the unit of ``values``."""
         return np.asarray(self._curve(np.clip(_kelvins("T", T), self.temperatures[0], self.temperatures[-1])))
 
     def factor(self, T: ArrayLike) -> Array:

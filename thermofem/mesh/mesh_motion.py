@@ -192,7 +192,7 @@ class Line:
 
     @property
     def middle(self) -> float:
-        """Velocity in the middle."""
+        """Velocity in the middle of the edge."""
         return (self.start + self.stop) / 2
 
 

@@ -96,7 +96,7 @@ class Quadratic:
 
     @property
     def dynamics(self) -> Quadratic:
-        """The system itself."""
+        """Itself: the equations of heat, which an output map keeps apart from what is read."""
         return self
 
     @property

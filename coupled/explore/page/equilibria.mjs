@@ -1,4 +1,4 @@
-// Fixed points of ring and heat, and their stability: coupled/equilibria/balance.py and spectrum.py.
+// Fixed points of ring and heat, and their stability: coupled/equilibria/balance.py and steady_states.py.
 //
 // At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter s:
 //   D = gamma sinh s,   U gamma(U)^2 = drive^2/cosh^2 s,   detuning(s) = shift(U) - gamma sinh s
@@ -137,7 +137,7 @@ export function spectrumAt(U, D, sys) {
 }
 
 /**
- * Coefficients of E(lambda) = A + D^2 - D B at a fixed point of energy U (spectrum.py). Its zeros are the eigenvalues.
+ * Coefficients of E(lambda) = A + D^2 - D B at a fixed point of energy U (bifurcation_curves.py). Its zeros are the eigenvalues.
  *   A = (lambda + gamma)[lambda + gamma2 + alpha/(lambda + rho)]
  *   B = kerr + [beta + Z(lambda)(heat (lambda + rho) + cross)]/(lambda + rho), with the thermal impedance Z
  */

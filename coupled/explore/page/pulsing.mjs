@@ -11,7 +11,7 @@ export function columns(rows, first, stop) {
   return { t: column((k) => rows[k]), U: column((k) => rows[k + 1] ** 2 + rows[k + 2] ** 2), N: column((k) => rows[k + 3]), dT: column((k) => rows[k + 4]) }; // prettier-ignore
 }
 
-/** When sign x rises through sign level, on the cubic through the four samples around each (kernels/levels.py). */
+/** When sign x rises through sign level, on the cubic through the four samples around each. */
 export function rises(t, x, level, sign = 1) {
   const out = [];
   for (let at = 0; at + 1 < t.length; at++) {
