@@ -305,11 +305,12 @@ def _extremes(t: Array, x: Array) -> list[tuple[float, float]]:
 def _crossing(t: Array, x: Array, k: int) -> float:
     """Where x(t) changes its sign behind the row k, on the polynomial through four rows."""
     at, c = _polynomial(t, x, k - 1, 4)
-    low, high, begins = float(t[k]), float(t[k + 1]), bool(x[k] > 0)
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if (_taylor(at, c, middle)[0] > 0) == begins else (low, middle)
-    return 0.5 * (low + high)
+    low, high, before, after = float(t[k]), float(t[k + 1]), float(x[k]), float(x[k + 1])
+    place = low + (high - low) * before / (before - after)
+    for _ in range(5):  # of Newton's method, which a line has led near
+        value, slope, _ = _taylor(at, c, place)
+        place = min(max(place - (value / slope if slope else 0.0), low), high)
+    return place
 
 
 def _polynomial(t: Array, x: Array, first: int, count: int) -> tuple[list[float], list[float]]:
