@@ -132,6 +132,16 @@ class FEM:
         )
         return outputs[:, 0]
 
+    def revise(self, times: Array, power: Waveform) -> Array:
+        """`advance` again under a power that differs little, without steps (`FieldIntegrator.revised`)."""
+        outputs, *self._tried = self.field.revised([power, *self.heaters.values()], times, keep=self._kept(times))
+        return outputs[:, 0]
+
+    @property
+    def remainder(self) -> float:
+        """Largest change in the window of the part of the rise that `revise` keeps, outside the amplitudes, K."""
+        return self.field.remainder
+
     def _kept(self, times: Array) -> Array:
         """The field times of a window."""
         wanted = self.field_times

@@ -52,8 +52,8 @@ def cosimulate(
 
     The equations are those of `simulate`; the thermal model only predicts. In each time window (`relaxation`) the
     corrector receives the absorbed power and returns the temperature. The difference from the predicted temperature is
-    fed back, and the window is repeated until the difference is below ``max_discrepancy``. What is left shifts pulses a
-    little, which changes more on their edges: ``estimated_change`` says how much.
+    fed back, and the window is repeated until the difference is below ``max_discrepancy``. The FEM's temperature then
+    follows what this changes in the light, so that the shift of a pulse is small too.
 
     Parameters
     ----------

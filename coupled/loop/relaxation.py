@@ -21,17 +21,18 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.waveforms import PiecewiseCubic
+from thermofem.waveforms import PiecewiseCubic, Waveform
 
 from ..resonator import RingResonator
 from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact
-from .corrector import Corrector
+from .corrector import FEM, Corrector
 
 MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
 STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
+CLOSE = 0.05  # of the largest discrepancy: what the FEM's temperature may still move, since later windows magnify it
 KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
 
@@ -118,7 +119,7 @@ class Relaxation:
         offset: Any = self._guess(start, stop)
         run, last = self._light(start, stop, offset), np.inf
         for passes in range(1, MOST_PASSES + 1):
-            rise = self._asked(run)
+            rise = self._asked(self.corrector.advance, run)
             self.passes += 1
             checks.shape("the answer of corrector.advance", rise, run.time.shape)
             self._check_start(start, float(rise[0]))
@@ -135,15 +136,42 @@ class Relaxation:
             if late and not _hopeful(change, last, self.max_discrepancy, MOST_PASSES - passes):
                 return None, f"the discrepancy goes from {last:.2g} to {change:.2g} K in pass {passes}"
             last = change
-            after = self._fed_back(run, offset, rise - run.delta_T)
-            again = self._light(start, stop, after)
-            if change <= self.max_discrepancy:
-                moved = float(np.abs(CubicSpline(run.time, rise)(again.time) - again.delta_T).max())
-                seen = float(offset(stop)) if callable(offset) else float(offset)
-                rest = seen + float(rise[-1] - run.delta_T[-1])
-                return Passed(run, rise, passes, change, moved, rest), ""
-            offset, run = after, again
+            found, offset, run = self._settled(run, rise, passes, offset, (start, stop))
+            if found is not None:
+                return found, ""
         return None, f"{MOST_PASSES} passes leave {last:.2g} K"
+
+    def _settled(
+        self, run: Window, rise: Array, passes: int, offset: Any, span: tuple[float, float]
+    ) -> tuple[Passed | None, Any, Window]:
+        """The window if a pass was the last, None otherwise; offset and light of the next pass.
+
+        A discrepancy shifts the pulses, whose edges turn it into up to a hundred times as much. So light is integrated
+        with the discrepancy fed back. Where its temperature moves, the FEM's fields follow without another pass
+        (`FEM.revise`). What this leaves out is the share of the rise outside them (`FEM.remainder`); where the
+        predictor is not the FEM's own, the share that it misses.
+        """
+        revise, moved = getattr(self.corrector, "revise", None), np.inf
+        close = CLOSE * self.max_discrepancy if revise else self.max_discrepancy
+        if isinstance(self.corrector, FEM) and self.model is self.corrector.predictor:
+            missed = self.corrector.remainder
+        else:
+            missed = float(np.abs(rise - run.delta_T).max())
+        missed /= max(float(np.abs(rise).max()), 1e-300)
+        while True:
+            discrepancy = float(np.abs(rise - run.delta_T).max())
+            after = self._fed_back(run, offset, rise - run.delta_T)
+            again, last = self._light(*span, after), moved
+            moved = float(np.abs(CubicSpline(run.time, rise)(again.time) - again.delta_T).max())
+            enough = moved <= close or not moved < last / 2
+            if discrepancy <= self.max_discrepancy and (enough or revise is None):
+                seen = float(offset(span[1])) if callable(offset) else float(offset)
+                rest = seen + float(rise[-1] - run.delta_T[-1])
+                return Passed(run, rise, passes, discrepancy, moved, rest), after, again
+            if revise is None or enough or missed * moved > KNOTS * self.max_discrepancy:
+                return None, after, again
+            run, offset = again, after
+            rise = self._asked(revise, run)
 
     def _light(self, start: float, stop: float, offset: Any) -> Window:
         """Light, carriers and predictor over one window."""
@@ -155,13 +183,11 @@ class Relaxation:
         self.seconds["optics"] += process_time() - clock
         return run
 
-    def _asked(self, run: Window) -> Array:
+    def _asked(self, way: Callable[[Array, Waveform], Any], run: Window) -> Array:
         """The corrector's temperature under the absorbed power of a run."""
         clock = process_time()
         spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
-        rise = np.array(
-            self.corrector.advance(run.time.copy(), PiecewiseCubic(spline.x, spline.c[::-1].T)), dtype=float
-        )
+        rise = np.array(way(run.time.copy(), PiecewiseCubic(spline.x, spline.c[::-1].T)), dtype=float)
         self.seconds["corrector"] += process_time() - clock
         return rise
 

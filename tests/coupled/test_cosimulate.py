@@ -148,7 +148,7 @@ def test_k_of_T_in_the_loop():
 
 
 def test_a_quadratic_reduction_predicts_k_of_T():
-    """It knows what the linear reduction leaves to the second pass."""
+    """It knows what the linear reduction leaves to the second pass, where the corrector cannot be revised."""
     system, drive = coarse_warm_fem(), {"power": 0.1, "duration": 40e-9, "max_discrepancy": 5e-4}
     model = surrogate.reduce_quadratic(system, 0.01).model
     poles = coupled.FEM(system).predictor.linear
@@ -161,8 +161,8 @@ def test_a_quadratic_reduction_predicts_k_of_T():
     assert np.interp(linear.time, run.time, run.delta_T) == pytest.approx(linear.delta_T.values, rel=0, abs=1e-3)
 
 
-def test_pulses_with_k_of_T_are_as_accurate_as_the_estimate():
-    """The first pass leaves 0.3 mK, which shifts the second pulse by 60 ps: 4.8 mK on its edge."""
+def test_pulses_with_k_of_T_are_as_accurate_as_the_discrepancy():
+    """The first pass leaves 0.3 mK, which shifts the second pulse by 60 ps: 4.8 mK on its edge, if nothing follows."""
     silicon, oxide = th.materials.find("Si"), th.materials.find("SiO2")
     laws = {"conductivity_law": th.materials.PowerLaw(0.33), "specific_heat_law": th.materials.PowerLaw(0.5)}
     materials = (replace(silicon, conductivity_law=th.materials.PowerLaw(-1.3)), replace(oxide, **laws))
@@ -172,8 +172,7 @@ def test_pulses_with_k_of_T_are_as_accurate_as_the_estimate():
     exact = coupled.cosimulate(RING, plain, predictor=fem.predictor, max_discrepancy=3e-5, rtol=1e-8, **drive)
     assert exact.attrs["passes"] > exact.attrs["windows"]  # the second pass is the full FEM's own
     assert run.attrs["passes"] == run.attrs["windows"]
-    apart = np.abs(CubicSpline(exact.time, exact.delta_T)(run.time) - run.delta_T.values).max()
-    assert 0.3 * run.attrs["estimated_change"] < apart < 1.2 * run.attrs["estimated_change"] < 1e-2
+    assert CubicSpline(exact.time, exact.delta_T)(run.time) == pytest.approx(run.delta_T.values, rel=0, abs=1e-3)
     assert abs(run.attrs["heat_imbalance"]) < 1e-6
 
 
@@ -188,16 +187,16 @@ def test_what_fast_modes_leave_in_a_slope_is_not_read():
 
 
 def test_tables_in_the_loop():
-    """c_p of SiO2(T) has a kink at 300 K, which pulses cross, and the parabolas do not know."""
+    """c_p of SiO2(T) has a kink at 300 K, which pulses cross; parabolas alone took 34 steps and a pass more."""
     run = coupled.cosimulate(RING, warm_fem(), power=MW, duration=1.5e-6)
     assert run.delta_T.max() > 300 - 293.15
-    assert run.attrs["passes"] <= run.attrs["windows"] + 1
-    assert run.attrs["fem_steps"] < 40
+    assert run.attrs["passes"] == run.attrs["windows"]
+    assert run.attrs["fem_steps"] < 25
     assert abs(run.attrs["heat_imbalance"]) < 3e-7
 
 
 def test_the_estimate_is_what_another_pass_changes():
-    """One window with a pulse: the run at 10 mK against one at 0.01 mK."""
+    """One window with a pulse, and a corrector that cannot be revised: the run at 10 mK against one at 0.01 mK."""
     runs = []
     for allowed in (1e-2, 1e-5):
         fem = coupled.FEM(strip()[0], max_discrepancy=1e-5)

@@ -92,6 +92,32 @@ def test_a_window_can_be_taken_again():
     assert field.temperature(end) == pytest.approx(kept[-1], rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.parametrize("warm", [False, True], ids=["linear", "k(T), c_p(T)"])
+def test_a_revised_window_is_the_one_under_the_new_power(warm):
+    """A pulse of 2.2 K comes 2 ns later: outputs, field, what follows, and the heat balance, with hardly a solve."""
+    d = coarse()[1]
+    system = coarse_warm_fem() if warm else d.state_space(("core",), ("core",))
+    basis, ledger = krylov(system.linear if warm else system), None if warm else d.ledger
+    one, late = (th.Pulse(20e-3, 60e-9, start=start) for start in (20e-9, 22e-9))
+    times, then = np.linspace(0, 0.2e-6, 101), np.linspace(0.2e-6, 0.3e-6, 11)
+    field = FieldIntegrator(system, basis, tolerance=1e-4, ledger=ledger)
+    before = field.advance(field.start(), [one], times)[0]
+    solves = field.stepper.solves
+    found, state, _ = field.revised([late], times)
+    assert field.stepper.solves <= solves + 5
+    exact = FieldIntegrator(system, basis, tolerance=1e-4, ledger=ledger)
+    wanted, end, _ = exact.advance(exact.start(), [late], times)
+    change = np.abs(before - wanted).max()
+    assert change > 0.1
+    assert np.abs(found - wanted).max() < 2e-4 + 1e-3 * change  # 1e-4 of each, and the share that the basis misses
+    assert field.temperature(state) == pytest.approx(exact.temperature(end), rel=0, abs=2e-3)
+    gone, wanted = (f.advance(s, [th.Constant(0.0)], then)[0] for f, s in ((field, state), (exact, end)))
+    assert gone == pytest.approx(wanted, rel=0, abs=3e-4)
+    assert state.heat_in == pytest.approx(end.heat_in, rel=1e-12, abs=0)
+    if ledger:  # what flows in and out of the remainder is revised, too
+        assert state.heat_in - field.stored(state) - state.heat_out == pytest.approx(0, abs=1e-6 * state.heat_in)
+
+
 def test_two_heated_parts_superpose():
     d = coarse()[1]
     names = ("core", "oxide")

@@ -23,6 +23,7 @@ estimate and the distance of the interpolation from two further stages are each 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +34,7 @@ from ..algebra.krylov import Basis
 from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
-from .fast_part import FastPart, FieldState, Inside, Piece
+from .fast_part import Advanced, FastPart, FieldState, Inside, Piece
 from .integration import Ledger, between
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import Curvature, NonlinearEquations, NonlinearLedger, curvature, flow_of
@@ -90,6 +91,7 @@ class FieldIntegrator:
         self.direct = np.array(direct) if len(direct) else np.zeros(len(linear.inputs))
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
         self._missed: dict[float, float] = {}
+        self._passed: Advanced  # the last window
 
     def start(self) -> FieldState:
         """The field at ambient temperature, at t = 0."""
@@ -135,8 +137,7 @@ class FieldIntegrator:
         if window <= 0 or abs(times[0] - state.time) > 1e-9 * window:
             raise checks.InputError(f"times run from {times[0]:g} to {times[-1]:g} s, the field is at {state.time:g} s")
         self.unit = self.unit or window
-        C, first, fast = self.linear.C, state, self._fast(state, waves, times)
-        taken: list[tuple[float, float, Inside]] = []
+        first, taken, fast = state, [], self._fast(state, waves, times)
         fields = fast.z(keep) @ self.basis.vectors.T
         fields[keep <= state.time] += state.r
         begin, done, count = state.time, 0, self._steps(window, state.step)
@@ -160,18 +161,88 @@ class FieldIntegrator:
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
                 done, count = done // 4, count // 4
+        self._passed = Advanced(first, fast, taken, state, fields)
+        return self._outputs(fast, times), state, fields
+
+    def _outputs(self, fast: FastPart, times: Array) -> Array:
+        """Outputs of the last window in K, with these amplitudes, shape (times, outputs)."""
+        C = self.linear.C
         outputs = fast.z(times) @ (C @ self.basis.vectors).T
-        outputs[0] += C @ first.r
-        for t, h, inside in taken:
+        outputs[0] += C @ self._passed.begin.r
+        for t, h, inside in self._passed.steps:
             read = between(times, t, t + h)
             outputs[read] += inside((times[read] - t) / h)
-        return outputs, state, fields
+        return outputs
+
+    def revised(
+        self, waves: Sequence[Waveform], times: ArrayLike, *, keep: ArrayLike = ()
+    ) -> tuple[Array, FieldState, Array]:
+        """The last window under powers that differ little: new amplitudes z, the steps of r as `advance` took them.
+
+        The result is off by |H - H_V| times the change of the power, which is the share of the rise that V leaves to r
+        (`remainder`). Parameters and result are those of `advance`, without the state.
+        """
+        first, old, _, end, fields = self._passed
+        times, keep, length = np.asarray(times, dtype=float), np.asarray(keep, dtype=float), end.time - first.time
+        new = self._fast(first, waves, times)
+        gained = new.energy() - old.energy()
+        z, r, slope = self._moved(end, new, old, gained, length)
+        out = float(self.direct @ gained)
+        if self.ledger:
+            drained = [self._drained(self.ledger, fast, length, end.r) for fast in (new, old)]
+            out += drained[0] - drained[1]
+        state = replace(
+            end, z=z, r=r, slope=slope, heat_in=end.heat_in + float(gained.sum()), heat_out=end.heat_out + out
+        )
+        return self._outputs(new, times), state, fields + (new.z(keep) - old.z(keep)) @ self.basis.vectors.T
+
+    def _moved(
+        self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float
+    ) -> tuple[Array, Array, Array]:
+        """z, r and slope at the end of a revised window.
+
+        The heat that V leaves to r follows the power; it spreads for the length of a step, as the outputs know none of
+        it. With c_p(T) r changes, too, so that H(x) keeps the heat that the steps of r brought.
+        """
+        V, s, z, before = self.basis.vectors, self.stepper, new.values[-1], old.values[-1]
+        left = self.forcing @ np.concatenate([gained, length * (new.mean() - old.mean())])
+        if self.newton is None:
+            return z, end.r + s.solve(GAMMA * end.step, left), end.slope
+        bent = length * self.flow((new.mean_products() - old.mean_products())[None])[0]
+        flow, held = self.curved(np.stack([z, before]))
+        x, was, system = V @ z + end.r, V @ before + end.r, self.newton.system
+        moved = self.EV @ (z + held[0] - before - held[1])
+        moved += s.E @ s.solve(GAMMA * end.step, left + self.EV @ (V.T @ bent) - bent)
+        x = self._holding(self.newton, x, system.content(was) + moved)
+        slope = end.slope + self.loads @ np.concatenate([z - before, np.zeros(end.source.size), flow[0] - flow[1]])
+        return z, x - V @ z, slope - system.flow(x) + system.flow(was)
+
+    @property
+    def remainder(self) -> float:
+        """Largest change of the outputs' part in r in the last window of `advance`, K."""
+        begin = self.linear.C @ self._passed.begin.r
+        return max(float(np.abs(inside(STAGE_TIMES) - begin).max()) for _, _, inside in self._passed.steps)
+
+    def _holding(self, s: NewtonStepper, x: Array, target: Array) -> Array:
+        """The rise with the enthalpy H(x) = target in J, close to the one given."""
+        for _ in range(ROUNDS):
+            change = s.solve(0.0, target - s.system.content(x)) / s.nodal.slope(x)
+            x = x + change
+            if s.norm(change) <= SETTLED * self.tolerance * self.per_kelvin:
+                break
+        return x
 
     def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
         """The amplitudes z in a window that starts from a state."""
         reach = np.abs(self.linear.C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
         left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
         return FastPart(self.basis, state.time, state.z, waves, times, self.curved if self.newton else None, left)
+
+    def _drained(self, ledger: Ledger | NonlinearLedger, fast: FastPart, length: float, r: Array) -> float:
+        """Heat in J that leaves by the mean field and the change of a window."""
+        begin, mean, end = np.stack([fast.values[0], fast.mean(), fast.values[-1]]) @ self.basis.vectors.T + r
+        slopes = np.stack([0 * begin, (end - begin) / length, 0 * begin])
+        return ledger.outflow(length, np.array([0.0, 1.0, 0.0]), np.stack([begin, mean, end]), slopes)
 
     def _steps(self, window: float, last: float) -> int:
         """Initial number of steps of a window: each is the first window over a power of four, at most ``last``."""

@@ -127,6 +127,19 @@ class FastPart:
         c = self._cubics
         return np.asarray(c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i])))
 
+    def mean(self) -> Array:
+        """z averaged over the window, shape (k,)."""
+        return np.tensordot(self.weights, self.z(self.nodes)) / self.weights.sum()
+
+    def mean_products(self) -> Array:
+        """z_j z_k averaged over the window, shape (k, k)."""
+        z = self.z(self.nodes)
+        return np.tensordot(z, self.weights[..., None] * z, ((0, 1), (0, 1))) / self.weights.sum()
+
+    def energy(self) -> Array:
+        """Energy in J that each input delivers in the window."""
+        return np.tensordot(self.weights, self.powers(self.nodes))
+
     def piece(self, t: float, h: float) -> Piece:
         """The step from ``t`` to ``t + h``."""
         u, weight = self._nodes(t, h)
@@ -233,3 +246,14 @@ class Inside(NamedTuple):
     def __call__(self, u: ArrayLike) -> Array:
         """Value at the fractions u of the step, shape (*u.shape, components)."""
         return np.asarray((np.asarray(u)[..., None] ** np.arange(4)) @ CUBIC @ np.stack(self))
+
+
+class Advanced(NamedTuple):
+    """A window that was advanced, for `FieldIntegrator.revised`."""
+
+    begin: FieldState
+    fast: FastPart
+    steps: list[tuple[float, float, Inside]]
+    """Start and length in s, and the outputs of the remainder."""
+    end: FieldState
+    fields: Array
