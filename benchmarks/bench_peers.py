@@ -62,8 +62,7 @@ def by_hand(system: th.StateSpace, reference: np.ndarray, steps: int) -> Run:
 def ngsolve_setup(heat: th.fem.HeatProblem) -> Callable[[np.ndarray, int], Run]:
     """NGSolve's own quadratic elements on our mesh; what is timed is factorization and steps."""
     import ngsolve as ng
-    from netgen.meshing import Element2D, FaceDescriptor, MeshPoint, Pnt
-    from netgen.meshing import Mesh as NetgenMesh
+    from netgen.meshing import Element2D, FaceDescriptor, Mesh as NetgenMesh, MeshPoint, Pnt
 
     mesh, grid = heat.mesh, NetgenMesh(dim=2)
     points = [grid.Add(MeshPoint(Pnt(*(1e6 * p), 0))) for p in mesh.points]

@@ -4,8 +4,6 @@ An input of a ring is a number, a waveform (`th.Function` for any function of ti
 list of these, which add: a bias with a pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -15,8 +13,7 @@ from scipy.interpolate import PPoly
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.piecewise import Pieces as Pieces
-from thermofem.piecewise import bounds as bounds
+from thermofem.piecewise import Pieces as Pieces, bounds as bounds
 from thermofem.waveforms import Samples, Waveform
 
 from .kernel.integrator import Polynomials

@@ -15,8 +15,7 @@ from matplotlib.colors import LogNorm
 from thermofem import checks
 from thermofem.data.dataset import response_of
 from thermofem.data.variables import contents, unit_of
-from thermofem.plot import CYCLE, INK, SKY, VERMILION, WIDTH, readable
-from thermofem.plot import axes as _axes
+from thermofem.plot import CYCLE, INK, SKY, VERMILION, WIDTH, axes as _axes, readable
 from thermofem.waveforms import period_times
 
 from .judging.validate import widest_range

@@ -2,9 +2,7 @@
 
 __version__ = "0.3.0"  # stored in every file, and part of the hash of every campaign result
 
-from . import checks as checks
-from . import materials
-from . import waveforms as waveforms
+from . import checks as checks, materials, waveforms as waveforms
 from .campaign import Campaign
 from .checks import InputError
 from .data import (
@@ -30,9 +28,7 @@ from .geometry import (
     strip_ring,
 )
 from .materials import Material
-from .models import Foster, StateSpace
-from .models import OutputMap as OutputMap
-from .models import Quadratic as Quadratic
+from .models import Foster, OutputMap as OutputMap, Quadratic as Quadratic, StateSpace
 from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
 from .waveforms import (

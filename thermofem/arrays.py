@@ -4,8 +4,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike as ArrayLike
-from numpy.typing import NDArray as NDArray
+from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 Array: TypeAlias = NDArray[np.float64]

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 
 from thermofem.checks import choice
 from thermofem.data.variables import contents, label
-from thermofem.plot import CYCLE, INK, WIDTH
-from thermofem.plot import axes as new_axes
+from thermofem.plot import CYCLE, INK, WIDTH, axes as new_axes
 
 from ..identification.identify import Identification
 from .curves import HEAT, dbm, plot_branch, plot_transmission

@@ -10,9 +10,7 @@ from matplotlib.axes import Axes
 
 from thermofem.checks import choice, mapping, text
 from thermofem.data.variables import contents
-from thermofem.plot import BLUE as LIGHT
-from thermofem.plot import GREEN, INK, PURPLE, axes, readable
-from thermofem.plot import VERMILION as HEAT
+from thermofem.plot import BLUE as LIGHT, GREEN, INK, PURPLE, VERMILION as HEAT, axes, readable
 
 MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
          "Hopf": ("o", "Hopf point")}  # fmt: skip

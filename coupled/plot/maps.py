@@ -12,8 +12,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import InputError, choice, mapping
 from thermofem.data.variables import contents
-from thermofem.plot import INK, WIDTH, readable
-from thermofem.plot import axes as new_axes
+from thermofem.plot import INK, WIDTH, axes as new_axes, readable
 
 from .curves import LIGHT, curves_over, dbm, joined
 

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Campaign, checks
-from thermofem import __version__ as version
+from thermofem import Campaign, __version__ as version, checks
 from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
 from thermofem.campaign.stored_tasks import Store

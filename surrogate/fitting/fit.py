@@ -19,8 +19,13 @@ import xarray as xr
 from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array
 from thermofem.data.dataset import at_probe, responses_of
-from thermofem.models.foster import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
-from thermofem.models.foster import second_order_parameters as parameters_of
+from thermofem.models.foster import (
+    BORGHI2021_HEAT_CAPACITY,
+    check_heat_capacity,
+    newton,
+    second_order,
+    second_order_parameters as parameters_of,
+)
 
 from .fit_result import OUTSIDE, UNSEEN, Fit, check_explained, common, model_notes, undetermined
 from .optical_fit import fit_optical

@@ -20,8 +20,7 @@ from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.factor import check_symmetric
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
-from thermofem.fem.heat_derivatives import ModalDerivative, tangents_of
-from thermofem.fem.heat_derivatives import project as on_modes
+from thermofem.fem.heat_derivatives import ModalDerivative, project as on_modes, tangents_of
 from thermofem.models import HasModel
 
 from .certified_space import Certificate, CertifiedSpace, Indices, Projection, certify, certify_defect, leftover

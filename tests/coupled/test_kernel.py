@@ -13,8 +13,7 @@ from scipy.integrate import solve_ivp
 import coupled
 import thermofem as th
 from coupled.circuit.system import system_of
-from coupled.kernel import integrator
-from coupled.kernel import units as eq
+from coupled.kernel import integrator, units as eq
 from coupled.kernel.tableaus import Method, tableau
 
 POWER = 10**0.8 * 1e-3

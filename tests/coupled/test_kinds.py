@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 
 import coupled
 import thermofem as th
-from coupled.kernel import integrator
-from coupled.kernel import units as eq
+from coupled.kernel import integrator, units as eq
 from coupled.kernel.tableaus import Method
 from coupled.thermal import compact
 

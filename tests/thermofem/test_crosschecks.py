@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import skfem
 from grids import facets_where, tensor_mesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.special import j1
 
 import thermofem as th
