@@ -118,5 +118,4 @@ def _wave(times: Array, values: Array) -> Any:
     """The cubic spline through the samples, as a waveform."""
     from scipy.interpolate import CubicSpline
 
-    spline: Any = CubicSpline(times, values, bc_type="periodic")
-    return PiecewiseCubic(times, np.ascontiguousarray(spline.c[::-1].T))
+    return PiecewiseCubic.of_spline(CubicSpline(times, values, bc_type="periodic"))

@@ -22,7 +22,7 @@ newton = surrogate.newton(tau_th=275e-9)
 def absorbed(run):
     """The absorbed power of a run as a waveform."""
     spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
-    return PiecewiseCubic(spline.x, spline.c[::-1].T)
+    return PiecewiseCubic.of_spline(spline)
 
 
 def relax(model, length, passes=12):

@@ -485,6 +485,11 @@ class PiecewiseCubic(Waveform):
             return cls(*wave.pieces(0.0, wave.period, tolerance=tolerance), repeat=True)
         return cls(*wave.pieces(start, stop, tolerance=tolerance))
 
+    @classmethod
+    def of_spline(cls, spline: Any) -> PiecewiseCubic:
+        """A cubic spline of SciPy (`CubicSpline`, `CubicHermiteSpline`) of the power in W over the time in s."""
+        return cls(spline.x, np.ascontiguousarray(spline.c[::-1].T))
+
     @property
     def period(self) -> float | None:  # type: ignore[override]
         """Length of the pieces in s where they repeat."""

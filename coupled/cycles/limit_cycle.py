@@ -30,7 +30,7 @@ from .multiple_shooting import Family, first_place
 from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, measure, time_weights
 from .settling import Part, UnsettledError, measured, pulse_train
 
-UNSTABLE = 1 + 1e-7  # of a multiplier; they are exact to some 1e-8
+UNSTABLE = 1 + 1e-6  # of a multiplier; they are exact to 5e-7
 MOST_PULSES = 1000  # in a period of a guess
 SETTLING, TURNS = 30.0, 1e5  # of the slowest heat; ns: a transient that leads near a cycle, then some pulses
 NEARLY = 1e-3  # of the largest values, to which a pulse repeats itself

@@ -286,8 +286,7 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     time = checks.array("initial['time']", cycle["time"].values, increasing=True)
     power = np.array(checks.array("initial['absorbed']", cycle["absorbed"].values))
     power[-1] = power[0]
-    spline = CubicSpline(time, power, bc_type="periodic")
-    wave = PiecewiseCubic(spline.x, spline.c[::-1].T)
+    wave = PiecewiseCubic.of_spline(CubicSpline(time, power, bc_type="periodic"))
     period, basis, C = float(time[-1]), fem.basis, fem.linear.C
     if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
         raise checks.InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")

@@ -186,8 +186,8 @@ class Relaxation:
     def _asked(self, way: Callable[[Array, Waveform], Any], run: Window) -> Array:
         """The corrector's temperature under the absorbed power of a run."""
         clock = process_time()
-        spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
-        rise = np.array(way(run.time.copy(), PiecewiseCubic(spline.x, spline.c[::-1].T)), dtype=float)
+        power = PiecewiseCubic.of_spline(CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope))
+        rise = np.array(way(run.time.copy(), power), dtype=float)
         self.seconds["corrector"] += process_time() - clock
         return rise
 

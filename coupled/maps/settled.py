@@ -66,7 +66,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
 class _Row:
     """Points of one ring under one power."""
 
-    heat = 3  # place of the first of its states
+    heat = 3  # index of the first of its states
 
     def __init__(self, ring: Any, model: Any, power: float, watch: Array) -> None:
         self.watch, self.problem = watch, CycleProblem(ring, model, power, 0.0)
@@ -115,13 +115,9 @@ class _Row:
         """What a cold ring comes to; ``points`` are the stable fixed points."""
         try:
             found = settled(
-                self,
-                self.turns.problem.zero(),
-                lambda: points,
-                self.problem.longest,
-                where=self.problem.where,
+                self, self.turns.problem.zero(), lambda: points, self.problem.longest, where=self.problem.where,
                 look=self.look,
-            )
+            )  # fmt: skip
         except RestError as rest:
             return Cell(Regime.STABLE, swing=0.0, reason=str(rest)), None
         except UnsettledError as error:

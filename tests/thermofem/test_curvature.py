@@ -62,7 +62,7 @@ def test_the_amplitudes_follow_their_equation():
     forms, reach = curvature(system, basis), np.abs(system.linear.C[0] @ basis.vectors)
     power, slope = 0.02 * np.sin(np.pi * TIMES / TIMES[-1]) ** 2, 0.02 * np.pi / TIMES[-1] * np.sin(1e7 * np.pi * TIMES)
     spline = CubicHermiteSpline(TIMES, power, slope)
-    wave = PiecewiseCubic(spline.x, spline.c[::-1].T)
+    wave = PiecewiseCubic.of_spline(spline)
     start = np.zeros(basis.rate.size)
     fast = FastPart(basis, 0.0, start, [wave], TIMES, forms, 1e-7 / reach)
 

@@ -145,7 +145,7 @@ def test_a_cubic_power_is_a_cubic():
     times = np.array([0.0, 1.0, 1.5, 4.0])
     power, slope = times**3 - times, 3 * times**2 - 1
     spline, t = CubicHermiteSpline(times, power, slope), np.linspace(0, 4, 33)
-    wave = PiecewiseCubic(spline.x, spline.c[::-1].T)
+    wave = PiecewiseCubic.of_spline(spline)
     assert wave(t) == pytest.approx(t**3 - t, rel=1e-12, abs=1e-12)
     assert wave.mean(0.3, 3.1) * 2.8 == pytest.approx((3.1**4 - 0.3**4) / 4 - (3.1**2 - 0.3**2) / 2, rel=1e-12, abs=0)
 

@@ -58,8 +58,8 @@ STRONG = 0.5  # the field goes with distance^lambda at a vertex; where lambda is
 def saturation(exponent: float) -> float:
     """The exact energy over what cubic functions add in the triangles at a vertex, at most, for lambda < `STRONG`.
 
-    Measured at six corners with contrasts of 10, 94 and 1000, lambda from 0.028 to 0.39: at
-    most 1.13 lambda^-1.23. Cubic functions in the whole would leave 1/(1 - (2/3)^(4 lambda)).
+    Measured at six corners with contrasts of 10, 94 and 1000, lambda from 0.028 to 0.39: at most 1.13 lambda^-1.23.
+    Cubic functions in the whole would leave 1/(1 - (2/3)^(4 lambda)).
     """
     return 1.2 * exponent**-1.25
 
