@@ -132,7 +132,7 @@ def test_at_the_true_parameters_next_to_nothing_is_left():
         (target,) = targets_of(run)
         what = unknowns(RING, list(TRUE), EXPERIMENT)
         left = residuals(what, [target], TWO)(what.start)
-        # of 3 % of the swing and 1 % of the period; 4e-4, and 0.018 between accepted steps, by straight lines (measured)
+        # of 3 % of the swing and 1 % of the period; measured 4e-4, and 0.018 between accepted steps, on straight lines
         assert np.sqrt(np.sum(left[1:] ** 2)) < 0.03
         assert abs(left[0]) < 0.01
 
