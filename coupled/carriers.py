@@ -8,9 +8,8 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import least_squares
 
-from thermofem import checks
+from thermofem import checks, dataset
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.data import dataset
 from thermofem.data.variables import in_si
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow

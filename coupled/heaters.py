@@ -14,8 +14,7 @@ import numpy as np
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
-from thermofem.models import ThermalModel
-from thermofem.models.contract import bare
+from thermofem.models import ThermalModel, bare
 from thermofem.piecewise import hermite
 
 from .arguments import power_in_time

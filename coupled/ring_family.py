@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from thermofem import checks
-from thermofem.checks import InputError
+from thermofem import InputError, checks
 from thermofem.optics.coupler import MOST
 
 from .resonator import RingResonator

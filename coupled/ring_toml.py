@@ -36,8 +36,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from scipy.constants import c, e, k, pi
 
-from thermofem import checks
-from thermofem.checks import InputError
+from thermofem import InputError, checks
 from thermofem.data import files, quantity
 from thermofem.data.files import ANY, TABLE, TABLES, TEXT, read_table
 from thermofem.errors import one_line

@@ -12,11 +12,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from . import checks
+from . import CrossSection, checks
 from .data.fields import check_field
 from .data.files import check_image, write_whole
 from .data.variables import contents
-from .geometry.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import xarray as xr

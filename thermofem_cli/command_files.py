@@ -13,9 +13,8 @@ import h5py
 import coupled
 import surrogate
 from coupled import RingResonator
-from thermofem import CrossSection, checks, strip_ring
+from thermofem import CrossSection, InputError, checks, strip_ring
 from thermofem.data import files
-from thermofem.errors import InputError
 from thermofem.models import ThermalModel
 
 from .console import note

@@ -20,9 +20,8 @@ from coupled.ring_family import MovingRing, ring_at
 from coupled.thermal import check_geometry
 from coupled.unknowns import number_of, varied
 from surrogate.family import Family
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import quantity
-from thermofem.errors import InputError
 
 from . import options
 from .command_files import check_outputs, note_ring, ring_of

@@ -20,9 +20,8 @@ from scipy.constants import c
 import coupled
 import thermofem as th
 from coupled import RingResonator
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import quantity
-from thermofem.errors import InputError
 
 from .options import unused
 

@@ -11,9 +11,8 @@ import thermofem as th
 from surrogate.export import DEMONSTRATIONS, FORMATS
 from surrogate.export.export_header import is_export
 from surrogate.export.poles import lit_part
-from thermofem import StateSpace, checks
+from thermofem import InputError, StateSpace, checks
 from thermofem.data import quantity
-from thermofem.errors import InputError
 
 from . import drive_texts, options
 from .command_files import check_outputs, expect, ring_of

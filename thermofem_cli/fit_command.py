@@ -9,9 +9,8 @@ import xarray as xr
 
 import surrogate
 import thermofem as th
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import files, quantity
-from thermofem.errors import InputError
 
 from . import options
 from .command_files import about, check_outputs, expect, in_volts, kind_of

@@ -8,9 +8,8 @@ import typer
 import surrogate
 import thermofem as th
 from surrogate.studies.inverse_search import channel_steps
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import files, quantity
-from thermofem.errors import InputError
 
 from . import options
 from .command_files import check_outputs, section_of

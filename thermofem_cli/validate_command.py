@@ -12,10 +12,9 @@ from rich.table import Table
 import surrogate
 import thermofem as th
 from surrogate.judging.validate import valid_range
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.data.files import IMAGES
-from thermofem.errors import InputError
 
 from . import options
 from .command_files import check_outputs, expect

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import checks
+from thermofem import checks, dataset
 from thermofem.arrays import Array
-from thermofem.data import dataset
 
 from ..arguments import check_duration, check_times
 from ..heaters import heater_powers

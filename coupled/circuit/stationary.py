@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import checks
+from thermofem import checks, dataset
 from thermofem.arrays import Array, Complex
-from thermofem.data import dataset
 
 from ..arguments import check_axis
 from ..heaters import heater_power

@@ -20,9 +20,8 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq, newton
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array
-from thermofem.checks import InputError
 from thermofem.data.variables import contents
 
 from ..arguments import check_detuning, check_power

@@ -5,9 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from thermofem import Foster, OutputMap, Quadratic, checks
+from thermofem import Foster, InputError, OutputMap, Quadratic, checks
 from thermofem.arrays import Array
-from thermofem.checks import InputError
 
 from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring

@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import checks
+from thermofem import InputError, checks, dataset
 from thermofem.arrays import Array
-from thermofem.checks import InputError
-from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring

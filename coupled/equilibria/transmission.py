@@ -6,9 +6,8 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 import xarray as xr
 
-from thermofem import Foster, checks
+from thermofem import Foster, checks, dataset
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring

@@ -18,10 +18,9 @@ import numpy as np
 import xarray as xr
 from scipy.constants import c, pi
 
-from thermofem import Foster, checks
+from thermofem import Foster, InputError, checks
 from thermofem.arrays import Array
 from thermofem.data.variables import in_si
-from thermofem.errors import InputError
 from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 

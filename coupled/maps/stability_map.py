@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import OutputMap
+from thermofem import InputError, OutputMap, dataset
 from thermofem.arrays import Array, ArrayLike
-from thermofem.checks import InputError
-from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..equilibria.balance import absorbable

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import Foster, OutputMap
+from thermofem import Foster, InputError, OutputMap
 from thermofem.arrays import Array
-from thermofem.checks import InputError
 
 from ..carriers import ConstantLifetime, ShockleyReadHall
 from ..equilibria.steady_states import steady_states

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import checks
+from thermofem import checks, dataset
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..arguments import check_run, check_times, detuning_in_time, power_in_time

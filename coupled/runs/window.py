@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import checks, dataset
 from thermofem.arrays import Array, Complex, NDArray
-from thermofem.data import dataset
 from thermofem.piecewise import Pieces
 
 from ..inputs import Input, add, integral, joint, largest, last_beat, last_change, pieces, table, values

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import Foster
-from thermofem.checks import InputError
+from thermofem import Foster, InputError
 from thermofem.models.cauer import cauer
 
 from .export_header import comment, identifiers, plain_name, write_texts

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import Constant, Foster, Probe, SquareWave, Telegraph, assemble, checks, waveforms
+from thermofem import Constant, Foster, Probe, SquareWave, Telegraph, assemble, checks, dataset, waveforms
 from thermofem.arrays import ArrayLike
-from thermofem.data import dataset
 from thermofem.data.dataset import describe
 from thermofem.data.variables import contents
 from thermofem.fem import HeatProblem

@@ -18,7 +18,6 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array
-from ..checks import InputError, check_name, check_names, shown
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, to_toml
 
@@ -99,7 +98,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         if not checks.check_name("drive", self.name).isidentifier() or self.name in RESULT:
-            raise InputError(
+            raise checks.InputError(
                 f"drive name = {self.name!r} is not usable", f"take letters, digits and _, not {RESULT[0]}"
             )
         self.kept  # noqa: B018  an impossible sampling raises here, not in a thousand workers
@@ -131,14 +130,14 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
     top = read_table(files.from_toml(text), _TOP, "the file", required=("geometry",))
     probes = read_table(top.get("probes", {}), _PROBES, "[probes]")
     read = probes.get("read", [])
-    read = check_names("[probes]: read", [read] if isinstance(read, str) else read) if read != [] else ()
+    read = checks.check_names("[probes]: read", [read] if isinstance(read, str) else read) if read != [] else ()
     heated = probes.get("heated")
     return {
         "geometry": _geometry(top["geometry"], folder),
         "variations": tuple(_variation(item, k) for k, item in enumerate(top.get("vary", []), 1)),
         "drives": tuple(_drive(item, k) for k, item in enumerate(top.get("drive", []), 1)),
         "name": top.get("name", "campaign"),
-        "heated": heated if heated is None else check_name("[probes]: heated", heated),
+        "heated": heated if heated is None else checks.check_name("[probes]: heated", heated),
         "read": read,
         "accuracy": top.get("accuracy", 1e-3),
         "rtol": top.get("rtol", 1e-4),
@@ -164,13 +163,13 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     given = table.get("path")
     where = f"vary {given if isinstance(given, str) else k}"
     table = read_table(table, _VARY, where, required=("path",))
-    paths = check_names(f"{where}: path", [given] if isinstance(given, str) else given)
+    paths = checks.check_names(f"{where}: path", [given] if isinstance(given, str) else given)
     name = table.get("name", paths[0])
     logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
     listed, keys = table.get("values"), {"values", "from", "to", "count"} & set(table)
     empty = listed is not None and not (isinstance(listed, list) and listed)
     if empty or keys not in ({"values"}, {"from", "to"}, {"from", "to", "count"}):
-        raise InputError(f"{where}: give values = [...], or from and to, not both")
+        raise checks.InputError(f"{where}: give values = [...], or from and to, not both")
     if listed is not None:
         unit, values = _listed(listed, where)
         return Variation(name, paths, unit, values)
@@ -188,11 +187,13 @@ def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
     for unit in _UNITS:
         try:
             return unit, tuple(quantity.parse(text, unit, name=where) for text in texts)
-        except InputError:
+        except checks.InputError:
             continue
     if all(isinstance(text, str) and text[:1].isalpha() for text in texts):
         return "", tuple(texts)
-    raise InputError(f'{where}: {shown(texts)} are not all quantities of one kind; write each with its unit, "450 nm"')
+    raise checks.InputError(
+        f'{where}: {checks.shown(texts)} are not all quantities of one kind; write each with its unit, "450 nm"'
+    )
 
 
 def _drive(table: dict[str, Any], k: int) -> Drive:
@@ -211,7 +212,7 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
         ),
     ):
         if key in table and not needed:
-            raise InputError(f"{where}: {other}")
+            raise checks.InputError(f"{where}: {other}")
     wave: Any = waveforms.Constant(watts)
     if "pulse" in table:
         wave = waveforms.Pulse(watts, table["pulse"])

@@ -20,7 +20,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, runs_of
-from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..piecewise import bounds
 from ..waveforms import Waveform
@@ -59,7 +58,7 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
     pieces = wave.pieces(float(times[0]), float(times[-1]))
     most, slack = R * bounds(pieces)[1], 10.0 * _rtol(data)  # 10 rtol: errors of the solver add up to a few rtol
     if rise.max() > most * (1 + slack) + noise:
-        raise InputError(
+        raise checks.InputError(
             f"delta_T reaches {rise.max():.4g} K, but thermal_resistance = {R:.5g} K/W allows {most:.4g} K at this "
             f"power; {WRONG}"
         )
@@ -69,7 +68,7 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         sampling = abs(mean - coarse) if times.size % 2 else swing / times.size
         due = R * pieces.integral() / length
         if abs(mean - due) > slack * most + noise + 2 * sampling:
-            raise InputError(
+            raise checks.InputError(
                 f"the mean of delta_T over its period is {mean:.4g} K, but thermal_resistance = {R:.5g} K/W makes "
                 f"it {due:.4g} K; {WRONG}"
             )
@@ -99,7 +98,7 @@ def _varies(data: xr.Dataset) -> bool:
         return False
     try:
         geometry = CrossSection.from_toml_text(text)
-    except InputError:
+    except checks.InputError:
         return False  # of a newer version
     return any(geometry.material_of(name).varies for name in geometry.region_names)
 

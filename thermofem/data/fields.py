@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks
-from ..checks import InputError
+from .. import InputError, checks
 from .files import check_target, write_whole
 from .variables import contents
 

@@ -24,7 +24,6 @@ import filelock
 import tomli_w
 
 from .. import checks
-from ..checks import InputError, prefixed, shown
 from . import quantity
 
 T = TypeVar("T")
@@ -47,17 +46,17 @@ def regular(path: str | Path, kind: str = "") -> Path:
     """The path of a regular file; InputError for what does not exist, a folder, a pipe or a device."""
     path = checks.path("path", path)
     what = f"{kind} file {str(path)!r}" if kind else str(path)
-    with prefixed(f"{what} cannot be read", OSError):
+    with checks.prefixed(f"{what} cannot be read", OSError):
         there = path.exists()
         if path.is_file():
             return path
-    raise InputError(f"{what} {'cannot be read: it is a folder or a device' if there else 'does not exist'}")
+    raise checks.InputError(f"{what} {'cannot be read: it is a folder or a device' if there else 'does not exist'}")
 
 
 def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
     """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
     path = regular(path, kind)
-    with prefixed(f"{kind} file {str(path)!r} cannot be read", OSError):
+    with checks.prefixed(f"{kind} file {str(path)!r} cannot be read", OSError):
         checks.integer("its number of bytes", path.stat().st_size, 0, most)
         return path.read_bytes()
 
@@ -65,21 +64,21 @@ def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
 def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
     """Text of a UTF-8 file, with or without a byte order mark; raises as `read_bytes`."""
     content = read_bytes(path, kind, most=most)
-    with prefixed(f"{kind} file {str(path)!r} cannot be read", UnicodeDecodeError, hint="it must be UTF-8"):
+    with checks.prefixed(f"{kind} file {str(path)!r} cannot be read", UnicodeDecodeError, hint="it must be UTF-8"):
         return content.decode("utf-8-sig")
 
 
 def read_json(path: str | Path, kind: str) -> Any:
     """Tree of a JSON file, see `from_json`; the error begins with the file."""
     text = read_text(path, kind)
-    with prefixed(f"{path} cannot be read"):
+    with checks.prefixed(f"{path} cannot be read"):
         return from_json(text)
 
 
 def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
     """``read`` of the text of a TOML file; an InputError of it begins with the file."""
     text = read_text(path, kind)
-    with prefixed(str(path), text=True):
+    with checks.prefixed(str(path), text=True):
         return read(text)
 
 
@@ -91,7 +90,7 @@ def from_json(text: str) -> Any:
     >>> from_json('{"R": [1e3, 2]}')
     {'R': [1000.0, 2]}
     """
-    with prefixed("it is not JSON", ValueError, RecursionError, hint="is it complete?"):
+    with checks.prefixed("it is not JSON", ValueError, RecursionError, hint="is it complete?"):
         tree = json.loads(text)
     _check_tree(tree)
     return tree
@@ -99,9 +98,9 @@ def from_json(text: str) -> Any:
 
 def from_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text; raises as `from_json`, with line and column where it is no TOML."""
-    with prefixed("not valid TOML", ValueError, RecursionError):
+    with checks.prefixed("not valid TOML", ValueError, RecursionError):
         if len(text) > LARGEST_TOML or _DOTTED.search(text):
-            raise InputError(f"more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
+            raise checks.InputError(f"more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
         tables = tomllib.loads(text)
     _check_tree(tables)
     return tables
@@ -115,7 +114,7 @@ def _check_tree(tree: Any, where: str = "", depth: int = 0) -> None:
             _check_tree(value, f"{where}{key}.", depth + 1)
         elif not isinstance(value, str | int | float | None) or (isinstance(value, float) and not math.isfinite(value)):
             rule = f"more than {DEPTH} deep" if nested else "neither text, finite number, true nor false"
-            raise InputError(f"{where}{key}: {shown(value)} is {rule}")
+            raise checks.InputError(f"{where}{key}: {checks.shown(value)} is {rule}")
 
 
 def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Sequence[str] = ()) -> dict[str, Any]:
@@ -128,7 +127,9 @@ def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Seq
         checks.choice(f"{where}: key", key, keys)
     for key in required:
         if key not in table:
-            raise InputError(f"{where}: {key} is missing", f"add [[{key}]] tables" if keys[key] == TABLES else "")
+            raise checks.InputError(
+                f"{where}: {key} is missing", f"add [[{key}]] tables" if keys[key] == TABLES else ""
+            )
     return {key: _value(f"{where}: {key}", value, keys[key]) for key, value in table.items()}
 
 
@@ -138,7 +139,7 @@ def _value(name: str, value: Any, kind: str) -> Any:
     if kind == NUMBER:
         return checks.finite(name, value)
     if not isinstance(value, _KINDS[kind]) or (kind == TABLES and not all(isinstance(one, dict) for one in value)):
-        raise InputError(f"{name} = {shown(value)} must be {kind}")
+        raise checks.InputError(f"{name} = {checks.shown(value)} must be {kind}")
     return value
 
 
@@ -187,7 +188,9 @@ def check_target(path: str | Path) -> Path:
     folder, there = path.parent.is_dir(), path.exists()
     if not folder or (there and not path.is_file()) or not os.access(path if there else path.parent, os.W_OK):
         rule = f"{path} is a folder or a device, or write-protected; give the name of a file"
-        raise InputError(rule if folder else f"{path.parent} is not a folder; make it first to write {path.name}")
+        raise checks.InputError(
+            rule if folder else f"{path.parent} is not a folder; make it first to write {path.name}"
+        )
     return path
 
 
@@ -204,7 +207,7 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     path = check_target(path)
     temporary = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(8)}{path.suffix}")
     try:
-        with prefixed(f"{path} cannot be written", OSError):
+        with checks.prefixed(f"{path} cannot be written", OSError):
             temporary.touch(exist_ok=False)
             write(temporary)
             if path.exists():
@@ -219,7 +222,7 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
 def make_folder(path: str | Path) -> Path:
     """Make a folder to write into where it does not exist; InputError when that is not possible."""
     path = checks.path("path", path)
-    with prefixed(f"folder {path} cannot be made", OSError):
+    with checks.prefixed(f"folder {path} cannot be made", OSError):
         path.mkdir(parents=True, exist_ok=True)
     return path
 
@@ -232,11 +235,11 @@ def locked(path: Path, what: str) -> Iterator[None]:
     Raises InputError: another run holds the lock, or the file cannot be written. A killed process gives its lock back.
     """
     lock = filelock.FileLock(path, timeout=0)
-    with prefixed(f"{what} cannot be written", OSError):
+    with checks.prefixed(f"{what} cannot be written", OSError):
         try:
             lock.acquire()
         except filelock.Timeout:
-            raise InputError("it is in use by another run", "wait for it, or take another one") from None
+            raise checks.InputError("it is in use by another run", "wait for it, or take another one") from None
     with lock:
         yield
 

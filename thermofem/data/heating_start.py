@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
-from .. import checks
+from .. import InputError, checks
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, independent
-from ..checks import InputError
 from ..waveforms import Constant, Pulse, Sampled, Waveform
 from . import dataset, quantity
 from .data_doubts import clipping

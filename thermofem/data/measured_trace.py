@@ -16,7 +16,6 @@ import xarray as xr
 
 from .. import checks
 from ..arrays import Array
-from ..checks import InputError, prefixed
 from ..waveforms import Constant, Waveform
 from . import dataset, files, heating_start, quantity
 from .number_table import (
@@ -94,7 +93,7 @@ def read_trace(
     path = checks.path("path", path)
     content = files.read_bytes(path, "table", most=400_000_000)
     digest = hashlib.sha256(content).hexdigest()
-    with prefixed(str(path)):
+    with checks.prefixed(str(path)):
         table = number_table(content)
         del content
         said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
@@ -141,7 +140,9 @@ def _columns(
         wanted = [str(c).strip() for c in (columns.split(",") if isinstance(columns, str) else columns)]
         pair = [known[number] for number in wanted if number in known]
         if not len(wanted) == len(pair) == 2:
-            raise InputError(f"--columns = {checks.shown(columns)} must be two of the columns of numbers: {listed}")
+            raise checks.InputError(
+                f"--columns = {checks.shown(columns)} must be two of the columns of numbers: {listed}"
+            )
         return (*pair, *third)
     measures = {column: scale.dimensions for column in table.columns if (scale := scale_of(column.unit))}
     first = None if time is None else _named(table, "time", time)
@@ -158,7 +159,7 @@ def _columns(
         hot = [column for column in free if measures.get(column) in (TEMPERATURE, IMPEDANCE)]
         second = hot[0] if len(hot) == 1 else free[0] if len(free) == 1 else None
     if first is None or second is None or first == second:
-        raise InputError(
+        raise checks.InputError(
             f"{len(known)} columns of numbers ({listed}); say which are time and temperature: --columns "
             f"{','.join([*known][:2])}, or --time and --temperature"
         )
@@ -174,7 +175,9 @@ def _named(table: NumberTable, role: str, name: str) -> Column:
         numbers = ",".join(str(column.number) for column in found)
         rule = f"names the columns {numbers}" if found else "is none of the columns"
         names = ", ".join(f"{column.number} {column.name!r}" for column in table.columns)
-        raise InputError(f"--{role} = {checks.shown(name)} {rule}", f"say which by number, --columns, of {names}")
+        raise checks.InputError(
+            f"--{role} = {checks.shown(name)} {rule}", f"say which by number, --columns, of {names}"
+        )
     return found[0]
 
 
@@ -213,7 +216,7 @@ def _unit(table: NumberTable, column: Column, dimensions: tuple[str, ...], said:
         open_line = next((a[2] for a in above if a[3] or a[0] not in plain), "")
     if open_line:
         states = f"is in {unit}, but" if own else "states no unit, and"
-        raise InputError(f"{column.label} {states} {open_line[:40]!r} stands above the table", hint)
+        raise checks.InputError(f"{column.label} {states} {open_line[:40]!r} stands above the table", hint)
     return unit
 
 
@@ -225,7 +228,7 @@ def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -
     scale = scale_of(unit)
     if scale is None or scale.dimensions not in dimensions:
         hint = 'give --units "us,mV" or --columns' + (f', or --sensitivity "... {unit}/K"' if role != "time" else "")
-        raise InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
+        raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
     # beyond 1e30 is the code of an overload
     values = checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
     return scale, scale.offset + scale.factor * values
@@ -260,7 +263,9 @@ def _temperatures(
     kelvin = 1 / size
     if sensitivity is None and scale.dimensions == IMPEDANCE:
         if not isinstance(wave, Constant):
-            raise InputError(f"{column.label} is in {unit}, an impedance under a step", "give a constant --power")
+            raise checks.InputError(
+                f"{column.label} is in {unit}, an impedance under a step", "give a constant --power"
+            )
         said.append(f"{column.label} is in {unit}: multiplied by the power")
         kelvin = wave.power
     elif sensitivity is None and scale.dimensions == VOLTAGE:
@@ -279,7 +284,9 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
     match = re.fullmatch(r"\s*([+-]?)\s*(\d.*\S|\d)\s*/\s*(?:K|deg\s?C|°C|C)\s*", given)
     scale = scale_of(match[2]) if match else None
     if match is None or scale is None or scale.offset or scale.factor == 0:
-        raise InputError(f"--sensitivity = {given!r} must be a reading per kelvin", 'such as "10 mV/K" or "75 pm/K"')
+        raise checks.InputError(
+            f"--sensitivity = {given!r} must be a reading per kelvin", 'such as "10 mV/K" or "75 pm/K"'
+        )
     return (-1 if match[1] == "-" else 1) * scale.factor, scale.dimensions
 
 
@@ -291,7 +298,7 @@ def _distinct(t: Array, values: list[Array], said: list[str]) -> tuple[Array, li
         return t, values
     apart = np.abs(np.diff(values[0])[same]) > 0.05 * np.ptp(values[0])
     if same.size > max(2, REPEATED * t.size) or apart.any() or np.any(np.diff(same) == 1):
-        raise InputError(
+        raise checks.InputError(
             f"{same.size} times stand more than once, the first is {t[same[0]]:g} s: they are rounded, or two records "
             "in one file; write them with more digits"
         )

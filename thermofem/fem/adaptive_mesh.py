@@ -27,7 +27,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, NDArray
-from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..geometry.ring_sections import strip_ring
 from ..mesh import Mesh, find_committed, make, mesh_for
@@ -197,7 +196,7 @@ class Leader:
         """
         try:
             points = self.motion.moved(geometry)
-        except InputError:
+        except checks.InputError:
             return None
         flattest = quality(points, self.motion.mesh.triangles).min()
         if flattest < FLATTEST:
@@ -292,7 +291,7 @@ def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatPro
         return meshed(geometry, accuracy)[0]
     if getattr(_thread, "key", None) != (base, accuracy):
         _thread.key, _thread.leader = (base, accuracy), None
-        with suppress(InputError):  # the base geometry itself cannot be solved
+        with suppress(checks.InputError):  # the base geometry itself cannot be solved
             _thread.leader = Leader(CrossSection.from_toml_text(base), accuracy)
     if _thread.leader is None:
         return meshed(geometry, accuracy)[0]

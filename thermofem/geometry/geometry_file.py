@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import checks
-from ..checks import InputError
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.material_laws import fixed_index, read_index, write_index
@@ -93,7 +92,9 @@ def fields(text: str) -> dict[str, Any]:
     """The fields of the `CrossSection` that the text of a geometry file describes."""
     table = files.from_toml(text)
     if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
-        raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
+        raise checks.InputError(
+            "this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]"
+        )
     sizes = _SIZES.get(table.get("kind", "ring"), ("outer_radius",))
     keys = {key: unit for key, unit in _TOP.items() if key in sizes or key not in sum(_SIZES.values(), ())}
     top = read_table(table, keys, "the file", required=(*sizes, "layer", "part"))
@@ -140,7 +141,7 @@ def _part(**values: Any) -> Part:
         values |= {"inner_radius": inner, "outer_radius": outer}
     elif len(by_edges) != 2 or by_centre:
         given = ", ".join(sorted(by_centre | by_edges)) or "neither"
-        raise InputError(
+        raise checks.InputError(
             f"{where}: give radius and width, or inner_radius and outer_radius (given: {given}); "
             "of a straight section x and width"
         )

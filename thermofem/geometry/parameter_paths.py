@@ -21,7 +21,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
-from ..checks import InputError
 from ..data import files, quantity
 from ..materials.material_laws import fixed_index
 from ..materials.material_library import find, with_value
@@ -61,7 +60,7 @@ def check_once(paths: Iterable[str]) -> None:
             first = sizes.setdefault(part, key)
             if (first in _CENTRE) != (key in _CENTRE):
                 name = part.removeprefix("part.")
-                raise InputError(f"part {name!r}: {first} and {key} are of two forms; give two of one: {_FORMS}")
+                raise checks.InputError(f"part {name!r}: {first} and {key} are of two forms; give two of one: {_FORMS}")
 
 
 def place(table: dict[str, Any], path: str, text: Any) -> None:
@@ -96,7 +95,7 @@ def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
             sides[name] = {}
         return sides[name], key
     if kind != "material" or not name:
-        raise InputError(f"path {path!r} leads nowhere; {_HINT}")
+        raise checks.InputError(f"path {path!r} leads nowhere; {_HINT}")
     if not (middle[1:] and middle[-1] in _LAWS):
         return table.setdefault(kind, {}).setdefault(name, {}), key
     material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
@@ -114,7 +113,7 @@ def _measure(item: dict[str, Any], key: str) -> None:
         return
     one, two = (quantity.parse(item.pop(name), "m") for name in other)
     if wanted == _CENTRE and not one:
-        raise InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
+        raise checks.InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
     sizes = ((one + two) / 2, two - one) if wanted == _CENTRE else (one - two / 2, one + two / 2)
     item |= {name: quantity.write(size, "m") for name, size in zip(wanted, sizes, strict=True)}
 
@@ -163,7 +162,7 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     values = [_value(geometry, table, path) for path in paths]
     units = sorted({unit_of(path) or "" for path in paths})
     if len(units) > 1:
-        raise InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
+        raise checks.InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
     step = _STEP * abs(values[0]) or _LEAST
 
     def after(steps: int) -> dict[str, dict[Any, Any]]:
@@ -181,7 +180,7 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     slopes = {kind: {key: slope(kind, key) for key in each} for kind, each in now.items()}
     found = {kind: {key: slope for key, slope in each.items() if np.any(slope)} for kind, each in slopes.items()}
     if not any(found.values()):
-        raise InputError(f"path {' + '.join(paths)!r} has no derivative")
+        raise checks.InputError(f"path {' + '.join(paths)!r} has no derivative")
     return Change(" + ".join(paths), values[0], units[0], **found)
 
 
@@ -198,9 +197,9 @@ def _value(geometry: CrossSection, table: dict[str, Any], path: str) -> float:
     given = given.get("value") if isinstance(given, dict) else given
     part = next((part for part in geometry.parts if kind == "part" and part.name == holder["name"]), None)
     if unit is None or not isinstance(given, str | float):
-        raise InputError(f"path {path!r} has no derivative: {key} is no number")
+        raise checks.InputError(f"path {path!r} has no derivative: {key} is no number")
     if part and not (part.height and (part.inner_radius or part.straight or key != "inner_radius")):
-        raise InputError(f"path {path!r} has no derivative: part {part.name!r} has height 0, or is a disc")
+        raise checks.InputError(f"path {path!r} has no derivative: part {part.name!r} has height 0, or is a disc")
     return given if isinstance(given, float) else quantity.parse(given, unit, name=path)
 
 

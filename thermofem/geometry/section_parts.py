@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
-from ..checks import check_name
 from ..data import quantity
 from ..materials.material_library import VOID
 
@@ -41,7 +40,7 @@ class Layer:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        check_name("layer", self.name)
+        checks.check_name("layer", self.name)
         if self.material == VOID:
             raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
@@ -89,7 +88,7 @@ class Part:
     def __post_init__(self) -> None:
         checks.plain(self)
         of = f"part {self.name!r}: "
-        check_name("part", self.name)
+        checks.check_name("part", self.name)
         if self.x is None and self.width is None:
             outer, hint = length(f"{of}outer_radius", self.outer_radius, typical=8e-6), slip(self.inner_radius, 5e-6)
             checks.between(f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=hint)
@@ -234,7 +233,7 @@ class Probe:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        check_name("probe", self.name)
+        checks.check_name("probe", self.name)
         if (self.shell is None) == (self.distance is None):
             both = "not both" if self.shell is not None else "it has neither"
             raise checks.InputError(f"probe {self.name!r}: give shell, or distance for a copy off the axis; {both}")
@@ -299,7 +298,7 @@ class Bus:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        check_name("bus", self.name)
+        checks.check_name("bus", self.name)
         length(f"bus {self.name!r}: gap", self.gap, typical=200e-9)
         checks.between(f"bus {self.name!r}: straight", self.straight, 0, 1e-2, unit="m", hint="did you mean 3e-6?")
         if self.width is not None:

@@ -16,7 +16,6 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from .. import checks
 from ..arrays import Array, ArrayLike
-from ..checks import InputError
 from ..data import quantity
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
@@ -142,7 +141,7 @@ class Table:
         values = checks.array("values", self.values)
         checks.shape("values", values, T.shape)
         if T.size < 2 or np.any(np.diff(T) <= 0) or T[0] < COLDEST or np.any(values <= 0):
-            raise InputError("a table needs two or more increasing temperatures above 1 K, and positive values")
+            raise checks.InputError("a table needs two or more increasing temperatures above 1 K, and positive values")
         object.__setattr__(self, "temperatures", tuple(map(float, T)))
         object.__setattr__(self, "values", tuple(map(float, values)))
         checks.between("reference", self.reference, 1, 3000, unit="K")
@@ -202,7 +201,7 @@ def check_positive(law: Law, T: ArrayLike, factor: Array) -> None:
     """Raise InputError where f(T) is not positive; it names the law and the temperature."""
     if (lowest := factor.min(initial=np.inf)) <= 0:
         at = float(np.ravel(T)[np.argmin(factor)])
-        raise InputError(
+        raise checks.InputError(
             f"the law {law} is {lowest:.3g} at {at:.5g} K; no material property is zero or negative",
             "take a law that is positive at every temperature reached, or less power",
         )
@@ -265,7 +264,9 @@ class IndexTable:
     def __post_init__(self) -> None:
         L, n = checks.array("wavelength", self.wavelengths), checks.array("values", self.values)
         if L.size != n.size or L.size < 4 or np.any(np.diff(L) <= 0) or n.min() < 1 or n.max() > MOST:
-            raise InputError("an index table needs four or more increasing wavelengths, and an index >= 1 for each")
+            raise checks.InputError(
+                "an index table needs four or more increasing wavelengths, and an index >= 1 for each"
+            )
 
     @cached_property
     def _curve(self) -> Any:
@@ -334,7 +335,7 @@ def read_index(given: Any, where: str) -> IndexLaw:
         at = tuple(quantity.parse(one, "m", name=f"{where}: wavelength") for one in given["wavelength"])
         return IndexTable(at, tuple(checks.finite(f"{where}: values", n) for n in given["values"]))
     if isinstance(given, dict):
-        raise InputError(f"{where}: index needs sellmeier (and constant), or wavelength and values")
+        raise checks.InputError(f"{where}: index needs sellmeier (and constant), or wavelength and values")
     return constant_index(checks.finite(f"{where}: index", given))
 
 

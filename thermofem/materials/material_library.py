@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import checks
-from ..checks import InputError, finite, prefixed
 from ..data import quantity
 from .material_laws import CONSTANT, INDEX_LAWS, IndexLaw, Law, Polynomial, PowerLaw, Table, is_constant
 
@@ -282,7 +281,7 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
     if not isinstance(given, dict):
         return {key: quantity.parse(given, unit, name=f"{where} {key}")}
     of, value, name = f"{where} {key}", given.get("value", given.get("r")), "r" if "z" in given else "value"
-    with prefixed(of):
+    with checks.prefixed(of):
         law = _law(given, unit, of)
         for broken, rule in (
             ({"value", "r"} <= given.keys(), "value and r are the same; give one of them"),
@@ -290,7 +289,7 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
             (value is None and not isinstance(law, Table), f'{name} is missing; add {name} = "..."'),
         ):
             if broken:
-                raise InputError(rule)
+                raise checks.InputError(rule)
     if isinstance(law, Table):
         value = _of_table(law, value, unit, f"{of}: {'r' if 'r' in given else 'value'}")
     return {key: value, f"{key}_law": law} | ({"conductivity_z": given["z"]} if "z" in given else {})
@@ -302,7 +301,7 @@ def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
     if value is None or math.isclose(value, own, rel_tol=SAME):
         return own if value is None else value
     said, there = quantity.write(value, unit), quantity.rounded(own, unit, 6)
-    raise InputError(f"{name} = {said}, but the table has {there} at {law.reference:g} K; leave it out")
+    raise checks.InputError(f"{name} = {said}, but the table has {there} at {law.reference:g} K; leave it out")
 
 
 def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
@@ -334,7 +333,7 @@ def _law(given: dict[str, Any], unit: str, of: str) -> Law:
     if kinds <= {"exponent"}:
         law = PowerLaw(given.get("exponent", 0.0), **reference)
         return law if kinds else CONSTANT
-    raise InputError(
+    raise checks.InputError(
         f"{of}: give exponent, or polynomial, or temperature with values (given: {', '.join(sorted(kinds))})"
     )
 
@@ -342,7 +341,7 @@ def _law(given: dict[str, Any], unit: str, of: str) -> Law:
 def _list(given: Any, unit: str | None, name: str) -> tuple[float, ...]:
     checks.instance(name, given, list, hint="a list is needed")
     if unit is None:
-        return tuple(finite(name, item) for item in given)
+        return tuple(checks.finite(name, item) for item in given)
     return tuple(quantity.parse(item, unit, name=name) for item in given)
 
 

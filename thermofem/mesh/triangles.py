@@ -13,7 +13,6 @@ import skfem
 from numpy.typing import NDArray
 
 from .. import checks
-from ..checks import InputError, check_names
 from ..data import files
 
 WIDE = 0.1  # m, the largest length of a geometry file
@@ -47,13 +46,15 @@ class Mesh:
     depth: float | None = None
 
     def __post_init__(self) -> None:
-        names = check_names("region_names", self.region_names)
+        names = checks.check_names("region_names", self.region_names)
         points, triangles = checks.numbers("points", self.points), np.asarray(self.triangles)
         region = np.asarray(self.region)
         if points.shape[1:] != (2,) or triangles.shape[1:] != (3,) or not len(triangles):
-            raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
+            raise checks.InputError(
+                f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh"
+            )
         if self.depth is None and points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
-            raise InputError(
+            raise checks.InputError(
                 f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on"
             )
         checks.shape("region", region, (len(triangles),))
@@ -62,7 +63,9 @@ class Mesh:
         longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
         flat = 2 * np.abs(area) <= 1e-10 * longest  # 1e-10: height over longest side, of a triangle that has no area
         if flat.any():
-            raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
+            raise checks.InputError(
+                f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)"
+            )
         triangles = np.where(area[:, None] < 0, triangles[:, ::-1], triangles)
         own = {"region_names": names, "points": points, "triangles": triangles, "region": region}
         for name, value in own.items():
@@ -141,7 +144,7 @@ def sampled(
     cells, local = locate(basis.mesh if mesh is None else mesh, points)
     if cells.min() < 0:
         r, z = points[cells.argmin()]
-        raise InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
+        raise checks.InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
     values = weights * np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
     return np.bincount(basis.element_dofs[:, cells].ravel(), values.ravel(), minlength=basis.N).astype(float)
 
@@ -163,7 +166,7 @@ def load(path: str | Path) -> Mesh:
     content = files.read_bytes(path, "mesh", most=100_000_000)
     with checks.prefixed(f"mesh file {str(path)!r} cannot be read", Exception):  # of any kind, where bytes are damaged
         if _COUNT.search(content):
-            raise InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")
+            raise checks.InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")
         mesh = _read(path)
     if (span := float(np.ptp(mesh.points, axis=0).max())) > WIDE:
         _log.warning(
@@ -178,7 +181,7 @@ def _read(path: str | Path) -> Mesh:
 
     found = meshio.gmsh.read(path)
     if others := {block.type for block in found.cells} - {"vertex", "line", "triangle"}:
-        raise InputError(
+        raise checks.InputError(
             f"it holds elements of type {min(others)!r}, which are no triangles of three corners",
             "mesh with triangles of first order, without quadrangles (no Recombine) and volumes",
         )
@@ -186,13 +189,13 @@ def _read(path: str | Path) -> Mesh:
     tags = found.cell_data_dict.get("gmsh:physical", {}).get("triangle", np.zeros(len(corners), dtype=int))
     names = {int(tag): name for name, (tag, dimension) in found.field_data.items() if dimension == 2}
     if not len(corners) or corners.min() < 0:
-        raise InputError("it has no triangles, or one with a corner that is none of its points")
+        raise checks.InputError("it has no triangles, or one with a corner that is none of its points")
     used = np.unique(tags).tolist()
     if unnamed := set(used) - set(names):
-        raise InputError(f"the physical groups {sorted(unnamed)} have no names")
+        raise checks.InputError(f"the physical groups {sorted(unnamed)} have no names")
     at = found.points
     if np.abs(at[:, 2]).max() > 1e-12 * np.abs(at).max():
-        raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
+        raise checks.InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
     _, first, place = np.unique(at, axis=0, return_index=True, return_inverse=True)
     kept, triangles = np.unique(first[place.ravel()][corners], return_inverse=True)
     region = np.searchsorted(used, tags)
@@ -201,5 +204,5 @@ def _read(path: str | Path) -> Mesh:
     shapes = shapely.polygons(np.concatenate([each, each[:, :1]], axis=1))
     if not shapely.coverage_is_valid(shapes, gap_width=ROUND_OFF * np.ptp(mesh.points, axis=0).max()):
         rule = "its triangles overlap, or meet without sharing their points: no heat would flow there"
-        raise InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
+        raise checks.InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
     return mesh

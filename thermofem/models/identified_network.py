@@ -10,7 +10,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike
-from ..checks import check_names
 from ..waveforms import Waveform
 from .contract import Delegates, names, parts, reader, warn_beyond
 from .foster import Foster
@@ -45,7 +44,7 @@ class Network(Delegates):
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        object.__setattr__(self, "names", check_names("states", self.names))
+        object.__setattr__(self, "names", checks.check_names("states", self.names))
         checks.positive("largest_rise", self.largest_rise, unit="K")
         checks.keep(self, A=checks.numbers("A", self.A), b=checks.numbers("b", self.b))
         checks.shape("b", self.b, (len(self.names),))

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from .. import checks
-from ..checks import prefixed
 from ..data import files
 from ..data.files import digest_tree, write_whole
 from .cauer import Cauer
@@ -78,7 +77,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
         **kind.to_json(),
         "provenance": provenance,
     }
-    with prefixed("provenance cannot be written as JSON", AttributeError, TypeError, ValueError, RecursionError):
+    with checks.prefixed("provenance cannot be written as JSON", AttributeError, TypeError, ValueError, RecursionError):
         # NumPy's numbers and arrays have tolist; what is written is read, which raises where it could not be read back
         read = files.from_json(json.dumps(content, allow_nan=False, default=methodcaller("tolist")))
         provenance[HASH] = _signature(read, sorted(read["provenance"]))
@@ -98,7 +97,7 @@ def load_model(path: str | Path) -> Any:
         no such file, not JSON, not a model, of a newer version, incomplete, or unphysical.
     """
     content, changed = _content(path)
-    with prefixed(str(path)):
+    with checks.prefixed(str(path)):
         kind = checks.choice("kind", str(content.get("kind")), KINDS)
         model = KINDS[kind].from_json(content)
         written = model.to_json()
@@ -171,7 +170,7 @@ def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
     It comes without its hash, and without its claims where they were those of other numbers.
     """
     tree = files.read_json(path, "model")
-    with prefixed(f"{path} is not a thermal model that this version reads"):
+    with checks.prefixed(f"{path} is not a thermal model that this version reads"):
         content = checks.mapping("the file", tree)
         checks.choice("format", content.get("format"), (FORMAT,))
         checks.integer("schema", content.get("schema"), 1, SCHEMA, hint="update thermofem")

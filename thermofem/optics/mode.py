@@ -29,7 +29,6 @@ from scipy.constants import c
 from .. import checks
 from ..algebra.factor import factorize
 from ..arrays import Array
-from ..checks import InputError
 from ..mesh.triangles import sampled
 from .space import Space, eigenpairs
 from .window import UM, Box, Window, drawn, material_of
@@ -304,7 +303,7 @@ class Mode:
             return 0.0
         if self.q_radiation < 1e3:
             rule = f"the bend of {self.radius * UM:g} um radiates: Q = {self.q_radiation:.3g}"
-            raise InputError(rule, "take a larger radius or a wider core")
+            raise checks.InputError(rule, "take a larger radius or a wider core")
         rate = math.pi * c / self.wavelength / self.q_radiation
         return rate if rate > LEAST else 0.0
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
-from ..checks import InputError
 from .mode import Mode
 from .space import Space
 from .window import UM, Box, Window, index_of, limits, material_of, window
@@ -51,7 +50,7 @@ class Light:
         if given is not None:
             wavelength, part = wavelength or given.wavelength, part or given.part
         if wavelength is None:
-            raise InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
+            raise checks.InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
         hint = "wavelengths are in m (did you mean 1.55e-6?)"
         wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
         part = checks.choice("part", part or ("core" if "core" in parts else geometry.heated[0]), parts)
@@ -146,7 +145,7 @@ class Light:
                 break
             count *= 2
         if not found:
-            raise InputError(
+            raise checks.InputError(
                 f"{self.geometry.name!r} guides no mode in {self.part!r} at {self.wavelength * 1e9:g} nm",
                 "a core needs a larger index than what is around it, and enough width and height",
             )
@@ -176,7 +175,7 @@ class Light:
         name = checks.choice("mode", name or ("TE0" if given is None else given.mode), self.names)
         mode = self._solved(name)
         if mode.share < HELD:
-            raise InputError(
+            raise checks.InputError(
                 f"{name} leaves the core at the radius {self.radius * UM:g} um: {mode.share:.0%} of its energy is left "
                 "there",
                 "take a larger radius, or a wider core",
@@ -210,7 +209,7 @@ class Light:
         for name, away in self.limits[1].items():
             material = material_of(self.geometry, name)
             if material.index is None and away < reach:
-                raise InputError(
+                raise checks.InputError(
                     f"{name!r} ({material.name}) lies {away * UM:.3g} um from {self.part!r}, within the reach of "
                     f"{mode.name}, and has no refractive index",
                     f"move it {reach * UM:.2g} um away, or give it in [material.{material.name}] index = ...",

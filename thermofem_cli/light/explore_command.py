@@ -9,9 +9,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.explore import Page
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import quantity
-from thermofem.errors import InputError
 
 from .. import options
 from ..command_files import check_outputs, expect, kind_of, note_ring, ring_of, section_of
