@@ -70,6 +70,7 @@ class _Row:
 
     def __init__(self, ring: Any, model: Any, power: float, watch: Array) -> None:
         self.watch, self.problem = watch, CycleProblem(ring, model, power, 0.0)
+        self.longest = self.problem.longest
         self.turns = Turns(self.problem.kernel(Method.RODAS4))
 
     @cached_property
@@ -115,7 +116,7 @@ class _Row:
         """What a cold ring comes to; ``points`` are the stable fixed points."""
         try:
             found = settled(
-                self, self.turns.problem.zero(), lambda: points, self.problem.longest, where=self.problem.where,
+                self, self.turns.problem.zero(), lambda: points, self.longest, where=self.problem.where,
                 look=self.look,
             )  # fmt: skip
         except RestError as rest:

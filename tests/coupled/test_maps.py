@@ -62,7 +62,8 @@ def test_neighbours_lead_to_the_cycle_of_a_cold_ring():
         cycle = coupled.limit_cycle(RING, model, power=power, detuning=detuning)
         assert float(at["period"]) == pytest.approx(cycle.attrs["period"], rel=1e-6)
         assert float(at["duty"]) == pytest.approx(cycle.attrs["duty"], rel=2e-4)
-        assert float(at["swing"]) == pytest.approx(cycle.attrs["swing"], rel=1e-4)
+        # rtol of the map's traces over 1 - multiplier, 9e-4, of the small cycle
+        assert float(at["swing"]) == pytest.approx(cycle.attrs["swing"], rel=3.3e-4)
 
 
 def test_irregular_bursts_are_no_cycle():
