@@ -25,7 +25,7 @@ from ..runs.pulsing import DUTY_LEVEL
 ROUGH, MIDDLE, FINE = 1e-5, 1e-6, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P
 FINEST = 1e-11  # where errors of FINE grow on the way: beside a fold of the fixed points they repel for a while
 FOLLOWED = (1e-7, 1e-8, FINE)  # of the trace along which V of a precise one is followed
-DEFECT = 3e-6  # relative, of V f(y_0) = f(y_T), with which it is enough: multipliers to 3e-7 on 95 % of 153 cycles, 2e-6
+DEFECT = 3e-6  # relative, of V f(y_0) = f(y_T), with which it is: multipliers to 3e-7 on 95 % of 153 cycles, to 2e-6
 CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, FINE: 3e-10, FINEST: 1e-11}  # relative step of Newton's method that is enough
 ERROR = 4e-10  # of the period, estimated, above which FINEST is used: on 340 cycles 3.5e-10 is left, where it was 2e-7
 LARGEST = 0.3  # relative step of Newton's method
@@ -256,16 +256,16 @@ def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> t
     changes by where its orbit is closed (``A``, ``row``: `_bordered`), in proportion to the tolerances, is the error.
     """
     scale, (begin, end) = flow.scale(trace.rows), (flow.fine.slopes(y)[0] for y in (trace.start, trace.end))
-    coarsest = None
+    others: list[Trace] = []
     for rtol in FOLLOWED:
-        other = flow.trace(trace.start, rtol, len(trace.parts), longest) or trace
-        coarsest, V = coarsest or other, flow.derivative(other, rtol)
+        others.append(flow.trace(trace.start, rtol, len(trace.parts), longest) or trace)
+        V = flow.derivative(others[-1], rtol)
         defect = end - V @ begin
         if np.linalg.norm(defect / scale) <= DEFECT * np.linalg.norm(begin / scale):
             break
-    w, missed = flow.normal(trace.start), coarsest.end - trace.end
+    w, missed = flow.normal(trace.start), others[0].end - trace.end
     missed[row] = 0.0
-    change = coarsest.T - trace.T - w @ V @ np.linalg.solve(A, missed) / (w @ end)
+    change = others[0].T - trace.T - w @ V @ np.linalg.solve(A, missed) / (w @ end)
     along = begin / scale**2
     return V + np.outer(defect, along) / (along @ begin), abs(change) / trace.T * FINE / FOLLOWED[0]
 
