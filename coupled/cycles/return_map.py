@@ -267,7 +267,7 @@ def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> t
     missed[row] = 0.0
     change = others[0].T - trace.T - w @ V @ np.linalg.solve(A, missed) / (w @ end)
     along = begin / scale**2
-    return V + np.outer(defect, along) / (along @ begin), abs(change) / trace.T * FINE / FOLLOWED[0]
+    return V + np.outer(defect, along) / (along @ begin), float(abs(change)) / trace.T * FINE / FOLLOWED[0]
 
 
 def _bordered(M: Array, w: Array) -> tuple[Array, int]:
