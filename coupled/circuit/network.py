@@ -30,7 +30,7 @@ from thermofem.models.state_space import eigenmodes
 from ..heaters import power_of, rises, states_of
 from ..inputs import Pieces, add
 from ..kernel import units as eq
-from ..kernel.integrator import LOOPS, ORDERED, Network
+from ..kernel.integrator import BUS, LOOPS, Network
 from ..thermal import check_resistance, compact, linear
 from .circuit import Circuit
 
@@ -140,10 +140,10 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
     needed = bool(light.delay.size) or bool(corner.size) or energies
     waves = slice(None) if needed else slice(0)  # others follow from the rows
     return Network(
-        light=ORDERED if order.size else LOOPS,
+        light=LOOPS if taken is None else BUS,
         own=np.diag(M),
         sequence=order if order.size else np.arange(len(M), dtype=np.int32),
-        between=None if taken is not None else between,
+        between=between,
         taken=taken,
         sent=sent,
         delay=light.delay / eq.NS,
@@ -159,10 +159,12 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
 
 def _one_waveguide(M: Complex, order: NDArray[np.int32]) -> tuple[Complex | None, Complex | None]:
     """The vectors of M_ij = taken_i sent_j below its diagonal, as along one bus, or None where M has no such form."""
-    if len(M) < 2 or order.size == 0 or not M[order[-1], order[0]]:
+    taken, sent = np.zeros(len(M), dtype=complex), np.zeros(len(M), dtype=complex)
+    if not M.any():
+        return taken, sent
+    if order.size == 0 or not M[order[-1], order[0]]:
         return None, None
     ordered = M[np.ix_(order, order)]
-    taken, sent = np.zeros(len(M), dtype=complex), np.zeros(len(M), dtype=complex)
     taken[1:] = ordered[1:, 0]
     sent[:-1] = ordered[-1, :-1] / taken[-1]
     if np.abs(np.tril(np.outer(taken, sent), -1) - ordered).max() > ROUND_OFF * np.abs(ordered).max():

@@ -97,7 +97,7 @@ struct Method {  // a Rosenbrock method: tableaus.json and tableaus.py
   const double *a, *c, *dense, *at, *slope;
 };
 enum { POLES, QUADRATIC };
-enum { SINGLE, ORDERED, LOOPS };  // one ring; light that passes rings in an order; light in loops
+enum { SINGLE, BUS, LOOPS };  // one ring; light that passes rings along one bus; any other
 
 struct Problem {
   int rings, fields, order, terms, lasers, pieces, heat, light, delays, waves;
@@ -118,8 +118,8 @@ struct Problem {
   const double* entry;           // rings x fields x lasers complex, amplitude for each sqrt(power)
   const double* brightest;       // lasers: largest power
   // circuit
-  const int* sequence;           // rings in the order in which light passes them
-  const double *between, *taken, *sent;  // M: rings x rings complex; or M_ij = taken_i sent_j
+  const int* sequence;           // rings in the order in which light passes them along a bus
+  const double *between, *taken, *sent;  // M: rings x rings complex; on a bus taken_i sent_j
   const double *delay, *late;    // delays; rings x delays complex, what comes in from each
   const double *seen_ring, *seen_laser, *seen_late;  // waves x rings, lasers, delays complex
   const double* corner;          // waves or null: 1/ns of the detectors, 0 for none

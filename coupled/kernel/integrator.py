@@ -35,7 +35,7 @@ RETURN = 0.1  # s of work until the kernel returns for Ctrl-C and progress
 CAP = 0.25  # step times the rate of what grows, where the state rests
 LARGEST_SPECTRUM = 100  # states; in a larger circuit every ring is looked at alone
 DONE, STEPS, FULL, EVENT, RESTING, TOO_SMALL = range(6)  # why the kernel returns, as in loop.hpp
-SINGLE, ORDERED, LOOPS = range(3)  # how light passes the rings, as in equations.hpp
+SINGLE, BUS, LOOPS = range(3)  # how light passes the rings, as in equations.hpp
 
 _D, _I, _L, _P = c.c_double, c.c_int, c.c_int64, c.c_void_p
 
@@ -141,10 +141,10 @@ class Network(NamedTuple):
 
     Equations: `network.hpp`.
 
-    light: ORDERED where light passes the rings in an order, LOOPS where it comes back to one.
+    light: BUS where light passes the rings in an order and M_ij = taken_i sent_j [(R,) each], LOOPS elsewhere.
     own [shape (R,), 1/ns]: M_ii, light that a ring sends back to itself.
     sequence [shape (R,)]: the rings in the order in which light passes them.
-    between [(R, R), 1/ns]: M_ij from ring j to i; None where it is taken_i sent_j [(R,) each], as along one bus.
+    between [(R, R), 1/ns]: M_ij from ring j to i.
     delay [shape (D,), ns]
     late [shape (R, D)]: what comes into a ring from the end of a delay.
     seen_ring, seen_laser, seen_late [shapes (Q, R), (Q, L), (Q, D)]; the first D waves start the delays.
@@ -157,7 +157,7 @@ class Network(NamedTuple):
     light: int
     own: NDArray[np.complex128]
     sequence: NDArray[np.int32]
-    between: NDArray[np.complex128] | None
+    between: NDArray[np.complex128]
     taken: NDArray[np.complex128] | None
     sent: NDArray[np.complex128] | None
     delay: Array

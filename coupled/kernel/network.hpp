@@ -260,14 +260,15 @@ template <class T> struct Network {
                          light[0].detuning + i);
       heat[i].start(x, s, block[i].P);
       block[i].eliminate_heat(s, heat[i].G);
-      if (p.light != LOOPS) invert(block[i].matrix);
-      for (int m = 0; m < B && p.taken; m++) {
+      if (p.light == LOOPS) continue;
+      invert(block[i].matrix);
+      for (int m = 0; m < B; m++) {
         const T* row = block[i].matrix[m];
         const double* taken = p.taken + 2 * i;
         passed[i][m][0] = taken[0] * row[0] + taken[1] * row[1];
         passed[i][m][1] = taken[0] * row[1] - taken[1] * row[0];
       }
-      for (int m = 0; m < 2 && p.taken; m++) {
+      for (int m = 0; m < 2; m++) {
         const double* sent = p.sent + 2 * i;
         passed[i][B][m] = sent[0] * passed[i][0][m] - sent[1] * passed[i][1][m];
         passed[i][B + 1][m] = sent[0] * passed[i][1][m] + sent[1] * passed[i][0][m];
@@ -292,7 +293,7 @@ template <class T> struct Network {
         for (int m = 0; m < B; m++) r[m] += f[m] + block[i].u[m] * push;
         block[i].shine(light[q], light[0], i, g, block[i].start, r);
       }
-      if (p.light == LOOPS) solve_loops(); else solve_in_order();
+      if (p.light == LOOPS) solve_loops(); else solve_along_bus();
       for (int i = 0; i < R; i++) {
         T *r = right + i * Z, feedback = zero<T>();
         for (int m = 0; m < B; m++) feedback += block[i].w[m] * r[m];
@@ -311,32 +312,24 @@ template <class T> struct Network {
     for (int i = 0; i < R && p.cross; i++) error[i] = after[i] - extrapolated(i, t + h);
     return true;
   }
-  // Along the light: a ring gets the fields of those before it, and their changes. On a bus, where
-  // M_ij = taken_i sent_j, these are one wave, of which a ring and what it sends are linear
-  // functions (`passed`): all but that product is done before the wave arrives.
-  void solve_in_order() {
+  // Along the bus, where M_ij = taken_i sent_j, a ring gets the fields of those before it, and their
+  // changes, as one wave, of which a ring and what it sends are linear functions (`passed`): all
+  // but that product is done before the wave arrives.
+  void solve_along_bus() {
     T wave[2] = {zero<T>(), zero<T>()};
     for (int at = 0; at < R; at++) {
       const int i = p.sequence[at];
       T *r = right + i * Z, x[B + 2];  // the last two: what it sends
-      for (int m = 0; m < at && !p.taken; m++) {
-        const int j = p.sequence[m];
-        const T *o = now + j * Z, *change = right + j * Z;
-        const T field[2] = {o[0] + change[0], o[1] + change[1]};
-        add_product(r, p.between + 2 * (i * R + j), field);
-      }
       for (int m = 0; m < B; m++) {
         x[m] = zero<T>();
         for (int l = 0; l < B; l++) x[m] += block[i].matrix[m][l] * r[l];
       }
-      if (p.taken) {
-        const T field[2] = {now[i * Z] + x[0], now[i * Z + 1] + x[1]};
-        x[B] = x[B + 1] = zero<T>();
-        add_product(x + B, p.sent + 2 * i, field);
-        for (int m = 0; m < B + 2; m++)
-          x[m] += passed[i][m][0] * wave[0] + passed[i][m][1] * wave[1];
-        wave[0] += x[B], wave[1] += x[B + 1];
-      }
+      const T field[2] = {now[i * Z] + x[0], now[i * Z + 1] + x[1]};
+      x[B] = x[B + 1] = zero<T>();
+      add_product(x + B, p.sent + 2 * i, field);
+      for (int m = 0; m < B + 2; m++)
+        x[m] += passed[i][m][0] * wave[0] + passed[i][m][1] * wave[1];
+      wave[0] += x[B], wave[1] += x[B + 1];
       memcpy(r, x, B * sizeof(T));
     }
   }

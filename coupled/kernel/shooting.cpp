@@ -46,11 +46,11 @@ static double longest_step(const Turns& c, const double* row) {
 // are added to those there are. h: the first step, then the next one; T: the time is added to it.
 // Returns as the loop does; FULL: again with more room.
 EXPORT int ring_turn(Turns* c, double* y, double duration, double level, int above, double rtol,
-                     int per_step, double* h, double* T) {
+                     double* h, double* T) {
   Loop L = {};
   double *rows = c->rows + 5 * c->filled, *steps = c->steps + c->count;
   c->edges[1] = duration;
-  L.h = *h, L.rtol = rtol, L.longest = INFINITY, L.per_step = per_step;
+  L.h = *h, L.rtol = rtol, L.longest = INFINITY, L.per_step = 1;
   L.budget = L.room = c->room - c->count, L.seen = above ? 0 : INFINITY;
   if (level < INFINITY) L.quantity = 2, L.level = level, L.stop = 1;
   int status = RESTING;
@@ -140,7 +140,7 @@ EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, do
     for (int pulse = 0; pulse < pulses; pulse++) {
       double h = 0;
       newton.end[2] = level;
-      const int status = ring_turn(&c, newton.end, 4 * guess, level, 1, rtol, near ? 3 : 1, &h, &T);
+      const int status = ring_turn(&c, newton.end, 4 * guess, level, 1, rtol, &h, &T);
       if (status != EVENT) return status == FULL ? FULL : EVENT;
     }
     if (T > LONGER * guess) return EVENT;

@@ -46,8 +46,8 @@ void slopes(const Problem& p, const Light& light, const double* y, double* dy, d
     for (int l = 0; l < R; l++) {  // light of other rings: M_ij a_j
       const int i = p.sequence[m], j = p.sequence[l];
       double M[2] = {0, 0};
-      if (p.taken && l < m) add_product(M, p.taken + 2 * i, p.sent + 2 * j);
-      if (p.between && i != j) memcpy(M, p.between + 2 * (i * R + j), sizeof M);
+      if (p.light == LOOPS && i != j) memcpy(M, p.between + 2 * (i * R + j), sizeof M);
+      if (p.light == BUS && l < m) add_product(M, p.taken + 2 * i, p.sent + 2 * j);
       add_product(dy + i * B, M, y + j * B);
       double *re = J + i * B * size + j * B, *im = re + size;
       re[0] += M[0], re[1] -= M[1], im[0] += M[1], im[1] += M[0];

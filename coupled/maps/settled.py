@@ -35,7 +35,7 @@ class Cell(NamedTuple):
     rise: float = 0.0  # K, the highest of its cycle or trace and its fixed points
 
 
-LONG = 2400  # steps of a cycle; one with more may be a burst, of which a stable return map alone proves little
+LONG = 800  # steps of a cycle; one with more may be a burst, of which a stable return map alone proves little
 ASIDE = 3e-4  # of the largest state of heat: the distance from a cycle at which a trace begins that tests it
 AGAIN = 3  # periods of that trace, in which its distance must change as the return map says
 PRECISE = 1e-9  # rtol, with Rodas5P, of the numbers of a cycle that is `LONG`
