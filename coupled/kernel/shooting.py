@@ -101,7 +101,8 @@ class Turns:
             end, h.value, T.value = y.copy(), first_step, 0.0
             self._c.filled = self._c.count = 0
             status = library().ring_turn(
-                c.byref(self._c), _P(end.ctypes.data), _D(duration), _D(level), int(above), _D(rtol), c.byref(h), c.byref(T)
+                c.byref(self._c), _P(end.ctypes.data), _D(duration), _D(level), int(above), _D(rtol), c.byref(h),
+                c.byref(T),
             )  # fmt: skip
             if status != FULL:
                 break
