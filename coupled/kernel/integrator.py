@@ -241,6 +241,7 @@ class Problem:
         self.waves = self.energies = 0
         if network is not None:
             kernel.light, kernel.delays, kernel.hair = network.light, network.delay.size, network.hair
+            self._oldest = float(network.delay.max(initial=0.0)) + network.hair  # ns, light that is still asked for
             kernel.waves, kernel.energies = len(network.seen_ring), int(network.energies)
             kernel.sequence = self._at(network.sequence, np.int32)
             kernel.delay, kernel.corner = self._at(network.delay), self._at(network.corner)
@@ -339,7 +340,9 @@ class Problem:
                 if keep_steps and loop.accepted == len(steps):
                     steps = np.concatenate([steps, np.empty_like(steps)])
                 if self._c.delays and loop.past_filled == loop.past_room:
-                    past = np.concatenate([past, np.empty_like(past)])
+                    needed = past[past[:, 0] + past[:, 1] > loop.t - self._oldest]
+                    past = np.concatenate([needed, np.empty((1024 + len(needed), past.shape[1]))])
+                    loop.past_filled = len(needed)
                     loop.past, loop.past_room = past.ctypes.data, len(past)
             elif status == RESTING:
                 looks = self._look(y, loop, looks)

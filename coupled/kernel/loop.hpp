@@ -194,7 +194,8 @@ template <int F, class System> struct Integration {
       while (L.t < stop) {
         if (budget-- <= 0) return STEPS;
         if (!wanted && L.filled + L.per_step > capacity) return FULL;
-        if ((steps && L.accepted == L.room) || system.full()) return FULL;
+        if (steps && L.accepted == L.room) return FULL;
+        if (p.delays && L.past.filled == L.past.room) return FULL;
         L.h = system.resolved(L.t, L.h);
         const double planned = L.h;
         const bool landing = L.t + 1.0001 * L.h >= stop;

@@ -221,17 +221,6 @@ template <class T> struct Network {
     remember(until);
     memcpy(before, after, R * sizeof(T));
   }
-  bool full() {  // of past steps, after those that nobody asks for any more are forgotten
-    if (!D || past.filled < past.room) return false;
-    double longest = 0;
-    for (int d = 0; d < D; d++) longest = fmax(longest, p.delay[d]);
-    const int old = past_step(past.steps[(past.filled - 1) * entry] - longest);
-    if (old <= past.filled / 2) return true;
-    past.filled -= old;
-    memmove(past.steps, past.steps + old * entry, past.filled * entry * sizeof(double));
-    return false;
-  }
-
   // ---- the step --------------------------------------------------------------------------------
 
   // The light of the stages with what delays bring.

@@ -290,7 +290,7 @@ INLINE void combine(int q, const double* a, const double* c, const T* k, int row
     for (int m = 0; m < Z; m++) o[m] += a[j] * k[j * row + m], r[m] += c[j] * k[j * row + m];
 }
 
-struct Past { double* steps; int64_t filled, room; };  // of a circuit with delays: the steps before
+struct Past { double* steps; int64_t filled, room; };  // of a circuit with delays: its last steps
 
 // ---- one ring ----------------------------------------------------------------------------------
 
@@ -316,7 +316,6 @@ template <int F, int S, class T, class Heat> struct Single {
   void observe(const Places&, double, double, double, const double*, double*) const {}
   template <class At> void note(const Places&, double, double, const At&) {}
   void accept(double, double, double, double) {}
-  bool full() { return false; }
   double resolved(double, double h) const { return h; }
 
   // A step of h ns from y to out; light: at the stages. False where there is no answer.
