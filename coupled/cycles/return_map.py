@@ -22,11 +22,11 @@ from thermofem.arrays import Array, NDArray
 from ..kernel.integrator import CARRIERS, Crossing, Problem, Run
 from ..runs.pulsing import DUTY_LEVEL
 
-ROUGH, MIDDLE, FINE = 1e-5, 1e-6, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P
+ROUGH, MIDDLE, NEAR, FINE = 1e-5, 1e-6, 1e-7, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P, Rodas5P
 FINEST = 1e-11  # where errors of FINE grow on the way: beside a fold of the fixed points they repel for a while
-FOLLOWED = (1e-7, 1e-8, FINE)  # of the trace along which V of a precise one is followed
+FOLLOWED = (NEAR, 1e-8, FINE)  # of the trace along which V of a precise one is followed
 DEFECT = 3e-6  # relative, of V f(y_0) = f(y_T), with which it is: multipliers to 3e-7 on 95 % of 153 cycles, to 2e-6
-CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, FINE: 3e-10, FINEST: 1e-11}  # relative step of Newton's method that is enough
+CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, NEAR: 1e-3, FINE: 3e-10, FINEST: 1e-11}  # relative steps that are enough
 ERROR = 4e-10  # of the period, estimated, above which FINEST is used: on 340 cycles 3.5e-10 is left, where it was 2e-7
 LARGEST = 0.3  # relative step of Newton's method
 CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
@@ -134,7 +134,7 @@ class Flow:
         event = None if level is None else Crossing(self.quantity, level, True, self.ring, above)
         return problem.integrate(
             y, rtol=rtol, event=event, keep_steps=keep_steps or level is not None, first_step=first_step,
-            per_step=1 if rtol >= MIDDLE else PER_STEP,
+            per_step=1 if rtol > FINE else PER_STEP,
         )  # fmt: skip
 
     @property
@@ -212,17 +212,18 @@ def close(
         made more precise where that is not enough.
     beside: an orbit so near that its V and precise traces lead to this one.
     """
-    tolerances = [each for each in CLOSED if each >= rtol]
+    most = np.inf if beside is None else NEAR if rtol == FINE else rtol
+    tolerances = [each for each in CLOSED if rtol <= each <= most]
     tolerance, before, V = tolerances.pop(0), np.inf, np.empty((0, 0))
     A, row = V, 0
     if beside is not None:
-        tolerance, before, tolerances = rtol, 1.0, []
+        before = 1.0
         A, row = _bordered(flow.projected(beside.V, beside.trace.end), flow.normal(beside.start))
     for _ in range(TURNS):
         trace = flow.trace(y, tolerance, pulses, longest)
         if trace is None or np.ptp(flow.seen(trace.rows)) <= FLAT * np.abs(flow.seen(trace.rows)).max():
             return None
-        fresh = tolerance > FINE or before == np.inf
+        fresh = tolerance >= MIDDLE or before == np.inf
         if fresh:
             V = flow.derivative(trace, tolerance)
             A, row = _bordered(flow.projected(V, trace.end), flow.normal(y))
