@@ -22,7 +22,7 @@ from thermofem.data.dataset import describe
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
-from ..equilibria.bifurcation_curves import plane_of, unwatched
+from ..equilibria.bifurcation_curves import hopf_curves
 from ..equilibria.zeros import distances
 from ..heaters import constant
 from ..resonator import RingResonator
@@ -97,7 +97,7 @@ def cycle_fold_curves(
     small, turn = warm.model, warm.turned(ring)
     window = _Window(P[0], P[-1], nu[0] + turn, nu[-1] + turn)
     found: list[xr.Dataset] = []
-    for hopf in unwatched(plane_of(ring, small, *window.wider())):
+    for hopf in hopf_curves(ring, small, *window.wider()):
         for seed in _seeds(hopf):
             for family, fold, across in _folds_from(ring, small, seed, window):
                 if not any(window.on(curve, fold.values) for curve in found):

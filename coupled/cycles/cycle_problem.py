@@ -73,8 +73,7 @@ class CycleProblem:
             at = self.internal
         except InputError:
             return np.empty((0, 3))
-        found = survey(*self.laser, at)
-        return found.states[found.growth <= 0]
+        return survey(*self.laser, at)[0].stable
 
     @property
     def slowest(self) -> float:

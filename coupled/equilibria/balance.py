@@ -4,13 +4,12 @@
     shift(U) = -thermal_shift dT - S(N) - kerr U             the resonance's own shift, with D = shift - detuning
     pump^2  = U (gamma^2 + D^2)
 
-At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter s:
+At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter t:
 
-    D = gamma sinh s,     U gamma(U)^2 = pump^2 / cosh^2 s,      detuning(s) = shift(U) - gamma sinh s
+    U = top/cosh^2 t,     top gamma(top)^2 = pump^2,     D = +- sqrt(pump^2/U - gamma^2) with the sign of t
 
-The left side of the second rises with U, so every s has one U; detuning(s) runs from +infinity to -infinity and bends
-on the scale of 1 in s at any power. Cut at its turning points (the folds of that power), every piece holds a detuning
-at most once: no fixed point is missed.
+and detuning(t) = shift(U) - D runs from +infinity to -infinity and bends on the scale of 1 in t at any power. Cut at
+its turning points (the folds of that power), every piece holds a detuning at most once: no fixed point is missed.
 
 Heat of one ring at rest, and what small changes about it do:
 
@@ -25,7 +24,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.optimize import elementwise
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, Complex, NDArray
@@ -36,7 +34,7 @@ from ..kernel.tableaus import Method
 from ..kernel.units import EPSILON, UW, Rates, internal_heat, internal_rates, single_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
-from .zeros import zeros
+from .zeros import newton, zeros
 
 TERMS = (16, 32, 64, 128, 256)
 
@@ -52,11 +50,6 @@ class PoleHeat(NamedTuple):
     def resistance(self) -> float:
         """Of the network, K/uW."""
         return float((self.gain / self.rate).sum())
-
-    @property
-    def slowest(self) -> float:
-        """Rate of the slowest decay, 1/ns."""
-        return float(self.rate.min())
 
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Rise at rest in K and its derivative by the absorbed power P in uW."""
@@ -81,11 +74,6 @@ class QuadraticHeat(NamedTuple):
     of: kernel.QuadraticHeat
     top: float  # uW, the largest power of the series
     f: Array  # K/uW, shape (terms, n): Chebyshev coefficients over [0, top]
-
-    @property
-    def slowest(self) -> float:
-        """Rate of the slowest decay at low power, 1/ns."""
-        return float(-np.linalg.eigvals(self.of.A).real.max())
 
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Rise at rest in K and its derivative by P; beyond ``top`` the tangent there."""
@@ -136,9 +124,10 @@ def heat_of(model: Compact, largest: float) -> Heat:
 def _series(model: Any, largest: float) -> Array:
     """Chebyshev coefficients of f in K/W over [0, largest], shape (terms, n)."""
     for terms in TERMS:
-        powers = (1 + chebyshev.chebpts1(terms)) / 2 * largest
+        x = chebyshev.chebpts1(terms)
+        powers = (1 + x) / 2 * largest
         states = np.array([model.steady_state(power) for power in powers])  # no warning: none need be reached
-        f = np.asarray(chebyshev.chebfit(2 * powers / largest - 1, states / powers[:, None], terms - 1), dtype=float)
+        f = np.asarray(chebyshev.chebfit(x, states / powers[:, None], terms - 1), dtype=float)
         # the last terms are below 1e-12 of f, the error of the steady states themselves
         if np.abs(f[-3:]).max() < 1e-12 * np.abs(f).max():
             return f
@@ -147,8 +136,8 @@ def _series(model: Any, largest: float) -> Array:
     )
 
 
-SPACING = 0.02  # of s, in the search for turning points; pairs of them closer than this are found by their slope
-PUMPS = 1000  # surveyed at one go: 1000 x 500 points of s are 4 MB an array
+SPACING = 0.02  # of t, in the search for turning points; pairs of them closer than this are found by their slope
+PUMPS = 1000  # surveyed at one go: 1000 x 500 points of t are 4 MB an array
 
 
 class InternalRing(NamedTuple):
@@ -230,40 +219,40 @@ def balance(U: ArrayLike, ring: InternalRing) -> Balance:
     return Balance(N, N_slope, P_abs, dT, shift, shift_slope, gamma, rates.fca * N_slope + rates.tpa)
 
 
-def energy(s: ArrayLike, pump: ArrayLike, ring: InternalRing) -> Array:
-    """Return U with U gamma(U)^2 = pump^2/cosh^2 s: Newton's method in log U, kept within a bracket."""
-    rates, target = ring.rates, 2 * (np.log(pump) - np.log(np.cosh(s)))
-    x = high = target - 2 * np.log(rates.loss)  # gamma >= loss
-    low = np.full(np.shape(x), -np.inf)
-    for _ in range(100):
+def peak(pump: ArrayLike, ring: InternalRing) -> Array:
+    """Return the energy on resonance, U gamma(U)^2 = pump^2: a root in log U, as gamma rises with U."""
+    rates, target = ring.rates, 2 * np.log(np.asarray(pump))
+
+    def equation(x: Array) -> tuple[Array, Array]:
         U = np.exp(x)
         N, N_slope = carriers(U, rates)
         gamma = rates.loss + rates.fca * N + rates.tpa * U
-        f = x + 2 * np.log(gamma) - target
-        high, low = np.minimum(high, np.maximum(x, x - f)), np.maximum(low, np.minimum(x, x - f))  # gamma rises with U
-        step = f / (1 + 2 * U * (rates.fca * N_slope + rates.tpa) / gamma)
-        following = x - step
-        x = np.where((following >= low) & (following <= high), following, (low + high) / 2)
-        if np.all(np.abs(step) < 1e-9):  # the error is the square of a step
-            break
-    return np.exp(x)
+        return x + 2 * np.log(gamma) - target, 1 + 2 * U * (rates.fca * N_slope + rates.tpa) / gamma
+
+    high = target - 2 * np.log(rates.loss)
+    above = equation(high)[0]
+    low = high - above
+    return np.asarray(np.exp(newton(equation, np.array([low, high]), np.array([equation(low)[0], above]))))
 
 
-def tilted(s: ArrayLike, pump: ArrayLike, ring: InternalRing) -> tuple[Array, Array, Array, Array]:
-    """Return U, D, detuning and d(detuning)/ds of the tilted resonance at ``s``, elementwise with ``pump``."""
-    U = energy(s, pump, ring)
-    at = balance(U, ring)
-    D = at.gamma * np.sinh(s)
-    U_slope = -2 * U * np.tanh(s) / (1 + 2 * U * at.gamma_slope / at.gamma)
-    slope = (at.shift_slope - at.gamma_slope * np.sinh(s)) * U_slope - at.gamma * np.cosh(s)
-    return U, D, at.shift - D, slope
+def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing) -> tuple[Array, Array, Array, Array]:
+    """Return U, D, detuning and d(detuning)/dt of the tilted resonance at ``t``, elementwise with ``pump``.
+
+    top: the `peak` of the pump.
+    """
+    share, U = np.tanh(t), np.asarray(top / np.cosh(t) ** 2)
+    at, square = balance(U, ring), pump**2 / U
+    per_U = 2 * U * at.gamma * at.gamma_slope
+    far = share**2 > 1e-8  # nearer to the peak a difference of gammas is less exact than their slope
+    ratio = np.sqrt(square + np.where(far, pump**2 / top - at.gamma**2, per_U) / np.where(far, share**2, 1.0))
+    slope = -2 * U * share * at.shift_slope - (square + per_U) / ratio
+    return U, share * ratio, at.shift - share * ratio, slope
 
 
-def farthest_s(detuning: float, pump: float, ring: InternalRing) -> float:
-    """Return an s beyond which, on either side, the tilted resonance is farther off than ``detuning`` (rad/ns)."""
-    U, rates = energy(0.0, pump, ring), ring.rates
-    top = balance(U, ring)
-    largest = abs(rates.thermal_shift * top.dT) + abs(dispersion(top.N, ring.fcd)[0]) + abs(rates.kerr * U)
+def farthest(detuning: float, top: float, ring: InternalRing) -> float:
+    """Return a t beyond which, on either side, the tilted resonance is farther off than ``detuning`` (rad/ns)."""
+    rates, at = ring.rates, balance(top, ring)
+    largest = abs(rates.thermal_shift * at.dT) + abs(dispersion(at.N, ring.fcd)[0]) + abs(rates.kerr * top)
     return float(np.arcsinh((abs(detuning) + largest) / rates.loss + 1))
 
 
@@ -275,36 +264,37 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
     """
     pump, detuning = np.broadcast_arrays(np.atleast_1d(pump), np.atleast_1d(detuning))
     pumps, which = np.unique(pump, return_inverse=True)
-    if pumps.size > PUMPS:
-        parts = [np.flatnonzero(which // PUMPS == k) for k in range(-(-pumps.size // PUMPS))]
-        found = [fixed_points(pump[part], detuning[part], ring) for part in parts]
-        U, D = (np.concatenate([one[i] for one in found]) for i in (0, 1))
-        cell = np.concatenate([part[one[2]] for part, one in zip(parts, found, strict=True)])
-    else:
-        U, D, cell = _on_pieces(pumps, which, detuning, ring)
+    parts = [np.flatnonzero(which // PUMPS == k) for k in range(-(-pumps.size // PUMPS))]
+    found = [_on_pieces(pump[part], detuning[part], part, ring) for part in parts]
+    U, D, cell = (np.concatenate(values) for values in zip(*found, strict=True))
     order = np.lexsort([U, cell])
     return U[order], D[order], cell[order]
 
 
 def _on_pieces(
-    pumps: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing
+    pump: Array, detuning: Array, names: NDArray[np.intp], ring: InternalRing
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Fixed points of settings (pumps[which], detuning), each on a monotone piece of its tilted resonance."""
-    end = farthest_s(float(np.abs(detuning).max()), pumps[-1], ring)
+    """Fixed points of some settings by their names, each on a monotone piece of the tilted resonance of its power."""
+    pumps, which = np.unique(pump, return_inverse=True)
+    tops = peak(pumps, ring)
+    end = farthest(float(np.abs(detuning).max()), tops[-1], ring)
     grid = np.linspace(-end, end, int(np.ceil(2 * end / SPACING)) + 1)
-    turning, of = zeros(lambda s, k: tilted(s, pumps[k], ring)[3], grid, pumps.size)
-    on_grid, at_turning = tilted(grid, pumps[:, None], ring)[2], tilted(turning, pumps[of], ring)[2]
+    _, _, on_grid, slopes = tilted(grid, pumps[:, None], tops[:, None], ring)
+    turning, of = zeros(lambda t, k: tilted(t, pumps[k], tops[k], ring)[3], grid, pumps.size, slopes)
+    at_turning = tilted(turning, pumps[of], tops[of], ring)[2]
     brackets = []
     for k in range(pumps.size):
         cells = np.flatnonzero(which == k)
-        s, order = np.unique(np.concatenate([grid, turning[of == k]]), return_index=True)
-        above = np.concatenate([on_grid[k], at_turning[of == k]])[order] > detuning[cells, None]
-        j, piece = np.nonzero(above[:, 1:] != above[:, :-1])
-        brackets.append((s[piece], s[piece + 1], cells[j]))
-    low, high, cell = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    pump = pumps[which]
-    found = elementwise.find_root(
-        lambda s, k: tilted(s, pump[k], ring)[2] - detuning[k], (low, high), args=(cell,)
-    )  # fmt: skip
-    U, D, _, _ = tilted(found.x, pump[cell], ring)
-    return U, D, cell
+        t, order = np.unique(np.concatenate([grid, turning[of == k]]), return_index=True)
+        off = np.concatenate([on_grid[k], at_turning[of == k]])[order] - detuning[cells, None]
+        j, piece = np.nonzero((off[:, 1:] > 0) != (off[:, :-1] > 0))
+        brackets.append((t[piece], t[piece + 1], off[j, piece], off[j, piece + 1], cells[j]))
+    low, high, at_low, at_high, cell = (np.concatenate(part) for part in zip(*brackets, strict=True))
+    one, top, wanted = pump[cell], tops[which][cell], detuning[cell]
+
+    def equation(t: Array) -> tuple[Array, Array]:
+        _, _, found, slope = tilted(t, one, top, ring)
+        return found - wanted, slope
+
+    U = tilted(newton(equation, np.array([low, high]), np.array([at_low, at_high])), one, top, ring)[0]
+    return U, balance(U, ring).shift - wanted, names[cell]

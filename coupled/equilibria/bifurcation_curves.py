@@ -29,10 +29,10 @@ from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
-from ..kernel.units import FJ, NS, UW, internal_pump
+from ..kernel.units import FJ, NS, UW, internal_pump, slowest_rate
 from ..resonator import RingResonator
 from ..thermal import trusted
-from .balance import InternalRing, absorbable, balance, dispersion, energy, farthest_s, internal_ring
+from .balance import InternalRing, absorbable, balance, dispersion, farthest, internal_ring, peak
 from .steady_states import first_lyapunov, jacobians, states
 from .zeros import distances, intervals_in_window, zeros
 
@@ -48,6 +48,7 @@ class Plane(NamedTuple):
     """A ring in internal units and the window that is asked for."""
 
     ring: RingResonator
+    model: ThermalModel
     at: InternalRing
     powers: Array
     detunings: Array
@@ -89,14 +90,7 @@ def hopf_curves(
 
     Measured by dense eigenvalues at the returned power and detuning: the pair's real part is below 3e-13 w.
     """
-    plane = plane_of(ring, model, powers, detunings)
-    return _trusted(model, plane, unwatched(plane))
-
-
-def unwatched(plane: Plane) -> list[xr.Dataset]:
-    """`hopf_curves` without the warning about the training of the thermal model."""
-
-    curves = []
+    plane, curves = _plane(ring, model, powers, detunings), []
     for line in _lines(plane):
         every = _from_outside(plane, np.exp(line[0]), plane.at.rates.loss * np.sinh(line[1]), np.exp(line[2]))
         for part in _inside(plane, *every[:2]):
@@ -110,12 +104,6 @@ def unwatched(plane: Plane) -> list[xr.Dataset]:
     return curves
 
 
-def subcritical(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> bool:
-    """Whether one of the `hopf_curves` is subcritical where it bounds a stable region."""
-    curves = unwatched(plane_of(ring, model, powers, detunings))
-    return any(bool(np.any(curve["leading"] & (curve["lyapunov"] > 0))) for curve in curves)
-
-
 def fold_curves(
     ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
 ) -> list[xr.Dataset]:  # fmt: skip
@@ -123,8 +111,7 @@ def fold_curves(
 
     Parameters, errors, warnings and result as `hopf_curves`, without frequency and leading.
     """
-    plane = plane_of(ring, model, powers, detunings)
-    curves = []
+    plane, curves = _plane(ring, model, powers, detunings), []
     for first, last in _folded(plane):
 
         def along(angle: Array, first: float = first, last: float = last) -> tuple[Array, Array]:
@@ -136,35 +123,25 @@ def fold_curves(
             return _window(plane, *along(angle))
 
         parts = intervals_in_window(seen, np.linspace(-np.pi, np.pi, FOLD_GRID))
-        for angle in (np.linspace(*part, FOLD_POINTS) for part in parts):
-            beyond = np.clip([2 * angle[0] - angle[1], 2 * angle[-1] - angle[-2]], -np.pi, np.pi)
-            curves.append(_dataset(plane, "fold curve", *along(np.concatenate([beyond[:1], angle, beyond[1:]]))))
-    return _trusted(model, plane, curves)
+        curves += [_dataset(plane, "fold curve", *along(np.linspace(*part, FOLD_POINTS))) for part in parts]
+    return curves
 
 
-def plane_of(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> Plane:
+def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> Plane:
     """Check the input and find the energies that its fixed points can have."""
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
     at, shifts = internal_ring(ring, model, absorbable(ring, P[-1])), 2 * np.pi * NS * nu
-    weak, strong = internal_pump(ring, P[0]), internal_pump(ring, P[-1])
-    high = energy(0.0, strong, at)
-    low = energy(farthest_s(np.abs(shifts).max(), strong, at), weak, at)
-    return Plane(ring, at, P, shifts, np.geomspace(low, high, ENERGIES))
-
-
-def _trusted(model: ThermalModel, plane: Plane, curves: list[xr.Dataset]) -> list[xr.Dataset]:
-    """The curves; OutsideTrainingWarning where their fixed points are hotter than the training of the model."""
-    for curve in curves:
-        trusted(model, balance(curve["energy"].values / FJ, plane.at).dT)
-    return curves
+    faint, high = peak([internal_pump(ring, P[0]), internal_pump(ring, P[-1])], at)
+    low = faint / np.cosh(farthest(np.abs(shifts).max(), high, at)) ** 2
+    return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES))
 
 
 def _frequencies(plane: Plane) -> Array:
     """Frequencies of the lattice in rad/ns, from far below the slowest thermal pole to above the beat of the laser."""
     here = balance(plane.energies, plane.at)
     highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
-    return np.geomspace(1e-4 * plane.at.heat.slowest, 2 * highest, FREQUENCIES)
+    return np.geomspace(1e-4 * NS * slowest_rate(plane.at.model), 2 * highest, FREQUENCIES)
 
 
 def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -330,8 +307,9 @@ def _others_decay(values: NDArray[np.complex128], w: Array) -> NDArray[np.bool_]
 
 
 def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
-    """One curve in SI."""
+    """One curve in SI; its rises are compared with those of the training of the model."""
     power, shift = _laser(plane, U, D)
+    trusted(plane.model, balance(U, plane.at).dT)
     values = {"power": power, "detuning": shift / (2 * np.pi * NS), "energy": U * FJ}
     if omega is not None:
         values["frequency"] = omega / (2 * np.pi * NS)

@@ -4,6 +4,7 @@ The phase of the field does not matter at a fixed point, so a = sqrt(U). Interna
 """
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import circuit_steady_states
 from ..heaters import constant
+from ..kernel.integrator import CAP
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..thermal import check_geometry, provenance, trusted
@@ -84,10 +86,8 @@ def first_lyapunov(
     values, vectors = np.linalg.eig(A.astype(complex))
     k = np.abs(values - 1j * omega[:, None]).argmin(axis=1)
     w, q = values[m, k].imag, vectors[m, :, k]
-    q = q / (2 * q[m, unit])[:, None]
-    left, lefts = np.linalg.eig(A.transpose(0, 2, 1).astype(complex))
-    p = lefts[m, :, np.abs(left - values[m, k][:, None]).argmin(axis=1)].conj()
-    p = p / np.einsum("mi,mi->m", p.conj(), q).conj()[:, None]
+    size_of = (2 * q[m, unit])[:, None]
+    q, p = q / size_of, np.linalg.inv(vectors)[m, k] * size_of  # p as a row, conjugate
     h = STEP / np.max(np.abs(q) / size, axis=1)
     first, second = np.zeros(A.shape, dtype=complex), np.zeros(A.shape)
     for part, factor in ((q.real, 1), (q.imag, 1j)):
@@ -102,26 +102,32 @@ def first_lyapunov(
     twice = 2j * w[:, None, None] * np.eye(x.shape[1]) - A
     double = np.linalg.solve(twice, times(first, q)[..., None])[..., 0]
     terms = times(second, q) - 2 * times(first, mean) + times(first.conj(), double)
-    return np.einsum("mi,mi->m", p.conj(), terms).real / 2, values
+    return np.einsum("mi,mi->m", p, terms).real / 2, values
 
 
-class Survey(NamedTuple):
-    """Every fixed point of m laser settings, sorted by setting and energy."""
+class Fixed(NamedTuple):
+    """The fixed points of one laser setting, by increasing energy."""
 
-    cell: NDArray[np.intp]
-    states: Array  # rows U, N, dT
+    every: Array  # rows U, N, dT and the longest step beside it in ns
     growth: Array  # 1/ns
     omega: Array  # rad/ns
-    fastest: Array  # 1/ns, |lambda| of the mode that leaves fastest, 0 where none grows
+
+    @property
+    def stable(self) -> Array:
+        """The stable ones, rows U, N, dT."""
+        return self.every[self.growth <= 0, :3]
 
 
-def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> Survey:
-    """Return the fixed points and their stability at laser settings in sqrt(fJ)/ns and rad/ns."""
+def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> list[Fixed]:
+    """Return the fixed points and their stability at each of the laser settings in sqrt(fJ)/ns and rad/ns."""
     U, D, cell = fixed_points(pump, detuning, ring)
     values, here = eigenvalues(U, D, ring), balance(U, ring)
-    growth, omega, _ = leading(values)
+    growth, omega, growing = leading(values)
     fastest = np.where(values.real > 0, np.abs(values), 0.0).max(axis=1)
-    return Survey(cell, np.column_stack([U, here.N, here.dT]), growth, omega, fastest)
+    longest = np.where(growing > 0, CAP / np.where(growing > 0, fastest, 1.0), np.inf)
+    every = np.column_stack([U, here.N, here.dT, longest])
+    ends = pairwise([*np.searchsorted(cell, range(cell[-1] + 1)), cell.size])
+    return [Fixed(every[a:b], growth[a:b], omega[a:b]) for a, b in ends]
 
 
 def steady_states(
@@ -202,13 +208,21 @@ def steady_states(
     warm = constant(model, heaters, heated, read)
     at = internal_ring(ring, warm.model, absorbable(ring, power))
     U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + warm.turned(ring)), at)
-    values = observables(ring, at, U, D, np.full(U.size, power))
+    found = described("steady states", ring, model, at, U, D, np.full(U.size, power), "branch")
+    found["delta_T"].values += warm.rise
+    return found.assign_attrs(input_power=float(power), detuning=float(detuning), **warm.attributes, **doubts)
+
+
+def described(
+    kind: str, ring: RingResonator, model: Any, at: InternalRing, U: Array, D: Array, powers: Array, over: str,
+    **further: Array,
+) -> xr.Dataset:  # fmt: skip
+    """Fixed points in SI, and ``further`` variables; their rises are compared with what the model describes."""
+    values = further | observables(ring, at, U, D, powers)
     trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
-    values["delta_T"] = values["delta_T"] + warm.rise
     return xr.Dataset(
-        {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},
-        attrs=provenance("steady states", ring, at.model)
-        | {"input_power": float(power), "detuning": float(detuning), **warm.attributes, **doubts},
+        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()},
+        attrs=provenance(kind, ring, at.model),
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 import xarray as xr
 
-from thermofem import Foster, checks, dataset
+from thermofem import Foster, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
@@ -15,20 +15,20 @@ from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import check_geometry, provenance, trusted
+from ..thermal import check_geometry, trusted
 from .balance import (
     SPACING,
     InternalRing,
     absorbable,
     balance,
     carriers,
-    energy,
-    farthest_s,
+    farthest,
     fixed_points,
     internal_ring,
+    peak,
     tilted,
 )
-from .steady_states import eigenvalues, observables
+from .steady_states import described, eigenvalues
 from .zeros import intervals_in_window, zeros
 
 POINTS = 600  # of a curve
@@ -44,7 +44,7 @@ def transmission(
 ) -> xr.Dataset:
     """Return the curve of all fixed points against detuning or power of a ring, or the low-power one of a circuit.
 
-    At one power it is the tilted resonance, one smooth curve with a parameter s (D = gamma sinh s); at one detuning
+    At one power it is the tilted resonance, one smooth curve with a parameter t (U = top/cosh^2 t); at one detuning
     power is a function of the energy, P = U (gamma^2 + D^2)/(2 gamma_e). Either way the curve runs through its folds:
     where it is bistable it has three values.
 
@@ -86,21 +86,23 @@ def transmission(
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
     at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
     U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
-    return _dataset("transmission", ring, model, at, U, D, powers, detunings).assign_attrs(doubts)
+    found = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
+    return found.assign_attrs(doubts)
 
 
 def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Curve, float, float]:
-    """All fixed points at one power or at one detuning as a smooth curve, and the ends of its parameter s.
+    """All fixed points at one power or at one detuning as a smooth curve, and the ends of its parameter.
 
-    s is that of the tilted resonance at one power, and log U at one detuning. The curve gives U, D, power in W,
+    It is that of the tilted resonance at one power, and log U at one detuning. The curve gives U, D, power in W,
     detuning in Hz and what is 0 at its folds, and covers the range of the power or detuning that is a pair.
     """
     shifts, unit = 2 * np.pi * NS * nu, internal_pump(ring, 1.0)
     weak, strong = (internal_pump(ring, p) for p in P[[0, -1]])
-    end = farthest_s(float(np.abs(shifts).max()), weak, at)
+    faint, top = peak([weak, strong], at).tolist()
+    end = farthest(float(np.abs(shifts).max()), top, at)
 
-    def tilt(s: Array) -> tuple[Array, ...]:
-        U, D, shift, slope = tilted(s, strong, at)
+    def tilt(t: Array) -> tuple[Array, ...]:
+        U, D, shift, slope = tilted(t, strong, top, at)
         return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS), slope
 
     def line(s: Array) -> tuple[Array, ...]:
@@ -112,7 +114,7 @@ def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[
 
     if P.size == 1:
         return tilt, -end, end
-    return line, float(np.log(energy(end, weak, at))), float(np.log(energy(0.0, strong, at)))
+    return line, float(np.log(faint / np.cosh(end) ** 2)), float(np.log(top))
 
 
 def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
@@ -198,10 +200,12 @@ def sweep(
     at = internal_ring(ring, model, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
-    U, D, step = fixed_points(internal_pump(ring, 1.0) * np.sqrt(P), 2 * np.pi * NS * nu, at)
+    pump = internal_pump(ring, 1.0) * np.sqrt(P)
+    U, D, step = fixed_points(pump, 2 * np.pi * NS * nu, at)
     stable = eigenvalues(U, D, at).real.max(axis=1) < 0
     curve, *_ = _curve(ring, at, np.unique(P), np.unique(nu))
-    place = np.log(U) if np.ptp(P) else np.arcsinh(D / balance(U, at).gamma)
+    tilt = np.sqrt(np.maximum(peak(pump[:1], at) / U, 1))
+    place = np.log(U) if np.ptp(P) else np.copysign(np.arccosh(tilt), D)
     grid = np.linspace(place.min(), place.max(), int(np.ceil(np.ptp(place) / SPACING)) + 2)
     branch = np.searchsorted(zeros(lambda s, _: curve(s)[4], grid)[0], place)  # pieces between two folds
     path, jumped = np.empty(steps, dtype=int), np.zeros(steps, dtype=bool)
@@ -211,7 +215,7 @@ def sweep(
         rest = here[stable[here]] if stable[here].any() else here
         nearest = np.abs(np.log(U[rest] / U[path[k - 1]])).argmin() if k else 0
         path[k], jumped[k] = (same[0], False) if same.size else (rest[nearest], k > 0)
-    found = _dataset("slow sweep", ring, model, at, U[path], D[path], P, nu, "step")
+    found = described("slow sweep", ring, model, at, U[path], D[path], P, "step", power=P, detuning=nu)
     found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
     return found
 
@@ -239,16 +243,3 @@ def _ends(name: str, value: float | ArrayLike) -> Array:
     for end in ends:
         (check_power if name == "power" else check_detuning)(end, name)
     return ends
-
-
-def _dataset(
-    kind: str, ring: RingResonator, model: ThermalModel | None, at: InternalRing, U: Array, D: Array, powers: Array,
-    detunings: Array, over: str = "point",
-) -> xr.Dataset:  # fmt: skip
-    """Fixed points along a line, in SI; their rises are compared with what the model describes."""
-    values = {"power": powers, "detuning": detunings} | observables(ring, at, U, D, powers)
-    trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
-    return xr.Dataset(
-        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()},
-        attrs=provenance(kind, ring, at.model),
-    )

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import elementwise
 
 from thermofem.arrays import Array, NDArray, runs_of
 
@@ -11,31 +10,68 @@ DEEP = 0.9  # a dip is followed where the parabola through it falls below this s
 Curve = Callable[[Array], Array]  # of the parameter, shape (n,); coordinates, shape (m, n)
 
 
-def zeros(f: Callable[[Array, NDArray[np.intp]], Array], grid: Array, count: int = 1) -> tuple[Array, NDArray[np.intp]]:
+def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array) -> Array:
+    """Return the roots in brackets by Newton's method; a step that leaves its bracket or shrinks too little halves it.
+
+    f(x): values and slopes, elementwise.
+    ends, values [shape (2, n)]: of the brackets, and f there, of opposite signs.
+    """
+    (low, high), rises, step = ends, values[1] > 0, ends[1] - ends[0]
+    done = np.zeros(low.shape, dtype=bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = np.fmin(np.fmax(low - values[0] * step / (values[1] - values[0]), low), high)
+        for _ in range(200):
+            value, slope = f(x)
+            beyond = (value > 0) == rises
+            low, high = np.where(beyond, low, x), np.where(beyond, x, high)
+            following = x - value / slope
+            good = (low <= following) & (following <= high) & (2 * np.abs(following - x) <= np.abs(step))
+            following = np.where(good, following, (low + high) / 2)
+            step, x = following - x, np.where(done, x, following)
+            done |= (good & (np.abs(step) < 1e-9)) | (high - low <= 4e-16 * np.abs(x))
+            if done.all():  # the error is the square of a step
+                break
+    return x
+
+
+def zeros(
+    f: Callable[[Array, NDArray[np.intp]], Array], grid: Array, count: int = 1, values: Array | None = None
+) -> tuple[Array, NDArray[np.intp]]:
     """Return the zeros of ``count`` functions between points of an increasing grid, and which function each is of.
 
-    ``f(x, k)`` evaluates function k at x, elementwise. Two zeros between neighbours of the grid leave a minimum of |f|
-    without a change of sign, which is followed down to the change. Sorted by function, then by x.
+    ``f(x, k)`` evaluates function k at x, elementwise; ``values`` are those on the grid, shape (count, n), if known.
+    Two zeros between neighbours of the grid leave a minimum of |f| without a change of sign, which is followed down to
+    the change. Sorted by function, then by x.
     """
     k, i = np.mgrid[:count, : grid.size]
-    values = f(grid[i], k)
-    positive, size = values > 0, np.abs(values)
-    left, right, of = grid[i[:, :-1]], grid[i[:, 1:]], k[:, 1:]
-    changed = positive[:, 1:] != positive[:, :-1]
-    brackets = [(left[changed], right[changed], of[changed])]
-    alike = (positive[:, 1:-1] == positive[:, :-2]) & (positive[:, 1:-1] == positive[:, 2:])
-    dip = alike & (size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] <= size[:, 2:]) & _deep(size)
+    x, y = grid[i], f(grid[i], k) if values is None else values
+    changed = (y[:, 1:] > 0) != (y[:, :-1] > 0)
+    brackets = [[v[changed] for v in (x[:, :-1], x[:, 1:], y[:, :-1], y[:, 1:], k[:, 1:])]]
+    size = np.abs(y)
+    dip = ~changed[:, 1:] & ~changed[:, :-1] & (size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] <= size[:, 2:])
+    dip &= _deep(size)
     if dip.any():
-        low, middle, high, which = left[:, :-1][dip], right[:, :-1][dip], right[:, 1:][dip], of[:, :-1][dip]
-        sign = np.where(positive[:, 1:-1][dip], 1.0, -1.0)
-        found = elementwise.find_minimum(lambda x, s, n: s * f(x, n), (low, middle, high), args=(sign, which))
-        below = found.f_x < 0
-        bottom = found.x[below]
-        brackets += [(low[below], bottom, which[below]), (bottom, high[below], which[below])]
-    a, b, n = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    x = elementwise.find_root(f, (a, b), args=(n,)).x if a.size else a
-    order = np.lexsort([x, n])
-    return x[order], n[order]
+        low, high, n = x[:, :-2][dip], x[:, 2:][dip], k[:, 1:-1][dip]
+        first, middle, last = y[:, :-2][dip], y[:, 1:-1][dip], y[:, 2:][dip]
+        turns = np.array([middle - first, last - middle])
+        bottom = newton(lambda x: _differences(f, x, n, high - low)[1:], np.array([low, high]), turns)
+        least = f(bottom, n)
+        crossed = (least > 0) != (middle > 0)
+        for one in ((low, bottom, first, least, n), (bottom, high, least, last, n)):
+            brackets.append([v[crossed] for v in one])
+    low, high, first, last, n = (np.concatenate(part) for part in zip(*brackets, strict=True))
+    root = newton(lambda x: _differences(f, x, n, high - low)[:2], np.array([low, high]), np.array([first, last]))
+    order = np.lexsort([root, n])
+    return root[order], n[order]
+
+
+def _differences(
+    f: Callable[[Array, NDArray[np.intp]], Array], x: Array, k: NDArray[np.intp], width: Array
+) -> tuple[Array, Array, Array]:
+    """Values, slopes and curvatures of functions k at x, by central differences over a small share of a width."""
+    h = 1e-5 * width
+    before, here, after = f(np.array([x - h, x, x + h]), np.array([k, k, k]))
+    return here, (after - before) / (2 * h), (after - 2 * here + before) / h**2
 
 
 def _deep(size: Array) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from thermofem.models.foster import newton, second_order
 from .. import parameters
 from ..arguments import check_ring
 from ..cycles.cycle_folds import cycle_fold_curves
-from ..equilibria.bifurcation_curves import subcritical
+from ..equilibria.bifurcation_curves import hopf_curves
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..resonator import RingResonator
 
@@ -161,7 +161,7 @@ def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[
     """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
     axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
     try:
-        if not subcritical(ring, model, *axes):
+        if not any(np.any(c["leading"] & (c["lyapunov"] > 0)) for c in hopf_curves(ring, model, *axes)):
             return []
         found = cycle_fold_curves(ring, model, *axes)
     except checks.InputError:  # a window that the steady states of this ring do not reach

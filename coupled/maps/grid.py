@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike
 from thermofem.data.dataset import describe
 
 from ..arguments import MOST_POINTS, check_axis, check_ring
 from ..equilibria.balance import absorbable, internal_ring
-from ..equilibria.steady_states import Survey, survey
+from ..equilibria.steady_states import Fixed, survey
 from ..heaters import ConstantHeating
-from ..kernel.integrator import CAP
 from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
@@ -94,45 +92,26 @@ def grid_of(
     return Grid((first, second), (one, other), rows, fixed)
 
 
-class Fixed(NamedTuple):
-    """The fixed points of a point of a map, in internal units."""
-
-    every: Array  # rows U, N, dT and the longest step beside it in ns
-    growth: Array  # largest real part of the eigenvalues
-
-    @property
-    def stable(self) -> Array:
-        """The stable ones, rows U, N, dT."""
-        return self.every[self.growth <= 0, :3]
-
-
-def surveys(model: Compact, points: list[Point]) -> Iterator[tuple[NDArray[np.intp], Survey | checks.InputError]]:
-    """Yield indices of points of one ring, and their fixed points or why they have none."""
-    for ring in dict.fromkeys(ring for ring, _, _ in points):
-        groups = [np.array([k for k, point in enumerate(points) if point[0] is ring or point[0] == ring])]
-        for cells in groups:
-            _, powers, detunings = (np.array(column) for column in zip(*(points[k] for k in cells), strict=True))
-            pump, shift = internal_pump(ring, 1.0) * np.sqrt(powers), internal_detuning(1.0) * detunings
-            try:
-                yield cells, survey(pump, shift, internal_ring(ring, model, absorbable(ring, powers.max())))
-            except checks.InputError as error:
-                several = np.unique(powers)
-                if several.size == 1:
-                    yield cells, error
-                else:  # at this power, perhaps not at others
-                    groups += [cells[powers == power] for power in several]
-
-
 def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
     """The fixed points of every point of a map, or why there are none."""
     out: list[Fixed | str] = [""] * len(points)
-    for cells, found in surveys(model, points):
-        if isinstance(found, checks.InputError):
-            for k in cells:
-                out[k] = str(found)
-            continue
-        grows = found.fastest > 0
-        every = np.column_stack([found.states, np.where(grows, CAP / np.where(grows, found.fastest, 1.0), np.inf)])
-        for k, ends in zip(cells, pairwise(np.searchsorted(found.cell, np.arange(cells.size + 1))), strict=True):
-            out[k] = Fixed(every[slice(*ends)], found.growth[slice(*ends)])
+    of_rings: dict[RingResonator, list[int]] = {}
+    for k, (ring, _, _) in enumerate(points):
+        of_rings.setdefault(ring, []).append(k)
+    groups = list(of_rings.values())
+    for cells in groups:
+        ring, (powers, detunings) = points[cells[0]][0], np.array([points[k][1:] for k in cells]).T
+        pump, shift = internal_pump(ring, 1.0) * np.sqrt(powers), internal_detuning(1.0) * detunings
+        try:
+            found: Sequence[Fixed | str] = survey(
+                pump, shift, internal_ring(ring, model, absorbable(ring, powers.max()))
+            )
+        except checks.InputError as error:
+            several = np.unique(powers)
+            if several.size > 1:  # at the highest power, perhaps not at others
+                groups += [[k for k in cells if points[k][1] == power] for power in several]
+                continue
+            found = [str(error)] * len(cells)
+        for k, one in zip(cells, found, strict=True):
+            out[k] = one
     return out

@@ -21,6 +21,7 @@ from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
 from ..arguments import bar, check_duration
+from ..equilibria.steady_states import Fixed
 from ..heaters import constant
 from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
@@ -29,7 +30,7 @@ from ..runs.resting import Rest
 from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact, check_geometry, long_enough, provenance, trusted
-from .grid import Fixed, Grid, Point, fixed_of, grid_of
+from .grid import Grid, Point, fixed_of, grid_of
 from .settled import Cell, settled_row
 
 FAILED = "failed"

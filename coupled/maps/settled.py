@@ -17,11 +17,12 @@ from thermofem.checks import InputError
 from ..cycles.cycle_problem import CycleProblem
 from ..cycles.return_map import FLAT, measure
 from ..cycles.settling import RestError, UnsettledError, settled
+from ..equilibria.steady_states import Fixed
 from ..kernel.shooting import FINE, Closed, Turns
 from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning
 from ..runs.pulsing import Regime
-from .grid import Fixed, Point
+from .grid import Point
 
 
 class Cell(NamedTuple):

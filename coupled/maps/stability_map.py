@@ -15,7 +15,7 @@ from ..heaters import constant
 from ..kernel.units import NS
 from ..resonator import RingResonator
 from ..thermal import Compact, check_geometry, provenance, trusted, warn_at_top
-from .grid import Grid, grid_of, surveys
+from .grid import Grid, fixed_of, grid_of
 
 
 def stability_map(
@@ -91,14 +91,11 @@ def _survey(model: Compact, grid: Grid) -> Array:
     largest = max(absorbable(ring, power) for ring, power, _ in points)
     if isinstance(model, OutputMap) and 2 * model.coefficient * model.thermal_resistance * largest <= -1:
         warn_at_top(model, f"the ring may absorb up to {largest:.2g} W at these powers")
-    out = np.empty((5, len(points)))
-    for cells, found in surveys(model, points):
-        if isinstance(found, InputError):
-            raise found
-        every, stable = (
-            np.bincount(cell, minlength=cells.size) for cell in (found.cell, found.cell[found.growth <= 0])
-        )
-        order, begin = np.lexsort([found.growth, found.cell]), np.searchsorted(found.cell, np.arange(cells.size))
-        growth, omega = found.growth[order[begin]] / NS, found.omega[order[begin]] / (2 * np.pi * NS)
-        out[:, cells] = every, stable, growth, omega, np.maximum.reduceat(found.states[:, 2], begin)
-    return out.reshape(5, *(axis.size for axis in grid.axes))
+    rows = []
+    for found in fixed_of(model, points):
+        if isinstance(found, str):
+            raise InputError(found)
+        least, stable = found.growth.argmin(), (found.growth <= 0).sum()
+        growth, omega = found.growth[least] / NS, found.omega[least] / (2 * np.pi * NS)
+        rows.append([found.growth.size, stable, growth, omega, found.every[:, 2].max()])
+    return np.array(rows).T.reshape(5, *(axis.size for axis in grid.axes))
