@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from models import MODELS
+from scipy.sparse import csc_matrix
 
+import surrogate
 import thermofem as th
 from thermofem.models import NonlinearSystem, foster
 from thermofem.waveforms import period_times
@@ -127,19 +129,53 @@ def test_what_is_not_finite_is_refused(model, ask):
         getattr(model, ask)([1e-6, np.nan])
 
 
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (
-            {"A": np.array([[-2.0, 0.5], [0.0, -1.0]])},
-            "A is not symmetric; only a symmetric system is a Foster network",
-        ),
-        ({"E": np.array([[2.0, 0.5], [0.0, 1.0]])}, "E is not symmetric"),
-        ({"E": np.diag([1.0, -1.0])}, "E is not positive definite"),
-        ({"A": np.diag([-1.0, 1.0])}, "must decay"),
-    ],
-)
-def test_what_is_no_foster_network_is_not_diagonalised(change, reason):
-    system = th.StateSpace(**{"E": np.eye(2), "A": -np.eye(2), "B": np.ones((2, 1)), "C": np.ones((1, 2)), **change})
+SKEW = np.array([[2.0, 0.5], [0.0, 1.0]])
+NO_HEAT_FLOW = {
+    "A is not symmetric": {"A": -SKEW},
+    "E is not symmetric": {"E": SKEW},
+    "E is not positive definite|E.*positive": {"E": np.diag([1.0, -1.0])},
+    "-A is not positive definite|decay|positive|a mode grows": {"A": np.diag([-2.0, 1.0])},
+    "singular|decay|positive": {"A": np.array([[-1.0, 1.0], [1.0, -1.0]])},
+    r"E.* = nan is not finite": {"E": np.array([[1.0, np.nan], [np.nan, 1.0]])},
+    "B = inf": {"B": np.array([[np.inf], [-np.inf]])},
+}
+USES = {
+    "poles": foster,
+    "gain": lambda system: system.thermal_resistance,
+    "periodic": lambda system: system.periodic_response(th.SquareWave(1e-3, 1e-6, 0.3), 5),
+    "reduction": surrogate.reduce,
+    "truncation": lambda system: surrogate.balanced_truncation(system, 1),
+}
+
+
+@pytest.mark.parametrize("reason", NO_HEAT_FLOW)
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("stored", [np.asarray, csc_matrix], ids=["dense", "sparse"])
+def test_matrices_that_are_not_those_of_heat_flow_are_refused(reason, use, stored):
+    """5333 K/W for 4444 from one triangle of a skew matrix, and -4000 K/W that grew without end."""
+    parts = {"E": np.eye(2), "A": -np.eye(2), "B": np.ones((2, 1)), "C": np.ones((1, 2)), **NO_HEAT_FLOW[reason]}
     with pytest.raises(th.InputError, match=reason):
-        foster(system)
+        USES[use](th.StateSpace(**{name: stored(matrix) if name in "EA" else matrix for name, matrix in parts.items()}))
+
+
+def test_a_stiff_system_in_mixed_coordinates_is_still_one_of_heat_flow():
+    """Twelve decades of time constants: the check of definiteness allows for round-off."""
+    tau, mix = np.geomspace(1e-12, 1.0, 6), np.random.default_rng(1).normal(size=(6, 6))
+    system = th.StateSpace(mix.T @ np.diag(tau) @ mix, -mix.T @ mix, mix.T @ np.ones((6, 1)), np.ones((1, 6)) @ mix)
+    assert system.thermal_resistance == pytest.approx(6.0, rel=1e-9)
+    assert system.step_response(100.0) == pytest.approx(6.0, rel=1e-5)
+
+
+def test_what_is_kept_shares_no_memory_with_what_was_given():
+    """Sampled, PiecewiseCubic, Cauer and StateSpace kept the array itself, and changed with it."""
+    two, eye = np.array([1.0, 2.0]), np.eye(2)
+    for kind, *given in (
+        (th.Sampled, two, two),
+        (th.waveforms.PiecewiseCubic, two, np.ones((1, 4))),
+        (th.models.cauer.Cauer, two, two),
+        (th.StateSpace, eye, -eye, two[:, None], two[None]),
+        (th.Quadratic, -eye, np.zeros((2, 2, 2)), np.zeros((2, 2)), two, two),
+    ):
+        kept = [value for value in vars(kind(*given)).values() if isinstance(value, np.ndarray)]
+        assert kept
+        assert not any(np.shares_memory(a, b) for a in kept for b in given)

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 from paths import ROOT
-from validation_rows import merged
 
 import coupled
 import surrogate
@@ -152,17 +151,6 @@ def test_generated_pages_are_up_to_date():
                 th.CrossSection.from_toml_text(f'outer_radius = "60 um"\n{others}{table}\n{left}')
 
 
-def test_validated_numbers_of_a_part_of_the_tests_join_the_others():
-    old = [{"subject": s, "what": w, "ours": 1} for s, w in (("Ring", "a"), ("Ring", "b"), ("Light", "c"))]
-    new = [{"subject": "Light", "what": "c", "ours": 2}, {"subject": "Heat", "what": "d", "ours": 2}]
-    rows, left = merged(old, new, drop=False)
-    assert left == old[:2]
-    assert [(row["what"], row["ours"]) for row in rows] == [("a", 1), ("b", 1), ("c", 2), ("d", 2)]
-    rows, left = merged(old, new, drop=True)  # all tests ran and none skipped: what nothing measured goes
-    assert [row["what"] for row in rows] == ["c", "d"]
-    assert left == old[:2]
-
-
 def test_the_names_in_the_table_of_symbols_exist():
     rows = re.findall(r"^\| [^|]*\| [^|]*\| [^|]*\| (.*) \|$", (DOCS / "equations.md").read_text(), re.MULTILINE)
     names = [name for row in rows for name in re.findall(r"`([\w.]+)`", row)]
@@ -217,13 +205,3 @@ def test_every_public_name_has_an_example_that_runs(tmp_path, monkeypatch, needs
     scope = {"__name__": "examples"}
     for code in dict.fromkeys(cells.values()):
         exec(compile(code, "docs/api_examples.py", "exec", dont_inherit=True), scope)
-
-
-def test_a_docstring_becomes_markdown():
-    text = hooks().markdown(
-        "First *line* <x>.\n\n    y = a_b\n\nParameters\n----------\na : float, m\n    what ``it`` is\n\n>>> 1\n1"
-    )
-    assert text == (
-        "First \\*line\\* &lt;x>.\n\n```text\ny = a_b\n```\n\n**Parameters**\n\n- `a`: float, m — what `it` is\n\n"
-        "```pycon\n>>> 1\n1\n```\n"
-    )

@@ -145,12 +145,6 @@ def test_response_of_every_model_to_every_waveform(model, poles, name):
     assert rise == pytest.approx(expected, abs=within * np.max(np.abs(expected)), rel=0)
 
 
-def test_the_reference_takes_a_smooth_waveform_that_begins_at_almost_nothing():
-    model, wave = MODELS["quadratic"](), th.Function(lambda t: P * np.exp(-(((t - 4e-6) / 0.1e-6) ** 2)))
-    expected = integrated(model, wave, TIMES)
-    assert model.response(wave, TIMES) == pytest.approx(expected, abs=2e-5 * expected.max(), rel=0)
-
-
 def scaled(wave: th.waveforms.Waveform) -> th.waveforms.Waveform:
     """1e-4 of a waveform: samples where it is straight, else a function of time."""
     edges = wave.breakpoints(0.0, float(TIMES[-1]))

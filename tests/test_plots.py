@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import pkgutil
+from dataclasses import replace
 from importlib import import_module
 
 import matplotlib
@@ -11,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from surrogate_systems import periodic as of_periodic_state
 
 import coupled
 import surrogate
@@ -45,9 +47,7 @@ def closed():
 @pytest.mark.parametrize("periodic", [False, True])
 def test_a_fit_is_drawn_with_its_data_and_its_residual(periodic):
     if periodic:
-        wave = th.SquareWave(1e-3, 1e-6, 1 / 3)
-        times = th.waveforms.period_times(wave, 301)
-        data = th.dataset.build(times, MODEL.periodic_response(wave, 301), wave, periodic=True)
+        data = of_periodic_state(MODEL, th.SquareWave(1e-3, 1e-6, 1 / 3))
     else:
         data = th.dataset.build(TIMES, MODEL.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
     fit = surrogate.fit_newton(data)
@@ -135,6 +135,16 @@ def test_the_names_of_parts_stand_beside_the_cross_section():
     assert "air or void, not meshed" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+def test_the_preview_points_at_every_part_where_no_later_one_lies_over_it():
+    slab, top = th.rib_ring().parts  # its core stands on the slab; here it goes through it
+    geometry = replace(th.rib_ring(), parts=(slab, replace(top, bottom=0.0, height=top.bottom + top.height)))
+    mesh = th.assemble(geometry, accuracy=0.05).mesh
+    centres = 1e6 * mesh.points[mesh.triangles].mean(axis=1)
+    for label in FUNCTIONS["plot_preview"](geometry, mesh).texts:
+        nearest = np.argmin(np.hypot(*(centres - label.xy).T))
+        assert mesh.region_names[mesh.region[nearest]] == label.get_text().removesuffix(" (heated)")
+
+
 def test_a_fit_of_samples_in_equal_ratios_is_drawn_over_them():
     """Seconds after microseconds: on a straight axis in microseconds the rise would be a line on the left edge."""
     times = np.geomspace(1e-4, 90.0, 100)
@@ -142,38 +152,3 @@ def test_a_fit_of_samples_in_equal_ratios_is_drawn_over_them():
     upper, lower = FUNCTIONS["plot_fit"](surrogate.fit_foster(data, order=1), data)
     assert upper.get_xscale() == lower.get_xscale() == "log"
     assert lower.get_xlabel() == "time (s)"
-
-
-def drawn(name: str) -> plt.Figure:
-    """The figure that a plot function makes by itself."""
-    wave = th.SquareWave(1e-3, 1e-6, 0.5)
-    data = th.dataset.build(TIMES, MODEL.response(wave, TIMES), wave)
-    frame = {"dims": ("power", "detuning"), "coords": {"power": [1e-3, 2e-3], "detuning": [0.0, 1e9]}}
-    regimes = xr.DataArray([["stable", "self-pulsing"]] * 2, **frame)
-    numbers = {one: xr.DataArray(np.full((2, 2), value), **frame) for one, value in (("period", 1e-6), ("duty", 0.4))}
-    ring = coupled.borghi2021()
-    run = coupled.simulate(ring, MODEL, power=th.Pulse(1e-3, 5e-8), duration=1e-7)
-    errors = {"period": ("period", [1e-7, 1e-6]), "relative_error": ("period", [0.1, 0.2])}
-    geometry = th.strip_ring()
-    makers = {
-        "plot_fit": lambda f: f(MODEL, data),
-        "plot_preview": lambda f: f(geometry, th.assemble(geometry, accuracy=0.05).mesh),
-        "plot_traces": lambda f: f(run),
-        "plot_map": lambda f: f(xr.Dataset({"regime": regimes})),
-        "plot_maps": lambda f: f({"Foster": xr.Dataset({"regime": regimes, **numbers})}),
-        "plot_period_errors": lambda f: f({"Foster": xr.Dataset(errors).set_coords("period")}),
-    }
-    return np.ravel(makers[name](FUNCTIONS[name]))[0].figure
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["plot_fit", "plot_preview", "plot_traces", "plot_map", "plot_maps",
-     "plot_period_errors"],
-)  # fmt: skip
-def test_a_figure_is_legible_in_half_a_column(name):
-    figure = drawn(name)
-    figure.draw_without_rendering()
-    texts = [text for text in figure.findobj(matplotlib.text.Text) if text.get_visible() and text.get_text().strip()]
-    share = 88 / 25.4 / figure.get_figwidth()  # of 88 mm, a column of two, in the figure's own inches
-    assert min(text.get_fontsize() for text in texts) * share >= 5  # pt, the least that journals print

@@ -25,14 +25,14 @@ def facets_where(mesh: th.mesh.Mesh, where: Callable) -> np.ndarray:
     return grid.facets_satisfying(lambda x: where(*x), boundaries_only=True)
 
 
-def graded(*edges: float, finest: float, growth: float = 1.5) -> np.ndarray:
+def graded(*edges: float, finest: float, growth: float = 1.5, largest: float = np.inf) -> np.ndarray:
     """Coordinates from the first to the last edge, with each interval refined geometrically towards both its ends."""
     lines = []
     for start, stop in itertools.pairwise(edges):
         half, step = [0.0], finest
         while half[-1] < (stop - start) / 2:
             half.append(half[-1] + step)
-            step *= growth
+            step = min(step * growth, largest)
         share = np.array(half) / half[-1] * (stop - start) / 2
         lines += [start + share, stop - share[::-1]]
     return np.unique(np.round(np.concatenate(lines), 15))

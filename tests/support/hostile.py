@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import json
 import random
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -107,97 +106,6 @@ def netcdf(folder: Path) -> Iterator[Path]:
     yield classic
 
 
-TEXT_22 = """$MeshFormat
-2.2 0 8
-$EndMeshFormat
-$PhysicalNames
-3
-1 3 "axis"
-2 7 "core"
-2 9 "box"
-$EndPhysicalNames
-$Nodes
-5
-1 0 0 0
-2 1e-6 0 0
-3 1e-6 1e-6 0
-4 0 1e-6 0
-8 2e-6 0 0
-$EndNodes
-$Elements
-4
-1 1 2 3 1 1 4
-2 2 2 7 1 1 2 3
-3 2 2 7 1 1 3 4
-4 2 2 9 2 2 8 3
-$EndElements
-"""
-TEXT_41 = """$MeshFormat
-4.1 0 8
-$EndMeshFormat
-$PhysicalNames
-2
-2 7 "core"
-2 9 "box"
-$EndPhysicalNames
-$Entities
-1 1 2 0
-1 0 0 0 0
-1 0 0 0 0 1e-6 0 1 3 2 1 -1
-1 0 0 0 1e-6 1e-6 0 1 7 1 1
-2 1e-6 0 0 2e-6 1e-6 0 1 9 0
-$EndEntities
-$Nodes
-2 5 1 8
-0 1 0 1
-1
-0 0 0
-2 1 0 4
-2
-3
-4
-8
-1e-6 0 0
-1e-6 1e-6 0
-0 1e-6 0
-2e-6 0 0
-$EndNodes
-$Elements
-3 4 1 4
-1 1 1 1
-1 1 4
-2 1 2 2
-2 1 2 3
-3 1 3 4
-2 2 2 1
-4 2 8 3
-$EndElements
-"""
-
-
-def meshes() -> dict[str, bytes]:
-    """Files of gmsh that are valid: two squares in the plane, the second one half cut away."""
-    formats = {  # of the numbers of each line of 4.1: int, size_t, double; the last letter goes on
-        b"Entities": ["Q", "idddQ", "iddddddQiQi", "iddddddQiQi", "iddddddQiQi"],
-        b"Nodes": ["Q", "iiiQ", "Q", "d", "iiiQ", *"QQQQ", *"dddd"],
-        b"Elements": ["Q", "iiiQ", "Q", "iiiQ", "Q", "Q", "iiiQ", "Q"],
-    }
-    binary = b"$MeshFormat\n4.1 1 8\n" + struct.pack("<i", 1) + b"\n$EndMeshFormat\n"
-    at = TEXT_41.index("$PhysicalNames")
-    binary += TEXT_41[at : TEXT_41.index("$Entities")].encode()
-    for name, kinds in formats.items():
-        head = b"$" + name + b"\n"
-        start = TEXT_41.encode().index(head) + len(head)
-        lines = TEXT_41.encode()[start : TEXT_41.encode().index(b"$End" + name)].splitlines()
-        packed = b""
-        for line, kind in zip(lines, kinds, strict=True):
-            for k, number in enumerate(line.split()):
-                letter = kind[min(k, len(kind) - 1)]
-                packed += struct.pack(f"<{letter}", float(number) if letter == "d" else int(number))
-        binary += head + packed + b"\n$End" + name + b"\n"
-    return {"2.2 text": TEXT_22.encode(), "4.1 text": TEXT_41.encode(), "4.1 binary": binary}
-
-
 def damaged(content: bytes, seed: int, count: int) -> Iterator[bytes]:
     """Copies of a file with a few bytes overwritten, or cut off."""
     pick = random.Random(seed)
@@ -212,21 +120,8 @@ def damaged(content: bytes, seed: int, count: int) -> Iterator[bytes]:
 
 
 JSON_VALUES: list[Any] = [
-    None,
-    True,
-    0,
-    -1,
-    1e308,
-    5e-324,
-    10**30,
-    "",
-    "x",
-    "a\nb",
-    "x" * 10_000,
-    [],
-    [[1.0], [2, 3]],
-    {},
-]
+    None, True, 0, -1, 1e308, 5e-324, 10**30, "", "x", "a\nb", "x" * 10_000, [], [[1.0], [2, 3]], {},
+]  # fmt: skip
 
 
 def replaced_leaves(tree: Any) -> Iterator[Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Iterator
 
 # names of columns whose scale is none of a unit in brackets or at the end
@@ -19,23 +18,6 @@ def scaled_names(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
         yield name, f"time (us),{name}\n{table}\n"
     for name in SCALED_TIMES:
         yield name, f"{name},T (K)\n{table}\n"
-
-
-def scaled_columns(text: str) -> Iterator[str]:
-    """A table with all numbers of one column, or its unit, at the ends of what floats hold."""
-    lines = text.splitlines()
-    divider = next((d for d in ("\t", ";", ",") if d in lines[-1]), " ")
-    for column in range(lines[-1].count(divider) + 1):
-        for end in ("e300", "e-310", "e150", "e307"):
-            cells = [line.split(divider) for line in lines]
-            for row in cells:
-                if len(row) > column and row[column].strip().replace(".", "").lstrip("-").isdigit():
-                    row[column] += end
-            yield "\n".join(divider.join(row) for row in cells)
-    for unit in ("1e308 s", "1e-140 s", "1e308 K", "1e140 W", "9**9**9 s"):
-        for start, stop in ((m.start(1), m.end(1)) for m in re.finditer(r"\((\w+)\)", text)):
-            yield text[:start] + unit + text[stop:]
-    yield text.replace("e-06", "e300").replace("e-07", "e300")
 
 
 def headers(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:

@@ -103,7 +103,7 @@ def quadratic() -> th.Quadratic:
     couple = np.array([[2.0, 1, 0], [1, 2, 1], [0, 1, 2]]) * 1e-4  # 1/K
     H = rate[:, None, None] * couple[:, :, None] * np.array([0.5, 1.0, 0.5])
     H = (H + H.transpose(0, 2, 1)) / 2
-    return th.Quadratic(-np.diag(rate), H, 3e3 * rate[:, None] * couple, rate * R, np.ones(3))
+    return th.Quadratic(-np.diag(rate), H, 3e3 * rate[:, None] * couple, rate * R, np.ones(3), largest_rise=1e3)
 
 
 def identified_network() -> th.models.Network:
@@ -130,7 +130,7 @@ _MAKERS = {
     "foster, trained": lambda: fit_of_step().model,
     "fem, diagonalised": coarse_poles,
     "fem, k(T) and c_p(T)": coarse_warm_fem,
-    "output map": lambda: th.OutputMap(reduced_fem(), -4e-4),
+    "output map": lambda: th.OutputMap(reduced_fem(), -4e-4, largest_rise=1e3),
     "quadratic": quadratic,
     "Cauer ladder": lambda: surrogate.cauer(
         surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)

@@ -16,7 +16,6 @@ NETWORKS = {
     2: SECOND_ORDER,
     16: th.Foster(R=np.linspace(100, 900, 16), tau=np.geomspace(1e-9, 20e-6, 16)),
 }
-LAWS = {"two terms": RING, "lumped": RING.with_lumped_fcd()}
 
 # two poles as a quadratic model without quadratic terms, and with every one of them
 R, TAU = np.asarray(SECOND_ORDER.R), np.asarray(SECOND_ORDER.tau)

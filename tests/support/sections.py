@@ -2,69 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 from hypothesis import strategies as st
+from paths import ROOT
 
 from thermofem.geometry import CrossSection, Layer, Part
 
-# every table of the geometry file at once
-HEATER = """
-name = "strip with a heater"
-outer_radius = "60 um"
-ambient = "293.15 K"
-
-[[layer]]
-name = "substrate"
-material = "Si"
-thickness = "30 um"
-[[layer]]
-name = "box"
-material = "SiO2"
-thickness = "2 um"
-datum = true
-[[layer]]
-name = "cladding"
-material = "SiO2"
-thickness = "2.22 um"
-
-[[part]]
-name = "core"
-material = "Si"
-radius = "7.955 um"
-width = "450 nm"
-bottom = "0 nm"
-height = "220 nm"
-sidewall_angle = "80 deg"
-heated = true
-[[part]]
-name = "heater"
-material = "TiN"
-radius = "7.955 um"
-width = "2 um"
-bottom = "2.22 um"
-height = "100 nm"
-heated = true
-[[part]]
-name = "undercut"
-material = "void"
-inner_radius = "4 um"
-outer_radius = "12 um"
-bottom = "-12 um"
-height = "10 um"
-
-[[interface]]
-part = "core"
-resistance = "1e-8 m^2*K/W"
-
-[boundary]
-bottom = "isothermal"
-top = { convection = "1e4 W/m^2/K" }
-outer = "insulated"
-
-[material.Si]
-conductivity = { value = "130 W/m/K", exponent = -1.3, reference = "300 K" }
-density = "2330 kg/m^3"
-specific_heat = "700 J/kg/K"
-"""
+# every table of the geometry file at once, as the docs show it
+HEATER = re.search(r"```toml[^\n]*\n(.*?)```", (ROOT / "docs" / "geometry.md").read_text(), re.DOTALL)[1]
 
 # the reference strip, as a person would write it
 STRIP = """

@@ -5,29 +5,17 @@ problem with the right length and time scales.
 """
 
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import skfem
+from grids import graded
 from scipy.signal import lfilter
 from scipy.sparse import diags
 
+import surrogate
 import thermofem as th
 
 UM = 1e-6
-
-
-def graded(points, smallest, largest=12 * UM, growth=1.6):
-    """Coordinates through ``points``, finest beside each of them."""
-    pieces = []
-    for a, b in pairwise(points):
-        h, steps = smallest, [0.0]
-        while steps[-1] < (b - a) / 2:
-            steps.append(steps[-1] + h)
-            h = min(h * (1 + growth), largest)
-        half = np.array(steps) / steps[-1] * (b - a) / 2
-        pieces += [a + half, (b - half)[::-1]]
-    return np.unique(np.round(np.concatenate(pieces), 14))
 
 
 def discretized(
@@ -39,8 +27,9 @@ def discretized(
     if heater:
         edges = sorted({*edges, radius - wide / 2, radius + wide / 2})
     top = height + above
-    r = graded(np.array(edges) * UM, smallest * UM)
-    z = graded(np.array([-box - 30, -box, 0, height, top, *([top + 0.1] if heater else [])]) * UM, smallest * UM)
+    levels = [-box - 30, -box, 0, height, top, *([top + 0.1] if heater else [])]
+    lines = {"finest": smallest * UM, "growth": 2.6, "largest": 12 * UM}
+    r, z = (graded(*np.array(at) * UM, **lines) for at in (edges, levels))
     grid = skfem.MeshTri.init_tensor(r, z)
     x, y = grid.p[:, grid.t].mean(axis=1) / UM
     inside = (abs(x - radius) < width / 2) & (y > 0) & (y < height)
@@ -62,6 +51,18 @@ def discretized(
 def strip(**geometry):
     """StateSpace of a strip ring, core heated and read."""
     return discretized(**geometry).state_space(("core",), ("core",))
+
+
+def periodic(model, wave, samples=301):
+    """Dataset of the periodic state of a model."""
+    times = th.waveforms.period_times(wave, samples)
+    return th.dataset.build(times, model.periodic_response(wave, samples), wave, periodic=True)
+
+
+def error_on_squares(model, reference):
+    """Rms over 55 square waves, in % of swing."""
+    error = surrogate.compare({"": model}, reference, surrogate.square_waves()).rms_relative
+    return 100 * float(np.sqrt((error**2).mean()))
 
 
 def geometries(count):

@@ -75,10 +75,7 @@ def test_damaged_headers_are_refused_or_make_members(content, tmp_path):
         says_one_line(lambda: surrogate.load_family(path))  # noqa: B023
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("tolerance", -1.0), ("factor", -1.0), ("floor", -1.0)],
-)
+@pytest.mark.parametrize(("name", "value"), [("tolerance", -1.0), ("factor", -1.0), ("floor", -1.0)])
 def test_numbers_of_the_header_lie_in_their_range(content, tmp_path, name, value):
     header = json.loads(str(arrays_of(content)["header"])) | {name: value}
     with pytest.raises(th.InputError, match=name):

@@ -67,25 +67,6 @@ def test_a_mistake_of_the_user_is_not_a_failed_member():
         Solver("key")(wrong, [(1.0,)], MARKS[:1])
 
 
-@pytest.mark.parametrize(
-    ("variations", "message"),
-    [
-        # at one corner the core is higher than its cladding
-        (
-            (
-                Variation("height", ("part.core.height",), "m", low=0.2e-6, high=0.5e-6),
-                Variation("cladding", ("layer.cladding.thickness",), "m", low=0.3e-6, high=2e-6),
-            ),
-            r"the ranges contradict each other: at height = 5e-07, cladding = 3e-07",
-        ),
-        ((Variation("no", ("part.rim.width",), "m", low=1e-6, high=2e-6),), "rim"),
-    ],
-)
-def test_ranges_that_cannot_be_are_named(variations, message):
-    with pytest.raises(th.InputError, match=message):
-        surrogate.train_family(campaign(*variations))
-
-
 def test_engines_travel_to_other_processes():
     box = Box.of(campaign(BOX))
     for kind in (AffineEngine, MovedMeshEngine):

@@ -59,14 +59,6 @@ def test_poles_that_cancel_are_named():
     assert any("nearly one" in note for note in surrogate.fit_foster(step(), order=6).notes)
 
 
-def test_a_transfer_channel_is_stored(tmp_path):
-    fit = surrogate.fit_foster(step(), order=4)
-    surrogate.save_model(fit, tmp_path / "m.json")
-    again = surrogate.load_model(tmp_path / "m.json")
-    assert again.inputs == ("heater",)
-    assert np.asarray(again.R) == pytest.approx(np.asarray(fit.model.R))
-
-
 def test_one_of_several_probes_keeps_its_own_channel():
     """``sel`` of xarray leaves the attributes of the whole, the core's resistance among them."""
     heat = th.assemble(th.heated_ring(), accuracy=1e-2)
@@ -81,13 +73,3 @@ def test_one_of_several_probes_keeps_its_own_channel():
         th.dataset.at_probe(both, "near")
     with pytest.raises(th.InputError, match="thermal_resistances"):
         surrogate.fit_newton(both.assign_attrs(thermal_resistances=["a", "b"]).sel(probe="heater"))
-
-
-@pytest.mark.parametrize("fit", [surrogate.fit_newton, surrogate.fit_spectrum])
-def test_every_fit_of_a_transfer_channel_names_its_parts(fit):
-    """Newton's law and the spectrum were written as core -> core."""
-    times = np.geomspace(1e-8, 1e-4, 60)
-    rise = th.Foster(R=[2e3], tau=[1e-6]).step_response(times) * 1e-3
-    data = th.dataset.build(times, rise, th.Constant(1e-3)).assign_attrs(heated="left", read="right")
-    model = fit(data).model
-    assert (model.inputs, model.outputs) == (("left",), ("right",))

@@ -41,15 +41,6 @@ def test_any_passive_network_survives_exactly(R, data, tmp_path_factory):
     assert (back.inputs, back.outputs) == (("heater",), ("heater",))
 
 
-def test_state_space_survives_exactly(tmp_path):
-    E, A = np.diag([1e-12, 3e-12]), -np.array([[2e-4, -1e-4], [-1e-4, 3e-4]])
-    model = th.StateSpace(E, A, np.eye(2), np.eye(2), inputs=("core", "heater"), outputs=("core", "heater"))
-    back = surrogate.load_model(surrogate.save_model(model, tmp_path / "m.json"))
-    for name in ("E", "A", "B", "C"):
-        assert np.array_equal(getattr(back, name), getattr(model, name))
-    assert back.outputs == ("core", "heater")
-
-
 def test_provenance_travels_with_the_model(saved):
     assert th.models.load_provenance(saved) == {"training": ["square wave"], "power": 2e-3}
 
@@ -77,13 +68,10 @@ def test_a_transfer_between_two_parts_may_have_a_negative_R(tmp_path):
     ("fields", "reason"),
     [
         ({"schema": 2}, "update thermofem"),
-        ({"schema": "1"}, "schema"),
         ({"format": "a recipe"}, "not a thermal model"),
         ({"kind": "Fosster"}, "did you mean 'Foster'"),
         ({"poles": []}, "R has shape"),
         ({"poles": [{"R": 1.0}]}, "no 'tau'"),
-        ({"poles": [1.0]}, "not laid out"),
-        ({"poles": [{"R": "warm", "tau": 1e-6}]}, "not a number"),
         ({"poles": [{"R": 1.0, "tau": -1e-6}], "thermal_resistance": None}, "tau"),
         ({"poles": [{"R": -1.0, "tau": 1e-6}], "thermal_resistance": None}, "not passive"),
         ({"poles": [{"R": 0.0, "tau": 1e-6}], "thermal_resistance": None}, "never warms up"),
@@ -109,7 +97,6 @@ def test_provenance_that_is_no_object_is_refused(saved):
         ({"A": [[1.0]]}, "must decay"),
         ({"E": [[0.0]]}, "E is not positive definite"),
         ({"A": [[-1.0, 0.0]]}, "shape"),
-        ({"A": "abc"}, "A is not an array"),
         ({"B": [1.0]}, "B has shape"),
     ],
 )
@@ -144,9 +131,3 @@ def test_the_parts_of_a_network_are_those_of_its_file(tmp_path):
         path.write_text(json.dumps({key: value for key, value in content.items() if key != which}))
         with pytest.raises(th.InputError, match=f"no '{which}'"):
             surrogate.load_model(path)
-
-
-def test_unsymmetric_matrices_are_refused(tmp_path):
-    model = th.StateSpace(np.eye(2), -np.array([[2.0, 0.5], [0.0, 1.0]]), np.ones((2, 1)), np.ones((1, 2)))
-    with pytest.raises(th.InputError, match="not symmetric"):
-        surrogate.save_model(model, tmp_path / "m.json")

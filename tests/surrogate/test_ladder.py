@@ -59,17 +59,6 @@ def test_power_decides_where_the_output_is_not_linear():
     )
 
 
-def test_models_asked_for_by_name_are_trained_alone_and_as_among_all(ladder):
-    names = ("Foster, trained (5)", "Newton")
-    some = surrogate.train_all(th.assemble(th.strip_ring()), names=names)
-    assert tuple(some.models) == names
-    for name in names:
-        # the same computation twice, on a mesh that is the same
-        assert some.models[name].thermal_resistance == pytest.approx(ladder.models[name].thermal_resistance, rel=1e-9)
-    with pytest.raises(th.InputError, match="did you mean 'Newton'"):
-        surrogate.train_all(th.assemble(th.strip_ring()), names=["newton"])
-
-
 @pytest.mark.slow
 def test_with_k_of_T_the_map_joins_and_the_reference_is_quadratic():
     law = {"Si": th.materials.PowerLaw(-1.3), "SiO2": th.materials.PowerLaw(0.3)}

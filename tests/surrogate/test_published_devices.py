@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from devices import DEVICES, SHIFTERS, computed, light
+from devices import DEVICES, computed, light
 
 pytestmark = pytest.mark.slow
 # rounding to three digits, 0.5 %; the mesh, 0.5 % in R_th, up to threefold in times and bandwidths on a flat tail
@@ -37,11 +37,3 @@ def test_dynamic_figures_agree_once_the_read_out_is_included():
     assert len(rows) == 9
     assert sum(1 / 1.3 < f["light"] / f["published"] < 1.3 for f in rows) == 7
     assert sum(1 / 1.3 < f["ours"] / f["published"] < 1.3 for f in rows) == 1
-
-
-def test_products_of_the_review():
-    """Pi power times time from 30 to 1050 mW us, twelve shifters."""
-    products = [one["pi_power"] * one["time"] for one in SHIFTERS]
-    assert len(products) == 12
-    assert min(products) == pytest.approx(30, rel=0.02)
-    assert max(products) == pytest.approx(1050, rel=0.01)

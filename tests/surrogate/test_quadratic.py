@@ -154,15 +154,3 @@ def test_what_cannot_be_reduced_is_named(warm):
         surrogate.output_map(two, POWER)
     with pytest.raises(th.InputError, match="data has 0 Datasets"):
         surrogate.reduction.nonlinear_reduction.fit_output_map(th.Foster(R=[1.0], tau=[1e-6]), [])
-
-
-def test_compare_judges_all_models_on_held_out_drives_of_the_nonlinear_fem(warm, warm_quadratic):
-    (system, _), quadratic = warm, warm_quadratic
-    linear = quadratic.linear.model
-    models = {"linear": linear, "output map": surrogate.output_map(system, POWER), "quadratic": quadratic.model}
-    judged = surrogate.compare(models, system, [th.Pulse(30e-3, 3e-6)], periods=[])  # no range: it takes a minute
-    error = judged.rms_relative.max("drive")
-    second = float(error.sel(model="linear"))
-    # the dynamics of the output map are linear: a part of the second order stays
-    assert float(error.sel(model="output map")) < second / 2
-    assert float(error.sel(model="quadratic")) < second**2

@@ -1,19 +1,17 @@
 """Certified reduction: the bound is above the true error, below the tolerance, and the physics survives."""
 
+from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
 from audit import reductions
-from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 from surrogate_systems import discretized, geometries, slicot, strip
 
 import surrogate
 import thermofem as th
-from surrogate.reduction.certified_space import PER_DECADE, ROUND_OFF, CertifiedSpace, certify
-from surrogate.reduction.reduce import _parts
-from thermofem.algebra.krylov import orthonormal
+from surrogate.reduction.certified_space import PER_DECADE, ROUND_OFF
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.models import foster
 
@@ -32,7 +30,7 @@ def bound_at(rom, frequency):
 def test_true_error_below_bound_below_tolerance(geometry, tolerance, most):
     system = strip(**geometry)
     rom = surrogate.reduce(system, tolerance)
-    exact = impedance(geometry)
+    exact = impedance(**geometry)
     error = abs(exact - rom.model.impedance(FREQUENCY)) / system.thermal_resistance
     # between two samples (1/60 decade) the bound changes by less than its curvature allows
     assert np.all(error <= bound_at(rom, FREQUENCY) * np.exp(rom.order * (np.log(10) / PER_DECADE) ** 2 / 8))
@@ -57,15 +55,10 @@ def test_shifts_far_apart_have_one_between_them_for_the_bound():
         assert error.max() <= bound_at(rom, FREQUENCY)[error.argmax()] < 2 * error.max()  # 2.7 to 2.9 without it
 
 
-EXACT = {}
-
-
-def impedance(geometry):
+@cache
+def impedance(**geometry):
     """Full-order impedance at FREQUENCY, solved once for each geometry."""
-    key = tuple(geometry.values())
-    if key not in EXACT:
-        EXACT[key] = strip(**geometry).impedance(FREQUENCY)
-    return EXACT[key]
+    return strip(**geometry).impedance(FREQUENCY)
 
 
 def test_bound_is_the_residual_norm_of_the_full_system():
@@ -91,30 +84,6 @@ def test_bound_is_the_residual_norm_of_the_full_system():
         # r is the difference of vectors about 1e3 times larger, squared: 1e-16 x 1e6, and the lift adds its own
         assert rom.bound[i] == pytest.approx(direct / system.thermal_resistance, rel=1e-6)
     assert joint  # between the two shifts both together bound best
-
-
-def test_each_shift_alone_gives_a_looser_bound_with_the_known_zeros():
-    """After two rounds |Phi|^2 is the product over the shifts used and the Ritz values, whichever factor it is from."""
-    system = strip(smallest=0.1)
-    K, M, ports, *pairs = _parts(system)
-    space = CertifiedSpace(K, M, ports, 1e-3)
-    static, shifts = space.order, space.shifts[1:]
-    for _ in range(2 * shifts.size):
-        space.extend(space.solve_next()[1])
-    solutions = [space.solve(j) for j in range(1, space.shifts.size)]
-    together = certify(space.projection, shifts, solutions, pairs=pairs)
-    for shift, solution in zip(shifts, solutions, strict=True):
-        alone = certify(space.projection, np.array([shift]), [solution], pairs=pairs)
-        # the same residual from another factor, equal to the round-off of the solves
-        assert np.all(together.samples <= alone.samples * (1 + 1e-6))
-        rho = alone.omega / np.hypot(alone.omega, shift)
-        phi = alone.samples[:, 0] * rho / (space.remainder[:, 0] @ solution[:, 0])
-        poles, zeros = (
-            alone.omega[:, None] ** 2 + space.projection.rate**2,
-            alone.omega[:, None] ** 2 + np.append(np.zeros(static), np.tile(shifts, 2)) ** 2,
-        )
-        above = alone.samples[:, 0] > 1e3 * alone.samples.min()  # where the bound is more than its floor
-        assert np.allclose(phi[above], np.prod(zeros / poles, axis=1)[above], rtol=1e-6)
 
 
 def test_for_real_s_the_reduction_approaches_from_below():
@@ -210,12 +179,8 @@ def test_a_system_that_is_already_small_is_returned_exactly():
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"A": np.array([[-2.0, 0.5], [0.0, -1.0]])}, "A is not symmetric"),
-        ({"E": np.array([[2.0, 0.5], [0.0, 1.0]])}, "E is not symmetric"),
-        ({"A": np.diag([1.0, 2.0])}, "positive"),
         ({"A": np.array([[-1.0, 2.0], [2.0, -1.0]])}, "positive"),
         ({"A": np.diag([1.0, -5.0]), "B": np.array([[0.1], [1.0]]), "C": np.array([[0.1, 1.0]])}, "a mode grows"),
-        ({"E": np.diag([-1.0, 1.0])}, "positive"),
         ({"B": np.zeros((2, 1))}, "zero everywhere"),
     ],
 )
@@ -262,15 +227,3 @@ def test_bounds_of_random_pencils_hold_and_no_tolerance_is_refused_falsely():
         found = reductions.judge(one)
         assert not found.refusal, (one.name, found.refusal)
         assert found.ratio <= 1, one.name
-
-
-@pytest.mark.parametrize("d", [1e-5, 1e-9, 1e-13])
-def test_nearly_equal_columns_give_an_orthonormal_basis(d):
-    rng = np.random.default_rng(1)
-    M = diags(rng.uniform(0.1, 10, 200)).tocsr()
-    V = orthonormal(rng.standard_normal((200, 5)), M, np.empty((200, 0)), np.empty((200, 0)), smallest=1e-20)[0]
-    b = rng.standard_normal(200)
-    W = np.column_stack([b, b * (1 + d * rng.standard_normal(200)), V @ np.ones(5) + d * rng.standard_normal(200)])
-    new = orthonormal(W, M, V, M @ V, smallest=1e-28)[0]
-    whole = np.column_stack([V, new])
-    assert np.abs(whole.T @ (M @ whole) - np.eye(whole.shape[1])).max() < 1e-14

@@ -30,10 +30,7 @@ DETECTORS = [f"B{p} p_{p} 0 V=V({p}_re)*V({p}_re)+V({p}_im)*V({p}_im)" for p in 
 @pytest.fixture(scope="module")
 def fem():
     """The 14-pole reduction of the reference strip."""
-    geometry = th.strip_ring(
-        radius=7.955e-6, width=450e-9, height=220e-9, box=2e-6, cladding=2e-6, substrate=30e-6, outer_radius=60e-6
-    )
-    return surrogate.reduce(th.assemble(geometry, accuracy=1e-3).system, tolerance=1e-4).model
+    return surrogate.reduce(th.assemble(th.strip_ring(), accuracy=1e-3).system, tolerance=1e-4).model
 
 
 @pytest.fixture

@@ -10,17 +10,13 @@ import thermofem as th
 
 # Trained on the periodic state, 2 mW and 33 %, of the same ring with a far larger domain (R_th 7.886 K/mW) by an
 # independent code; parameters move by under 1 % with the domain and the mesh, 2 % is the stated margin.
-TABLE = {
-    1.0e-6: {"kappa": 1.278e6, "tau_f": 45.2e-9, "tau_s": 1042e-9, "eta": 0.379},
-    0.8e-6: {"kappa": 1.66e6, "tau_f": 39.5e-9, "tau_s": 916e-9, "eta": 0.401},
-}
 NEWTON = {
     1.0e-6: (445e-9, 7.64),
     0.8e-6: (409e-9, 6.95),
 }  # tau_th, c_p over silicon's; the paper's own fit: 417 ns, 6.9
 
 
-@pytest.fixture(scope="module", params=TABLE, ids=["1 us", "0.8 us"])
+@pytest.fixture(scope="module", params=NEWTON, ids=["1 us", "0.8 us"])
 def square(request):
     heat = th.assemble(th.strip_ring())
     return request.param, th.solve_periodic(heat, th.SquareWave(2e-3, request.param, 0.33))
@@ -72,17 +68,6 @@ def test_several_datasets_are_weighted_by_their_swing():
     assert len(one.training) == 2
 
 
-def test_data_from_elsewhere_train_like_our_own():
-    import xarray as xr
-
-    model, wave = surrogate.newton(tau_th=275e-9), th.Sampled([0, 1e-6, 2e-6, 9e-6], [0, 2e-3, 1e-3, 0])
-    times = np.linspace(0, 9e-6, 901)
-    foreign = xr.Dataset(
-        {"delta_T": ("time", model.response(wave, times)), "power": ("time", wave(times))}, {"time": times}
-    )
-    assert surrogate.fit_newton(foreign).parameters["tau_th"] == pytest.approx(275e-9, rel=1e-6, abs=0)
-
-
 def test_mapping_of_the_second_order_equation():
     """Eq. 3 itself: its transfer function (kappa + eta s)/(m c_p)/((s + 1/tau_f)(s + 1/tau_s)) at any frequency."""
     model, capacity = surrogate.second_order(**TRUE), th.models.BORGHI2021_HEAT_CAPACITY
@@ -112,15 +97,6 @@ def test_decay_of_samples_spread_over_decades(tau):
     assert found.tau == pytest.approx(tau, rel=1e-5, abs=0)
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e-5, 1e200])
-def test_a_decay_has_the_same_time_constants_at_every_scale(scale):
-    """Exact data again: at 10 uK the search stopped where it began, at 4 us for 1 us."""
-    t = np.linspace(0, 20e-6, 400)
-    found = surrogate.fit_decay(t, scale * np.exp(-t / 1e-6), order=1)
-    assert found.tau == pytest.approx([1e-6], rel=1e-6, abs=0)
-    assert found.amplitude == pytest.approx([scale], rel=1e-6, abs=0)
-
-
 def test_a_decay_says_what_its_samples_leave_open():
     """One pole fitted with two, of which one was anything from 1.25 ns to 1 us, and pure noise came without a word."""
     t, noise = np.linspace(0, 5e-6, 500), np.random.default_rng(1).standard_normal(500)
@@ -133,29 +109,15 @@ def test_a_decay_says_what_its_samples_leave_open():
         surrogate.fit_decay(t, noise)
 
 
-def test_a_cooling_curve_that_begins_late_and_has_two_near_samples():
-    """exp(-t/tau) of a start was denormal, its column no direction: ValueError, residuals are not finite."""
-    near, span = 1e-12, 1e-6
-    begin = 742 * (near / 10) * (100 * span / (near / 10)) ** (1 / 13)
-    t = np.unique(np.concatenate([np.linspace(begin, begin + span, 60), [begin + 5e-7, begin + 5e-7 + near]]))
-    found = surrogate.fit_decay(t, 3 * np.exp(-t / 3e-7), order=1)
-    assert found.tau == pytest.approx([3e-7], rel=1e-9)  # of noiseless data: the tolerance of the search, 1e-12
-    assert found.amplitude == pytest.approx([3.0], rel=1e-9)
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda d: surrogate.fit_newton([]), "data has 0 Datasets"),
         (lambda d: surrogate.fit_newton(d.drop_vars("delta_T")), "no 'delta_T'"),
-        (lambda d: surrogate.fit_newton(d * 0), "of data.delta_T = 0"),
         (lambda d: surrogate.second_order(kappa=8.87e5, tau_f=1e-6, tau_s=1e-7, eta=0.31), "are they swapped"),
         (lambda d: surrogate.second_order(kappa=8.87e-4, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31), "8.87e5 1/s"),
         (lambda d: surrogate.newton(tau_th=-1e-9), "tau_th = -1e-09 must be positive"),
-        (lambda d: surrogate.fit_decay([0, 1, 2], [3, 2, 1]), "at least 5"),
         (lambda d: surrogate.fit_decay(1 + 1e-6 * np.arange(9), np.exp(-np.arange(9))), r"times\[0\] = 1 must lie"),
         (lambda d: surrogate.fit_decay(1e-6 * np.arange(9), np.ones(9)), "a cooling curve falls"),
-        (lambda d: surrogate.fit_decay(1e-6 * np.arange(9), -np.arange(9.0)), "a cooling curve falls"),
     ],
 )
 def test_bad_input(call, words):

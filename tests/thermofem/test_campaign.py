@@ -6,13 +6,13 @@ Most geometries here differ in materials only: their outline is the reference st
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 from campaigns import FILE, STEP, TIMES, make, write
 from paths import ROOT
+from sections import HEATER
 
 import thermofem as th
 from thermofem.campaign import Drive, Variation
@@ -115,31 +115,14 @@ def test_a_campaign_without_a_drive_is_a_plan_for_a_family(tmp_path, threads):
 
 
 def test_paths_reach_every_table():
-    base = """
-outer_radius = "60 um"
-layer = [{ name = "box", material = "SiO2", thickness = "9 um", datum = true }]
-[[part]]
-name = "a.b"
-material = "Si"
-radius = "5 um"
-width = "450 nm"
-bottom = "-5 um"
-height = "220 nm"
-heated = true
-[[interface]]
-part = "a.b"
-resistance = "1e-8 m^2*K/W"
-[boundary]
-top = "insulated"
-[material.Si]
-conductivity = { value = "130 W/m/K", exponent = -1.3, reference = "300 K" }
-"""
+    base = HEATER.replace('name = "core"', 'name = "a.b"').replace('part = "core"', 'part = "a.b"')
     paths = {
         "part.a.b.radius": (6e-6, "m"),
         "interface.a.b.resistance": (2e-8, "m^2*K/W"),
         "boundary.top.convection": (1e4, "W/m^2/K"),
-        "material.Si.conductivity": (100.0, "W/m/K"),
-        "material.Si.density": (2300.0, "kg/m^3"),
+        "material.SiO2.conductivity": (1.0, "W/m/K"),
+        "material.SiO2.density": (2300.0, "kg/m^3"),
+        "material.SiO2.conductivity.exponent": (-1.0, ""),
         "outer_radius": (50e-6, "m"),
         "ambient": (310.0, "K"),
     }
@@ -149,20 +132,9 @@ conductivity = { value = "130 W/m/K", exponent = -1.3, reference = "300 K" }
     assert section.parts[0].outer_radius == pytest.approx(6.225e-6, rel=1e-12, abs=0)
     assert section.interfaces[0].resistance == 2e-8
     assert section.top == th.Boundary("convection", 1e4)
-    assert section.material_of("a.b").density == 2300.0
+    oxide = section.material_of("box")
+    assert (oxide.conductivity, oxide.density, oxide.conductivity_law.exponent) == (1.0, 2300.0, -1.0)
     assert (section.outer_radius, section.ambient) == (50e-6, 310.0)
-    assert 'value = "100 W/m/K"' in campaign.geometry_of(campaign.cases()[0].values)
-    exponent = Variation("n", ("material.Si.conductivity.exponent",), "", (-1.0,))
-    steeper = th.Campaign(base, (exponent,), (STEP,))
-    assert 'exponent = "-1"' in steeper.geometry_of((-1.0,))
-    assert th.CrossSection.from_toml_text(steeper.geometry_of((-1.0,))).material_of("a.b").conductivity == 130
-    for path, words in {
-        "part.a.c.radius": "did you mean 'a.b'",
-        "layer.bx.thickness": "did you mean 'box'",
-        "heater.width": "leads nowhere",
-    }.items():
-        with pytest.raises(th.InputError, match=words):
-            th.Campaign(base, (Variation(path, (path,), "m", (1e-6,)),), (STEP,))
     twice = [Variation(name, ("outer_radius",), "m", (5e-5,)) for name in "ab"]
     with pytest.raises(th.InputError, match="outer_radius"):  # the last one would win
         th.Campaign(base, tuple(twice), (STEP,))
@@ -186,17 +158,13 @@ def test_the_hash_covers_the_base_geometry():
     [
         (('geometry = "ring.toml"', ""), "geometry"),
         (("ring.toml", "rung.toml"), "rung.toml"),
-        (("[[drive]]", "[[drives]]"), "drive"),
         (("count", "cuont"), "count"),
         (("count = 4", ""), "samples"),
-        (("count = 4", "count = 1"), "count"),
         (("1.0 W/m/K", "2 W/m/K"), "from = 2"),
         (("1.0 W/m/K", "1.0 W/m"), "SiO2.conductivity"),
-        (("1.0 W/m/K", "1.0"), "SiO2.conductivity"),
-        (("path = ", "pth = "), "path"),
         (('"oxide"', '"status"'), "status"),
+        (('"oxide"', '"field"'), "field"),
         (('"oxide"', '"a/b"'), "a/b"),
-        (('power = "1 mW"', 'power = "1 mV"'), "power"),
         (('power = "1 mW"', 'power = "1 mW"\nperiodic = true'), "period"),
         (('first = "10 ns"', 'first = "10 us"'), "first"),
         (("[[drive]]", 'values = ["1 W/m/K"]\n[[drive]]'), "values"),
@@ -211,33 +179,12 @@ def test_campaign_files_that_cannot_be_meant(change, argument, tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_accuracy_has_one_range(tmp_path):
-    """A campaign refused .03, which `solve` takes."""
-    path, ring = write(tmp_path, 4), th.strip_ring()
-    plan = th.Campaign.from_toml(path)
-    assert replace(plan, accuracy=0.05).accuracy == 0.05
-    for accuracy in (0.051, 0.9e-5):
-        for refused in (lambda x: replace(plan, accuracy=x), lambda x: th.assemble(ring, accuracy=x)):
-            with pytest.raises(th.InputError, match=r"must lie between 1e-05 and 0\.05"):
-                refused(accuracy)
-
-
 def test_what_the_docs_and_the_example_describe_can_be_read(tmp_path):
-    for name, target in (("geometry", "heater.toml"), ("campaigns", "campaign.toml")):
-        text = (ROOT / "docs" / f"{name}.md").read_text()
-        (tmp_path / target).write_text(re.findall(r"```toml[^\n]*\n(.*?)```", text, flags=re.DOTALL)[0])
-    ring = th.CrossSection.from_toml(tmp_path / "heater.toml")
-    assert ring.region_names == ("substrate", "box", "cladding", "core", "heater")
+    (tmp_path / "heater.toml").write_text(HEATER)
+    text = (ROOT / "docs" / "campaigns.md").read_text()
+    (tmp_path / "campaign.toml").write_text(re.findall(r"```toml[^\n]*\n(.*?)```", text, flags=re.DOTALL)[0])
     campaign = th.Campaign.from_toml(tmp_path / "campaign.toml")
     assert len(campaign) == 100 * 5 * 2
     section = th.CrossSection.from_toml_text(campaign.geometry_of(campaign.cases()[-1].values))
     assert [p.outer_radius - p.inner_radius for p in section.parts[:2]] == pytest.approx([500e-9] * 2, rel=1e-9, abs=0)
     assert len(th.Campaign.from_toml(ROOT / "examples" / "campaign_200.toml").cases()) == 200
-
-
-@pytest.mark.parametrize("name", ["field", "window", "time_x", "delta_T_top", "period"])
-def test_a_varied_length_has_no_name_of_another_quantity(name):
-    """The index could not be loaded: `th.load` reads "field" in K."""
-    variation = Variation(name, ("layer.box.thickness",), "m", values=(2e-6, 3e-6))
-    with pytest.raises(th.InputError, match=name):
-        th.Campaign(th.strip_ring().to_toml(), (variation,), (STEP,))

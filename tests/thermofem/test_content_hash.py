@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import pytest
-from commands import thermofem
 
 import surrogate
 import thermofem as th
@@ -64,13 +63,3 @@ def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
     reduced.write_text(json.dumps(tree))
     assert surrogate.load_model(reduced).origin["error_bound"] == 1e-4
     assert WORDS not in caplog.text
-
-
-def test_a_command_says_once_what_was_changed(reduced, tmp_path):
-    tree = json.loads(reduced.read_text())
-    tree["poles"][0].update(tau=4e-8)
-    reduced.write_text(json.dumps(tree))
-    refused = thermofem("simulate", str(reduced), "--power", "-2 mW", "--duration", "1 us", "-o", "a.nc", cwd=tmp_path)
-    assert refused.returncode == 2
-    done = thermofem("simulate", str(reduced), "--power", "1 mW", "--duration", "1 us", "-o", "a.nc", cwd=tmp_path)
-    assert (done.returncode, done.stderr.count(WORDS)) == (0, 1)

@@ -45,15 +45,6 @@ def test_the_forms_are_the_projected_laws():
         assert e == pytest.approx(exact[1], rel=1e-9, abs=1e-13 * np.abs(V.T @ system.content(x)).max())
 
 
-def test_the_derivative_along_a_slope():
-    system = coarse_warm_fem()
-    forms = curvature(system, krylov(system.linear))
-    z, slope = np.random.default_rng(1).normal(size=(2, 5, forms.flow.shape[0]))
-    plus, minus = forms(z + 1e-3 * slope), forms(z - 1e-3 * slope)
-    for found, one, other in zip(forms.along(z, slope), plus, minus, strict=True):
-        assert found == pytest.approx((one - other) / 2e-3, rel=0, abs=1e-9 * np.abs(found).max())
-
-
 @pytest.mark.slow
 def test_the_amplitudes_follow_their_equation():
     """d(z + e(z))/dt = -rate z - f(z) + heating P, by LSODA in z + e(z)."""

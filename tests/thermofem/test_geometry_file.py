@@ -27,15 +27,16 @@ def test_the_reference_strip_in_toml_is_strip_ring():
 def test_every_table_of_the_file_arrives():
     geometry = CrossSection.from_toml_text(HEATER)
     core, _, undercut = geometry.parts
-    assert geometry.name == "strip with a heater"
-    assert geometry.heated == ("core", "heater")
+    assert geometry.name == "ring with a heater over an undercut"
+    assert (geometry.ambient, geometry.heated) == (293.15, ("core", "heater"))
     assert geometry.region_names == ("substrate", "box", "cladding", "core", "heater")  # no void
     assert core.sidewall_angle == pytest.approx(math.radians(80), rel=1e-15)
     assert (undercut.inner_radius, undercut.outer_radius, undercut.bottom) == (4e-6, 12e-6, -12e-6)
     assert geometry.interfaces[0].resistance == 1e-8
-    assert geometry.top == Boundary("convection", 1e4)
-    silicon = geometry.material_of("core")
-    assert (silicon.conductivity_law, silicon.conductivity) == (PowerLaw(-1.3, 300.0), 130.0)
+    assert geometry.probes == (Probe("near oxide", "core", 3e-7),)
+    assert (geometry.bottom, geometry.top, geometry.outer) == (OPEN, Boundary("convection", 10.0), OPEN)
+    oxide = geometry.material_of("box")
+    assert (oxide.conductivity_law, oxide.conductivity) == (PowerLaw(0.2, 300.0), 1.2)
     assert geometry.material_of("heater") is LIBRARY["TiN"]
     with pytest.raises(InputError, match="region = 'coer' is unknown; did you mean 'core'"):
         geometry.material_of("coer")
@@ -67,55 +68,31 @@ def test_an_override_keeps_what_it_leaves_out_and_says_so():
     assert "density, specific_heat: " + LIBRARY["Si"].source in silicon.source
 
 
-def test_a_new_material():
-    text = STRIP.replace('material = "Si"\nradius', 'material = "SiC"\nradius') + (
-        '[material.SiC]\nconductivity = "370 W/m/K"\ndensity = "3210 kg/m^3"\nspecific_heat = "690 J/kg/K"\n'
-    )
-    assert CrossSection.from_toml_text(text).material_of("core").conductivity == 370
-
-
 BAD_FILES = [
     ("outer_radius", "outer_radios", ["the file: key = 'outer_radios' is unknown; did you mean 'outer_radius'"]),
-    ("height = ", "heigth = ", ["part 'core': key = 'heigth' is unknown; did you mean 'height'"]),
-    ("thickness", "thicknes", ["layer 'substrate': key = 'thicknes' is unknown; did you mean 'thickness'"]),
     ('material = "Si"\nr', 'material = "Sl"\nr', ["part 'core': material = 'Sl' is unknown; did you mean 'Si'"]),
-    ('material = "SiO2"', 'material = "SiO"', ["layer 'box': material = 'SiO' is unknown; did you mean 'SiO2'"]),
     ('"450 nm"', "0.45", ["part 'core': width = 0.45 has no unit", '"450 nm"']),
-    ('"450 nm"', '"450"', ["part 'core': width = '450' has no unit"]),
     ('"450 nm"', '"450 ns"', ["part 'core': width = '450 ns' has the wrong dimension; a length"]),
-    ('"450 nm"', '"0.45 m"', ["part 'core': width = 0.45 m is larger than radius", "450e-9"]),
-    ('"0 nm"', '"5 um"', ["'core'", "outside the stack"]),
-    ('"0 nm"', '"-40 um"', ["part 'core'", "outside the stack, which begins at z = -3.2e-05"]),
     ('"0 nm"', '"2.1 um"', ["part 'core'", "sticks out of the stack, which ends at z = 2.22e-06"]),
-    ('radius = "7.955 um"', 'radius = "70 um"', ["part 'core' reaches r = 7.0225e-05 m, outside outer_radius"]),
     (
         'width = "450 nm"\n',
         "",
         ["part 'core': give radius and width, or inner_radius and outer_radius (given: radius)"],
     ),
-    ('width = "450 nm"', 'outer_radius = "8 um"', ["(given: outer_radius, radius)"]),
     ('height = "220 nm"\n', "", ["part 'core': height is missing"]),
     ("heated = true", 'heated = "yes"', ["part 'core': heated = 'yes' must be true or false"]),
     ("heated = true", "", ["no part is heated"]),
     ("heated = true", 'sidewall_angle = "10 deg"\nheated = true', ["sidewall_angle = 10", "deg"]),
-    ("heated = true", 'sidewall_angle = "1.5 um"\nheated = true', ["sidewall_angle = '1.5 um'", "an angle"]),
     (", datum = true", "", ["0 layers have datum = true"]),
     ('"Si", thickness', '"void", thickness', ["layer 'substrate' is void"]),
     ('name = "core"', 'name = "box"', ["layers, parts and probes holds 'box' twice"]),
     ('name = "core"', 'name = "a/b"', ["part name = 'a/b' is not usable"]),
-    ("[[part]]", "[part]", ["must be tables, each opened by its name"]),
     ("[[part]]", "[[part]", ["not valid TOML", "line 8"]),
     ("[[part]]", '[boundary]\nbottom = "isotermal"\n[[part]]', ["boundary bottom = 'isotermal'", "'isothermal'"]),
     ("[[part]]", '[boundary]\nbottom = "insulated"\n[[part]]', ["all insulated", "no steady state"]),
-    ("[[part]]", '[boundary]\ntop = { convektion = "1 W/m^2/K" }\n[[part]]', ["did you mean 'convection'"]),
-    ("[[part]]", '[boundary]\ntop = { convection = "-1 W/m^2/K" }\n[[part]]', ["convection = -1 must be positive"]),
-    ("[[part]]", '[boundary]\nleft = "insulated"\n[[part]]', ["[boundary]: key = 'left' is unknown"]),
     ("[[part]]", '[material.Si]\ndensity = "2330 kg"\n[[part]]', ["density = '2330 kg' has the wrong dimension"]),
     ("[[part]]", '[material.SiC]\ndensity = "3 g/cm^3"\n[[part]]', ["[material.SiC]: conductivity is missing"]),
-    ("[[part]]", '[material.Si]\nconductivity = { value = "1 W/m/K", power = 1 }\n[[part]]', ["key = 'power'"]),
     ("[[part]]", '[[interface]]\npart = "coer"\nresistance = "1e-8 m^2*K/W"\n[[part]]', ["did you mean 'core'"]),
-    ("[[part]]", '[[interface]]\npart = "core"\nresistance = "-1 m^2*K/W"\n[[part]]', ["resistance = -1"]),
-    ("[[part]]", "[[layer]]\n[[part]]", ["not valid TOML"]),
 ]
 
 
@@ -141,13 +118,6 @@ def test_missing_unreadable_and_empty_files(tmp_path):
         CrossSection.from_toml_text("")
     with pytest.raises(InputError, match=r"add \[\[part\]\] tables"):
         CrossSection.from_toml_text(STRIP[: STRIP.index("[[part]]")])
-
-
-def test_probes_and_open_sides_in_toml():
-    text = STRIP + '[[probe]]\nname = "near"\npart = "core"\nshell = "0.3 um"\n[boundary]\nouter = "open"\n'
-    geometry = CrossSection.from_toml_text(text)
-    assert (geometry.probes, geometry.outer) == ((Probe("near", "core", 3e-7),), OPEN)
-    assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
 
 
 LAWS = """
@@ -176,12 +146,9 @@ TABLE = 'temperature = ["200 K", "400 K"], values = ["1 W/m/K", "2 W/m/K"]'
     [
         ("{ exponent = -1.3 }", "conductivity: value is missing"),
         ('{ value = "1 W/m/K", exponent = 1, polynomial = [1] }', "give exponent, or polynomial, or temperature"),
-        ('{ value = "1 W/m/K", polynomial = 1 }', "polynomial"),
-        ('{ temperature = ["300 K"], values = ["1 W/m/K"] }', "conductivity: a table"),
         ('{ temperature = ["300 K", "200 K"], values = ["1 W/m/K", "2 W/m/K"] }', "increasing temperatures"),
         ('{ value = "1 W/m/K", r = "1 W/m/K" }', "value and r are the same"),
         ('{ r = "0.5 W/m/K" }', "conductivity: z is missing; r is along the layers alone"),
-        ('{ z = "0.5 W/m/K" }', "conductivity: r is missing; add r"),
         (f"{{ {TABLE}, value = '5 W/m/K' }}", "conductivity: value = 5 W/m/K, but the table has 1.5 W/m/K at 300 K"),
         (f"{{ {TABLE}, r = '2 W/m/K', z = '1 W/m/K' }}", "conductivity: r = 2 W/m/K, but the table has 1.5 W/m/K"),
     ],

@@ -10,7 +10,6 @@ from grids import facets_where, tensor_mesh
 
 import surrogate
 import thermofem as th
-from thermofem.algebra.factor import factorize
 from thermofem.fem.probe_means import shell_integral
 from thermofem.fem.surfaces import Surfaces, contacts, split
 from thermofem.fem.weak_forms import discretize
@@ -37,23 +36,6 @@ def test_composite_cylinder_with_contact_resistance(contact):
     wall = 1e-4 / (2 * np.pi * ROD * LENGTH)
     exact = wall + np.log(SHELL / ROD) / (2 * np.pi * 20 * LENGTH) + 1 / (8 * np.pi * 20 * LENGTH)
     assert resistance_of(composite_cylinder(contact)) == pytest.approx(exact, rel=1e-6)  # as without the contact
-
-
-def test_heat_is_conserved_across_the_contact():
-    d = composite_cylinder({"core": 1e-4})
-    system = d.state_space(("core",), ("core",))
-    assert d.ledger.drain_A @ factorize(-system.A)(system.B[:, 0]) == pytest.approx(1.0, rel=1e-9)
-
-
-@pytest.mark.parametrize("resistance", [1e-9, 1e-11, 1e-13])
-def test_a_vanishing_resistance_recovers_perfect_contact(resistance):
-    """The rise is R/(surface of the core), to first order: the heat still leaves where it did."""
-    perfect, strip = th.assemble(th.strip_ring()).thermal_resistance(), th.strip_ring()
-    found = th.assemble(replace(strip, interfaces=(th.Interface("core", resistance),))).thermal_resistance()
-    core = strip.parts[0]
-    surface = 2 * np.pi * (core.inner_radius + core.outer_radius) * (450e-9 + 220e-9)
-    # flux concentrates at the corners: between the mean flux's rise and a third more; below, 1e-10 of round-off
-    assert 1.0 * resistance / surface - 1e-9 * perfect < found - perfect < 1.4 * resistance / surface + 1e-9 * perfect
 
 
 def with_contact(resistance):
@@ -126,21 +108,6 @@ def test_a_surface_on_a_side_of_the_domain_has_its_resistance_in_series(name):
     assert data.attrs["discretization_error"] < 1e-3
 
 
-def test_beyond_an_open_side_a_part_goes_on_and_has_no_surface():
-    strip = th.strip_ring()
-    film = th.Part("film", "SiO2", 0.0, strip.outer_radius, -1.5e-6, 0.5e-6)
-    geometry = replace(strip, parts=(*strip.parts, film), interfaces=(th.Interface("film", 1e-9),))
-    heat = th.assemble(geometry.opened())
-    assert len(heat.discretization.surfaces.open) == len(th.assemble(geometry).discretization.surfaces.open) + sum(
-        len(facets_where(heat.mesh, found))
-        for found in (
-            lambda r, z: np.isclose(r, strip.outer_radius, rtol=1e-12),
-            lambda r, z: np.isclose(z, strip.bottom_z, rtol=1e-12),
-        )
-    )
-    assert not heat.discretization.surfaces.convection
-
-
 SHELL_SIZES = [0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6]
 
 
@@ -153,25 +120,3 @@ def test_a_shell_has_the_volume_of_the_dilation(shell):
     exact = 2 * np.pi * 7.955e-6 * (2 * 670e-9 * shell + np.pi * shell**2)
     # some 100 cut triangles, each counted in 576 pieces: a few pieces per triangle are on the wrong side
     assert integral.sum() == pytest.approx(exact, rel=2e-3, abs=0)
-
-
-def test_shells_get_colder_with_distance():
-    probes = tuple(th.Probe(f"s{k}", "core", s) for k, s in enumerate(SHELL_SIZES))
-    heat = th.assemble(replace(th.strip_ring(), probes=probes))
-    names = ("core", *(probe.name for probe in probes))
-    steady = [heat.thermal_resistance(read=name) for name in names]
-    assert np.all(np.diff(steady) < 0)
-    data = th.solve(heat, th.Constant(1e-3), [1e-6], read=names)
-    assert np.all(np.diff(data.delta_T.values[0]) < 0)
-    with pytest.raises(th.InputError, match="read = 's9' is unknown"):
-        heat.channels(read="s9")
-
-
-def test_a_shell_mean_is_exact_for_linear_fields():
-    """The shell is symmetric about the middle of the core: its mean of z is 110 nm."""
-    probe = th.Probe("near", "core", 0.3e-6)
-    heat = th.assemble(replace(th.strip_ring(), probes=(probe,)))
-    d = heat.discretization
-    _, z = d.basis.doflocs
-    # a shift by 1e-4 of the shell's thickness, as its volume is that good
-    assert d.means["near"] @ z == pytest.approx(110e-9, rel=0, abs=1e-3 * probe.shell)

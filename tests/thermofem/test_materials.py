@@ -13,6 +13,7 @@ def test_the_library_holds_the_reference_stack():
     assert (silicon.conductivity, silicon.density, silicon.specific_heat) == (130, 2330, 700)
     assert (oxide.conductivity, oxide.density, oxide.specific_heat) == (1.38, 2203, 703)
     assert {"air", "void", "TiN", "Al", "Si3N4"} <= LIBRARY.keys()
+    assert silicon.diffusivity == pytest.approx(7.9706e-5, rel=1e-4)  # 130 / (2330 * 700), by hand
 
 
 @pytest.mark.parametrize("name", LIBRARY)
@@ -27,47 +28,25 @@ def test_every_material_says_where_its_numbers_come_from(name):
         assert 1e6 < material.heat_capacity < 4e6
 
 
-def test_diffusivity():
-    # 130 / (2330 * 700), by hand
-    assert find("Si").diffusivity == pytest.approx(7.9706e-5, rel=1e-4)
-
-
-def test_overrides_come_first():
-    mine = Material("Si", conductivity=60.0, density=2330.0, specific_heat=700.0)
-    assert find("Si", [mine]) is mine
-    assert find("SiO2", [mine]) is LIBRARY["SiO2"]
-
-
 def test_an_unknown_material_suggests_the_nearest():
     with pytest.raises(InputError, match=r"layer 'box': material = 'Si02' is unknown; did you mean 'SiO2'"):
         find("Si02", what="layer 'box': material")
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    "change",
     [
-        ({"conductivity": 0.0}, "conductivity = 0"),
-        ({"conductivity": float("nan")}, "conductivity = nan is not finite"),
-        ({"density": 2.33}, None),
-        ({"density": -2330.0}, "density = -2330"),
-        ({"density": 2.33e6}, "density"),
-        ({"specific_heat": 0.7}, "specific_heat = 0.7"),
-        ({"conductivity_z": 0.0}, "conductivity_z = 0"),
+        {"conductivity": 0.0},
+        {"conductivity": float("nan")},
+        {"density": 2.33e6},
+        {"specific_heat": 0.7},
+        {"conductivity_z": 0.0},
     ],
 )
-def test_values_no_material_has_are_refused(change, words):
+def test_values_no_material_has_are_refused(change):
     good = {"conductivity": 130.0, "density": 2330.0, "specific_heat": 700.0}
-    if words is None:  # 2.33 kg/m^3 is a gas: a legal value
-        assert Material("x", **(good | change)).density == 2.33
-        return
-    with pytest.raises(InputError, match="material 'x'") as error:
+    with pytest.raises(InputError, match=f"material 'x': {next(iter(change))} = "):
         Material("x", **(good | change))
-    assert words in str(error.value)
-
-
-def test_void_has_no_properties():
-    with pytest.raises(InputError, match="void"):
-        Material("void", conductivity=1.0, density=1.0, specific_heat=1.0)
 
 
 def test_thin_films_conduct_less():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import skfem
-from scipy.sparse import csr_array, eye_array, triu
 
 import thermofem as th
 from thermofem.algebra import factor
@@ -56,37 +55,6 @@ def test_a_pencil_solves_every_combination_however_often_it_comes_back(strip, sm
             # backward stable: the residual is round-off of the largest term
             scale = abs(a * E + b * K).max() * np.abs(found).max()
             assert np.abs(left).max() < ROUND_OFF * scale
-
-
-@pytest.mark.parametrize("there", [True, False])
-def test_factors_that_are_kept_stay(strip, there):
-    E, K = strip.discretization.E, strip.discretization.K
-    pencil, rhs = Pencil(E, K), np.random.default_rng(1).normal(size=E.shape[0])
-    if there:
-        pencil.solve(0.0, 1.0, rhs)
-    static, before = pencil.keep(0.0, 1.0), pencil.factorizations
-    for b in (1e-9, 1e-6):
-        pencil.solve(1.0, b, rhs)
-    assert np.abs(K @ static(rhs) - rhs).max() < ROUND_OFF * abs(K).max() * np.abs(static(rhs)).max()
-    pencil.solve(0.0, 1.0, rhs)
-    assert (before, pencil.factorizations) == (1, 3)
-
-
-@pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
-def test_a_matrix_is_symmetric_in_every_format_or_refused(form):
-    def stored(A):
-        return A.toarray() if form == "dense" else A.asformat(form)
-
-    numbers = np.random.default_rng(1).random((30, 30))
-    A = csr_array(np.where(numbers < 0.2, numbers, 0))
-    B = (A + A.T).tocsr()
-    other = B.copy()
-    other.data[3] += 1e-3  # in the same places
-    for symmetric in (B, 0 * B, csr_array((30, 30))):
-        factor.check_symmetric(A=stored(symmetric), hint="")
-    for wrong in (A, other, triu(B), B + np.nan * eye_array(30)):
-        with pytest.raises(th.InputError, match="not symmetric"):
-            factor.check_symmetric(A=stored(wrong), hint="")
 
 
 @pytest.mark.parametrize("s", [0.0, 1e7])

@@ -1,10 +1,8 @@
 import contextlib
 import os
 import re
-import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import hostile
 import numpy as np
@@ -17,7 +15,7 @@ from thermofem.checks import InputError, MissingLibraryError
 from thermofem.geometry import CrossSection, Part, strip_ring
 from thermofem.materials import Material
 from thermofem.mesh import Mesh
-from thermofem.mesh.element_sizes import fitted, size_function, sizes
+from thermofem.mesh.element_sizes import size_function, sizes
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
 REFERENCES = [(1e-3, 648), (1e-4, 1586)]  # accuracy and points, as meshes/README.md has them
@@ -43,16 +41,6 @@ def heater_mesh(heater, needs_mesher):
 # --- sizes ------------------------------------------------------------------------------------------------------------
 
 
-def test_sizes_follow_the_power_law_through_the_measured_pairs():
-    for accuracy, expected in ((1e-3, (45e-9, 0.5, 10e-9)), (1e-4, (30e-9, 0.3, 2e-9))):
-        at = sizes(accuracy)
-        assert (at.h, at.slope, at.h_c) == pytest.approx(expected, rel=1e-12, abs=0)
-    middle = sizes(10**-3.5)  # half way in the exponent: the geometric mean
-    assert (middle.h, middle.slope, middle.h_c) == pytest.approx(
-        (1350**0.5 * 1e-9, 0.15**0.5, 20**0.5 * 1e-9), rel=1e-12, abs=0
-    )
-
-
 @pytest.mark.parametrize("accuracy", [0.0, 1e-6, 0.1, float("nan"), -1e-3, "fine"])
 def test_accuracy_has_limits(accuracy):
     with pytest.raises(InputError, match=r"accuracy = .*relative error"):
@@ -66,36 +54,10 @@ def test_size_at_corners_edges_and_far_away():
     assert size(7.955e-6, 320e-9) == pytest.approx(45e-9 + 0.5 * 100e-9, rel=1e-12, abs=0)
     assert size(7.75e-6, 220e-9) == pytest.approx(10e-9 + 0.5 * 20e-9, rel=1e-12, abs=0)
     assert size(28.18e-6, 0.0) == pytest.approx(4e-6, rel=1e-12, abs=0)  # 20 um away: the cap
+    hole = on_oxide(core(), Part("hole", "void", 3e-6, 3.5e-6, bottom=-400e-9, height=400e-9))  # 1 um from a wide core
+    at_hole = size_function(hole, sizes(1e-3))(3e-6, 0.0)
+    assert at_hole == pytest.approx(0.15 * 20e-9 * (1 + 1e-6 / 0.3e-6), rel=1e-12, abs=0)
     assert size(108.18e-6, 0.0) == pytest.approx(10e-6, rel=1e-12, abs=0)  # 100 um away: a tenth of the distance
-
-
-def test_small_and_large_cores_get_sizes_of_their_own():
-    base = sizes(1e-3)
-    half = fitted(strip_ring(width=225e-9, height=110e-9), base)  # half the extent, half of area over perimeter
-    assert (half.h, half.slope, half.h_c) == pytest.approx((45e-9 * 0.5**0.25, 0.5, 5e-9), rel=1e-9, abs=0)
-    huge = fitted(strip_ring(width=9e-6, height=9e-6, cladding=1e-6), base)
-    assert (huge.h, huge.h_c) == pytest.approx((90e-9, 20e-9), rel=1e-9, abs=0)  # the limits
-
-
-def test_corners_of_other_parts_and_of_voids_are_graded_too():
-    size = size_function(on_oxide(*heated_and_hole()), sizes(1e-3))
-    distance = 1e-6  # from the core's nearest corner to the hole's nearest one
-    h_c = 10e-9 * (1000 * 400 / (450 * 220)) ** 0.5  # a core of 1000 x 400 nm: twice the extent of the reference core
-    h_c = min(h_c, 20e-9)
-    assert size(3e-6, 0.0) == pytest.approx(0.15 * h_c * (1 + distance / 0.3e-6), rel=1e-12, abs=0)
-    # a convex corner in the open is smooth: the size there is that of the outline around it
-    ridge = on_oxide(*heated_and_ridge())
-    h = 45e-9 * (1000 * 400 / 2800 / (450 * 220 / 1340)) ** 0.25  # area over perimeter, against the reference core
-    assert size_function(ridge, sizes(1e-3))(2e-6, 1.4e-6) == pytest.approx(h, rel=1e-12, abs=0)
-    assert size_function(ridge, sizes(1e-3))(2e-6, 1e-6) == pytest.approx(0.15 * h_c, rel=1e-12, abs=0)
-
-
-def heated_and_hole():
-    return core(), Part("hole", "void", 3e-6, 3.5e-6, bottom=-400e-9, height=400e-9)
-
-
-def heated_and_ridge():
-    return (core(bottom=1e-6),)
 
 
 # --- committed meshes -------------------------------------------------------------------------------------------------
@@ -141,22 +103,7 @@ def test_the_hash_covers_what_determines_the_mesh_and_nothing_else():
     assert mesh.content_hash(strip, 1e-4) != key
 
 
-def test_a_mesh_in_the_installed_package_is_found_first(tmp_path, monkeypatch):
-    package = tmp_path / "thermofem"
-    (package / "meshes").mkdir(parents=True)
-    monkeypatch.setattr(mesh.gmsh_mesher, "__file__", str(package / "mesh" / "gmsh_mesher.py"))
-    assert mesh.find_committed(strip_ring(), 1e-3) is None
-    wanted = package / "meshes" / f"strip-{mesh.content_hash(strip_ring(), 1e-3)}.npz"
-    wanted.write_bytes(b"")
-    assert mesh.find_committed(strip_ring(), 1e-3) == wanted
-
-
 # --- making meshes ----------------------------------------------------------------------------------------------------
-
-
-def test_region_volumes_are_exact(heater, heater_mesh):
-    assert heater_mesh.region_names == heater.region_names
-    assert heater_mesh.volumes() == pytest.approx(heater.volumes(), rel=ROUND_OFF, abs=0)
 
 
 def test_triangles_are_positive_and_join(heater_mesh):
@@ -265,6 +212,33 @@ def test_what_gmsh_writes_is_read_or_refused(needs_mesher, tmp_path, version, bi
             mesh.load(squares(path, version, binary, **change))
 
 
+TEXT = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+1 3 "axis"
+2 7 "core"
+2 9 "box"
+$EndPhysicalNames
+$Nodes
+5
+1 0 0 0
+2 1e-6 0 0
+3 1e-6 1e-6 0
+4 0 1e-6 0
+8 2e-6 0 0
+$EndNodes
+$Elements
+4
+1 1 2 3 1 1 4
+2 2 2 7 1 1 2 3
+3 2 2 7 1 1 3 4
+4 2 2 9 2 2 8 3
+$EndElements
+"""
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -280,9 +254,9 @@ def test_what_gmsh_writes_is_read_or_refused(needs_mesher, tmp_path, version, bi
     ],
 )
 def test_a_damaged_text_file_is_one_line(old, new, words, tmp_path):
-    assert old in hostile.TEXT_22
+    assert old in TEXT
     path = tmp_path / "ring.msh"
-    path.write_text(hostile.TEXT_22.replace(old, new))
+    path.write_text(TEXT.replace(old, new))
     with pytest.raises(InputError, match=rf"ring\.msh'.*{words}"):
         mesh.load(path)
 
@@ -299,17 +273,15 @@ def test_a_mesh_drawn_in_micrometres_is_noticed(heater_mesh, tmp_path, caplog):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_damaged_bytes_are_refused_or_make_a_mesh(heater_mesh, tmp_path):
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_damaged_bytes_are_refused_or_make_a_mesh(needs_mesher, tmp_path, version, binary):
     """A count that was overwritten took 4 GB."""
-    path = tmp_path / "ring.msh"
-    heater_mesh.save(path)
-    for content in (*hostile.meshes().values(), path.read_bytes()):
-        path.write_bytes(content)
-        mesh.load(path)
-        for damaged in hostile.damaged(content, 7, 100):
-            path.write_bytes(damaged)
-            with contextlib.suppress(InputError):
-                mesh.load(path)
+    path = squares(tmp_path / "ring.msh", version, binary)
+    for damaged in hostile.damaged(path.read_bytes(), 7, 100):
+        path.write_bytes(damaged)
+        with contextlib.suppress(InputError):
+            mesh.load(path)
 
 
 def test_gmsh_reads_the_file_and_its_names(heater_mesh, tmp_path):
@@ -380,13 +352,6 @@ def test_parts_that_meet_within_round_off_are_refused(columns, tmp_path):
         assert mesh.load(halves(tmp_path / "m.msh", gap, columns)).region_names == ("low", "high")
 
 
-@pytest.mark.parametrize("angle", [1e-2, 1e-6])
-def test_parts_that_meet_in_one_point_at_a_small_angle_are_no_gap(angle, tmp_path):
-    points = np.array([[0, 0], [1, angle / 2], [0, 1], [1, -angle / 2], [0, -1]])
-    mesh.Mesh(1e-6 * points, [[0, 1, 2], [0, 4, 3]], [0, 1], ("high", "low")).save(tmp_path / "m.msh")
-    assert len(mesh.load(tmp_path / "m.msh").points) == 5
-
-
 def test_clockwise_triangles_are_turned_round():
     """They were kept, and the volume of the cone was -pi/3."""
     given = np.array([[0, 2, 1]])
@@ -402,9 +367,6 @@ def test_clockwise_triangles_are_turned_round():
     ("failure", "words"),
     [
         ("OSError('libGLU.so.1: cannot open shared object file: No such file or directory')", "libglu1-mesa"),
-        ("OSError('libXft.so.2: cannot open shared object file')", "libxft2"),
-        ("OSError('libXcursor.so.1: cannot open shared object file')", "libxcursor1"),
-        ("OSError('libXinerama.so.1: cannot open shared object file')", "libxinerama1"),
         ("OSError('libUnheard.so.7: cannot open shared object file')", "libUnheard.so.7"),
         ("ModuleNotFoundError(\"No module named 'gmsh'\", name='gmsh')", "pip install gmsh"),
     ],
@@ -420,13 +382,3 @@ def test_without_gmsh_the_error_names_what_brings_it_and_committed_meshes_work(f
     assert "committed meshes of the reference cross-sections work without it" in problem
     with pytest.raises(MissingLibraryError, match=re.escape(problem)):
         mesh.mesh_for(strip_ring(width=500e-9), 1e-3)
-
-
-def test_importing_is_light():
-    code = (
-        "import sys, thermofem.mesh, thermofem.geometry, thermofem.data.quantity\n"
-        "print({'gmsh', 'pygmsh', 'meshio', 'pint'} & sys.modules.keys())"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(Path(mesh.__file__).resolve().parents[2])}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"

@@ -110,9 +110,7 @@ def parts(model):
     ("change", "reason"),
     [
         ({"A": [[1.0]]}, "must decay"),
-        ({"A": [[-1.0, 0.0]]}, "shape"),
         ({"B": [np.nan]}, "not finite"),
-        ({"B": [1.0, []]}, "not an array"),
         ({"inputs": ("core", "heater")}, "one of each"),
         ({"largest_rise": -1.0}, "must be positive"),
     ],
@@ -123,24 +121,6 @@ def test_what_is_no_quadratic_model_is_refused(change, reason):
         th.Quadratic(**{**fields, **change})
 
 
-def test_models_survive_as_files(tmp_path):
-    quad = th.Quadratic(*parts(quadratic()), largest_rise=100.0)
-    back = surrogate.load_model(surrogate.save_model(quad, tmp_path / "q.json"))
-    for name in "AHGBC":
-        assert np.array_equal(getattr(back, name), getattr(quad, name))
-    assert back.largest_rise == 100.0
-    mapped = th.OutputMap(POLE, -4.13e-4, largest_rise=150.0)
-    back = surrogate.load_model(surrogate.save_model(mapped, tmp_path / "m.json"))
-    assert (back.coefficient, back.largest_rise, *back.linear.R) == (-4.13e-4, 150.0, 7800.0)
-    A, b = np.array([[-2e6, 1e6], [1e6, -2e6]]), np.array([1e10, 0.0])
-    net = th.models.Network(A, b, ("core", "shell"), th.models.gate(A, b, 2e4 / 3), 12.0)
-    back = surrogate.load_model(surrogate.save_model(net, tmp_path / "n.json"))
-    assert np.array_equal(back.A, A)
-    assert np.array_equal(back.b, b)
-    assert np.array_equal(back.poles.R, net.poles.R)
-    assert (back.names, back.largest_rise) == (("core", "shell"), 12.0)
-
-
 def test_a_file_of_a_network_that_the_gate_refuses_is_refused(tmp_path):
     A, b = np.array([[-2e6, 1e6], [1e6, -2e6]]), np.array([1e10, 0.0])
     net = th.models.Network(A, b, ("core", "shell"), th.models.gate(A, b, 2e4 / 3), 12.0)
@@ -148,11 +128,6 @@ def test_a_file_of_a_network_that_the_gate_refuses_is_refused(tmp_path):
     path.write_text(path.read_text().replace("-2000000.0", "2000000.0"))
     with pytest.raises(th.InputError, match="not stable"):
         surrogate.load_model(path)
-
-
-def test_the_map_wants_a_coefficient_in_range():
-    with pytest.raises(th.InputError, match="coefficient"):
-        th.OutputMap(POLE, 5.0)
 
 
 def test_the_jacobian_is_the_derivative_of_the_rate():

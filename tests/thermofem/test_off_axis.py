@@ -8,8 +8,6 @@ from off_axis_exact import Stack
 
 import surrogate
 import thermofem as th
-from thermofem.fem.probe_means import off_axis_points
-from thermofem.mesh.triangles import sampled
 
 RADIUS, WIDTH, HEIGHT = 7.955e-6, 450e-9, 220e-9
 
@@ -62,22 +60,6 @@ def test_a_copy_integrates_quadratic_fields_exactly(oxide):
         assert mean.sum() == pytest.approx(1, rel=1e-12, abs=0)
         assert mean @ r**2 == pytest.approx(probe.distance**2 + (r1**2 + r2**2) / 2, rel=1e-11, abs=0)
         assert mean @ z == pytest.approx(HEIGHT / 2, rel=1e-9, abs=0)
-
-
-@pytest.mark.slow
-def test_the_quadrature_error_is_far_below_that_of_the_mesh(oxide):
-    """Steps of the angle as chosen, against six times as many: below the 1.3e-5 that `off_axis` derives."""
-    d = oxide.discretization
-    field = np.zeros(d.basis.N)
-    field[d.free] = d.factors.solve(0.0, 1.0, d.means["core"][d.free])
-    for distance in (17e-6, 20e-6, 30e-6):
-        probe = th.Probe("copy", "core", distance=distance)
-        values = []
-        chosen = off_axis_points(oxide.geometry, probe)[1].size // 32  # the rule has 32 points on the cross-section
-        for steps in (chosen, 6 * chosen):
-            points, weights = off_axis_points(oxide.geometry, probe, steps)
-            values.append(sampled(d.basis, points, weights) @ field / weights.sum())
-        assert values[0] == pytest.approx(values[1], rel=5e-6, abs=0)
 
 
 def test_the_estimated_error_covers_the_channel_of_a_neighbour():
@@ -155,8 +137,6 @@ SLAB = th.Part("slab", "Si", 0.0, 60e-6, bottom=-100e-9, height=100e-9)
     ("call", "words"),
     [
         (lambda: th.Probe("n", "core"), "give shell, or distance .*it has neither"),
-        (lambda: th.Probe("n", "core", 1e-7, 20e-6), "not both"),
-        (lambda: th.Probe("n", "core", distance=20.0), r"distance = 20 .*did you mean 20e-6"),
         (
             lambda: with_parts(distance=10e-6),
             r"distance = 1e-05 must lie between 1.636e-05 and .*overlaps the ring itself",

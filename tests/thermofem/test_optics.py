@@ -24,16 +24,12 @@ def nitride(width, height, **more):
 
 
 # NGSolve hp elements for the straight guides, to the digits given; a bend of 1 mm adds less than 1e-7
+WIDE = {"radius": 1e-3, "outer_radius": 1.05e-3}
 STRAIGHT = {
-    "strip 450": (th.strip_ring(width=450e-9, radius=1e-3, outer_radius=1.05e-3), 1.55e-6, 2.3550023, 4.291208),
-    "strip 450 at 1.555": (
-        th.strip_ring(width=450e-9, radius=1e-3, outer_radius=1.05e-3),
-        1.555e-6,
-        2.3487555,
-        4.29184,
-    ),
-    "strip 500": (th.strip_ring(width=500e-9, radius=1e-3, outer_radius=1.05e-3), 1.55e-6, 2.4472237, 4.196168),
-    "nitride": (nitride(1e-6, 0.4e-6, radius=1e-3, outer_radius=1.05e-3), 1.55e-6, 1.6379460, 2.055759),
+    "strip 450": (th.strip_ring(width=450e-9, **WIDE), 1.55e-6, 2.3550023, 4.291208),
+    "strip 450 at 1.555": (th.strip_ring(width=450e-9, **WIDE), 1.555e-6, 2.3487555, 4.29184),
+    "strip 500": (th.strip_ring(width=500e-9, **WIDE), 1.55e-6, 2.4472237, 4.196168),
+    "nitride": (nitride(1e-6, 0.4e-6, **WIDE), 1.55e-6, 1.6379460, 2.055759),
 }
 
 
@@ -134,10 +130,7 @@ def uniform(xs, ys):
 
 
 # exact: Bessel functions of complex order; index 2.8 in 1.444, infinite along z, at 1.55 um: R, w in um; nu, n_g, Q
-RINGS = [
-    (2.0, 0.45, 19.3042419908, 2.30008227e-4),
-    (3.0, 0.45, 28.8686337611, 1.452547e-6),
-]
+RINGS = [(2.0, 0.45, 19.3042419908, 2.30008227e-4), (3.0, 0.45, 28.8686337611, 1.452547e-6)]
 
 
 @pytest.mark.parametrize(("radius", "width", "order", "damping"), RINGS)
@@ -185,17 +178,13 @@ half_width = "12 um"
 layer = [{name = "substrate", material = "low", thickness = "4 um"},
          {name = "box", material = "low", thickness = "3 um", datum = true}]
 part = [{name = "core", material = "high", x = "0 um", width = "3 um", bottom = "0 um", height = "1 um", heated = true}]
-[material.low]
-index = 3.40
-conductivity = "1.4 W/m/K"
-density = "2200 kg/m^3"
-specific_heat = "700 J/kg/K"
-[material.high]
-index = 3.44
-conductivity = "130 W/m/K"
-density = "2330 kg/m^3"
-specific_heat = "700 J/kg/K"
 """
+
+
+def indices(**materials):
+    """Tables of materials with these indices; their heat does not matter."""
+    heat = 'conductivity = "1 W/m/K"\ndensity = "2e3 kg/m^3"\nspecific_heat = "700 J/kg/K"\n'
+    return "".join(f"[material.{name}]\nindex = {index}\n{heat}" for name, index in materials.items())
 
 
 @pytest.mark.parametrize(("slab", "n_eff"), [(0.0, 3.412022), (0.4, 3.412774), (0.7, 3.414100)])
@@ -204,7 +193,8 @@ def test_published_ribs(slab, n_eff):
         f', {{name = "slab", material = "high", x = "0 um", width = "24 um", bottom = "0 um", height = "{slab} um"}}]'
     )
     text = RIB.replace("heated = true}]", "heated = true}" + (film if slab else "]"))
-    mode = th.light(th.CrossSection.from_toml_text(text), wavelength=1.15e-6, order=3).mode("TE0")
+    section = th.CrossSection.from_toml_text(text + indices(low=3.40, high=3.44))
+    mode = th.light(section, wavelength=1.15e-6, order=3).mode("TE0")
     assert mode.n_eff == pytest.approx(n_eff, abs=3e-6)
 
 
@@ -271,18 +261,9 @@ def test_published_bends_in_air(radius, n_eff, within, imaginary):
     bottom = "0 nm"
     height = "220 nm"
     heated = true
-    [material.glass]
-    index = 1.46
-    conductivity = "1.4 W/m/K"
-    density = "2200 kg/m^3"
-    specific_heat = "700 J/kg/K"
-    [material.silicon]
-    index = 3.48
-    conductivity = "130 W/m/K"
-    density = "2330 kg/m^3"
-    specific_heat = "700 J/kg/K"
     """
-    mode = th.light(th.CrossSection.from_toml_text(text), wavelength=1.55e-6, order=3).mode("TE0")
+    section = th.CrossSection.from_toml_text(text + indices(glass=1.46, silicon=3.48))
+    mode = th.light(section, wavelength=1.55e-6, order=3).mode("TE0")
     assert mode.n_eff == pytest.approx(n_eff, abs=within)
     assert math.log10(mode.n_g / (2 * mode.q_radiation)) == pytest.approx(imaginary, abs=0.02)
 

@@ -72,25 +72,3 @@ def test_both_copies_of_a_vertex_move_with_the_corner(needs_mesher):
     there = on_mesh(further, replace(heat.mesh, points=points), 1e-2)
     # twice the accuracy: that of either mesh
     assert there.thermal_resistance() == pytest.approx(th.assemble(further, 1e-2).thermal_resistance(), rel=2e-2)
-
-
-def test_derivatives_on_a_parted_mesh_agree_with_a_difference(needs_mesher):
-    heat, path, step = th.assemble(membrane(), 1e-2), "part.core.radius", 2e-9
-    slope = th.derivatives(heat, [path]).thermal_resistance
-    ends = [heat.geometry.with_({path: 7.25e-6 + x}) for x in (-step, step)]
-    meshes = [replace(heat.mesh, points=Motion(heat.mesh, heat.geometry).moved(end)) for end in ends]
-    low, high = (on_mesh(*pair, 1e-2).thermal_resistance() for pair in zip(ends, meshes, strict=True))
-    # the square of 2 nm over the 450 nm of the core, times a few
-    assert slope == pytest.approx((high - low) / (2 * step), rel=1e-4)
-
-
-def test_a_parted_mesh_is_read_again(tmp_path):
-    """Points of a file at one place are one: a mesh is parted when it is used, and a contact is no part of the file."""
-    whole = checkerboard(*CHECKERS[:2])
-    mesh = split(whole, {})
-    for cut in (mesh, split(whole, {"low left": 1e-8})):
-        cut.save(tmp_path / "m.msh")
-        again = th.mesh.load(tmp_path / "m.msh")
-        assert len(again.points) == len(whole.points)
-        assert len(split(again, {}).points) == len(mesh.points)
-        assert again.volumes() == pytest.approx(mesh.volumes(), rel=1e-15)

@@ -6,7 +6,6 @@ import check_femwell_guide as femwell_guide
 import numpy as np
 import pytest
 
-import surrogate
 import thermofem as th
 
 # exact step response in K/W (shared table, Fourier in x and Laplace in t, trusted to 1e-5): core of 450 x 220 nm with
@@ -90,12 +89,6 @@ def test_half_equals_whole(guide):
         assert half.thermal_resistance() == pytest.approx(whole.thermal_resistance(), rel=2e-4)
 
 
-def test_energy_balance(guide):
-    heat = th.assemble(guide)
-    data = th.solve(heat, th.Pulse(1e-3, 5e-6), times=np.linspace(0, 10e-6, 21))
-    assert abs(float(data.attrs["heat_imbalance"])) < 1e-3  # what the solver promises for rings
-
-
 def test_resistance_per_length_is_that_of_a_large_ring():
     """Around a ring of 2 mm the section is straight: its curvature is 60 um/2 mm squared of the far field's share."""
     radius, half = 2e-3, 40e-6
@@ -137,21 +130,23 @@ def test_open_sides_of_a_uniform_half_space():
         assert closed.thermal_resistance() * (1 + closed.domain_error()) == pytest.approx(exact, rel=5e-3)
 
 
-@pytest.mark.parametrize("path", ["part.core.width", "half_width", "part.bar1.x", "part.bar0.width", "part.core.x"])
-def test_derivatives_of_open_sections(path):
+@pytest.mark.parametrize(
+    ("path", "value", "step", "within"),
+    [
+        ("part.core.width", 450e-9, 2e-8, 2e-3),
+        ("half_width", 30e-6, 1e-6, 2e-3),
+        ("part.bar1.x", 4e-6, 2e-8, 2e-3),
+        ("part.core.x", 1e-6, 2e-7, 5e-3),
+    ],
+)
+def test_derivatives_of_open_sections(path, value, step, within):
     """Against differences of two meshes at 2e-5: their noise over the step leaves about 1e-3."""
     core = th.Part("core", "Si", x=0.0, width=450e-9, bottom=0.0, height=220e-9, heated=True)
     base = th.straight_guide(substrate=30e-6, half_width=30e-6).opened()
-    geometry = replace(base, parts=(core, *bars(-4e-6, 4e-6, width=1e-6)))
-    if path == "part.core.x":
-        geometry = geometry.with_({path: 1e-6})
-    step = {"half_width": 1e-6, "part.core.x": 2e-7}.get(path, 2e-8)
+    geometry = replace(base, parts=(core, *bars(-4e-6, 4e-6, width=1e-6))).with_({path: value})
     found = float(th.derivatives(th.assemble(geometry, 1e-4), [path]).thermal_resistance[0])
-    value = {"half_width": 30e-6, "part.core.width": 450e-9, "part.bar1.x": 4e-6, "part.bar0.width": 1e-6}.get(
-        path, 1e-6
-    )
     R = [th.assemble(geometry.with_({path: value + s * step}), 2e-5).thermal_resistance() for s in (1, -1)]
-    assert found == pytest.approx((R[0] - R[1]) / (2 * step), rel=5e-3 if path == "part.core.x" else 2e-3)
+    assert found == pytest.approx((R[0] - R[1]) / (2 * step), rel=within)
 
 
 # mean rise in K/W over the heated length of a finite guide of silicon in three dimensions: NGSolve, 1.5e5 unknowns
@@ -227,15 +222,6 @@ def test_neighbour_of_a_straight_guide(guide):
     assert heat.thermal_resistance("core", "beside") == pytest.approx(
         part.thermal_resistance("core", "other"), rel=3e-4
     )
-
-
-def test_reduction_and_family_of_straight_guides(tmp_path):
-    guide = th.straight_guide()
-    heat = th.assemble(guide)
-    model = surrogate.reduce(heat.system, tolerance=1e-4).model
-    assert model.thermal_resistance == pytest.approx(heat.thermal_resistance(), rel=1e-6)
-    members = heat.thermal_resistance() / 2
-    assert th.assemble(guide.with_({"length": 600e-6})).thermal_resistance() == pytest.approx(members, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -17,27 +15,9 @@ from thermofem.transient.esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEI
 from thermofem.transient.integration import _march, _Record, integrate, integrate_periodic
 
 
-@dataclass(frozen=True)
-class Cosine(th.waveforms.Waveform, stored=False):
-    """A smooth drive that no piecewise-linear shortcut fits: P = 1 + cos(w t), in W."""
-
-    omega: float
-    piecewise_linear: ClassVar[bool] = False
-    period: ClassVar[None] = None
-
-    def __call__(self, t):
-        return 1 + np.cos(self.omega * np.asarray(t))
-
-    before = __call__
-
-    def pieces(self, start, stop, *, tolerance=1e-8):
-        return th.Function(self).pieces(start, stop, tolerance=tolerance)
-
-    def breakpoints(self, start, stop):
-        return np.empty(0)
-
-    def mean(self, start, stop):
-        return 1 + (np.sin(self.omega * stop) - np.sin(self.omega * start)) / (self.omega * (stop - start))
+def cosine(omega: float) -> th.Function:
+    """A smooth drive that no piecewise-linear shortcut fits, in W."""
+    return th.Function(lambda t: 1 + np.cos(omega * t))
 
 
 RATES = np.array([1.0, 3.0, 10.0])
@@ -85,7 +65,7 @@ def observed_orders(errors):
 
 def test_order_four_with_a_time_varying_source():
     omega, stop = 3.0, 2.0
-    errors = np.array([fixed_steps(Cosine(omega), [0, stop], k) - exact_under_cosine(stop, omega) for k in (1, 2, 3)])
+    errors = np.array([fixed_steps(cosine(omega), [0, stop], k) - exact_under_cosine(stop, omega) for k in (1, 2, 3)])
     assert np.all(observed_orders(errors) > 3.7)  # 4 asymptotically; a source sampled to first order would show as 1
 
 
@@ -127,31 +107,11 @@ def test_a_period_far_longer_than_every_transient_holds_the_static_rise():
     assert slow.max() == pytest.approx(2e-3 * system.thermal_resistance, rel=1e-3)
 
 
-def test_error_is_proportional_to_the_tolerance():
-    system, times = coarse_fem(), np.geomspace(1e-9, 20e-6, 60)
-    exact = foster(system).step_response(times) * 1e-3
-    errors = [
-        np.abs(integrate(system, th.Constant(1e-3), times, rtol=r).outputs[:, 0] - exact).max() for r in (1e-3, 1e-7)
-    ]
-    assert (
-        1e2 < errors[0] / errors[1] < 1e6
-    )  # four decades asked; the ladder of steps leaves a factor of up to 4^4 each
-
-
 def test_few_steps_are_rejected_behind_an_edge():
     """The first wanted time asks for steps far too long at rtol = 1e-7; the error says by how much to cut them."""
     run = integrate(coarse_fem(), th.Constant(1e-3), [1e-7, 1e-6], rtol=1e-7)
     assert run.steps > 100
     assert 1 <= run.rejected <= 3  # 7 where each rejection shortens the step to a quarter
-
-
-def test_energy_balance_closes_to_round_off_of_the_solves():
-    problem = th.assemble(th.strip_ring(), accuracy=1e-3)
-    data = th.solve(problem, th.Pulse(2e-3, 5e-6), times=[5e-6, 20e-6], rtol=1e-3)
-    assert data.attrs["heat_in"] == pytest.approx(10e-9, rel=1e-12, abs=0)
-    assert 0 < data.attrs["heat_out"] < data.attrs["heat_in"]
-    # a linear invariant, kept by every Runge-Kutta method whatever the step; solves have ~1e-12 relative error
-    assert abs(data.attrs["heat_imbalance"]) < 1e-9  # 400 solves, each to about 1e-12
 
 
 def test_energy_balance_notices_a_source_that_is_not_the_waveform():
@@ -190,22 +150,17 @@ def test_periodic_state_closes_and_needs_few_passes():
 def test_progress_is_the_time_reached_and_changes_nothing():
     heat, wave, seen = th.assemble(th.strip_ring(), 1e-2), th.SquareWave(2e-3, 1e-6, 0.33), []
     times = np.linspace(0, 2e-6, 11)
-    step = {"method": "stepping"}
-    run = th.solve(heat, wave, times, progress=seen.append, **step)
-    assert run.equals(th.solve(heat, wave, times, **step))
+    run = th.solve(heat, wave, times, progress=seen.append, method="stepping")
+    assert run.equals(th.solve(heat, wave, times, method="stepping"))
     assert np.all(np.diff(seen) > 0)
     assert seen[-1] == pytest.approx(2e-6, rel=1e-12, abs=0)  # round-off of adding steps
     seen.clear()
-    run = th.solve_periodic(heat, wave, progress=seen.append, **step)
-    assert run.equals(th.solve_periodic(heat, wave, **step))
+    th.solve_periodic(heat, wave, progress=seen.append, method="stepping")
     assert np.all(np.diff(seen) > 0)
-    passes = seen[-1] / 1e-6
-    assert passes == pytest.approx(round(passes), rel=1e-12)
-    assert 2 <= passes <= 8
+    assert seen[-1] / 1e-6 == pytest.approx(round(seen[-1] / 1e-6), rel=1e-12)  # whole passes
     seen.clear()
     th.solve(heat, wave, times, progress=seen.append)
-    th.solve_periodic(heat, wave, progress=seen.append)
-    assert seen == [2e-6, 1e-6]  # in closed form: at the end
+    assert seen == [2e-6]  # in closed form: at the end
 
 
 @pytest.mark.slow
@@ -227,10 +182,7 @@ def test_a_far_probe_does_not_rule_the_steps():
 @pytest.mark.parametrize(
     ("wave", "words"),
     [
-        (
-            th.waveforms.PiecewiseCubic([0, 1e-6], [[-1e-3, 0, 0, 0]], repeat=True),
-            "falls to -0.001 W; absorbed power heats",
-        ),
+        (th.waveforms.PiecewiseCubic([0, 1e-6], [[-1e-3, 0, 0, 0]], repeat=True), "falls to -0.001 W; absorbed power"),
         (th.Function(lambda t: 2e3 + 0 * t, period=1e-6), "did you mean 2e-3 for 2 mW"),
         (th.Function(lambda t: 1e-3 * np.sin(2e6 * np.pi * t), period=1e-6), "falls to -0.001 W"),
     ],
