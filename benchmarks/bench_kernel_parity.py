@@ -84,11 +84,12 @@ def cases(count: int) -> Iterator[tuple[str, Call]]:
         yield "quadratic", lambda r, ring=ring, m=quadratic, light=light: coupled.simulate(ring, m, rtol=r, **light)
         rings = [replace(ring, frequency=ring.frequency + f) for f in rng.normal(0, 5e9, 4)]
         at = {"detuning": nu, "duration": end / 2, "times": t / 2}
+        loop = coupled.Waveguide("ring 1.through", "ring 1.add", loss=1.0, phase=0.4, delay=0.5e-9)
         circuits = {
             "bus": coupled.bus(rings, phase=1.0, loss=0.1),
             "loops": coupled.scissor(rings[:3], phase=1.0),
             "delay": coupled.bus(rings[:2], phase=1.0, delay=0.3e-9),
-            "delay loop": coupled.circuit.delay_loop(ring, 0.5e-9, loss=1.0, phase=0.4),
+            "delay loop": coupled.Circuit([ring], [loop], [coupled.LaserPort("in", "ring 1.in")]),
         }
         for name, circuit in circuits.items():
             yield name, lambda r, c=circuit, m=model, P=P, at=at: run(c, m, {c.lasers[0].name: P}, rtol=r, **at)

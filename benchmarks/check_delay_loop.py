@@ -79,8 +79,9 @@ def theirs(times: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
 def main() -> None:
     duration, step = (float(given) for given in (sys.argv[1:] + ["6", "1e-4"][len(sys.argv) - 1 :]))
     times = np.arange(round(duration / 0.05) + 1) / 20
+    loop = coupled.Waveguide("ring 1.through", "ring 1.add", LOSS, PHASE, DELAY * NS)
     run = coupled.simulate(
-        coupled.circuit.delay_loop(RING, DELAY * NS, loss=LOSS, phase=PHASE), HEAT, power={"in": POWER},
+        coupled.Circuit([RING], [loop], [coupled.LaserPort("in", "ring 1.in")]), HEAT, power={"in": POWER},
         duration=times[-1] * NS, rtol=1e-9, times=times * NS,
     )  # fmt: skip
     ours = run.energy.values[0], run.delta_T.values[0]

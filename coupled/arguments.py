@@ -75,9 +75,8 @@ def _is_number(value: Any) -> bool:
     return not (callable(value) or isinstance(value, list | tuple) or hasattr(value, "breakpoints"))
 
 
-def check_run(ring: RingResonator, duration: float, rtol: float) -> tuple[float, float]:
+def check_run(duration: float, rtol: float) -> tuple[float, float]:
     """Duration in s and rtol of a run as floats, or InputError unless they make sense in SI."""
-    check_ring(ring)
     hint = "1e-6 gives traces and periods to better than 1e-5"
     return check_duration(duration), checks.between("rtol", rtol, 1e-13, 1e-1, hint=hint)
 

@@ -7,6 +7,7 @@ temperature that is known beforehand. The residues R_ih of a transfer channel ha
 """
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +19,21 @@ from thermofem.models import ThermalModel, bare
 from thermofem.piecewise import hermite
 
 from .arguments import power_in_time
-from .inputs import Pieces, add
+from .inputs import Pieces, add, last_change
 from .resonator import RingResonator
 from .thermal import Compact, check_resistance, compact
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
 LARGEST_POWER = 10.0  # W
+
+
+class Poles(NamedTuple):
+    """The poles that a heater heats, dx/dt = P - rate x, and the rise of each of N rings, gain x."""
+
+    rate: Array
+    """(n,), 1/s"""
+    gain: Array
+    """(N, n), K/J"""
 
 
 class Channels(NamedTuple):
@@ -32,6 +42,11 @@ class Channels(NamedTuple):
     model: Compact
     transfers: dict[str, Foster]
     """From every heater to the part that is read, with the poles of ``model``."""
+
+    @property
+    def poles(self) -> dict[str, Poles]:
+        """Those of the heaters, for `heating`."""
+        return {name: Poles(1 / np.asarray(each.tau), each.gain[None]) for name, each in self.transfers.items()}
 
 
 def channels(
@@ -80,37 +95,53 @@ class Heating(NamedTuple):
     """Effect of the heaters in a run."""
 
     powers: dict[str, Pieces]
-    transfers: dict[str, Foster]
-    rise: Pieces | float
-    """K, at the part that is read."""
+    """Of those that are given, W."""
+    rises: list[Pieces]
+    """Of every ring, K."""
+    poles: Mapping[str, Poles]
+    begin: list[Array]
+    """The states of every heater at t = 0, J."""
 
-    def states(self, time: float) -> Array | float:
-        """Contribution of the heaters to the states of the light's model at a time in s, K."""
-        added: Array | float = 0.0
-        for name, power in self.powers.items():
-            transfer = self.transfers[name]
-            added = added + transfer.gain * states_of(1 / np.asarray(transfer.tau), power, np.array([time]))[0]
-        return added
+    @property
+    def driven_until(self) -> float:
+        """When a heater last changes, s."""
+        return max(map(last_change, self.powers.values()), default=0.0)
 
-    def static(self, time: float) -> float:
-        """The rise, K, at which the powers at a time in s would end."""
-        ends = (self.transfers[name].thermal_resistance * power(time) for name, power in self.powers.items())
-        return float(sum(ends))
+    def states(self, time: float) -> list[Array]:
+        """The states of every heater at a time in s, J."""
+        powers = [self.powers.get(name, Pieces.constant(0.0, time, 0.0)) for name in self.poles]
+        every = zip(self.poles.values(), powers, self.begin, strict=True)
+        return [states_of(poles.rate, power, np.array([time]), begin)[0] for poles, power, begin in every]
 
 
-def heating(found: Channels, heaters: Mapping[str, Any] | None, duration: float, rtol: float) -> Heating:
-    """The rise that heaters cause from rest at t = 0, as cubics to a hundredth of ``rtol``.
+def heating(
+    poles: Mapping[str, Poles], heaters: Mapping[str, Any] | None, duration: float, rtol: float,
+    before: Array | None, rings: int = 1,
+) -> Heating:  # fmt: skip
+    """The rises that heaters cause in every ring, as cubics to a hundredth of ``rtol``.
 
-    ``heaters`` maps names to numbers, waveforms, or lists of them, which add; W.
+    heaters [mapping of name to number, waveform, or list of them, which add; W]
+    before [J]: states of all heaters at t = 0, one after the other; those that are not given cool from there. None
+        where a number is a power that was on for ever, and all else is switched on at t = 0.
     """
-    powers = {name: power_of(name, value, duration) for name, value in checks.mapping("heaters", heaters).items()}
-    if not powers:
-        return Heating({}, {}, 0.0)
-    every = []
-    for name, power in powers.items():
-        transfer = found.transfers[name]
-        every += rises(1 / np.asarray(transfer.tau), transfer.gain[None], power, rtol)
-    return Heating(powers, found.transfers, add(every))
+    given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
+    for name in given:
+        hint = "" if poles else "the thermal model has no heaters among its inputs"
+        checks.choice("a name in heaters", name, poles, hint=hint)
+    powers, dark = {name: power_of(name, p, duration) for name, p in given.items()}, Pieces.constant(0.0, duration, 0.0)
+    stops = np.cumsum([0, *(each.rate.size for each in poles.values())])
+    started = np.zeros(stops[-1]) if before is None else before
+    checks.shape("initial.attrs['heater_states'] for the heaters of this model", started, (stops[-1],))
+    begin, every = [started[i:j] for i, j in pairwise(stops)], [[dark] * rings]
+    for k, (name, (rate, gain)) in enumerate(poles.items()):
+        value = given.get(name, 0.0)
+        settled = float(value) / rate if hasattr(value, "__float__") else None
+        if settled is not None and (before is None or np.allclose(begin[k], settled, rtol=1e-12, atol=0)):
+            begin[k] = settled
+            every.append([Pieces.constant(0.0, duration, rise) for rise in gain @ settled])
+        else:
+            every.append(rises(rate, gain, powers.get(name, dark), rtol, begin[k]))
+    return Heating(powers, [add([*parts]) for parts in zip(*every, strict=True)], poles, begin)
 
 
 def power_of(name: str, value: Any, duration: float) -> Pieces:

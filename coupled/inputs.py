@@ -1,26 +1,27 @@
-"""Laser power and detuning as piecewise cubics of time, and when they vary; a step ends at every breakpoint.
+"""Lasers over time: powers and detunings as piecewise cubics, and when they vary; a step ends at every breakpoint.
 
 An input of a ring is a number, a waveform (`th.Function` for any function of time), a piecewise polynomial, or a
 list of these, which add: a bias with a pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.interpolate import PPoly
 
 from thermofem import checks
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, Complex
 from thermofem.piecewise import Pieces as Pieces, bounds as bounds
 from thermofem.waveforms import Samples, Waveform
 
-from .kernel.integrator import Polynomials
-from .kernel.units import NS
+from .kernel.integrator import Drive, Polynomials
+from .kernel.units import NS, UW
 
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
+SAME_TIME = 1e-13  # of a run: nearer breakpoints are one; sums of hundreds of delays differ by less
 FIT_TOLERANCE = 1e-9  # of the largest value: what a fit of cubics to a constant leaves
 
 
@@ -82,6 +83,12 @@ def add(parts: list[Pieces]) -> Pieces:
     return Pieces(edges, np.sum([part.on(edges).coefficients for part in parts], axis=0))
 
 
+def minus(one: Pieces, other: Pieces) -> Pieces:
+    """The difference of two functions on one window, one piece where it is zero."""
+    found = add([one, other.times(-1.0)])
+    return found if np.any(found.coefficients) else Pieces.constant(*found.edges[[0, -1]], 0.0)
+
+
 def joint(*parts: Pieces) -> Array:
     """The union of all edges; edges closer than round-off of the window are merged."""
     if all(np.array_equal(part.edges, parts[0].edges) for part in parts[1:]):
@@ -103,12 +110,88 @@ def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
     return function.on(np.concatenate([[start], inside, [stop]]))
 
 
+class Lights(NamedTuple):
+    """L lasers over one time window.
+
+    powers [W]
+    frequencies [Hz]: against a reference that lasers of one frame share.
+    frame: for every laser the one with which its fields turn, and whose phase its own is relative to.
+    """
+
+    powers: list[Pieces]
+    frequencies: list[Pieces]
+    frame: list[int]
+    drive: Drive
+
+    @property
+    def apart(self) -> list[Pieces]:
+        """Frequency of every laser minus that of its frame in Hz."""
+        return [minus(own, self.frequencies[k]) for own, k in zip(self.frequencies, self.frame, strict=True)]
+
+    @property
+    def turning(self) -> Array:
+        """How fast every laser turns in its frame, where that is fastest, rad/ns."""
+        return 2 * np.pi * NS * np.array([max(bounds(one), key=abs) for one in self.apart])
+
+    @property
+    def driven_until(self) -> float:
+        """When a laser last changes, or lasers of one frame last beat, s."""
+        last = [last_change(one) for one in (*self.powers, *self.frequencies)]
+        for frame in {*self.frame}:
+            here = [k for k, own in enumerate(self.frame) if own == frame]
+            last.append(last_beat([self.powers[k] for k in here], [self.frequencies[k] for k in here]))
+        return max(last)
+
+    def amplitudes(self, times: Array) -> Complex:
+        """sqrt(W) of every laser in its frame at times in s, shape (L, n)."""
+        power = np.array([np.maximum(one(times), 0) for one in self.powers])
+        return np.asarray(np.sqrt(power) * np.exp(1j * values(self.drive.phase, times)))
+
+    def incoming(self, times: Array) -> Complex:
+        """sqrt(W) of the light in every frame at times in s."""
+        waves = self.amplitudes(times)
+        return np.array([waves[np.equal(self.frame, k)].sum(axis=0) for k in dict.fromkeys(self.frame)])
+
+
+def lights(
+    powers: list[Pieces], frequencies: list[Pieces], frame: list[int], *, detunings: list[Pieces], entry: Complex,
+    phases: ArrayLike = 0.0, echoes: Callable[[Array], Array] = np.asarray,
+) -> Lights:  # fmt: skip
+    """Lasers, and what they are to the fields of the rings.
+
+    frame: as of `Lights`; phases [rad] of the lasers at the start.
+    detunings [rad/s]: of every field, its frame minus its resonance.
+    entry [(fields, L), 1/sqrt(s)]: amplitude in a field for each square root of a power.
+    echoes: all times at which jumps at given times are felt, s.
+    """
+    found = Lights(powers, frequencies, frame, Drive.constant(0.0, 0.0, 1.0))
+    phase = integral(table(found.apart, 2 * np.pi * NS))
+    phase.coefficients[:, :, 0] += phases
+    turning, window = table(detunings, NS), powers[0].edges[[0, -1]]
+    edges = apart_in_time(np.concatenate([echoes(joint(*powers)), NS * turning.edges, NS * phase.edges]), window)
+    drive = Drive(
+        edges / NS, table(powers, 1 / UW), phase, turning, entry * NS**0.5,
+        np.array([largest(one) / UW for one in powers]),
+    )  # fmt: skip
+    return found._replace(drive=drive)
+
+
+def apart_in_time(times: Array, window: Array) -> Array:
+    """Times of a window in increasing order, its ends included, without those within `SAME_TIME` of one before."""
+    every = np.sort(times)
+    every = every[np.diff(every, prepend=-np.inf) > SAME_TIME * window[1]]
+    every[[0, -1]] = window
+    return every
+
+
 def values(functions: Polynomials, times: Array) -> Array:
     """Values of the kernel's functions at times in s, shape (functions, m)."""
     t = times / NS
     k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
-    u = (t - functions.edges[k])[:, None] ** np.arange(functions.coefficients.shape[2])
-    return np.asarray(np.einsum("mft,mt->fm", functions.coefficients[k], u))
+    u, found = t - functions.edges[k], np.zeros((functions.coefficients.shape[1], t.size))
+    for c in functions.coefficients.T[::-1]:
+        found = found * u + c[:, k]
+    return found
 
 
 def integral(rates: Polynomials) -> Polynomials:
@@ -125,11 +208,11 @@ def largest(power: Pieces) -> float:
     return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power(power.edges[-1]))), 1e-300)
 
 
-def table(functions: Sequence[Pieces]) -> Polynomials:
-    """Functions of time in s as the kernel's polynomials of time in ns, on their joint edges."""
+def table(functions: Sequence[Pieces], factor: float) -> Polynomials:
+    """Functions of time in s, times a factor, as the kernel's polynomials of time in ns on their joint edges."""
     edges = joint(*functions)
     coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
-    return Polynomials(edges / NS, coefficients * NS ** np.arange(coefficients.shape[2]))
+    return Polynomials(edges / NS, coefficients * factor * NS ** np.arange(coefficients.shape[2]))
 
 
 def last_change(function: Pieces) -> float:
@@ -145,7 +228,7 @@ def last_change(function: Pieces) -> float:
 
 def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
     """Until when two lasers are on that beat, s; 0 where all have the same frequency."""
-    apart = [add([one, frequencies[0].times(-1.0)]) for one in frequencies[1:]]
+    apart = [minus(one, frequencies[0]) for one in frequencies[1:]]
     if not any(np.any(one.coefficients) for one in apart):
         return 0.0
     ends = [one.edges[-1] for one in powers]

@@ -1,8 +1,8 @@
 """Several rings on one chip: light along waveguides and heat between neighbours."""
 
 from .circuit import Circuit, Detector, LaserPort, Splitter, Waveguide
-from .ready import bus, crow, delay_loop, scissor
+from .ready import bus, crow, scissor
 
 __all__ = [
-    "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "crow", "delay_loop", "scissor",
+    "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "crow", "scissor",
 ]  # fmt: skip

@@ -5,42 +5,8 @@ and "drop":
 
     s_through = s_in + i sqrt(2 gamma_e) a,    s_drop = s_add + i sqrt(2 gamma_d) a
 
-"ring 2.through" is that terminal of the ring called "ring 2". A splitter has "in 1", "in 2", "out 1" and "out 2". In a
-circuit file, numbers have units:
-
-```toml
-name = "two rings on a bus"
-frequency = "192.88 THz"         # of detunings and phases; default that of the first ring
-
-[[ring]]
-name = "a"
-base = "borghi2021"              # or file = "ring.toml", a ring file beside this one
-shift = "5 GHz"                  # of its cold resonance; default 0
-[[ring]]
-name = "b"
-base = "borghi2021"
-
-[[waveguide]]                    # from a terminal that light leaves by to one that it enters by
-start = "a.through"
-stop = "b.in"
-loss = 0.3                       # dB
-phase = "0.5 rad"
-delay = "10 ps"
-
-[[splitter]]                     # terminals "in 1", "in 2", "out 1", "out 2"
-name = "s"
-cross = 0.5
-
-[[laser]]
-name = "in"
-stop = "a.in"
-offset = "0 GHz"                 # loss and phase as of a waveguide
-
-[[detector]]
-name = "out"
-start = "b.through"
-bandwidth = "20 GHz"             # default without limit
-```
+"ring 2.through" is that terminal of the ring called "ring 2". A splitter has "in 1", "in 2", "out 1" and "out 2".
+docs/circuits.md shows a file with every key.
 """
 
 from __future__ import annotations
@@ -318,7 +284,7 @@ class Circuit:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Circuit:
-        """Read a circuit file; its keys stand at the top of this module.
+        """Read a circuit file; docs/circuits.md shows one with every key.
 
         Raises
         ------

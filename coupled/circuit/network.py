@@ -27,8 +27,7 @@ from thermofem.arrays import Array, Complex, NDArray
 from thermofem.models.contract import bare
 from thermofem.models.state_space import eigenmodes
 
-from ..heaters import power_of, rises, states_of
-from ..inputs import Pieces, add
+from ..heaters import Poles
 from ..kernel import units as eq
 from ..kernel.integrator import BUS, LOOPS, Network
 from ..thermal import check_resistance, compact, linear
@@ -131,13 +130,13 @@ def order_of_rings(feeds: NDArray[np.bool_]) -> NDArray[np.int32]:
 def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
     """The waveguides in the kernel's units; entries of M that are round-off become 0.
 
-    corner [shape (Q,) or empty, 1/ns]: 2 pi times the bandwidths of the detectors; hair [ns].
+    corner [shape (Q,), 1/ns]: 2 pi times the bandwidths of the detectors, 0 for none; hair [ns].
     """
     M, root = light.between * eq.NS, np.sqrt(eq.NS)
     feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
     order, between = order_of_rings(feeds), np.where(feeds, M, 0)
     taken, sent = _one_waveguide(between, order)
-    needed = bool(light.delay.size) or bool(corner.size) or energies
+    needed = bool(light.delay.size) or bool(corner.any()) or energies
     waves = slice(None) if needed else slice(0)  # others follow from the rows
     return Network(
         light=LOOPS if taken is None else BUS,
@@ -151,7 +150,7 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
         seen_ring=light.seen_ring[waves] * root,
         seen_laser=light.seen_laser[waves],
         seen_late=light.seen_delay[waves],
-        corner=corner if corner.size else None,
+        corner=corner if corner.any() else None,
         energies=energies,
         hair=hair,
     )
@@ -183,7 +182,6 @@ class RingHeat:
     read [shape (N, N, K)]
     curvature [1/K]: of the output map of a ring alone.
     crossed: whether heat goes from ring to ring.
-    heaters [mapping of name to (rate, gain, read)]: poles of the heaters: arrays of shape (n,), (n,) and (N, n).
     """
 
     gain: Array
@@ -191,7 +189,7 @@ class RingHeat:
     read: Array
     curvature: float
     crossed: bool
-    heaters: Mapping[str, tuple[Array, Array, Array]]
+    heaters: Mapping[str, Poles]
 
     @property
     def thermal_resistance(self) -> Array:
@@ -219,21 +217,6 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
     return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, {})
 
 
-def _by_name(model: StateSpace, names: Sequence[str]) -> StateSpace:
-    """The model with its rings sorted as ``names`` where it has these names, otherwise unchanged."""
-    own = [*model.inputs[: len(names)]]
-    if own != [*model.outputs] or {*own} != {*names}:
-        if own != [f"ring {k + 1}" for k in range(len(names))]:
-            log.warning(
-                "thermal is of %s: they stand for the rings %s, in this order", ", ".join(own), ", ".join(names)
-            )
-        return model
-    order = [own.index(name) for name in names]
-    inputs = [*order, *range(len(names), len(model.inputs))]
-    B, C = np.asarray(model.B)[:, inputs], np.asarray(model.C)[order]
-    return replace(model, B=B, C=C, inputs=tuple(model.inputs[k] for k in inputs), outputs=tuple(names))
-
-
 def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
     rings = len(names)
     if len(model.outputs) != rings or len(model.inputs) < rings:
@@ -241,8 +224,13 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
             f"thermal has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {rings} rings; one "
             "of each for every ring is needed (surrogate.reduce_array), or one model for all rings"
         )
-    model = _by_name(model, names)
     rate, B, C = _modes(model)
+    own = model.outputs
+    if {*own} == {*names} and own == model.inputs[:rings]:
+        order = [own.index(name) for name in names]
+        B, C = B[:, [*order, *range(rings, len(model.inputs))]], C[order]
+    elif own != tuple(f"ring {k + 1}" for k in range(rings)):
+        log.warning("thermal is of %s: they stand for the rings %s, in this order", ", ".join(own), ", ".join(names))
     scale = np.abs(model.gain).max()
     parts = []
     for j in range(len(model.inputs)):
@@ -258,7 +246,8 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
     for j, (own_rate, own_gain, own_read) in enumerate(parts[:rings]):
         k = len(own_rate)
         gain[j, :k], rates[j, :k], read[:, j, :k] = own_gain, own_rate, own_read
-    heaters = dict(zip(model.inputs[rings:], parts[rings:], strict=True))
+    later = zip(model.inputs[rings:], parts[rings:], strict=True)
+    heaters = {name: Poles(own_rate, own_read * own_gain) for name, (own_rate, own_gain, own_read) in later}
     heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters)
     checks.positive("thermal: R_th of every ring", heat.thermal_resistance.min(), unit="K/W")
     return heat
@@ -272,36 +261,3 @@ def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
         return -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)  # its own modes
     rate, modes = eigenmodes(model)
     return rate, modes.T @ np.asarray(model.B), np.asarray(model.C) @ modes
-
-
-def heater_offsets(
-    heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float, rtol: float, before: Array | None = None
-) -> tuple[dict[str, Pieces], list[Pieces], Array]:
-    """Powers of the heaters in W, the rise of every ring by them in K, and their states at the end of the run.
-
-    A number is a power that was on for ever, a waveform (or a list) one that is switched on at t = 0. After another
-    run, whose states at its end are ``before``, both begin with its heat. Accuracy as of `heaters.rises`.
-
-    before: states of all heaters in their order, with those that are not given now, which cool.
-    """
-    given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
-    for name in given:
-        hint = "" if heat.heaters else "the thermal model has no heaters among its inputs"
-        checks.choice("a name in heaters", name, heat.heaters, hint=hint)
-    powers = {name: power_of(name, value, duration) for name, value in given.items()}
-    whole, dark = np.array([0.0, duration]), Pieces.constant(0.0, duration, 0.0)
-    stops = np.cumsum([rate.size for rate, *_ in heat.heaters.values()], dtype=int)
-    started = np.zeros(stops[-1] if stops.size else 0) if before is None else before
-    checks.shape("initial.attrs['heater_states'] for the heaters of this model", started, (stops.max(initial=0),))
-    each, ends = [[dark] * len(heat.gain)], [np.empty(0)]
-    for (name, (rate, gain, read)), begin in zip(heat.heaters.items(), np.split(started, stops), strict=False):
-        value, power = given.get(name, 0.0), powers.get(name, dark)
-        settled = gain / rate * float(value) if hasattr(value, "__float__") else None
-        if settled is not None and (before is None or np.array_equal(begin, settled)):
-            each.append([Pieces.constant(0.0, duration, rise) for rise in read @ settled])
-            ends.append(settled)
-        else:
-            each.append(rises(rate, read * gain, power, rtol, begin / gain))
-            ends.append(gain * states_of(rate, power, whole, begin / gain)[-1])
-    offsets = [add(list(parts)) for parts in zip(*each, strict=True)] if heat.heaters else each[0]
-    return powers, offsets, np.concatenate(ends)

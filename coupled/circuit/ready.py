@@ -1,4 +1,4 @@
-"""Ready-made circuits: a bus with rings, a SCISSOR, a CROW, and a ring in a delay loop."""
+"""Ready-made circuits: a bus with rings, a SCISSOR and a CROW."""
 
 import math
 from collections.abc import Sequence
@@ -102,32 +102,6 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     ways = _chain(n, "drop", "in", 0.0, quarter) + _chain(n, "through", "add", 0.0, quarter, back=True)
     detectors = (Detector("through", "ring 1.through"), Detector("drop", f"ring {n}.drop"))
     return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="crow")
-
-
-def delay_loop(ring: RingResonator, delay: float, *, loss: float = 3.0, phase: float = 0.0) -> Circuit:
-    """A ring on two buses whose through port leads back to its add port after a delay: optical feedback with memory.
-
-    Laser "in"; detector "drop", where the light that came back interferes with what the ring drops.
-
-    Parameters
-    ----------
-    ring : RingResonator
-    delay : float, s
-    loss, phase : float; dB, rad
-        of the loop.
-
-    Raises
-    ------
-    InputError
-        no ring, or a ring on one bus.
-
-    >>> import coupled
-    >>> coupled.circuit.delay_loop(coupled.borghi2021(), delay=1e-9).ports
-    ('drop',)
-    """
-    checks.positive("drop_rate", ring.drop_bus_rate, hint="the light comes back by a second coupler")
-    loop = Waveguide("ring 1.through", "ring 1.add", loss, phase, delay)
-    return Circuit([ring], (loop,), (LaserPort("in", "ring 1.in"),), (Detector("drop", "ring 1.drop"),), name="loop")
 
 
 def _several(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonator]:

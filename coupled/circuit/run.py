@@ -9,17 +9,16 @@ import xarray as xr
 from thermofem import checks, dataset
 from thermofem.arrays import Array
 
-from ..arguments import check_duration, check_times
 from ..heaters import heater_powers
-from ..inputs import last_beat, last_change
 from ..kernel import units as eq
 from ..kernel.tableaus import Method
 from ..resonator import parameters
+from ..runs.window import in_si
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
 from .network import RingHeat
-from .system import System, beat_of, system_of, turns
+from .system import System, beat_of, system_of
 
 SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
 
@@ -43,54 +42,49 @@ def run_circuit(
     heaters: Mapping[str, Any] | None,
     duration: float,
     rtol: float,
-    times: Any,
+    times: Array,
     average: bool,
     method: Method | None,
     initial: Any,
     progress: Callable[[float], None] | None,
 ) -> xr.Dataset:
-    """Simulate a circuit; arguments and result are those of `simulate`."""
-    duration = check_duration(duration)
-    rtol = checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
+    """Simulate a circuit; arguments and result are those of `simulate`, which has checked duration, rtol and times."""
     shortest = SHORTEST / max(ring.linear_rate for ring in circuit.resonators)
     for w in circuit.waveguides:
         hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"
         checks.between(f"delay of the waveguide from {w.start!r}", w.delay or 1.0, shortest, 1.0, unit="s", hint=hint)
     before = None
     if initial is not None:
-        kept = np.ravel(getattr(initial, "attrs", {}).get("heater_states", ()))
-        before = checks.array("initial.attrs['heater_states']", kept, empty=True)
+        states = np.ravel(getattr(initial, "attrs", {}).get("heater_states", ()))
+        before = checks.array("initial.attrs['heater_states']", states, empty=True)
     system = system_of(
         circuit, thermal, power=power, heaters=heaters, detuning=detuning, duration=duration, rtol=rtol, before=before
     )
-    light, corner = system.light, system.corner
-    wanted = np.empty(0) if times is None else check_times(times, duration)
-    asked, kept = dense_times(thermal, wanted, duration)
     alone = len(circuit.names) == 1 and not circuit.waveguides
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 and alone else Method.RODAS5P)
-    problem = system.problem(chosen, corner=corner, energies=average)
-    longest = min([np.inf, *(light.delay / eq.NS)])
-    beat = beat_of(light, circuit, system.powers, system.detunings) if problem.waves else 0.0
-    if beat:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
-        longest = min(longest, (1944.0 * rtol) ** 0.25 / beat)
+    problem = system.problem(chosen, detected=True, energies=average)
+    longest = min([np.inf, *(system.light.delay / eq.NS)])
+    if problem.waves:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
+        longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat_of(system.lights), 1e-300))
+    asked, kept = dense_times(thermal, times, duration)
     run = problem.integrate(
         _start(circuit, system.heat, initial), rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
         progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
-    attributes = {
-        "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": run.accepted,
+    rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
+    for i, offset in enumerate(system.heating.rises):
+        rises[:, i] += offset(run.rows[:, 0] * eq.NS)
+    trusted(thermal, rises)
+    found = _dataset(system, run.rows[kept] if times.size else run.rows, average)
+    found.attrs |= {
+        "duration": duration, "rtol": rtol, "method": chosen.value, "steps": run.accepted,
         "rejected_steps": run.rejected, "final_state": run.y * eq.units(problem.order, problem.rings),
-        "model_tau": np.ravel(1 / system.heat.rate), "driven_until": driven_until(system),
+        "model_tau": np.ravel(1 / system.heat.rate),
+        "driven_until": max(system.lights.driven_until, system.heating.driven_until),
     }  # fmt: skip
     if system.heat.heaters:
-        attributes["heater_states"] = system.heater_states
-    rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
-    for i, offset in enumerate(system.offsets):
-        if np.any(offset.coefficients):
-            rises[:, i] += offset(run.rows[:, 0] * eq.NS)
-    trusted(thermal, rises)
-    rows = run.rows[kept[: len(run.rows)]] if wanted.size else run.rows
-    return _dataset(system, rows, attributes, corner=corner, average=average)
+        found.attrs["heater_states"] = np.concatenate(system.heating.states(duration))
+    return found
 
 
 def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
@@ -103,61 +97,56 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
     return np.asarray(final_state(initial, n * (3 + K), {"model_tau": 1 / heat.rate}) / eq.units(K, n))
 
 
-def _dataset(system: System, rows: Array, attributes: dict[str, Any], *, corner: Array, average: bool) -> xr.Dataset:
+def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
     """The rows of the kernel as a Dataset, in SI."""
     circuit, light = system.circuit, system.light
-    n, D, ports, Q = len(circuit.names), light.delay.size, len(circuit.ports), len(light.terminals)
-    time, states = rows[:, 0] * eq.NS, rows[:, 1 : 1 + 4 * n].reshape(-1, n, 4).T
-    field, further, seen = states[0] + 1j * states[1], rows[:, 1 + 4 * n :].T, slice(D, D + ports)
+    time, further = rows[:, 0] * eq.NS, rows[:, 1 + 4 * len(circuit.names) :].T
+    fields, N, rise, absorbed = in_si(system.rings, rows)
+    D, Q = light.delay.size, len(light.terminals)
     if further.size:
         waves = (further[: 2 * Q : 2] + 1j * further[1 : 2 * Q : 2]) * eq.UW**0.5
     else:
-        waves = system.waves(field * eq.FJ**0.5, time)
-    power = np.abs(waves) ** 2
-    of_rings = system.by_ring(field, states[2], states[3])
+        waves = system.waves(fields, time)
+    energy, power, ports = np.abs(fields) ** 2, np.abs(waves) ** 2, slice(D, D + len(circuit.ports))
     scattering = np.array([[2 * ring.scattering_rate] for ring in circuit.resonators])
-    given = np.array([np.maximum(p(time), 0) for p in system.powers])
+    given = np.array([np.maximum(p(time), 0) for p in system.lights.powers])
     on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
-    shown = power[seen]
-    by_port = {"output": shown, "phase": np.angle(waves[seen])}
-    if corner.size:
-        late = corner[seen] > 0
-        shown = np.where(late[:, None], further[(3 if average else 2) * Q :][seen] * eq.UW, shown)
-        by_port["detected"] = shown
+    shown, corner = power[ports], system.corner[ports, None]
+    by_port = {"output": shown, "phase": np.angle(waves[ports])}
+    if corner.any():
+        by_port["detected"] = shown = np.where(corner > 0, further[-Q:][ports] * eq.UW, shown)
     if average:
-        energies = further[2 * Q : 3 * Q][seen] * eq.FJ
-        if corner.size:  # dz/dt = corner (P - z)
-            energies = energies - np.where(late, eq.NS / np.where(late, corner[seen], 1.0), 0.0)[:, None] * shown
-        length = np.diff(time, prepend=0.0)
-        gathered = np.diff(energies, prepend=0.0, axis=1)
-        by_port["mean_output"] = np.where(length > 0, gathered / np.where(length > 0, length, 1.0), shown)
-    every: dict[str, Any] = {
-        "ring": of_rings | {"scattered": scattering * of_rings["energy"]}, "port": by_port, "laser": {"input": given}
-    }  # fmt: skip
+        lag = np.divide(eq.NS, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
+        energies = further[2 * Q : 3 * Q][ports] * eq.FJ - lag * shown
+        length, gathered = np.diff(time, prepend=0.0), np.diff(energies, prepend=0.0, axis=1)
+        by_port["mean_output"] = np.divide(gathered, length, out=shown.copy(), where=length > 0)
+    of_rings = {
+        "energy": energy,
+        "carriers": N,
+        "delta_T": rise,
+        "absorbed": absorbed,
+        "scattered": scattering * energy,
+    }
+    groups = {"ring": of_rings, "port": by_port, "laser": {"input": given}}
     variables: dict[str, Any] = {
-        name: ((over, "time"), v, described(name)) for over, group in every.items() for name, v in group.items()
+        name: ((over, "time"), v, described(name)) for over, group in groups.items() for name, v in group.items()
     }
     variables["lost"] = ("time", light.lost @ power + on_the_way @ given, described("lost"))
-    if system.detuning is None:
-        variables["detuning"] = ("time", system.detunings[0](time), described("detuning"))
+    variables |= heater_powers(system.heating.powers, time)
+    attrs = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": parameters(circuit)}
+    if len(system.detuning.coefficients) == 1 and not system.detuning.coefficients[0, 1:].any():
+        attrs["detuning"] = float(system.detuning(0.0))
     else:
-        attributes = attributes | {"detuning": system.detuning}
+        variables["detuning"] = ("time", system.detuning(time), described("detuning"))
     coordinates = {
         "time": ("time", time, dataset.describe("time")),
         "ring": list(circuit.names),
         "port": list(circuit.ports),
         "laser": [laser.name for laser in circuit.lasers],
     }
-    origin = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": parameters(circuit)}
-    return xr.Dataset(variables | heater_powers(system.heaters, time), coords=coordinates, attrs=origin | attributes)
+    return xr.Dataset(variables, coordinates, attrs)
 
 
 def described(name: str) -> dict[str, str]:
     """Unit and long name of a variable."""
     return dict(zip(("units", "long_name"), NAMES[name], strict=True)) if name in NAMES else dataset.describe(name)
-
-
-def driven_until(system: System) -> float:
-    """When a laser or heater last changes, or lasers last beat, s."""
-    inputs = *system.powers, *system.detunings, *system.heaters.values()
-    return max(last_beat(system.powers, turns(system.circuit, system.detunings)), *map(last_change, inputs))

@@ -15,6 +15,7 @@ from ..heaters import heater_power
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
+from ..runs.window import in_si
 from ..thermal import trusted
 from .circuit import Circuit
 from .network import Light, light_of
@@ -80,7 +81,7 @@ def autonomous(
         raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
     own = {laser.name: given.get(laser.name, 0.0) for laser in lit}
     alone = replace(circuit, lasers=lit)
-    return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1e-6)
+    return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1.0)
 
 
 def at_rest(problem: Problem, y: Array, least: Array) -> Array | None:
@@ -119,11 +120,11 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
 
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     """States to start from: the branch of low power, then random detunings of the hot rings."""
-    n, drive = len(system.circuit.names), system.drive
+    n, drive = len(system.circuit.names), system.lights.drive
     y = system.problem(Method.RODAS5P).zero()
     for share in np.geomspace(1e-3, 1.0, RAMP):
         power = drive.power._replace(coefficients=share * drive.power.coefficients)
-        weaker = replace(system, drive=drive._replace(power=power))
+        weaker = replace(system, lights=system.lights._replace(drive=drive._replace(power=power)))
         following = _newton(weaker, weaker.problem(Method.RODAS5P), y)
         if following is None:
             break
@@ -139,8 +140,8 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
 def _state_at(system: System, D: Array) -> Array:
     """State with given detunings D in rad/ns: light and carriers of the coupled rings, heat of each ring alone."""
     n = len(D)
-    power, phase = system.drive.power.coefficients[0, :, 0], system.drive.phase.coefficients[0, :, 0]
-    into = system.drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
+    power, phase = system.lights.drive.power.coefficients[0, :, 0], system.lights.drive.phase.coefficients[0, :, 0]
+    into = system.lights.drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
     between = system.light.between * eq.NS
     loss, absorbed, fca, tpa, g = system.rings.modes[:, 0, :5].T
     tau0, a, b = system.rings.carriers.T
@@ -161,14 +162,16 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     circuit, heat = system.circuit, system.heat
     n, K = heat.gain.shape
     y = np.array(found).reshape(-1, 3 * n + n * K)
-    field, x = y[:, 0 : 3 * n : 3] + 1j * y[:, 1 : 3 * n : 3], y[:, 3 * n :].reshape(-1, n, K)
+    x = y[:, 3 * n :].reshape(-1, n, K)
     own = np.einsum("iik,sik->si", heat.read, x)
     rises = np.einsum("ijk,sjk->si", heat.read, x) + heat.curvature * own**2
-    rises = rises + np.array([float(offset(0.0)) for offset in system.offsets])
-    waves = system.waves(field.T * eq.FJ**0.5, np.zeros(len(y)))[: len(circuit.ports)].T
+    rises = rises + np.array([float(offset(0.0)) for offset in system.heating.rises])
+    rows = np.dstack([y[:, : 3 * n].reshape(-1, n, 3), rises]).reshape(len(y), -1)
+    fields, N, rise, absorbed = in_si(system.rings, np.hstack([np.zeros((len(y), 1)), rows]))
+    waves = system.waves(fields, np.zeros(len(y)))[: len(circuit.ports)].T
     values = np.array([np.linalg.eigvals(problem.slopes(one)[1]) for one in y]).reshape(len(y), -1)
     first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0] if len(y) else np.empty(0)
-    by_ring = system.by_ring(field.T, y[:, 2 : 3 * n : 3].T, rises.T)
+    by_ring = {"energy": np.abs(fields) ** 2, "carriers": N, "delta_T": rise, "absorbed": absorbed}
     variables: dict[str, Any] = {k: (("state", "ring"), v.T, described(k)) for k, v in by_ring.items()}
     variables["output"] = (("state", "port"), np.abs(waves) ** 2, described("output"))
     for name, column, unit, words in (
@@ -178,7 +181,10 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     ):
         variables[name] = ("state", column, {"units": unit, "long_name": words})
     coordinates = {"ring": list(circuit.names), "port": list(circuit.ports)}
-    attrs = dataset.stamp("fixed points of a circuit") | {"circuit": circuit.name, "detuning": system.detuning or 0.0}
+    attrs = dataset.stamp("fixed points of a circuit") | {
+        "circuit": circuit.name,
+        "detuning": float(system.detuning(0.0)),
+    }
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)
 
 

@@ -1,7 +1,6 @@
 """The settled cycle of a self-pulsing ring or circuit, solved for."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,13 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
-from ..circuit.run import run_circuit
 from ..circuit.stationary import autonomous
 from ..heaters import constant
 from ..kernel.integrator import CARRIERS, ENERGY
 from ..kernel.tableaus import Method
 from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, internal_rates, units
 from ..resonator import RingResonator
+from ..runs.simulate import simulate
 from ..states import State, starting_point
 from ..thermal import check_geometry, provenance, trusted
 from .branch import is_hopf_point, near_hopf
@@ -32,7 +31,6 @@ UNSTABLE = 1 + 1e-6  # of a multiplier; their errors are below 3e-7, rarely 2e-6
 MOST_PULSES = 1000  # in a period of a guess
 SETTLING, TURNS = 30.0, 1e5  # of the slowest heat; ns: a transient that leads near a cycle, then some pulses
 NEARLY = 1e-3  # of the largest values, to which a pulse repeats itself
-LONGEST = 1.0  # s, of a circuit's trace
 SWING = 1e-3  # relative, below which the state of a circuit counts as at rest
 ROWS = 401  # of a circuit's cycle
 
@@ -229,9 +227,6 @@ def _of_circuit(
     """The cycle that a circuit runs into: a run from cold leads near it, and `settling.pulse_train` closes it."""
     settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
     system = autonomous(circuit, model, power, heaters, detuning)
-    edges, drive = np.array([0.0, LONGEST / NS]), system.drive
-    tables = {name: getattr(drive, name)._replace(edges=edges) for name in ("power", "phase", "detuning")}
-    system = replace(system, drive=drive._replace(edges=edges, **tables))
     rough, fine = (system.problem(method) for method in (Method.RODAS4, Method.RODAS5P))
     run = Flow(fine, fine).run(fine.zero(), settle / NS, MIDDLE)
     quantity, k, seen = _pulses(run.rows, fine.rings, settle)
@@ -241,12 +236,16 @@ def _of_circuit(
             f"settle = {settle:g} s leads to no cycle: {why}",
             "lengthen it, unless the pulses die away or never repeat",
         )
-    attrs = {"final_state": orbit.start * units(fine.order, fine.rings), "model_tau": np.ravel(1 / system.heat.rate)}
+    start = {
+        "final_state": orbit.start * units(fine.order, fine.rings),
+        "model_tau": np.ravel(1 / system.heat.rate),
+        "heater_states": np.concatenate([[], *system.heating.begin]),
+    }
     times = np.linspace(0.0, orbit.T * NS, ROWS)
-    cycle = run_circuit(
-        system.circuit, model, heaters=heaters, detuning=detuning, average=False, method=None, progress=None,
-        power={laser.name: power.get(laser.name, 0.0) for laser in system.circuit.lasers}, duration=times[-1],
-        rtol=FINE, times=times, initial=xr.Dataset(attrs=attrs | {"heater_states": system.heater_states}),
+    cycle = simulate(
+        system.circuit, model, power={laser.name: power.get(laser.name, 0.0) for laser in system.circuit.lasers},
+        detuning=detuning, heaters=heaters, duration=times[-1], rtol=FINE, times=times,
+        initial=xr.Dataset(attrs=start),
     )  # fmt: skip
     cycle["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
     cycle.attrs["period"] = float(times[-1])

@@ -13,11 +13,11 @@ from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
-from ..arguments import check_run, detuning_in_time, power_in_time
+from ..arguments import check_ring, check_run, detuning_in_time, power_in_time
 from ..heaters import heater_powers, power_of
-from ..inputs import last_change, pieces
+from ..inputs import Lights, last_change, pieces
 from ..resonator import RingResonator
-from ..runs.window import Laser, Lights, Window, lights_of, provenance, traces
+from ..runs.window import Laser, Window, lights_of, provenance, traces
 from ..states import State
 from ..thermal import Compact, check_geometry, compact
 from .corrector import FEM, Corrector, beginning
@@ -103,7 +103,8 @@ def cosimulate(
     >>> print(f"{last.period * 1e9:.0f} ns, {last.swing:.2f} K")
     680 ns, 5.87 K
     """
-    duration, rtol = check_run(ring, duration, rtol)
+    check_ring(ring)
+    duration, rtol = check_run(duration, rtol)
     doubts = check_geometry(ring, heat)
     max_discrepancy = checks.between(
         "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
@@ -230,7 +231,6 @@ def _joined(parts: list[Passed], lights: Lights) -> Window:
 
     rise = np.concatenate([part.delta_T[(k > 0) :] for k, part in enumerate(parts)])
     joined = {name: together(name) for name in ("time", "fields", "carriers", "absorbed", "absorbed_slope")}
-    incoming, power = lights.incoming(joined["time"])
     counts = np.sum([part.run.counts for part in parts], axis=0)
-    last = parts[-1].run
-    return last._replace(**joined, incoming=incoming, input_power=power, delta_T=rise, counts=counts, lights=lights)
+    incoming = lights.incoming(joined["time"])
+    return parts[-1].run._replace(**joined, incoming=incoming, delta_T=rise, counts=counts, lights=lights)

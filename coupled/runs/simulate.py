@@ -11,16 +11,16 @@ from thermofem import checks, dataset
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
-from ..arguments import check_run, check_times, detuning_in_time, power_in_time
+from ..arguments import check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
 from ..heaters import channels, heater_powers, heating
-from ..inputs import Input, last_change
+from ..inputs import Input
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import attributes, check_geometry, dense_times, trusted
-from .window import NO_TIMES, Event, Laser, advance, provenance, traces
+from .window import Event, Laser, advance, provenance, traces
 
 
 def simulate(
@@ -134,7 +134,9 @@ def simulate(
     >>> print(f"{float(run.delta_T.sel(ring='ring 1').max()):.1f} K")
     10.5 K
     """
+    duration, rtol = check_run(duration, rtol)
     chosen = None if method is None else Method(str(method).lower())
+    wanted = np.empty(0) if times is None else check_times(times, duration)
     if isinstance(ring, Circuit):
         alone: dict[str, Any] = {"event": event, "heated": heated, "read": read, "lasers": lasers or None}
         for name, value in alone.items():
@@ -143,33 +145,35 @@ def simulate(
         for one in dict.fromkeys(ring.resonators):
             check_geometry(one, model)
         return run_circuit(
-            ring, model, power=power, detuning=detuning, heaters=heaters, duration=duration, rtol=rtol, times=times,
+            ring, model, power=power, detuning=detuning, heaters=heaters, duration=duration, rtol=rtol, times=wanted,
             average=average, method=chosen, initial=initial, progress=progress,
         )  # fmt: skip
-    duration, rtol = check_run(ring, duration, rtol)
+    check_ring(ring)
     doubts = check_geometry(ring, model)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     others = [
         replace(one, power=power_in_time(one.power, duration), detuning=detuning_in_time(one.detuning, duration))
         for one in checks.instances("lasers", lasers, Laser)
     ]
-    wanted = NO_TIMES if times is None else check_times(times, duration)
     picked = channels(model, heaters, heated, read)
-    small, heat = picked.model, heating(picked, heaters, duration, rtol)
+    small, poles = picked.model, picked.poles
+    heat = heating(poles, heaters, duration, rtol, np.zeros(small.order * len(poles)))
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     begin = starting_point(initial, small.order, attributes(small))
     asked, kept = dense_times(model, wanted, duration)
     run = advance(
-        ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"], offset=heat.rise,
+        ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"], offset=heat.rises[0],
         lasers=others, fields=_further_fields(initial), rtol=rtol, method=chosen, times=asked, event=event,
         progress=progress,
     )  # fmt: skip
     trusted(model, run.delta_T)
     end = run.final
     if heat.powers:
-        end = replace(end, thermal=np.asarray(end.thermal) + heat.states(run.reached))
-    places = np.array([one.frequency for one in run.lights.resonances[1:]])
+        added = sum(each.gain[0] * x for each, x in zip(poles.values(), heat.states(run.reached), strict=True))
+        end = replace(end, thermal=np.asarray(end.thermal) + added)
+    static = sum(picked.transfers[name].thermal_resistance * float(p(run.reached)) for name, p in heat.powers.items())
+    places = np.array([one.frequency for one in run.resonances[1:]])
     several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
     found = xr.Dataset(
         {**traces(run, light), **heater_powers(heat.powers, run.time)},
@@ -177,10 +181,10 @@ def simulate(
         {
             **provenance(ring, light, duration),
             **doubts,
-            "driven_until": max([run.lights.driven_until, *map(last_change, heat.powers.values())]),
+            "driven_until": max(run.lights.driven_until, heat.driven_until),
             **attributes(small),
             **({} if initial is None else {"initial": "given"}),
-            **(several if others else {"heater_rise": rise} if (rise := heat.static(run.reached)) else {}),
+            **(several if others else {"heater_rise": static} if static else {}),
             "rtol": rtol,
             "method": run.method.value,
             "steps": int(run.counts[0]),

@@ -13,11 +13,10 @@ import numpy as np
 
 from thermofem import checks, dataset
 from thermofem.arrays import Array, Complex, NDArray
-from thermofem.piecewise import Pieces
 
-from ..inputs import Input, add, integral, joint, largest, last_beat, last_change, pieces, table, values
+from ..inputs import Input, Lights, add, lights, pieces, values
 from ..kernel import units as eq
-from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
+from ..kernel.integrator import Crossing, Drive, Problem, Rings
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator, origin
 from ..states import State
@@ -72,44 +71,13 @@ class Laser:
             checks.instance("resonance", self.resonance, RingResonator, hint=hint)
 
 
-class Lights(NamedTuple):
-    """L lasers on F resonances of a ring over one window."""
-
-    resonances: list[RingResonator]
-    at: list[int]
-    """Resonance of every laser."""
-    powers: list[Pieces]
-    detunings: list[Pieces]
-    drive: Drive
-    beat: float
-    """The fastest on one resonance, rad/ns."""
-
-    def incoming(self, times: Array) -> tuple[Complex, Array]:
-        """Amplitudes in sqrt(W) and powers in W on every resonance at times in s, shape (F, n)."""
-        power = np.array([np.maximum(one(times), 0) for one in self.powers])
-        if len(power) == len(self.resonances):  # none shares its resonance
-            return np.sqrt(power) + 0j, power
-        amplitude = self.drive.entry @ (np.sqrt(power) * np.exp(1j * values(self.drive.phase, times)))
-        return amplitude, np.abs(amplitude) ** 2
-
-    @property
-    def driven_until(self) -> float:
-        """When a laser last changes, or lasers on one resonance last beat, s."""
-        found = [last_change(one) for one in (*self.powers, *self.detunings)]
-        for f in range(len(self.resonances)):
-            here = [k for k, own in enumerate(self.at) if own == f]
-            found.append(last_beat([self.powers[k] for k in here], [self.detunings[k] for k in here]))
-        return max(found)
-
-
 class Window(NamedTuple):
     """Result of `advance` in SI; rows are the accepted steps or the wanted times."""
 
     time: Array
     fields: Complex
-    """sqrt(J), shape (resonances, times), as ``incoming`` in sqrt(W) and ``input_power`` in W."""
+    """sqrt(J), shape (resonances, times), as ``incoming`` in sqrt(W)."""
     incoming: Complex
-    input_power: Array
     carriers: Array
     delta_T: Array
     absorbed: Array
@@ -126,6 +94,7 @@ class Window(NamedTuple):
     """Accepted and rejected steps."""
     method: Method
     lights: Lights
+    resonances: list[RingResonator]
 
 
 def advance(
@@ -168,32 +137,30 @@ def advance(
     Measured on the self-pulsing ring at (8 dBm, 0 GHz) with Rodas4 at rtol 1e-6 against 1e-11: the spline through
     (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.
     """
-    lights = lights_of(ring, [Laser(power, detuning), *lasers], start, stop, offset)
-    resonances, drive, (heat, bend) = lights.resonances, lights.drive, eq.internal_heat(model)
-    rings = eq.internal_rings(resonances, math.sqrt(drive.brightest.max()), model.thermal_resistance * eq.UW)
+    resonances = resonances_of(ring, lasers)
+    light = lights_of(ring, [Laser(power, detuning), *lasers], start, stop, offset)
+    drive, (heat, bend) = light.drive, eq.internal_heat(model)
+    pump = float((np.abs(drive.entry) * np.sqrt(drive.brightest)).max())
+    rings = eq.internal_rings(resonances, pump, model.thermal_resistance * eq.UW)
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     problem, F = Problem(rings._replace(bend=bend), heat, drive, chosen), len(resonances)
     unit = eq.units(problem.order)
     own = state.as_array() / unit
     others = np.ravel([(fields or {}).get(one.frequency, (0.0, 0.0)) for one in resonances[1:]]) / eq.FJ**0.5
     run = problem.integrate(
-        np.concatenate([own[:2], others, own[2:]]), rtol=rtol, times=times / eq.NS if times.size else None,
-        longest=BEAT * 2 * math.pi / lights.beat if lights.beat else math.inf, first_step=first_step / eq.NS,
+        np.insert(own, 2, others), rtol=rtol, times=times / eq.NS if times.size else None,
+        longest=BEAT * 2 * math.pi / max(np.abs(light.turning).max(), 1e-300), first_step=first_step / eq.NS,
         event=_event(event), progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
-    time, parts, (N, dT) = run.rows[:, 0] * eq.NS, run.rows[:, 1:-2].reshape(-1, F, 2).T, run.rows[:, -2:].T
-    U = parts[0] ** 2 + parts[1] ** 2
-    absorbed, fca, tpa = rings.modes[0, :, 1:4].T[:, :, None]
-    lost = absorbed + fca * N + tpa * (2 * U.sum(axis=0) - U)
-    incoming, input_power = lights.incoming(time)
+    time = run.rows[:, 0] * eq.NS
+    fields, (N,), (dT,), (absorbed,) = in_si(rings, run.rows)
     return Window(
         time=time,
-        fields=(parts[0] + 1j * parts[1]) * eq.FJ**0.5,
-        incoming=incoming,
-        input_power=input_power,
-        carriers=N * eq.DENSITY,
+        fields=fields,
+        incoming=light.incoming(time),
+        carriers=N,
         delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(time)),
-        absorbed=2 * (lost * U).sum(axis=0) * eq.UW,
+        absorbed=absorbed,
         absorbed_slope=_absorbed_slope(run.rows, drive, eq.internal_rates(ring)[0]) if slopes else NO_TIMES,
         final=State.from_array(np.concatenate([run.y[:2], run.y[2 * F :]]) * unit),
         further=run.y[2 : 2 * F] * eq.FJ**0.5,
@@ -202,8 +169,20 @@ def advance(
         crossings=run.crossings * eq.NS,
         counts=np.array([run.accepted, run.rejected]),
         method=chosen,
-        lights=lights,
+        lights=light,
+        resonances=resonances,
     )
+
+
+def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
+    """Fields in sqrt(J), (R F, m), and carriers in 1/m^3, rise in K and absorbed power in W, (R, m), of kernel rows."""
+    R, F = rings.modes.shape[:2]
+    states = rows[:, 1 : 1 + R * (2 * F + 2)].reshape(-1, R, 2 * F + 2).T
+    fields, N, rise = states[0 : 2 * F : 2] + 1j * states[1 : 2 * F : 2], states[-2], states[-1]
+    absorbed, fca, tpa = rings.modes[:, :, 1:4].T[..., None]
+    U = np.abs(fields) ** 2
+    heating = 2 * ((absorbed + fca * N + tpa * (2 * U.sum(axis=0) - U)) * U).sum(axis=0)
+    return fields.swapaxes(0, 1).reshape(R * F, -1) * eq.FJ**0.5, N * eq.DENSITY, rise, heating * eq.UW
 
 
 def _event(event: Event | None) -> Crossing | None:
@@ -216,44 +195,40 @@ def _event(event: Event | None) -> Crossing | None:
     return Crossing(1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], stop)
 
 
+def resonances_of(ring: RingResonator, lasers: Sequence[Laser]) -> list[RingResonator]:
+    """The resonances that lasers are on, each once, that of the ring itself first."""
+    return list(dict.fromkeys([ring, *(one.resonance or ring for one in lasers)]))
+
+
 def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: float, offset: Any = 0.0) -> Lights:
     """Convert lasers to what the kernel takes between two times in s.
 
     The first laser drives the ring's own resonance. offset [K]: a temperature that other sources add, a number or a
     function of time. It acts as a detuning of thermal_shift x offset, and is added as one.
     """
-    resonances = list(dict.fromkeys([ring, *(one.resonance or ring for one in lasers)]))
+    resonances = resonances_of(ring, lasers)
     at = [resonances.index(one.resonance or ring) for one in lasers]
     first = [at.index(f) for f in range(len(resonances))]
     powers = [pieces("power", one.power, start, stop) for one in lasers]
-    detunings = [pieces("detuning", one.detuning, start, stop) for one in lasers]
-    heat = [] if isinstance(offset, float) and offset == 0 else [pieces("offset", offset, start, stop)]
-    inside, turns = [], []
-    for f, power, detuning in zip(at, powers, detunings, strict=True):
-        inside.append(power.times(2 * resonances[f].bus_rate * eq.NS / eq.UW))
-        shift = resonances[f].thermal_shift * eq.NS
-        turns.append(add([detuning.times(2 * np.pi * eq.NS), *(rise.times(shift) for rise in heat)]))
-    phase, beat = Polynomials(powers[0].edges[[0, -1]] / eq.NS, np.zeros((1, len(lasers), 1))), 0.0
-    if len(lasers) > len(resonances):
-        pairs = [(turn, turns[first[f]].times(-1.0)) for f, turn in zip(at, turns, strict=True)]
-        apart = table([add([*pair]) for pair in pairs])
-        phase, beat = integral(apart), float(np.abs(apart.coefficients[:, :, 0]).max())
-        phase.coefficients[:, :, 0] += [one.phase - lasers[first[f]].phase for f, one in zip(at, lasers, strict=True)]
-    drive = Drive(
-        edges=joint(*inside, *turns) / eq.NS,
-        power=table(inside),
-        phase=phase,
-        detuning=table([turns[k] for k in first]),
-        entry=(np.array(at) == np.arange(len(resonances))[:, None]).astype(complex),
-        brightest=np.array([largest(power) for power in inside]),
+    frequencies = [pieces("detuning", one.detuning, start, stop) for one in lasers]
+    rise = pieces("offset", offset, start, stop)
+    return lights(
+        powers,
+        frequencies,
+        frame=[first[f] for f in at],
+        detunings=[
+            add([frequencies[k].times(2 * np.pi), rise.times(one.thermal_shift)])
+            for k, one in zip(first, resonances, strict=True)
+        ],
+        entry=np.array([[(own == f) * (2 * one.bus_rate) ** 0.5 for own in at] for f, one in enumerate(resonances)]),
+        phases=[one.phase - lasers[first[f]].phase for f, one in zip(at, lasers, strict=True)],
     )
-    return Lights(resonances, at, powers, detunings, drive, beat)
 
 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     """dP_abs/dt in W/s at the rows, from the equations themselves: dU/dt = 2 (pump Im a - gamma U)."""
     t, ar, ai, N, _ = rows.T
-    pump = np.sqrt(np.maximum(Pieces(drive.power.edges, drive.power.coefficients[:, 0])(t), 0))
+    pump = float(drive.entry[0, 0].real) * np.sqrt(np.maximum(values(drive.power, t * eq.NS)[0], 0))
     U = ar**2 + ai**2
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     U_slope = 2 * (pump * ai - gamma * U)
@@ -274,7 +249,7 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
 
     light: power and detuning of the first laser, floats or functions of time.
     """
-    U, resonances = np.abs(run.fields) ** 2, run.lights.resonances
+    U, resonances = np.abs(run.fields) ** 2, run.resonances
     bus, drop, scattering = (
         np.array([[2 * getattr(one, name)] for one in resonances])
         for name in ("bus_rate", "drop_bus_rate", "scattering_rate")
@@ -289,7 +264,8 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
     }
     if scattering.any():
         found["scattered"] = scattering * U
-    found["input_power"] = run.input_power
+    each = [np.maximum(power(run.time), 0) for power in run.lights.powers]
+    found["input_power"] = np.array(each) if len(each) == len(resonances) else np.abs(run.incoming) ** 2
     if not isinstance(light["detuning"], float):
         found["detuning"] = light["detuning"](run.time)
     variables: dict[str, Any] = {}

@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from rings import RING, SECOND_ORDER
+from paths import ROOT
+from rings import RING, SECOND_ORDER, delay_loop
 from scipy.integrate import solve_ivp
 
 import coupled
@@ -193,7 +194,7 @@ def test_a_linear_delay_loop_has_its_closed_form():
     delay, loss, phase = 0.3e-9, 2.0, 0.9
     times = np.linspace(0, 2 * delay, 81)
     run = coupled.simulate(
-        coupled.circuit.delay_loop(RING, delay, loss=loss, phase=phase), SECOND_ORDER,
+        delay_loop(RING, delay, loss=loss, phase=phase), SECOND_ORDER,
         power={"in": FAINT}, detuning=3e9,
         duration=2 * delay, rtol=1e-9, times=times,
     )  # fmt: skip
@@ -218,7 +219,7 @@ def test_a_nonlinear_delay_loop_against_the_method_of_steps():
     """Each pass over the delay as an ordinary equation, by SciPy's DOP853 with its dense output for the past."""
     delay, duration = 1e-9, 6e-9
     times = np.linspace(0, duration, 121)
-    circuit = coupled.circuit.delay_loop(RING, delay, loss=1.0, phase=0.4)
+    circuit = delay_loop(RING, delay, loss=1.0, phase=0.4)
     run = coupled.simulate(circuit, SECOND_ORDER, power={"in": 3e-3}, duration=duration, rtol=1e-9, times=times)
     f, heat = parts_of_run(coupled.bus(RING), SECOND_ORDER, {"in": 3e-3}, duration)
     ke, kd, s = np.sqrt(2 * RING.bus_rate * 1e-9), np.sqrt(2 * RING.drop_bus_rate * 1e-9), np.sqrt(3e3)
@@ -375,7 +376,7 @@ CASES = [
         lambda: wired((), [coupled.Detector("d", f"ring {k}.through") for k in (1, 2)]),
         "detector names holds 'd' twice",
     ),
-    (lambda: coupled.circuit.delay_loop(RING, 1e-9, loss=-1), "loss = -1 must lie.*no gain"),
+    (lambda: delay_loop(RING, 1e-9, loss=-1), "loss = -1 must lie.*no gain"),
     (lambda: coupled.LaserPort("in", "ring 1.in", loss=-1), "laser 'in': loss = -1 must lie"),
     (lambda: coupled.bus(RING).scattered(1e9, seed=-1), "seed = -1 must be a whole number from 0"),
     (lambda: coupled.bus(RING).scattered(1e9, seed=0.5), "seed = 0.5 must be a whole number from 0"),
@@ -385,7 +386,7 @@ CASES = [
     (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "drop_rate of ring 1 = 0 must be positive"),
     (lambda: light_of(looped()), "light piles up"),
     (
-        lambda: run(coupled.circuit.delay_loop(RING, 1e-15)),
+        lambda: run(delay_loop(RING, 1e-15)),
         "delay of the waveguide from 'ring 1.through' = 1e-15 must lie .* no step would be longer",
     ),
     (lambda: run(coupled.bus(RING), inputs={"inn": 1e-3}), "did you mean 'in'"),
@@ -393,7 +394,7 @@ CASES = [
     (lambda: run(coupled.bus([RING] * 3), thermal=pair()), "2 inputs and 2 outputs, the circuit 3 rings"),
     (lambda: run(coupled.bus(RING), heaters={"heater": 1e-3}), "no heaters among its inputs"),
     (
-        lambda: run(coupled.circuit.delay_loop(RING, 1e-9), detuning=coupled.Sweep([0, 1e-8], [0, 1e9])),
+        lambda: run(delay_loop(RING, 1e-9), detuning=coupled.Sweep([0, 1e-8], [0, 1e9])),
         "detuning varies",
     ),
 ]
@@ -423,9 +424,9 @@ def test_what_cannot_be_is_refused_in_one_line(call, words):
 
 
 def test_a_circuit_file_is_the_circuit_that_it_documents(tmp_path):
-    from coupled.circuit import circuit as module
-
-    text = (module.__doc__ or "").split("```toml\n")[1].split("```")[0]
+    text = (
+        (ROOT / "docs/circuits.md").read_text(encoding="utf-8").split('```toml title="bus.toml"\n')[1].split("```")[0]
+    )
     (tmp_path / "circuit.toml").write_text(text)
     circuit = coupled.Circuit.from_toml(tmp_path / "circuit.toml")
     assert circuit.names == ("a", "b")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rings import RING, SECOND_ORDER
+from rings import RING, SECOND_ORDER, delay_loop
 from test_circuit import pair
 
 import coupled
@@ -85,7 +85,7 @@ def test_a_faint_ring_beside_a_pulsing_one_follows_it():
     ("call", "words"),
     [
         (lambda: states(TWO, {"one": th.Constant(1e-3)}), r"power\['one'\] = Constant.*is not a number.*belong to"),
-        (lambda: states(coupled.circuit.delay_loop(RING, 1e-9), {"in": 1e-3}), "the circuit has delays"),
+        (lambda: states(delay_loop(RING, 1e-9), {"in": 1e-3}), "the circuit has delays"),
         (lambda: states(BEATING, {"a": 1e-3, "b": 1e-3}), "different frequency beat"),
         (lambda: states(RING, {"in": 1e-3}), "power = "),
         (

@@ -31,6 +31,13 @@ BENT = th.Quadratic(
 )
 
 
+def delay_loop(ring: coupled.RingResonator, delay: float, loss: float = 3.0, phase: float = 0.0) -> coupled.Circuit:
+    """A ring whose through port leads back to its add port: optical feedback with memory."""
+    loop = coupled.Waveguide("ring 1.through", "ring 1.add", loss, phase, delay)
+    detector = coupled.Detector("drop", "ring 1.drop")
+    return coupled.Circuit([ring], (loop,), (coupled.LaserPort("in", "ring 1.in"),), (detector,), name="loop")
+
+
 def state(poles: int, carriers: float = 1.7) -> np.ndarray:
     """A state off every symmetry: U = 13.4 fJ, 7 K in all."""
     return np.array([-2.3, 2.85, carriers, *np.linspace(1, 2, poles) / np.linspace(1, 2, poles).sum() * 7.0])
