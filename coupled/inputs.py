@@ -83,12 +83,6 @@ def add(parts: list[Pieces]) -> Pieces:
     return Pieces(edges, np.sum([part.on(edges).coefficients for part in parts], axis=0))
 
 
-def minus(one: Pieces, other: Pieces) -> Pieces:
-    """The difference of two functions on one window, one piece where it is zero."""
-    found = add([one, other.times(-1.0)])
-    return found if np.any(found.coefficients) else Pieces.constant(*found.edges[[0, -1]], 0.0)
-
-
 def joint(*parts: Pieces) -> Array:
     """The union of all edges; edges closer than round-off of the window are merged."""
     if all(np.array_equal(part.edges, parts[0].edges) for part in parts[1:]):
@@ -125,8 +119,10 @@ class Lights(NamedTuple):
 
     @property
     def apart(self) -> list[Pieces]:
-        """Frequency of every laser minus that of its frame in Hz."""
-        return [minus(own, self.frequencies[k]) for own, k in zip(self.frequencies, self.frame, strict=True)]
+        """Frequency of every laser minus that of its frame in Hz, one piece where it is zero."""
+        pairs = zip(self.frequencies, [self.frequencies[k] for k in self.frame], strict=True)
+        found = [add([own, frame.times(-1.0)]) if own is not frame else own.times(0.0) for own, frame in pairs]
+        return [one if one.coefficients.any() else Pieces.constant(one.edges[0], one.edges[-1], 0.0) for one in found]
 
     @property
     def turning(self) -> Array:
@@ -155,7 +151,7 @@ class Lights(NamedTuple):
 
 def lights(
     powers: list[Pieces], frequencies: list[Pieces], frame: list[int], *, detunings: list[Pieces], entry: Complex,
-    phases: ArrayLike = 0.0, echoes: Callable[[Array], Array] = np.asarray,
+    phases: Sequence[float] = (), echoes: Callable[[Array], Array] = np.asarray,
 ) -> Lights:  # fmt: skip
     """Lasers, and what they are to the fields of the rings.
 
@@ -166,7 +162,7 @@ def lights(
     """
     found = Lights(powers, frequencies, frame, Drive.constant(0.0, 0.0, 1.0))
     phase = integral(table(found.apart, 2 * np.pi * NS))
-    phase.coefficients[:, :, 0] += phases
+    phase.coefficients[:, :, 0] += np.array(phases or 0.0)
     turning, window = table(detunings, NS), powers[0].edges[[0, -1]]
     edges = apart_in_time(np.concatenate([echoes(joint(*powers)), NS * turning.edges, NS * phase.edges]), window)
     drive = Drive(
@@ -228,7 +224,7 @@ def last_change(function: Pieces) -> float:
 
 def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
     """Until when two lasers are on that beat, s; 0 where all have the same frequency."""
-    apart = [minus(one, frequencies[0]) for one in frequencies[1:]]
+    apart = [add([one, frequencies[0].times(-1.0)]) for one in frequencies[1:]]
     if not any(np.any(one.coefficients) for one in apart):
         return 0.0
     ends = [one.edges[-1] for one in powers]

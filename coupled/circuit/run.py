@@ -13,7 +13,6 @@ from ..heaters import heater_powers
 from ..kernel import units as eq
 from ..kernel.tableaus import Method
 from ..resonator import parameters
-from ..runs.window import in_si
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
@@ -101,7 +100,7 @@ def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
     """The rows of the kernel as a Dataset, in SI."""
     circuit, light = system.circuit, system.light
     time, further = rows[:, 0] * eq.NS, rows[:, 1 + 4 * len(circuit.names) :].T
-    fields, N, rise, absorbed = in_si(system.rings, rows)
+    fields, N, rise, absorbed = eq.in_si(system.rings, rows)
     D, Q = light.delay.size, len(light.terminals)
     if further.size:
         waves = (further[: 2 * Q : 2] + 1j * further[1 : 2 * Q : 2]) * eq.UW**0.5

@@ -15,7 +15,6 @@ from ..heaters import heater_power
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
-from ..runs.window import in_si
 from ..thermal import trusted
 from .circuit import Circuit
 from .network import Light, light_of
@@ -167,7 +166,7 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     rises = np.einsum("ijk,sjk->si", heat.read, x) + heat.curvature * own**2
     rises = rises + np.array([float(offset(0.0)) for offset in system.heating.rises])
     rows = np.dstack([y[:, : 3 * n].reshape(-1, n, 3), rises]).reshape(len(y), -1)
-    fields, N, rise, absorbed = in_si(system.rings, np.hstack([np.zeros((len(y), 1)), rows]))
+    fields, N, rise, absorbed = eq.in_si(system.rings, np.hstack([np.zeros((len(y), 1)), rows]))
     waves = system.waves(fields, np.zeros(len(y)))[: len(circuit.ports)].T
     values = np.array([np.linalg.eigvals(problem.slopes(one)[1]) for one in y]).reshape(len(y), -1)
     first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0] if len(y) else np.empty(0)

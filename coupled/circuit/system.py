@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, Complex
 
 from ..arguments import detuning_in_time, power_in_time
 from ..heaters import Heating, heating
@@ -58,7 +58,7 @@ class System:
         poles = PoleHeat(heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS, own, cross)
         return Problem(self.rings, poles, self.lights.drive, method, network)
 
-    def waves(self, fields: Array, times: Array) -> Array:
+    def waves(self, fields: Complex, times: Array) -> Complex:
         """Observed waves in sqrt(W), (Q, m), of fields in sqrt(J), (N, m), at times in s, without delays."""
         return np.asarray(self.light.seen_ring @ fields + self.light.seen_laser @ self.lights.amplitudes(times))
 

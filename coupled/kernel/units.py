@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from thermofem import Foster, OutputMap
-from thermofem.arrays import Array
+from thermofem.arrays import Array, Complex
 
 from .integrator import Drive, PoleHeat, Problem, QuadraticHeat, Rings
 from .tableaus import Method
@@ -94,6 +94,17 @@ def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
 def units(order: int, rings: int = 1) -> Array:
     """SI value of one internal unit of every state of rings with ``order`` states of heat each."""
     return np.concatenate([np.tile([FJ**0.5, FJ**0.5, DENSITY], rings), np.ones(rings * order)])
+
+
+def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
+    """Fields in sqrt(J), (R F, m), and carriers in 1/m^3, rise in K and absorbed power in W, (R, m), of kernel rows."""
+    R, F = rings.modes.shape[:2]
+    states = rows[:, 1 : 1 + R * (2 * F + 2)].reshape(-1, R, 2 * F + 2).T
+    fields, N, rise = states[0 : 2 * F : 2] + 1j * states[1 : 2 * F : 2], states[-2], states[-1]
+    absorbed, fca, tpa = rings.modes[:, :, 1:4].T[..., None]
+    U = np.abs(fields) ** 2
+    heating = 2 * ((absorbed + fca * N + tpa * (2 * U.sum(axis=0) - U)) * U).sum(axis=0)
+    return fields.swapaxes(0, 1).reshape(R * F, -1) * FJ**0.5, N * DENSITY, rise, heating * UW
 
 
 def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_resistance: float) -> Rings:

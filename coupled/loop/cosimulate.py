@@ -232,5 +232,4 @@ def _joined(parts: list[Passed], lights: Lights) -> Window:
     rise = np.concatenate([part.delta_T[(k > 0) :] for k, part in enumerate(parts)])
     joined = {name: together(name) for name in ("time", "fields", "carriers", "absorbed", "absorbed_slope")}
     counts = np.sum([part.run.counts for part in parts], axis=0)
-    incoming = lights.incoming(joined["time"])
-    return parts[-1].run._replace(**joined, incoming=incoming, delta_T=rise, counts=counts, lights=lights)
+    return parts[-1].run._replace(**joined, delta_T=rise, counts=counts, lights=lights)

@@ -16,7 +16,7 @@ from thermofem.arrays import Array, Complex, NDArray
 
 from ..inputs import Input, Lights, add, lights, pieces, values
 from ..kernel import units as eq
-from ..kernel.integrator import Crossing, Drive, Problem, Rings
+from ..kernel.integrator import Crossing, Drive, Problem
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator, origin
 from ..states import State
@@ -76,8 +76,7 @@ class Window(NamedTuple):
 
     time: Array
     fields: Complex
-    """sqrt(J), shape (resonances, times), as ``incoming`` in sqrt(W)."""
-    incoming: Complex
+    """sqrt(J), shape (resonances, times)."""
     carriers: Array
     delta_T: Array
     absorbed: Array
@@ -144,20 +143,19 @@ def advance(
     rings = eq.internal_rings(resonances, pump, model.thermal_resistance * eq.UW)
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     problem, F = Problem(rings._replace(bend=bend), heat, drive, chosen), len(resonances)
-    unit = eq.units(problem.order)
+    unit, beat = eq.units(problem.order), float(np.abs(light.turning).max()) if len(lasers) >= F else 0.0
     own = state.as_array() / unit
     others = np.ravel([(fields or {}).get(one.frequency, (0.0, 0.0)) for one in resonances[1:]]) / eq.FJ**0.5
     run = problem.integrate(
         np.insert(own, 2, others), rtol=rtol, times=times / eq.NS if times.size else None,
-        longest=BEAT * 2 * math.pi / max(np.abs(light.turning).max(), 1e-300), first_step=first_step / eq.NS,
+        longest=BEAT * 2 * math.pi / beat if beat else math.inf, first_step=first_step / eq.NS,
         event=_event(event), progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
     time = run.rows[:, 0] * eq.NS
-    fields, (N,), (dT,), (absorbed,) = in_si(rings, run.rows)
+    found, (N,), (dT,), (absorbed,) = eq.in_si(rings, run.rows)
     return Window(
         time=time,
-        fields=fields,
-        incoming=light.incoming(time),
+        fields=found,
         carriers=N,
         delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(time)),
         absorbed=absorbed,
@@ -172,17 +170,6 @@ def advance(
         lights=light,
         resonances=resonances,
     )
-
-
-def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
-    """Fields in sqrt(J), (R F, m), and carriers in 1/m^3, rise in K and absorbed power in W, (R, m), of kernel rows."""
-    R, F = rings.modes.shape[:2]
-    states = rows[:, 1 : 1 + R * (2 * F + 2)].reshape(-1, R, 2 * F + 2).T
-    fields, N, rise = states[0 : 2 * F : 2] + 1j * states[1 : 2 * F : 2], states[-2], states[-1]
-    absorbed, fca, tpa = rings.modes[:, :, 1:4].T[..., None]
-    U = np.abs(fields) ** 2
-    heating = 2 * ((absorbed + fca * N + tpa * (2 * U.sum(axis=0) - U)) * U).sum(axis=0)
-    return fields.swapaxes(0, 1).reshape(R * F, -1) * eq.FJ**0.5, N * eq.DENSITY, rise, heating * eq.UW
 
 
 def _event(event: Event | None) -> Crossing | None:
@@ -249,7 +236,7 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
 
     light: power and detuning of the first laser, floats or functions of time.
     """
-    U, resonances = np.abs(run.fields) ** 2, run.resonances
+    U, resonances, incoming = np.abs(run.fields) ** 2, run.resonances, run.lights.incoming(run.time)
     bus, drop, scattering = (
         np.array([[2 * getattr(one, name)] for one in resonances])
         for name in ("bus_rate", "drop_bus_rate", "scattering_rate")
@@ -259,13 +246,13 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
         "carriers": run.carriers,
         "delta_T": run.delta_T,
         "drop": drop * U,
-        "through": np.abs(run.incoming + 1j * np.sqrt(bus) * run.fields) ** 2,
+        "through": np.abs(incoming + 1j * np.sqrt(bus) * run.fields) ** 2,
         "absorbed": run.absorbed,
     }
     if scattering.any():
         found["scattered"] = scattering * U
     each = [np.maximum(power(run.time), 0) for power in run.lights.powers]
-    found["input_power"] = np.array(each) if len(each) == len(resonances) else np.abs(run.incoming) ** 2
+    found["input_power"] = np.array(each) if len(each) == len(resonances) else np.abs(incoming) ** 2
     if not isinstance(light["detuning"], float):
         found["detuning"] = light["detuning"](run.time)
     variables: dict[str, Any] = {}
