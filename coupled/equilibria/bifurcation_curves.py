@@ -252,15 +252,13 @@ def _fold_equation(plane: Plane, U: Array) -> tuple[Array, Array]:
 
 def _folded(plane: Plane) -> list[tuple[float, float]]:
     """Intervals of U with folds."""
-    log_U = np.linspace(np.log(plane.energies[0]), np.log(plane.energies[-1]), 10 * ENERGIES)
 
-    def square(x: Array) -> Array:
+    def square(x: Array) -> Array:  # below 1; a^2 = b at the ends
         a, b = _fold_equation(plane, np.exp(x))
-        return (a * a - b) / (a * a + np.abs(b))
+        return ((a * a - b) / (a * a + np.abs(b)))[None]
 
-    ends = np.concatenate([log_U[:1], zeros(lambda x, _: square(x), log_U)[0], log_U[-1:]])
-    has = square((ends[1:] + ends[:-1]) / 2) > 0
-    return [(float(np.exp(low)), float(np.exp(high))) for low, high in zip(ends[:-1][has], ends[1:][has], strict=True)]
+    log_U = np.linspace(np.log(plane.energies[0]), np.log(plane.energies[-1]), 10 * ENERGIES)
+    return [(float(np.exp(low)), float(np.exp(high))) for low, high in intervals_in_window(square, log_U)]
 
 
 def _laser(plane: Plane, U: Array, D: Array) -> tuple[Array, Array]:
