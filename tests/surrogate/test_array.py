@@ -28,6 +28,12 @@ def array(ring):
     return surrogate.reduce_array(ring, SQUARE)
 
 
+def of_oxide(**lengths) -> th.CrossSection:
+    """A strip ring whose core has the oxide's properties, as the exact solution has it."""
+    strip = th.strip_ring(**lengths)
+    return replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))
+
+
 def impedance(model: th.StateSpace, omega: float) -> np.ndarray:
     """C (i w E - A)^-1 B, dense."""
     return model.C @ np.linalg.solve(1j * omega * model.E - model.A, model.B + 0j)
@@ -54,9 +60,7 @@ def test_every_channel_is_certified_against_the_fem(ring, array):
 
 def test_static_crosstalk_is_that_of_the_exact_layered_stack():
     """With the oxide's properties in the cores; the mesh was asked for 1e-3 of every pair plus a hundredth of R_th."""
-    strip = th.strip_ring(outer_radius=200e-6)
-    heat = th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),)))
-    array = surrogate.reduce_array(heat, SQUARE)
+    array = surrogate.reduce_array(th.assemble(of_oxide(outer_radius=200e-6)), SQUARE)
     for j, place in enumerate(SQUARE[1:], 1):
         exact = Stack().impedance(float(np.hypot(*place)))
         assert array.crosstalk[0, j] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * array.crosstalk[0, 0])
@@ -65,11 +69,8 @@ def test_static_crosstalk_is_that_of_the_exact_layered_stack():
 @pytest.fixture(scope="module")
 def mixed():
     """Two rings of 5 um radius and one of 7.955 um, cores with the oxide's properties."""
-    every = []
-    for radius in (5e-6, 7.955e-6):
-        strip = th.strip_ring(radius=radius, outer_radius=120e-6)
-        every.append(th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))))
-    return surrogate.reduce_array([every[0], every[1], every[0]], MIXED)
+    small, large = (th.assemble(of_oxide(radius=radius, outer_radius=120e-6)) for radius in (5e-6, 7.955e-6))
+    return surrogate.reduce_array([small, large, small], MIXED)
 
 
 MIXED = [(0, 0), (20e-6, 0), (0, 30e-6)]
@@ -104,8 +105,7 @@ def test_rings_of_different_geometry_stay_symmetric_and_passive(mixed):
 def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
     """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
     monkeypatch.setattr(domain_truncation, "_reported", set())
-    strip = th.strip_ring(outer_radius=120e-6)
-    strip = replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))
+    strip = of_oxide(outer_radius=120e-6)
     exact = replace(Stack(), substrate=1e-2).impedance(48e-6)
     with caplog.at_level(logging.INFO, "thermofem"):
         opened = surrogate.reduce_array(th.assemble(strip.opened()), [(0, 0), (48e-6, 0)])

@@ -263,11 +263,6 @@ def test_two_units_of_one_name_in_one_host_are_two_models(tmp_path, fmi):
     assert json.loads(done.stdout.split("RESULT")[1]) == pytest.approx([1.0, 5.0, 7.0], rel=1e-9)  # round-off
 
 
-def test_a_version_of_fmi_that_does_not_exist_is_refused(tmp_path):
-    with pytest.raises(th.InputError, match="fmi = 1 must be a whole number from 2 to 3"):
-        surrogate.export_model(ONE, tmp_path / "ring.fmu", to="fmu", fmi=1)
-
-
 @pytest.mark.parametrize("model", [ONE, two_parts(), TRANSFER], ids=["one part", "two parts", "transfer"])
 def test_matrices_in_a_mat_file_are_the_model(tmp_path, model):
     content = scipy.io.loadmat(surrogate.export_model(model, tmp_path / "m.mat", to="mat", provenance=PROVENANCE))
@@ -321,16 +316,11 @@ def test_every_text_says_what_it_is(tmp_path, to):
         assert words in text
 
 
-def test_a_subcircuit_shows_the_line_that_uses_it(tmp_path):
-    surrogate.export_model(th.Foster(R=[1e3], tau=[1e-6]), tmp_path / "bench ring.cir", to="spice")
-    lines = (tmp_path / "bench ring.cir").read_text().splitlines()
-    _, name, *pins = next(line for line in lines if line.startswith(".subckt")).split()
-    assert f"* in a netlist: X1 {' '.join(pins[:-1])} 0 {name}, where node 0 is the ambient" in lines
-
-
 def test_what_a_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(th.InputError, match="did you mean 'spice'"):
         surrogate.export_model(ONE, tmp_path / "m", to="spicy")
+    with pytest.raises(th.InputError, match="fmi = 1 must be a whole number from 2 to 3"):
+        surrogate.export_model(ONE, tmp_path / "ring.fmu", to="fmu", fmi=1)
     with pytest.raises(th.InputError, match="not a folder"):
         surrogate.export_model(ONE, tmp_path / "none" / "m.cir", to="spice")
     large = th.StateSpace(np.eye(501), -np.eye(501), np.ones((501, 1)), np.ones((1, 501)))

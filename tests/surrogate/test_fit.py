@@ -387,19 +387,6 @@ def test_data_of_two_channels_are_refused_and_of_two_geometries_noted():
     assert any("two geometries" in note for note in surrogate.fit_foster([one, other], 2).notes)
 
 
-def test_two_tables_whose_columns_have_other_names_are_fitted_and_noted(tmp_path):
-    """A column need not be called as the part: a step and a pulse of one scope were refused as two channels."""
-    model, times, data = surrogate.newton(tau_th=1e-6), np.linspace(0, 8e-6, 60), []
-    for column, power in (("CH1", 1e-3), ("CH2", 2e-3)):
-        table = np.column_stack([times, model.response(th.Constant(power), times)])
-        np.savetxt(tmp_path / column, table, delimiter=",", header=f"t,{column}", comments="", fmt="%.12e")
-        units = {"time": "s", "temperature": "K"}
-        data.append(th.read_trace(tmp_path / column, power, temperature=column, units=units, start=0.0, baseline=0.0))
-    fit = surrogate.fit_newton(data)
-    assert fit.model.tau == pytest.approx([1e-6], rel=1e-6)
-    assert any("read in 'CH1' and 'CH2'" in note for note in fit.notes)
-
-
 @pytest.mark.parametrize(("heated", "read"), [("heater", "heater"), ("left", "right")])
 @pytest.mark.parametrize("fit", FITS)
 def test_a_fit_bears_the_names_of_its_parts(fit, heated, read):

@@ -91,21 +91,11 @@ def test_provenance_that_is_no_object_is_refused(saved):
         th.models.load_provenance(path)
 
 
-@pytest.mark.parametrize(
-    ("matrices", "reason"),
-    [
-        ({"A": [[1.0]]}, "must decay"),
-        ({"E": [[0.0]]}, "E is not positive definite"),
-        ({"A": [[-1.0, 0.0]]}, "shape"),
-        ({"B": [1.0]}, "B has shape"),
-    ],
-)
+@pytest.mark.parametrize(("matrices", "reason"), [({"A": [[1.0]]}, "must decay"), ({"B": [1.0]}, "B has shape")])
 def test_unphysical_matrices_are_refused(tmp_path, matrices, reason):
-    model = th.StateSpace(np.eye(1), -np.eye(1), np.eye(1), np.eye(1))
-    path = surrogate.save_model(model, tmp_path / "m.json")
-    edited(path, **matrices)
+    path = surrogate.save_model(th.StateSpace(np.eye(1), -np.eye(1), np.eye(1), np.eye(1)), tmp_path / "m.json")
     with pytest.raises(th.InputError, match=reason):
-        surrogate.load_model(path)
+        surrogate.load_model(edited(path, **matrices))
 
 
 @pytest.mark.parametrize("C", [[[-1.0, 0.0]], [[1.0, -0.9]]])
