@@ -8,10 +8,11 @@ share e of its energy errs by about e in Z(s). Members are solved on any Executo
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -21,7 +22,7 @@ from scipy.linalg import eigh
 
 from thermofem import CrossSection, StateSpace, assemble, checks
 from thermofem.arrays import Array, NDArray
-from thermofem.campaign.stored_tasks import Store
+from thermofem.campaign.stored_tasks import Store, completed
 from thermofem.data.files import LARGEST, digest, digest_tree
 from thermofem.fem import HeatProblem
 
@@ -255,6 +256,7 @@ def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
 
 
 Task = tuple[Any, ...]
+Job = tuple[int, Task]  # number of a task, and the task
 
 log = logging.getLogger("thermofem")
 
@@ -285,23 +287,19 @@ class Solver:
 
         ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
 
-        Raises InputError: of a task, or all of them failed; the executor broke.
+        Raises InputError: of a task, or all of them failed.
         """
         content = f"{self.key} {function.__name__} {shared}".encode()
         keys = [digest(content + np.ascontiguousarray(mark).tobytes())[:24] for mark in marks]
         stored = [self.store.read(key) if self.store else None for key in keys]
         kept = [None if raw is None else _member(raw) for raw in stored]
-        left = [k for k, one in enumerate(kept) if one is None]
-        futures: list[Future[Any]] = []
         reason = ""
-        try:
-            if self.executor is not None:
-                futures = [self.executor.submit(function, *tasks[k]) for k in left]
-            results = [future.result for future in futures] or [partial(function, *tasks[k]) for k in left]
-            for k, result in zip(left, results, strict=True):
+        jobs = [(k, tasks[k]) for k, one in enumerate(kept) if one is None]
+        with contextlib.closing(self._results(partial(_of_job, function), jobs)) as results:
+            for k, result in results:
                 try:
                     kept[k] = result()
-                except (checks.InputError, BrokenExecutor):
+                except checks.InputError:
                     raise
                 except Exception as error:
                     reason = f"{type(error).__name__}: {error}"
@@ -309,17 +307,20 @@ class Solver:
                     continue
                 if self.store:
                     self.store.write(keys[k], _packed(kept[k]))
-        except BrokenExecutor as error:
-            raise checks.InputError(
-                f"the executor broke ({type(error).__name__}: {error})",
-                "run again with a new one" + (f"; what {self.store.folder} holds is kept" if self.store else ""),
-            ) from None
-        finally:
-            for future in futures:
-                future.cancel()
         if tasks and all(one is None for one in kept):
             raise checks.InputError(f"every member of a batch failed, the last one with {reason}")
         return kept
+
+    def _results(self, work: Callable[[Job], Any], jobs: list[Job]) -> Iterator[tuple[int, Callable[[], Any]]]:
+        """The number of each task, and what returns its result."""
+        if self.executor is None:
+            yield from ((job[0], partial(work, job)) for job in jobs)
+        else:
+            yield from ((job[0], done.result) for job, done in completed(work, jobs, executor=self.executor))
+
+
+def _of_job(function: Callable[..., Any], job: Job) -> Any:
+    return function(*job[1])
 
 
 def _packed(found: Any) -> bytes:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib
 import logging
 import multiprocessing
+import os
 import pickle
 import shutil
+import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +23,7 @@ from surrogate.family.members import MemberModes, Solver
 from surrogate.family.moved_mesh_engine import MovedMeshEngine
 from surrogate.family.parameter_box import Box
 from thermofem.campaign import Variation
-from thermofem.campaign.stored_tasks import Store
+from thermofem.campaign.stored_tasks import Store, processes
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -44,6 +47,26 @@ def test_a_failed_member_is_named_and_the_rest_goes_on(tmp_path, caplog, threads
     assert [one is None for one in found] == [False, False, True, False]
     assert "ArithmeticError: singular" in caplog.text
     assert len(store.hashes()) == 3
+
+
+def deadly(number: float, folder: str) -> MemberModes:
+    """A member that takes its process with it: 1 the first time, 3 every time."""
+    died = Path(folder, str(number))
+    if number == 3.0 or (number == 1.0 and not died.exists()):
+        died.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return MemberModes(np.array([1e-6, number]), np.array([[1.0, 2.0]]))
+
+
+@pytest.mark.slow
+def test_a_member_that_kills_its_process_is_tried_once_more(tmp_path, caplog):
+    tasks = [(float(k), str(tmp_path)) for k in range(4)]
+    with processes(2) as executor:
+        solver = Solver("key", executor)
+        assert None not in solver(deadly, tasks[:3], MARKS[:3])
+        found = solver(deadly, tasks, MARKS)  # meets the broken executor
+    assert [one is None for one in found] == [False, False, False, True]
+    assert "left out: WorkerDiedError: its worker process was killed twice" in caplog.text
 
 
 def test_training_goes_on_from_what_is_kept(tmp_path):

@@ -12,7 +12,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -218,8 +218,8 @@ class Campaign:
         Raises
         ------
         InputError
-            no drive; the folder cannot be written or is in use; a base geometry that cannot be solved; an executor that
-            breaks. Finished results are kept.
+            no drive; the folder cannot be written or is in use; a base geometry that cannot be solved. Finished results
+            are kept.
         MissingLibraryError
             meshes must be made and gmsh cannot be loaded.
         """
@@ -240,9 +240,6 @@ class Campaign:
             work = partial(compute, self, folder)
             for case, future in completed(work, waiting, executor=executor, workers=workers):
                 error = future.exception()
-                if isinstance(error, BrokenExecutor):
-                    kept = f"{summary.reused + summary.finished} finished geometries are kept, run again with a new one"
-                    raise InputError(f"the executor broke ({error})", kept)
                 known = error is None or isinstance(error, MissingLibraryError)  # which no other geometry gets around
                 reason = future.result() if known else str(error)
                 if reason:

@@ -98,23 +98,20 @@ def completed(
 ) -> Iterator[tuple[T, Future[Any]]]:
     """Yield each task with its finished future, in the order of completion.
 
-    executor: of the caller, left open; by default ``workers`` processes, one for each CPU.
-    The future raises what ``function`` raised, `WorkerDiedError` where a task killed two workers, or BrokenExecutor
-    where the caller's executor broke.
+    executor: of the caller, left open; where it breaks, processes of our own go on. By default these alone.
+    workers: number of them; one for each CPU.
+    The future raises what ``function`` raised, or `WorkerDiedError` where a task killed two workers.
     """
     waiting = deque(tasks)
-    if executor is not None:
-        # 64: tasks under way in a caller's executor, whose number of workers is unknown
-        yield from _windowed(executor, function, waiting, 64)
-        return
     count = min(workers or os.cpu_count() or 1, len(waiting))
     while waiting:
         suspects = deque[T]()
-        for task, future in _in_pool(count, function, waiting):
+        for task, future in _in_pool(count, function, waiting, executor):
             if isinstance(future.exception(), BrokenExecutor):
                 suspects.append(task)  # it killed a worker, or ran beside the one that did
             else:
                 yield task, future
+        executor = None
         while suspects:
             for task, future in _in_pool(1, function, deque([suspects.popleft()])):
                 if isinstance(future.exception(), BrokenExecutor):
@@ -123,10 +120,13 @@ def completed(
                 yield task, future
 
 
-def _in_pool(count: int, function: Callable[[T], Any], waiting: deque[T]) -> Iterator[tuple[T, Future[Any]]]:
-    """`_windowed` in processes of our own."""
-    with processes(count) as pool:
-        yield from _windowed(pool, function, waiting, 2 * count)
+def _in_pool(
+    count: int, function: Callable[[T], Any], waiting: deque[T], executor: Executor | None = None
+) -> Iterator[tuple[T, Future[Any]]]:
+    """`_windowed` on the caller's executor, or in processes of our own."""
+    with contextlib.nullcontext(executor) if executor else processes(count) as pool:
+        # 64: tasks under way in a caller's executor, whose number of workers is unknown
+        yield from _windowed(pool, function, waiting, 64 if executor else 2 * count)
 
 
 @contextlib.contextmanager
@@ -161,20 +161,14 @@ def _windowed(
     under_way: dict[Future[Any], T] = {}
     try:
         while True:
-            try:
+            with contextlib.suppress(BrokenExecutor):
                 while waiting and len(under_way) < width:
                     under_way[executor.submit(function, waiting[0])] = waiting[0]
                     waiting.popleft()
-            except BrokenExecutor:
-                if not under_way:
-                    raise
             if not under_way:
                 return
             for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                task = under_way.pop(future)
-                yield task, future
-                if isinstance(future.exception(), BrokenExecutor) and not under_way:
-                    return
+                yield under_way.pop(future), future
     finally:
         for future in under_way:
             future.cancel()
