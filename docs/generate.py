@@ -239,10 +239,10 @@ def validation() -> str:
             text += "|---|---|---|---|---|---|---|\n"
             for row in own:
                 if row["subject"] == subject:
-                    test = row["test"].rpartition("::")[2]
+                    file, _, test = row["test"].partition("::")
                     text += f"| {row['what']} | {row['expected']:.7g} {row['unit']} | {row['ours']:.7g} {row['unit']} "
                     text += f"| {row['error']:.1e} | {row['tolerance']:.0e} | {row['source']} "
-                    text += f"| [test](tests.md#{test.lower()}) |\n"
+                    text += f'| [test](../{file} "{test}") |\n'
     return text + "\nErrors and tolerances are relative to the expected value.\n" + measured()
 
 

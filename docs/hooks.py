@@ -29,6 +29,11 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Let the links to tests lead to the page with their sources."""
+    return re.sub(r'\(\.\./tests/\S+ "(\w+)"\)', lambda found: f"(tests.md#{found[1].lower()})", markdown)
+
+
 def examples() -> dict[str, str]:
     """Example of each public name that `api_examples.py` has one for."""
     cells = (DOCS / "api_examples.py").read_text(encoding="utf-8").split("\n# %% ")[1:]

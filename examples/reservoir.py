@@ -1,7 +1,7 @@
 """One ring and three rings as a reservoir: delayed XOR and NARMA-10, with the heat of the FEM and with Newton's law.
 
-The drop power, averaged over virtual nodes, is read out by a ridge regression. Needs scikit-learn (it comes with
-pysindy) and reservoirpy (pip install "thermofem[reservoir]") for the NARMA series and its error.
+The drop power, averaged over virtual nodes, is read out by a ridge regression. Needs scikit-learn, and reservoirpy
+for the NARMA series and its error: pip install "thermofem[reservoir]".
 
 python examples/reservoir.py [picture.png]
 """

@@ -18,7 +18,7 @@ from thermofem.data.variables import contents, unit_of
 from thermofem.plot import CYCLE, INK, SKY, VERMILION, WIDTH, axes as _axes, readable
 from thermofem.waveforms import period_times
 
-from .judging.validate import widest_range
+from .judging.validate import valid_range
 from .reduction.array_reduction import ArrayReduction
 
 CURVE = "Datasets of surrogate.period_error"
@@ -40,8 +40,8 @@ def plot_period_error(curves: Mapping[str, xr.Dataset], ax: Axes | None = None, 
     ax.axhline(0, color=INK, linewidth=0.6)
     for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
         error = curve["relative_error"].values * 100
-        low, high = widest_range(curve, within=within)
-        words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
+        ranges = [f"{low * 1e6:.3g} to {high * 1e6:.3g}" for low, high in sorted(valid_range(curve, within=within))]
+        words = f"{name}: {', '.join(ranges)} µs" if ranges else name
         shown = np.where(np.isfinite(error), error, np.nan)
         style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat
         ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)

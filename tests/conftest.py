@@ -99,9 +99,6 @@ def threads():
 
 
 @pytest.fixture(autouse=True)
-def kept_level():
-    """The level of the log as it was: a command with `-q` or `-v` sets it for the rest of its process."""
-    log = logging.getLogger("thermofem")
-    level = log.level
-    yield
-    log.setLevel(level)
+def level_of_the_log():
+    """The level of the log is that of a new process: a command sets it for the rest of its process."""
+    logging.getLogger("thermofem").setLevel(logging.NOTSET)

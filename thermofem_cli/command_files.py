@@ -30,6 +30,7 @@ KINDS = {
     "data": ("data (netCDF)", "thermofem fit and cite take it"),
     "result": ("a result (netCDF) that trains no model", "th.load and coupled.plot take it, in Python"),
     "table": ("a table of numbers", "thermofem fit takes it"),
+    "image": ("an image", "no command reads one: give the file that it was drawn from"),
 }
 # what is needed, what was given -> the command that makes the one of the other
 MAKES = {
@@ -62,6 +63,8 @@ def expect(path: Path | None, *wanted: str) -> None:
 def kind_of(path: Path) -> str | None:
     """Kind of a file, one of `KINDS`; None where it is unreadable, damaged or of another kind."""
     ending = path.suffix.lower()
+    if ending in files.IMAGES:
+        return "image"
     try:
         with files.regular(path).open("rb") as file:
             first = file.read(6)

@@ -57,6 +57,8 @@ def show(
             say(line)
         return {"geometry": section.to_toml()}
     expect(file, "model")
+    if kind is None and file.is_file() and file.suffix.lower() != ".json":
+        raise InputError(f"{file} is nothing that show knows: a thermal model (JSON), or a ring or geometry (TOML)")
     loaded, provenance = surrogate.load_model(file), th.models.model_files.load_provenance(file)
     numbers, lines = _card(loaded, provenance)
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()

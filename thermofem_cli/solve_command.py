@@ -9,8 +9,10 @@ import typer
 import xarray as xr
 
 import thermofem as th
+from thermofem.arrays import ArrayLike
 from thermofem.campaign import Summary
 from thermofem.data import quantity
+from thermofem.fem.domain_truncation import NOTABLE
 
 from . import options
 from .command_files import check_outputs, expect, section_of
@@ -97,6 +99,8 @@ def solve(
         if figure:
             _draw(data, figure)
     numbers = _say(data, None if pulse or square else float(wave.mean(0.0, length)))
+    if data.attrs["domain_error"] <= NOTABLE:  # above, the log has said it
+        _note_domain([data.attrs["domain_error"]], accuracy)
     wrote(*files)
     numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}
     return {**numbers, "wrote": [path for path in files if path]}
@@ -123,10 +127,24 @@ def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
         "thermal_resistance": resistances[names[0]],
         "largest_rise": largest,
         "heat_imbalance": a["heat_imbalance"],
+        "domain_error": a["domain_error"],
         "heated": source,
         **({"thermal_resistances": resistances} if len(names) > 1 else {}),
         **({"rise_time": rise_times} if power else {}),
     }
+
+
+def _note_domain(errors: ArrayLike, accuracy: float) -> int:
+    """Say of how many geometries the end of the domain moves R_th by more than the accuracy; returns their number."""
+    errors = np.asarray(errors)
+    cut = int((errors > accuracy).sum())
+    if cut:
+        which = f"{cut} of {errors.size} geometries have a " if errors.size > 1 else ""
+        note(
+            f"{which}domain_error of up to {np.nanmax(errors):.1e}, above accuracy = {accuracy:g}: the bottom or outer "
+            'side is too near: move it outwards, or make it "open" where the stack goes on'
+        )
+    return cut
 
 
 def _preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:
@@ -176,12 +194,7 @@ def campaign(
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
     say(f"{summary.total} geometries: {found}, {summary.failed} failed")
     with th.campaign.open_campaign(output) as index:
-        cut = int((index["domain_error"] > plan.accuracy).sum())
-    if cut:
-        note(
-            f"{cut} have domain_error above accuracy = {plan.accuracy:g}: their bottom or outer side is too near: "
-            'move it outwards, or make it "open" where the stack goes on'
-        )
+        cut = _note_domain(index["domain_error"], plan.accuracy)
     if summary.failed:
         say(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
     files = {"index": output / "index.nc", "training": output / "training.nc"}

@@ -6,7 +6,6 @@ import hashlib
 import importlib
 import io
 import json
-import logging
 import platform
 import time
 from importlib.metadata import version
@@ -36,7 +35,6 @@ def run(out, *, quick=False, workers=None, console=None):
     A result that an earlier run stored under the same code is taken, not computed again.
     """
     out, console, begin = Path(out), console or Console(), time.monotonic()
-    logging.getLogger("thermofem").setLevel(logging.ERROR)  # the reference stack ends where that of the paper does
     names = [name for name, study in STUDIES.items() if study.quick or not quick]
     with files.own_folder(out, ("figures",)), Store(out / "data", "").opened():
         left = [name for name in names if load(out, name) is None]

@@ -74,6 +74,8 @@ def test_solve_periodic(tmp_path):
         (["show", "map.nc"], "map.nc holds a result (netCDF) that trains no model, not a thermal model; th.load"),
         (["fit", "map.nc"], "map.nc holds a result (netCDF) that trains no model, not data (netCDF) or a table"),
         (["show", "table.csv"], "`thermofem fit table.csv --power '1 mW' -o model.json` makes it from this"),
+        (["show", "good.png"], "good.png holds an image, not a thermal model; no command reads one"),
+        (["show", "empty.toml"], "is nothing that show knows: a thermal model (JSON), or a ring or geometry (TOML)"),
         (["cite", "good.toml"], "good.toml holds a geometry, not data (netCDF) or a thermal model"),
         (["map", "optics.toml"], "simulate, cosimulate, map, stability and explore take it with --ring"),
         (["solve", "optics.toml"], "holds the optics of a ring, not a geometry"),
@@ -102,6 +104,7 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
     (tmp_path / "wide.toml").write_text(GEOMETRY.replace("450 nm", "0.45 m"))
     (tmp_path / "optics.toml").write_text('base = "borghi2021"\n')
     (tmp_path / "plan.toml").write_text('geometry = "good.toml"\n[[drive]]\npower = "1 mW"\n')
+    (tmp_path / "good.png").touch()
     (tmp_path / "table.csv").write_text("Time (us),T (K)\n0,1\n1,2\n")
     th.save(surrogate.judge({"one": ONE_POLE}, ONE_POLE, periods=[1e-7, 1e-6]), tmp_path / "map.nc")
     surrogate.save_model(ONE_POLE, tmp_path / "model.json")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from surrogate_systems import periodic, strip
 
 import surrogate
@@ -227,6 +228,15 @@ def test_telegraph_dwells_as_long_as_it_says():
 def test_bad_input_is_one_clear_line(call, reason):
     with pytest.raises(th.InputError, match=reason):
         call()
+
+
+def test_a_legend_gives_every_range_of_periods():
+    from surrogate.plot import plot_period_error
+
+    error = [0.05, 0.05, 0.5, 0.05, 0.05]  # at 0.1, 0.316, 1, 3.16 and 10 us
+    curve = xr.Dataset({"relative_error": ("period", error)}, coords={"period": np.geomspace(1e-7, 1e-5, 5)})
+    legend = plot_period_error({"twice": curve}).get_legend()
+    assert [t.get_text() for t in legend.get_texts()] == ["twice: 0.1 to 0.359, 2.78 to 10 µs"]
 
 
 @pytest.mark.slow

@@ -102,6 +102,7 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path):
     printed, _ = second.communicate()
     assert second.returncode == 0, printed
     assert f"{10 - known} finished" in printed
+    assert "10 of 10 geometries have a domain_error of up to" in printed
     with th.campaign.open_campaign(out) as data:
         assert (data.status == "finished").all()
         # R_th falls with the oxide's conductivity, and every case has its own

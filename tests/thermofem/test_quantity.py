@@ -66,6 +66,7 @@ def test_what_cannot_be_is_said_in_one_line(text, unit, words):
         (450e-9, "m", "450 nm"),
         (7.955e-6, "m", "7.955 um"),
         (0.0, "m", "0 nm"),
+        (0.0, "Hz", "0 Hz"),
         (-12e-6, "m", "-12 um"),
         (math.radians(80), "rad", "80 deg"),
         (130.0, "W/m/K", "130 W/m/K"),

@@ -91,7 +91,7 @@ def say_pulsing(found: Pulsing, run: xr.Dataset) -> dict[str, Any]:
     """Print regime and cycle of a trace, or where it ended; returns them."""
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
-        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3g}, swing {found.swing:.2f} K")
     else:
         say(f"at the end drop power {float(run['drop'][-1]) * 1e3:.4g} mW, rise {float(run['delta_T'][-1]):.4g} K")
     numbers = {name: getattr(found, name) for name in ("period", "duty", "swing")}

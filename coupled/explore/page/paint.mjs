@@ -148,7 +148,7 @@ export function summary() {
     const what = cycle ? "Self-pulsing, settled cycle" : `Self-pulsing, last cycle of ${page.state.duration} µs`;
     const memory = cycle ? ` A deviation shrinks to ${(100 * cycle.slowest).toPrecision(3)} % in one cycle.` : "";
     const none = trace.request.settled && !cycle ? " No stable cycle was found near it: the pulses may not repeat." : "";
-    return `${what}: period ${now.period.toPrecision(5)} ns, duty ${now.duty.toFixed(3)}, temperature swing ${now.swing.toPrecision(4)} K. ${points}.${memory}${none}`;
+    return `${what}: period ${now.period.toPrecision(5)} ns, duty ${now.duty.toPrecision(3)}, temperature swing ${now.swing.toPrecision(4)} K. ${points}.${memory}${none}`;
   }
   const rest = states.find((p) => p.regime === "stable");
   const at = (rise) => ` at ΔT = ${rise.toPrecision(4)} K`;

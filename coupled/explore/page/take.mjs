@@ -67,7 +67,7 @@ export function pythonOf(state, data) {
     `light = {"power": ${number(watts(state.power))}, "detuning": ${number(state.detuning * 1e9)}${heaters}}`,
     `run = coupled.simulate(ring, model, **light, duration=${number(state.duration * 1e-6)}, rtol=1e-6)`,
     "found = coupled.pulsing(run)",
-    'print(f"{found.regime}: period {found.period * 1e9:.4f} ns, duty {found.duty:.4f}, swing {found.swing:.4f} K")',
+    'print(f"{found.regime}: period {found.period * 1e9:.4f} ns, duty {found.duty:.4g}, swing {found.swing:.4f} K")',
     ...(state.view === "cycle" ? settled : []),
   ];
   return `${lines.join("\n")}\n`;
