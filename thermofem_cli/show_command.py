@@ -1,6 +1,7 @@
 """``thermofem show``: the card of a model file."""
 
 import hashlib
+import math
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,7 +21,7 @@ from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .command_files import expect, in_volts, kind_of
-from .console import say
+from .console import parameter_unit, say, written
 
 # what follows from the fields of a ring -> its SI unit
 DERIVED = {
@@ -108,6 +109,7 @@ def _card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], list[
         "poles": poles,
         "rise_times": None if steps is None else [row["rise_time"] for row in steps],
         **{name: _number(key, provenance.get(key), most) for name, (key, most) in CLAIMS.items()},
+        "parameters": _numbers_of(provenance, "parameters"),
         "training": provenance.get("training") or provenance.get("source") or provenance.get("method"),
         "assumed": provenance.get("assumed"),
         "largest_rise": getattr(model, "largest_rise", None),
@@ -123,6 +125,10 @@ def _card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], list[
         lines.append((of, f"{', '.join(f'{value / 1e3:.5g}' for value in row)} K/mW"))
     if steps:
         lines.append(("rise 10-90 %", ", ".join(quantity.rounded(row["rise_time"], "s", 4) for row in steps)))
+    errors = _numbers_of(provenance, "standard_errors")
+    for name, value in numbers["parameters"].items():
+        if not name.startswith(("R", "tau")):  # those are its poles
+            lines.append((name, written(value, parameter_unit(name), errors.get(name))))
     for pole in poles or []:
         R = f", R = {pole['R'] / 1e3:.4g} K/mW" if "R" in pole else ""
         lines.append(("pole", f"tau = {quantity.rounded(pole['tau'], 's', 4)}{R}"))
@@ -148,6 +154,13 @@ def _poles(model: Any) -> list[dict[str, float]] | None:
     if found.B.shape[1] == found.C.shape[0] == 1:
         return [{"R": float(r), "tau": float(t)} for r, t in zip(found.B[:, 0] * found.C[0] * tau, tau, strict=True)]
     return [{"tau": float(t)} for t in tau]
+
+
+def _numbers_of(provenance: dict[str, Any], key: str) -> dict[str, float]:
+    """The numbers of a table of the provenance."""
+    table = provenance.get(key)
+    items = table.items() if isinstance(table, dict) else ()
+    return {name: value for name, value in items if isinstance(value, float) and math.isfinite(value)}
 
 
 def _number(key: str, value: Any, most: float) -> float | None:

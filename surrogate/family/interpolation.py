@@ -93,7 +93,9 @@ def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
     return lambda x: chebyshev(x, powers) @ coefficients
 
 
-HIGHEST = 6  # degree
+# Degree. Optical numbers of strips 350 to 700 nm wide are off by 1e-2 at 3, 2e-4 at 6, as the modes themselves are, and
+# 12 takes half as many members more; R_th over radius and oxide is off by 4e-3 at 3, 2e-5 at 6 and 6e-8 at 12.
+HIGHEST = 6
 
 
 def total_degree(size: int, most: int) -> NDArray[np.intp]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
@@ -311,7 +311,7 @@ class Solver:
             raise checks.InputError(f"every member of a batch failed, the last one with {reason}")
         return kept
 
-    def _results(self, work: Callable[[Job], Any], jobs: list[Job]) -> Iterator[tuple[int, Callable[[], Any]]]:
+    def _results(self, work: Callable[[Job], Any], jobs: list[Job]) -> Generator[tuple[int, Callable[[], Any]]]:
         """The number of each task, and what returns its result."""
         if self.executor is None:
             yield from ((job[0], partial(work, job)) for job in jobs)

@@ -223,6 +223,18 @@ def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
         assert len(done.stderr.strip().splitlines()) == 1
 
 
+def test_show_says_what_the_fit_said_of_the_second_order_equation(tmp_path):
+    known = {
+        "parameters": {"kappa": 8.87e5, "tau_f": 55.8e-9, "eta": 0.31},
+        "standard_errors": {"eta": 0.02, "kappa": []},
+    }
+    surrogate.save_model(th.Foster([1e3], [1e-6]), tmp_path / "m.json", provenance=known)
+    said = thermofem("show", "m.json", cwd=tmp_path).stdout
+    assert "kappa : 887000 1/s\n" in said
+    assert "eta : 0.31 ± 0.02\n" in said
+    assert "tau_f" not in said  # of a pole
+
+
 @pytest.mark.parametrize(("claim", "value"), [("error_bound", -1), ("error_bound", 10**18), ("residual_K", -3.0)])
 def test_show_refuses_an_error_that_is_none(claim, value, tmp_path):
     """A bound of -1 and one of 1e18 were shown as proven."""

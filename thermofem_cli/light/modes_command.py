@@ -138,7 +138,7 @@ def ring(
             mode=mode,
         )
     files.write_whole(output, lambda path: path.write_text(made.to_toml(), encoding="utf-8"))
-    found, names = made.ring, made.mode.light.names
+    found, names = made.ring, [one.name for one in made.mode.light.modes]
     if len(names) > 1:
         note(f"the guide holds {', '.join(names)}; {made.mode.name} is taken, --mode picks another")
     say(
