@@ -24,7 +24,7 @@ from thermofem import InputError, checks
 from thermofem.data import quantity
 
 from . import options
-from .command_files import check_outputs, note_ring, ring_of
+from .command_files import check_outputs, expect, note_ring, ring_of
 from .console import note, say, working, written, wrote
 from .drive_texts import assigned, detuning_of, grid, reading
 
@@ -48,6 +48,7 @@ def design(
     """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
     if not period:
         options.unused(context, "goes with --period", "power", "detuning", "ring")
+    expect(file, "family")
     found = surrogate.load_family(file)
     target: dict[Any, float] = {}
     moving: Any = None
@@ -134,6 +135,7 @@ def uncertainty(
     if not (map_ or period):
         options.unused(context, "goes with --period or --map", "power", "detuning", "ring")
     check_outputs([map_], inputs=[file, ring])
+    expect(file, "family")
     found = surrogate.load_family(file)
     spreads, fixed = spreads_of(found, spread), fixed_of(found, fix)
     what: Any = "thermal_resistance"

@@ -71,6 +71,7 @@ def calibrate(
         with contextlib.suppress(ValueError):
             noise = f"{float(noise)!r} K"
     spread = None if noise is None else quantity.positive_rise(noise, name="--noise")
+    expect(file, "family")
     found = surrogate.load_family(file)
     for path in data:
         expect(path, "data")

@@ -76,6 +76,8 @@ def test_solve_periodic(tmp_path):
         (["show", "table.csv"], "`thermofem fit table.csv --power '1 mW' -o model.json` makes it from this"),
         (["show", "good.png"], "good.png holds an image, not a thermal model; no command reads one"),
         (["show", "empty.toml"], "is nothing that show knows: a thermal model (JSON), or a ring or geometry (TOML)"),
+        (["calibrate", "model.json", "map.nc"], "model.json holds a thermal model, not a family of rings"),
+        (["design", "good.toml", "--resistance", "8 K/mW"], "good.toml holds a geometry, not a family of rings"),
         (["cite", "good.toml"], "good.toml holds a geometry, not data (netCDF) or a thermal model"),
         (["map", "optics.toml"], "simulate, cosimulate, map, stability and explore take it with --ring"),
         (["solve", "optics.toml"], "holds the optics of a ring, not a geometry"),
