@@ -45,7 +45,7 @@ class Channels(NamedTuple):
 
     @property
     def poles(self) -> dict[str, Poles]:
-        """Those of the heaters, for `heating`."""
+        """The transfers as `heating` takes them."""
         return {name: Poles(1 / np.asarray(each.tau), each.gain[None]) for name, each in self.transfers.items()}
 
 

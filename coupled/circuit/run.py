@@ -72,7 +72,8 @@ def run_circuit(
     )  # fmt: skip
     rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
     for i, offset in enumerate(system.heating.rises):
-        rises[:, i] += offset(run.rows[:, 0] * eq.NS)
+        if offset.coefficients.any():
+            rises[:, i] += offset(run.rows[:, 0] * eq.NS)
     trusted(thermal, rises)
     found = _dataset(system, run.rows[kept] if times.size else run.rows, average)
     found.attrs |= {
