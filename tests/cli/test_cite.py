@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 
-import pytest
 from paths import ROOT
 from typer.testing import CliRunner
 
@@ -18,12 +17,6 @@ def cited(*arguments):
     done = CliRunner().invoke(app, ["cite", *map(str, arguments)])
     assert done.exit_code == 0, done.output
     return done.output
-
-
-def refused(*arguments):
-    done = CliRunner().invoke(app, ["cite", *map(str, arguments)])
-    assert isinstance(done.exception, th.InputError)
-    return str(done.exception)
 
 
 def test_without_a_file_the_software_and_the_paper():
@@ -63,13 +56,6 @@ def test_the_citation_file_names_this_version():
     assert f"version: {th.__version__}\n" in text
 
 
-def test_what_is_no_result_is_refused(tmp_path):
-    done = CliRunner().invoke(app, ["cite", str(tmp_path / "none.nc")])
-    assert isinstance(done.exception, th.InputError)
-    with pytest.raises(th.InputError, match="does not exist"):
-        raise done.exception
-
-
 def test_text_of_a_file_is_one_printable_line_and_no_latex(tmp_path):
     """A material's source could send commands to the terminal, and commands of LaTeX into a bibliography."""
     times = [k * 1e-7 for k in range(20)]
@@ -79,9 +65,3 @@ def test_text_of_a_file_is_one_printable_line_and_no_latex(tmp_path):
     assert "\x1b" not in cited(tmp_path / "data.nc")
     note = cited(tmp_path / "data.nc", "--bibtex").splitlines()[-2]
     assert r"a\textbackslash{}x1b[31m\textbackslash{}nb \textbackslash{}\textbackslash{}write18\{rm\} 5 \%\}}" in note
-
-
-def test_a_bad_geometry_names_the_file(tmp_path):
-    path = tmp_path / "model.json"
-    surrogate.save_model(th.Foster(R=[7e3], tau=[1e-6]), path, provenance={"geometry": "[[layer"})
-    assert refused(path).startswith(str(path))

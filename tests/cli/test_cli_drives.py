@@ -1,4 +1,4 @@
-"""Heaters, sweeps and modulation on the command line."""
+"""Heaters, sweeps, modulation and the co-simulation on the command line."""
 
 from __future__ import annotations
 
@@ -108,31 +108,6 @@ def test_reduce_makes_a_model_with_a_heater(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["simulate", "m.json"], "--heated core"),
-        (["simulate", "m.json", "--heater", "5 mW"], "NAME=VALUE"),
-        (["simulate", "m.json", "--heated", "core", "--modulate", "1 GHz sine"], "--modulate = ''"),
-        (["simulate", "m.json", "--heated", "core", "--sweep", "20 GHz"], "two quantities"),
-        (["simulate", "m.json", "--heated", "core", "--sweep", "20 GHz, 1 mW"], "--sweep"),
-        (["simulate", "m.json", "--heated", "core", "--modulate", "3 K square 1 us"], "--modulate"),
-        (["simulate", "m.json", "--heated", "core", "--modulate", "3 mW square 1 us duty x"], "AMOUNT square"),
-        (["simulate", "m.json", "--heated", "core", "--laser", "8 dBm"], "POWER DETUNING [on OFFSET]"),
-        (["simulate", "m.json", "--heated", "core", "--laser", "0 GHz 8 dBm"], "a power is needed"),
-        (["simulate", "m.json", "--heated", "core", "--laser", "8 dBm 0 K"], "a frequency is needed"),
-        (["simulate", "m.json", "--heated", "core", "--laser", "1 mW 0 GHz on -400 THz"], "frequency"),
-        (["map", "m.json", "--heater", "heater=5 mW square 1 us"], "a power is needed"),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_bad_options_are_one_line(folder, arguments, message):
-    done = thermofem(*arguments, cwd=folder)
-    assert done.returncode == 2
-    assert message in done.stderr.splitlines()[-1]
-    assert not (folder / "traces.nc").exists()
-
-
-@pytest.mark.parametrize(
     ("text", "unit", "values"),
     [
         ("2 mW", "W", [2e-3, 2e-3, 2e-3]),
@@ -148,3 +123,33 @@ def test_what_a_drive_says(text, unit, values):
     assert [wave if isinstance(wave, float) else float(wave(t)) for t in (0.1e-6, 0.4e-6, 0.6e-6)] == pytest.approx(
         values
     )
+
+
+def test_cosimulate_writes_traces_fields_and_figure(tmp_path):
+    done = thermofem(
+        "cosimulate", "--duration", "2 us", "--field-times", "0.5 us, 1 us", "--paraview", "heat.xdmf",
+        "--figure", "traces.png", "-o", "run.nc", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "self-pulsing" in done.stdout or "slow transient" in done.stdout
+    assert "the ring 'Borghi 2021'; --ring RING.toml" in done.stderr
+    run = th.load(tmp_path / "run.nc")
+    assert run.field.sizes["field_time"] == 2
+    assert run.attrs["largest_discrepancy"] < 1e-3
+    assert abs(run.attrs["heat_imbalance"]) < 1e-6
+    assert (tmp_path / "heat.xdmf").exists()
+    assert (tmp_path / "traces.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_cosimulate_with_a_heater_a_ring_file_and_no_predictor(tmp_path):
+    (tmp_path / "ring.toml").write_text(th.heated_ring().to_toml())
+    (tmp_path / "optics.toml").write_text('base = "borghi2021"\nname = "on one bus"\nbuses = 1\n')
+    done = thermofem(
+        "cosimulate", "ring.toml", "--heater", "heater=5 mW", "--power", "1 uW", "--duration", "0.2 us",
+        "--predictor", "none", "--ring", "optics.toml", "-o", "run.nc", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    run = th.load(tmp_path / "run.nc")
+    assert run.attrs["ring"] == "on one bus"
+    assert run.attrs["predictor"] == "none"
+    assert run.attrs["heat_in"] == pytest.approx(5e-3 * 0.2e-6, rel=1e-3, abs=0)  # 1 uW of light adds 1e-4

@@ -130,16 +130,8 @@ def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
             ("uncertainty", "{}/family.json", "--spread", "box=2 um"),
             "not of the form PARAMETER=MEAN, STANDARD DEVIATION",
         ),
-        (
-            ("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--fix", "box=2 um"),
-            "distributions and fixed holds 'box' twice",
-        ),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "1 degC"), "difference of temperatures"),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "nan"), "does not begin with a number"),
-        (
-            ("design", "{}/family.json", "--resistance", "9000 K/W", "--fix", "box=2 um"),
-            "nothing is free",
-        ),
         (("design", "{}/rings.toml", "--resistance", "9000 K/W"), "is not a family"),
     ],
 )

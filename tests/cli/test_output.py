@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 
 import pytest
 from commands import thermofem
@@ -89,27 +85,6 @@ def test_a_number_ends_where_its_error_does(value, unit, error, text):
     assert written(value, unit, error) == text
 
 
-def test_titles_say_what_was_heated_and_how(tmp_path, monkeypatch):
-    titles = []
-    monkeypatch.setattr(
-        "thermofem.plot.save_figure", lambda ax, path: titles.append(ax.get_title() or ax.get_title("left"))
-    )
-    (tmp_path / "ring.toml").write_text(th.heated_ring().to_toml())
-    solve = ["solve", "ring.toml", "--accuracy", "1e-2", "--figure", "a.png"]
-    for arguments in (
-        [*solve, "--square", "1 us", "--periodic", "--heated", "core"],
-        [*solve, "--heated", "heater", "--read", "core"],
-        [*solve, "--heated", "heater", "--pulse", "1 us"],
-    ):
-        done = thermofem(*arguments, cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-    assert titles == [
-        "core: square wave 2 mW, 1 µs, duty 0.333, one period of the periodic state",
-        "core, heater heated: step 2 mW, from rest",
-        "heater: pulse 2 mW, 1 µs, from rest",
-    ]
-
-
 @pytest.mark.parametrize(("text", "distance"), [("80 pm", 80e-12), ("-80pm", -80e-12), ("0.1 nm", 1e-10), ("0 pm", 0)])
 def test_a_detuning_in_wavelength(text, distance):
     wavelength = C / RING.frequency
@@ -128,21 +103,3 @@ def test_a_detuning_in_frequency(text, hertz):
 def test_what_is_no_detuning(text):
     with pytest.raises(th.InputError, match="--detuning"):
         detuning_of(text, RING)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
-@pytest.mark.parametrize(
-    ("begun", "words"), [("thermofem f", {"fit", "family"}), ("thermofem simulate --de", {"--detuning"})]
-)
-def test_bash_completes(begun, words, tmp_path):
-    start = "import sys; sys.argv[0] = 'thermofem'; from thermofem_cli import main; main()"
-    (tmp_path / "thermofem").write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{start}" "$@"\n')
-    (tmp_path / "thermofem").chmod(0o755)
-    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
-    script = (
-        f"source <(thermofem --show-completion bash); COMP_WORDS=({begun}); COMP_CWORD={len(begun.split()) - 1}; "
-        '_thermofem_completion thermofem; echo "${COMPREPLY[@]}"'
-    )
-    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=environment, check=True)
-    assert set(done.stdout.split()) == words, done.stderr

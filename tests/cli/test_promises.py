@@ -18,14 +18,14 @@ from surrogate.export import FORMATS
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 RING = 'base = "borghi2021"\n[carriers]\nlifetime = "10 ns"\n'
-SHORT = ("--duration", "3 us", "--accuracy", "0.05", "--samples", "9")
+GEOMETRY = th.strip_ring().to_toml()
 
 
 @pytest.fixture
 def folder(tmp_path):
     surrogate.save_model(MODEL, tmp_path / "model.json")
     (tmp_path / "ring.toml").write_text(RING)
-    (tmp_path / "strip.toml").write_text(th.strip_ring().to_toml())
+    (tmp_path / "strip.toml").write_text(GEOMETRY)
     return tmp_path
 
 
@@ -54,6 +54,160 @@ def test_no_command_writes_over_a_file_that_it_reads(arguments, folder):
     assert "read and written at once" in refused(*arguments, cwd=folder)
 
 
+@pytest.fixture(scope="module")
+def every(tmp_path_factory):
+    """A folder with a file of every kind, some of them bad."""
+    folder = tmp_path_factory.mktemp("every")
+    texts = {
+        "strip.toml": GEOMETRY,
+        "bad_key.toml": GEOMETRY.replace("thickness", "thicknes", 1),
+        "bad_material.toml": GEOMETRY.replace('"SiO2"', '"SiO3"', 1),
+        "wide.toml": GEOMETRY.replace("450 nm", "0.45 m"),
+        "bad.toml": "geometry = ",
+        "empty.toml": "",
+        "optics.toml": RING,
+        "plan.toml": 'geometry = "strip.toml"\n[[drive]]\npower = "1 mW"\n',
+        "table.csv": "a (us),b (K)\n" + "".join(f"{k},{k % 3}\n" for k in range(20)),
+        "two.csv": "a,b\n" + "".join(f"{k}e-6,{k % 3}\n" for k in range(20)),
+        "three.csv": "a,b,c\n" + "".join(f"{k},{k % 3},{k % 5}\n" for k in range(20)),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    two = {"inputs": ("core", "heater"), "outputs": ("core",)}
+    models = {
+        "model": MODEL,
+        "heated": th.StateSpace(np.eye(2), -1e6 * np.eye(2), 1e5 * np.eye(2), 1e5 * np.ones((1, 2)), **two),
+        "quadratic": th.Quadratic(-1e6 * np.eye(2), np.zeros((2, 2, 2)), np.zeros((2, 2)), [1e9, 1e9], [1.0, 1.0]),
+    }
+    for name, model in models.items():
+        surrogate.save_model(model, folder / f"{name}.json")
+    surrogate.save_model(MODEL, folder / "broken.json", provenance={"geometry": "[[layer"})
+    surrogate.save_model(MODEL, folder / "claim.json", provenance={"error_bound": -1})
+    times, wave = np.linspace(0, 2e-6, 41), th.Pulse(1e-3, 1e-6)
+    th.save(th.dataset.build(times, MODEL.response(wave, times), wave), folder / "data.nc")
+    th.save(surrogate.judge({"one": MODEL}, MODEL, periods=[1e-7, 1e-6]), folder / "map.nc")
+    return folder
+
+
+TABLE = ["fit", "two.csv", "--power", "1 mW"]
+HEATED = ["simulate", "heated.json", "--heated", "core"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        # usage
+        (["nosuch"], "No such command 'nosuch'; `thermofem --help` lists what there is"),
+        (["solve", "--nosuch"], "No such option: --nosuch; `thermofem solve --help` lists what there is"),
+        (["fit"], "Missing argument 'data'; `thermofem fit --help` lists what there is"),
+        (["solve", "--samples", "1"], "'--samples'"),
+        (["solve", "--samples", "100000000000"], "'--samples'"),
+        # quantities
+        (["solve", "--power", "2"], "--power"),
+        (["solve", "--power", "2 mV"], "--power"),
+        (["solve", "--power", "2 parsnips"], "parsnips"),
+        (["solve", "--power", "8 dbm"], "did you mean 'dBm'"),
+        (["solve", "--power", "1 mW*9**9**9**9"], "is not a unit"),
+        (["solve", "--power", "1 GW"], "--power 1 GW: power = 1e+09 must lie between 0 and 10 (in W)"),
+        (["solve", "--square", "1 h"], "--square 1 h: period = 3600 is larger than 10 (in s)"),
+        (["solve", "--square", "1 us", "--duty", "-0.3"], "duty = -0.3"),
+        (["solve", "--accuracy", "7"], "accuracy = 7"),
+        (["solve", "--field-times", ","], "--field-times = ''"),
+        ([*TABLE, "--pulse", "0 us"], "--pulse = '0 us' must be larger than zero"),
+        (["fit", "two.csv", "--power", "-1 mW"], "--power = '-1 mW' must not be negative; a power is needed"),
+        (["simulate", "model.json", "--detuning", "-10"], "--detuning"),
+        (["simulate", "model.json", "--power", "8 dB"], "--power"),
+        (["simulate", "model.json", "--duration", "1 ps"], "--duration = 1 ps: run.time has 4 samples"),
+        (["cosimulate", "--max-discrepancy", "1 mW"], "--max-discrepancy"),
+        (["cosimulate", "--detuning", "1554.2 nm"], "must be a distance from the resonance at 1554.3 nm, not a wav"),
+        (["explore", "model.json", "--power", "40 dBm", "-o", "ring.html"], "power"),
+        (["explore", "model.json", "--power", "-3 W", "-o", "ring.html"], "power"),
+        # contents of files
+        (["solve", "missing.toml"], "missing.toml"),
+        (["solve", "bad_key.toml"], "thicknes"),
+        (["solve", "bad_material.toml"], "SiO3"),
+        (["solve", "wide.toml"], "0.45"),
+        (["solve", "--read", "cor"], "did you mean 'core'"),
+        (["campaign", "bad.toml"], "not valid TOML"),
+        (["show", "claim.json"], "provenance.error_bound = -1 must lie between 0 and"),
+        (["cite", "broken.json"], "broken.json"),
+        (["campaign", "empty.toml"], "geometry is missing"),
+        # one kind of file for another
+        (["simulate", "strip.toml"], "`thermofem reduce strip.toml -o model.json` makes it from this"),
+        (["fit", "strip.toml"], "`thermofem solve strip.toml -o heat.nc` makes it from this"),
+        (["show", "table.csv"], "`thermofem fit table.csv --power '1 mW' -o model.json` makes it from this"),
+        (["show", "map.nc"], "map.nc holds a result (netCDF) that trains no model, not a thermal model; th.load"),
+        (["cite", "strip.toml"], "strip.toml holds a geometry, not data (netCDF) or a thermal model"),
+        (["map", "optics.toml"], "simulate, cosimulate, map, stability and explore take it with --ring"),
+        (["campaign", "strip.toml"], "holds a geometry, not a campaign; thermofem solve"),
+        (["reduce", "plan.toml"], "holds a campaign, not a geometry; thermofem campaign takes it"),
+        (["cosimulate", "model.json"], "holds a thermal model, not a geometry"),
+        (["stability", "model.json", "--ring", "strip.toml"], "not the optics of a ring"),
+        (["simulate", "model.json", "--ring", "borghi2022"], "neither a file nor one of borghi2021, borghi2021-lumped"),
+        (["cosimulate", "--predictor", "missing.json"], "missing.json"),
+        (["explore", "quadratic.json", "-o", "ring.html"], "surrogate.output_map"),
+        # what is written
+        (["solve", "-o", "nowhere/heat.nc"], "nowhere is not a folder"),
+        (["solve", "-o", "."], "is a folder or a device"),
+        (["solve", "-o", f"{'n' * 300}.nc"], "File name too long"),
+        (["solve", "-o", "same.png", "--figure", "same.png"], "would be written twice"),
+        (["cosimulate", "--figure", "a.txt"], "a.txt"),
+        (["explore", "model.json", "-o", "ring.png"], "must end in .html"),
+        (["reproduce", "--quick", "-o", "bad.toml/out"], "cannot be made"),
+        # options that need or exclude each other
+        (["solve", "--square", "1 us", "--pulse", "1 us"], "exclude each other"),
+        (["solve", "--periodic"], "has no period"),
+        (["campaign", "plan.toml", "--workers", "2", "--scheduler", "tcp://x:1"], "exclude each other"),
+        (["cosimulate", "--paraview", "a.xdmf"], "--field-times"),
+        (["reduce", "--tolerance", "-1"], "tolerance"),
+        (["solve", "--threads", "0"], "--threads"),
+        (["export", "", "--to", "csv"], "thermofem: error:"),
+        (["fit", "data.nc", "--kind", "secondorder"], "did you mean 'second-order'"),
+        (["fit", "data.nc", "--kind", "sindy"], "[[probe]] in the geometry and solve"),
+        (["fit", "data.nc", "data.nc", "--kind", "sindy"], "takes one transient from rest, not 2 files"),
+        (["validate", "model.json"], "judged by a --reference"),
+        (["validate", "strip.toml", "model.json"], "one geometry alone"),
+        (["validate", "model.json", "model.json", "--reference", "heated.json"], "MODELS holds 'model' twice"),
+        (["validate", "model.json", "--reference", "model.json", "--shortest", "20 us"], "must be below --longest"),
+        # tables
+        (["fit", "two.csv"], "--power"),
+        (["identify", "two.csv", "--detuning", "0 GHz"], "--power is given 0 times for 1 tables"),
+        ([*TABLE, "--sensitivity", "10 mV"], "--sensitivity"),
+        ([*TABLE, "--duty", "0.5"], "--duty 0.5 goes with --square"),
+        (["fit", "two.csv", *TABLE[1:], "--figure", "f.png"], "shows one file; 2 are given"),
+        (["fit", "three.csv", "--power", "1 mW"], "--columns"),
+        (["fit", "three.csv", "--power", "1 mW", "--time", "a"], "--columns"),
+        (["fit", "three.csv", "--power", "1 mW", "--time", "a", "--temperature", "b"], "--units"),
+        # maps
+        (["map", "model.json", "--points", "2"], "two whole numbers"),
+        (["map", "model.json", "--power", "9 dBm, 9 dBm"], "is not above"),
+        (["map", "model.json", "--detuning", "10 GHz"], "two quantities"),
+        (["map", "model.json", "--resume", "one", "-o", "one"], "give it another name"),
+        (["map", "model.json", "--resume", "model.json"], "give it another name"),
+        # heaters, sweeps, modulation and further lasers
+        (["simulate", "heated.json"], "--heated core"),
+        (["simulate", "heated.json", "--heater", "5 mW"], "NAME=VALUE"),
+        (["cosimulate", "--heater", "heatr=5 mW"], "'heatr' is unknown"),
+        (["map", "heated.json", "--heater", "heater=5 mW square 1 us"], "a power is needed"),
+        (["explore", "heated.json", "--heater", "oven=1 mW", "-o", "ring.html"], "heater"),
+        (["explore", "heated.json", "--heater", "heater=-1 mW", "-o", "ring.html"], "heater"),
+        (["explore", "heated.json", "--heated", "oven", "-o", "ring.html"], "oven"),
+        ([*HEATED, "--sweep", "20 GHz"], "two quantities"),
+        ([*HEATED, "--sweep", "20 GHz, 1 mW"], "--sweep"),
+        ([*HEATED, "--modulate", "1 GHz sine"], "--modulate = ''"),
+        ([*HEATED, "--modulate", "3 K square 1 us"], "--modulate"),
+        ([*HEATED, "--modulate", "3 mW square 1 us duty x"], "AMOUNT square"),
+        ([*HEATED, "--laser", "8 dBm"], "POWER DETUNING [on OFFSET]"),
+        ([*HEATED, "--laser", "0 GHz 8 dBm"], "a power is needed"),
+        ([*HEATED, "--laser", "8 dBm 0 K"], "a frequency is needed"),
+        ([*HEATED, "--laser", "1 mW 0 GHz on -400 THz"], "frequency"),
+    ],
+    ids=lambda value: " ".join(value)[:60] if isinstance(value, list) else "",
+)
+def test_bad_input_is_one_line_and_exit_code_2(arguments, words, every):
+    assert words in refused(*arguments, cwd=every)
+
+
 @pytest.mark.parametrize("to", FORMATS)
 def test_an_export_replaces_exports_alone(to, tmp_path):
     """`export scope.json --to csv` replaced the measured scope.csv."""
@@ -63,20 +217,6 @@ def test_an_export_replaces_exports_alone(to, tmp_path):
     assert "exists and is no export" in refused("export", "scope.json", "--to", to, cwd=tmp_path)
     assert thermofem("export", "scope.json", "--to", to, "-o", f"scope{ending}", cwd=tmp_path).returncode == 0
     assert thermofem("export", "scope.json", "--to", to, cwd=tmp_path).returncode == 0  # over the former export
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["explore", "model.json", "--heated", "nope"],
-        ["simulate", "model.json", "--heater", "core=1 mW"],
-        ["map", "model.json", "--points", "2,2", "--heater", "core=1 mW"],
-        ["export", "", "--to", "csv"],
-        ["solve", "--threads", "0"],
-    ],
-)
-def test_an_error_is_one_line_alone(arguments, folder):
-    refused(*arguments, cwd=folder)
 
 
 @pytest.mark.parametrize(

@@ -81,33 +81,6 @@ def test_a_faint_ring_beside_a_pulsing_one_follows_it():
     assert float(rise) == pytest.approx(250.0 * float(mean), rel=1e-4, abs=0)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: states(TWO, {"one": th.Constant(1e-3)}), r"power\['one'\] = Constant.*is not a number.*belong to"),
-        (lambda: states(delay_loop(RING, 1e-9), {"in": 1e-3}), "the circuit has delays"),
-        (lambda: states(BEATING, {"a": 1e-3, "b": 1e-3}), "different frequency beat"),
-        (lambda: states(RING, {"in": 1e-3}), "power = "),
-        (
-            lambda: coupled.limit_cycle(coupled.bus(RING), SECOND_ORDER, power={"in": 1e-5}, settle=5e-6),
-            "comes to rest",
-        ),
-    ],
-)
-def test_what_has_no_fixed_points_is_refused(call, words):
-    with pytest.raises(th.InputError, match=words):
-        call()
-
-
-BEATING = coupled.Circuit(
-    [RING], (), [coupled.LaserPort("a", "ring 1.in"), coupled.LaserPort("b", "ring 1.add", offset=1e9)]
-)
-
-
-def states(circuit, inputs):
-    return coupled.steady_states(circuit, SECOND_ORDER, power=inputs)
-
-
 def test_a_dark_laser_of_another_frequency_changes_no_cycle():
     """States turned with the dark laser, and Newton's method never closed them."""
     lit = coupled.LaserPort("in", "ring 1.in", offset=3e9)

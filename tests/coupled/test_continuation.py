@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rings import FIVE, LUMPED, NEWTON, RING
 
 import coupled
-import surrogate
 import thermofem as th
-from coupled.cycles.branch import _is_there, born, follow_along
+from coupled.cycles.branch import born, follow_along
 from coupled.cycles.cycle_problem import CycleProblem
 from coupled.cycles.multiple_shooting import Family
 from coupled.cycles.return_map import time_weights
 
-RING = coupled.borghi2021()
-LUMPED, NEWTON = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
-FIVE = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
 POWER = 10**0.7 * 1e-3  # 7 dBm
 
 
@@ -184,40 +180,6 @@ def test_a_hopf_point_is_a_guess():
         coupled.continue_cycle(RING, FIVE, "power", (1e-3, 9e-3), guess=curve)
 
 
-def test_other_parameters_lead_back():
-    """Along tau5 and back along the branch of the changed ring: the same cycle."""
-    there = coupled.continue_cycle(RING, FIVE, "tau5", (6e-6, 12e-6), power=POWER, detuning=0.0)
-    assert float(there["tau5"][-1]) == pytest.approx(6e-6, rel=1e-9)
-    other = th.Foster(R=FIVE.R, tau=[*FIVE.tau[:4], 6e-6])
-    direct = coupled.limit_cycle(RING, other, power=POWER)
-    assert float(there["period"][-1]) == pytest.approx(direct.attrs["period"], rel=1e-8)
-
-
-def test_bad_input():
-    with pytest.raises(th.InputError, match="power is missing"):
-        coupled.continue_cycle(LUMPED, NEWTON, "detuning", (0.0, 1e9))
-    with pytest.raises(th.InputError, match="two different numbers"):
-        coupled.continue_cycle(LUMPED, NEWTON, "detuning", (1e9, 1e9), power=POWER)
-    with pytest.raises(th.InputError, match="do not hold"):
-        coupled.continue_cycle(LUMPED, NEWTON, "detuning", (1e9, 2e9), power=POWER)
-    with pytest.raises(th.InputError, match="tau9"):
-        coupled.continue_cycle(LUMPED, NEWTON, "tau9", (1e-9, 2e-9), power=POWER)
-
-
-@pytest.mark.parametrize(
-    ("kind", "multipliers", "there"),
-    [
-        ("period doubling", (1.0, -1.0 + 1e-9, 0.2), True),
-        ("period doubling", (1.0, 1e7, 0.2), False),  # beside a saddle the largest goes from -inf to inf
-        ("torus", (1.0, np.exp(0.4j), np.exp(-0.4j)), True),
-        ("torus", (1.0, 4.0, 0.25), False),
-    ],
-)
-def test_a_sign_change_alone_is_no_bifurcation(kind, multipliers, there):
-    orbit = SimpleNamespace(others=np.array(multipliers, dtype=complex)[1:])
-    assert _is_there(kind, SimpleNamespace(orbit=orbit)) == there
-
-
 def test_a_branch_that_turns_vertical_ends_instead_of_collecting_folds():
     """At the end of a canard explosion 7 to 23 folds were found, as many as the range given decided."""
     ring = replace(coupled.borghi2021(), bus_rate=47147353672.30088).with_lumped_fcd()
@@ -235,15 +197,3 @@ def test_a_branch_that_turns_vertical_ends_instead_of_collecting_folds():
         assert "turns vertical" in found.attrs["reason"]
         ends.append(float(found.detuning.values[-1]))
     assert ends[0] == pytest.approx(ends[1], rel=1e-5)
-
-
-@pytest.mark.parametrize("name", ["power", "detuning", "energy", "frequency"])
-def test_a_hopf_point_with_a_bad_number_is_refused(name):
-    (curve,) = coupled.hopf_curves(LUMPED, NEWTON, [POWER * 0.999, POWER * 1.001], [-3e9, 3e9])
-    point = curve.isel(point=0)
-    for value in (np.nan, np.inf) if name == "detuning" else (np.nan, np.inf, 0.0, -1.0):
-        guess = point.assign({name: value})
-        with pytest.raises(th.InputError, match=rf"guess\['{name}'\]"):
-            coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=1e9, guess=guess)
-        with pytest.raises(th.InputError, match=rf"guess\['{name}'\]"):
-            coupled.continue_cycle(LUMPED, NEWTON, "detuning", (20e9, -15e9), guess=guess)

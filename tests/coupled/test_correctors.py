@@ -14,7 +14,6 @@ from paths import ROOT
 
 import coupled
 import surrogate
-import thermofem as th
 
 
 @pytest.mark.slow
@@ -79,38 +78,3 @@ def test_a_co_simulation_unit_in_another_process():
     assert apart < 8
     assert windows > 1  # so that the unit went on from what it had accepted
     assert passes > 2 * windows  # and went back to it
-
-
-def later(rise):
-    """0 at the first time, whose value is known, and 1 at the others."""
-    return np.arange(rise.size) > 0
-
-
-@pytest.mark.parametrize(
-    ("answer", "reason"),
-    [
-        (lambda rise, k: rise + np.random.default_rng(k).normal() * later(rise), "discrepancy goes from"),
-        (lambda rise, k: rise * np.nan, "not finite"),
-        (lambda rise, k: rise - 1e30 * later(rise), r"says -1e\+30 K"),
-    ],
-    ids=["noise", "nan", "unit"],
-)
-def test_a_corrector_that_cannot_be_followed_stops_the_run_with_the_reason(answer, reason):
-    class Broken(Exact):
-        calls = 0
-
-        def advance(self, times, power):
-            self.calls += 1
-            return answer(super().advance(times, power), self.calls)
-
-    with pytest.raises(th.InputError, match=f"stops at t = 0 s: .*{reason}"):
-        coupled.cosimulate(RING, Broken(NETWORK), power=MW, duration=1e-9)
-
-
-def test_a_corrector_with_too_few_answers_is_named():
-    class Short(Exact):
-        def advance(self, times, power):
-            return super().advance(times, power)[1:]
-
-    with pytest.raises(th.InputError, match="has shape"):
-        coupled.cosimulate(RING, Short(NETWORK), power=MW, duration=1e-9)

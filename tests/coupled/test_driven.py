@@ -10,7 +10,6 @@ from rings import RING
 
 import coupled
 import thermofem as th
-from coupled.inputs import last_change, pieces
 
 HEAT = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
 OTHER = replace(RING, frequency=RING.frequency + 1.5e12)
@@ -70,15 +69,3 @@ def test_a_circuit_is_driven_by_light_that_varies_or_beats():
     assert early.attrs["driven_until"] == pytest.approx(2e-6)
     assert coupled.pulsing(early.sel(ring="ring 1")).regime == "self-pulsing"
     assert run(a=6.31e-3).attrs["driven_until"] == 0
-
-
-def test_when_an_input_last_changes():
-    """Jumps, ramps and constants."""
-
-    def seen(value):
-        return last_change(pieces("power", value, 0.0, 10e-6))
-
-    assert seen(1e-3) == seen(th.Constant(1e-3)) == seen([1e-3, th.Constant(0.0)]) == 0
-    assert seen(th.Pulse(1e-3, 1e-6, 2e-6)) == pytest.approx(3e-6)
-    assert seen(th.Sampled([0, 4e-6, 6e-6, 10e-6], [0, 0, 1e-3, 1e-3])) == pytest.approx(6e-6)
-    assert seen(th.SquareWave(1e-3, 1e-7, 0.5)) == pytest.approx(9.95e-6)

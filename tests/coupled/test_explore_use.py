@@ -210,82 +210,23 @@ def test_the_keyboard_alone(browser, file, size):
         page.keyboard.press("Space")
 
 
-def test_the_plane_comes_coarse_and_then_fine(browser, file):
-    with opened(browser, file, viewport=WIDE) as page:
-        page.wait_for_function("ringPage.shown.map && ringPage.shown.map.n === 140", timeout=60_000)
-        seen = page.evaluate(
-            "async () => { const seen = []; document.getElementById('lifetime').value = 30;"
-            " document.getElementById('lifetime').dispatchEvent(new Event('input'));"
-            " const end = performance.now() + 30000;"
-            " while (performance.now() < end) { const map = ringPage.shown.map;"
-            " if (map && seen[seen.length - 1] !== map.n) seen.push(map.n);"
-            " if (seen.length > 1 && map.n === 140) break; await new Promise(requestAnimationFrame); } return seen; }"
-        )
-        assert seen == [140, 24, 60, 140]
-
-
-def test_figures_out_of_sight_wait_until_the_slider_rests(browser, file):
-    with opened(browser, file, viewport={"width": 1300, "height": 500}) as page:
-        drawn = page.evaluate(
-            "async () => { const drawn = { traces: [], transmission: [] };"
-            " const slider = document.getElementById('power-slider');"
-            " for (const id in drawn) new MutationObserver(() => drawn[id].push(ringPage.shown.moving))"
-            " .observe(document.getElementById(id), { childList: true });"
-            " for (let k = 0; k < 20; k++) { slider.value = Number(slider.value) + 1;"
-            " slider.dispatchEvent(new Event('input')); await new Promise(requestAnimationFrame); }"
-            " while (ringPage.shown.moving || !drawn.transmission.length) await new Promise(requestAnimationFrame);"
-            " return drawn; }"
-        )
-        assert True in drawn["traces"]
-        assert True not in drawn["transmission"]
-
-
-def test_the_newest_request_wins(browser, file):
-    """Ten settings at once: the worker gets two of them, then the newest, rough if it has the time, and exact."""
-    page = browser.new_page(bypass_csp=True, viewport=WIDE)
-    page.add_init_script(
-        "globalThis.sent = []; const post = Worker.prototype.postMessage;"
-        " Worker.prototype.postMessage = function (message) { sent.push(message); post.call(this, message); };"
-    )
-    page.goto(file.as_uri())
-    settled(page)
-    powers = page.evaluate(
-        "() => { const slider = document.getElementById('power-slider'); sent.length = 0; const powers = [];"
-        " for (let k = 0; k < 10; k++) { slider.value = Number(slider.value) + 1;"
-        " slider.dispatchEvent(new Event('input')); powers.push(1e-3 * 10 ** (ringPage.state().power / 10)); }"
-        " return powers; }"
-    )
-    settled(page, f"ringPage.shown.trace.request.power === {powers[-1]!r}")
-    traces = page.evaluate("sent.map(m => m.request).filter(r => r.kind === 'trace').map(r => [r.power, r.quick])")
-    assert traces[:2] == [[powers[0], True], [powers[1], True]]
-    assert traces[2:] in ([[powers[9], True], [powers[9], False]], [[powers[9], False]])
-    page.close()
-
-
 @pytest.mark.parametrize(
-    "old",
-    ["let broken = #x;", "throw 1;"],  # syntax that an old browser does not know, and a start that fails
+    ("changed", "words"),
+    [
+        (lambda text: text.replace("(() => {\n", "(() => { let broken = #x;\n", 1), "older than 2023"),
+        (lambda text: text.replace("(() => {\n", "(() => { throw 1;\n", 1), "older than 2023"),
+        (lambda text: text[: int(0.3 * len(text))], "cut short"),
+        (lambda text: text[: int(0.98 * len(text))], "cut short"),
+    ],
+    ids=["unknown syntax", "a start that fails", "cut early", "cut late"],
 )
-def test_an_old_browser_gets_a_plain_message(browser, file, tmp_path, old):
-    other = tmp_path / "old.html"
-    other.write_text(file.read_text(encoding="utf-8").replace("(() => {\n", f"(() => {{ {old}\n", 1), encoding="utf-8")
+def test_an_old_browser_or_a_file_that_is_cut_gets_a_plain_message(browser, file, tmp_path, changed, words):
+    (tmp_path / "bad.html").write_text(changed(file.read_text(encoding="utf-8")), encoding="utf-8")
     page = browser.new_page()
-    page.goto(other.as_uri())
+    page.goto((tmp_path / "bad.html").as_uri())
     page.wait_for_selector("#notice", state="visible")
-    assert "older than 2023" in page.inner_text("#notice")
-    assert not page.is_visible("#page")
-    page.close()
-
-
-@pytest.mark.parametrize("share", [0.03, 0.3, 0.7, 0.98])
-def test_wherever_a_file_is_cut_it_says_so(browser, file, tmp_path, share):
-    short = tmp_path / "short.html"
-    text = file.read_text(encoding="utf-8")
-    short.write_text(text[: int(share * len(text))], encoding="utf-8")
-    page = browser.new_page()
-    page.goto(short.as_uri())
-    page.wait_for_selector("#notice", state="visible")
-    assert "cut short" in page.inner_text("#notice")
+    assert words in page.inner_text("#notice")
+    assert not page.is_visible("#page") or words == "cut short"
     page.close()
 
 

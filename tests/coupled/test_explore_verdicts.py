@@ -90,13 +90,3 @@ def test_slow_heat_that_still_moves_a_ring_is_told(browser, file):
         assert "It rests there after some 82 µs" in text
     with opened(browser, file, "#power=-7&detuning=10&view=cold&duration=82") as page:
         assert f"The ring comes to rest at ΔT = {point['delta_T']:.4g}" in page.inner_text("#summary")
-
-
-@pytest.mark.slow
-def test_a_ring_beside_an_unstable_fixed_point_is_told(browser, tmp_path):
-    ring, model, power, detuning, duration = run_from_cold(UNSTABLE[1])
-    path = tmp_path / "ring.html"
-    coupled.explore(ring, {"model": model}, path, power=power, detuning=detuning)
-    with opened(browser, path, f"#view=cold&duration={1e6 * duration:.3f}") as page:
-        text = page.inner_text("#summary")
-        assert "K, is not stable: run longer to see where the ring goes. 1 fixed point, 0 stable" in text

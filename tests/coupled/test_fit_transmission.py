@@ -62,20 +62,3 @@ def test_absorption_alone_shows_only_its_product_with_the_resistance():
     assert found.parameters["heating"] == pytest.approx(20e3 * 4 / 6, rel=1e-3)  # 600 points of a curve between points
     assert found.parameters["intrinsic_q"] == pytest.approx(ring.intrinsic_q, rel=1e-3)
     assert found.standard_deviations["heating"] < 0.01 * found.parameters["heating"]
-
-
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"free": ["thermal_resistence"]}, "thermal_resistance"),
-        ({"free": []}, "free"),
-        ({"sweeps": []}, "empty"),
-        ({"bounds": {"bus_rate": (2e10, 1e10)}}, "bus_rate"),
-        ({"sweeps": xr.Dataset({"drop": ("i", np.ones(9))}, attrs={"power": 1e-3})}, "wavelength"),
-    ],
-)
-def test_slips_are_named(change, word):
-    seen = coupled.transmission(BASE, th.Foster(R=[9e3], tau=[1e-6]), power=1e-4, detuning=(-50e9, 30e9))
-    given = {"sweeps": seen.drop_vars("through"), "free": ["bus_rate"]} | change
-    with pytest.raises(th.InputError, match=word):
-        coupled.fit_transmission(BASE, given.pop("sweeps"), **given)

@@ -10,12 +10,12 @@ import pytest
 from correctors import RING
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.linalg import expm
 
 import coupled
 import surrogate
 import thermofem as th
-from coupled.heaters import channels, heating
+from coupled.cycles.cycle_folds import cycle_fold_curves
+from coupled.cycles.derivatives import cycle_derivatives
 
 WAVE = th.SquareWave(power=10e-3, period=0.1e-6, duty=0.4)
 
@@ -76,26 +76,6 @@ def test_the_fem_in_the_loop_agrees_on_a_heater():
     assert fem["heater_power"].values == pytest.approx(run["heater_power"].values)
 
 
-@pytest.mark.parametrize("wave", [WAVE, th.Pulse(3e-3, 0.1e-6, start=0.3e-6), th.Function(lambda t: 1e3 * t)])
-def test_the_rise_by_a_heater_is_the_matrix_exponential(wave):
-    """dT_h(t) of the cubics against expm of the matrices, with the power as a state: 1e-2 rtol of the largest."""
-    model, stop = chain(), 2e-6
-    found = heating(channels(model, {"heater": wave}).poles, {"heater": wave}, stop, 1e-5, np.zeros(3))
-    A, b = np.linalg.solve(model.E, model.A), np.linalg.solve(model.E, model.B[:, 1])
-    edges, x = [0.0, *wave.breakpoints(0, stop), stop], np.zeros(3)
-    allowed = 1e-7 * max(0.1, float(np.abs(found.rises[0](np.linspace(0, stop, 1001))).max()))
-    for start, end in itertools.pairwise(edges):
-        slope = (float(wave.before(end)) - float(wave(start))) / (end - start)
-        big = np.block([[A, b[:, None], 0 * b[:, None]], [np.zeros((1, 3)), 0, 1], [np.zeros((1, 5))]])
-        begin = np.concatenate([x, [float(wave(start)), slope]])
-        for share in (0.03, 0.4, 1.0):
-            x = (expm(big * share * (end - start)) @ begin)[:3]
-            t = start + share * (end - start)
-            assert float(found.rises[0](t)) == pytest.approx(x[0], rel=0, abs=allowed)
-    (rise,) = found.poles["heater"].gain @ found.states(stop)[0]
-    assert rise == pytest.approx(x[0], rel=1e-9, abs=1e-3 * allowed)  # round-off of the largest
-
-
 def test_a_run_goes_on_with_its_heater():
     drive = {"power": 3e-3, "detuning": -10e9, "rtol": 1e-9}
     whole = coupled.simulate(RING, chain(), heaters={"heater": 5e-3}, duration=0.6e-6, **drive)
@@ -126,12 +106,17 @@ def test_constant_heaters_shift_every_equilibrium():
         assert found.attrs["power_in_heater"] == 8e-3
 
 
-def test_a_settled_cycle_under_a_heater():
-    """The same cycle as without, at the laser that follows the resonance; hotter by what the heater adds."""
+def beside(power):
+    """Two poles, a heater that reaches the core through a slow pole of negative residue, and its constant rise."""
     rate, gain = 1 / np.array([55.8e-9, 1.2e-6]), np.array([1998.1, 5786.2])
     B = np.array([np.sqrt(gain * rate), [-500.0, 9000.0]]).T
     model = th.StateSpace(np.eye(2), -np.diag(rate), B, B.T[:1], inputs=("core", "heater"), outputs=("core",))
-    rise = np.linalg.solve(-model.A, model.B[:, 1]) @ model.C[0] * 4e-3
+    return model, np.linalg.solve(-model.A, model.B[:, 1]) @ model.C[0] * power
+
+
+def test_a_settled_cycle_under_a_heater():
+    """The same cycle as without, at the laser that follows the resonance; hotter by what the heater adds."""
+    model, rise = beside(4e-3)
     moved = -RING.thermal_shift * rise / (2 * np.pi)
     cold = coupled.limit_cycle(RING, model.channel("core"), power=6.31e-3)
     warm = coupled.limit_cycle(RING, model, power=6.31e-3, detuning=moved, heaters={"heater": 4e-3})
@@ -143,10 +128,8 @@ def test_a_settled_cycle_under_a_heater():
 
 def test_branches_and_derivatives_of_cycles_under_a_heater():
     """Those of the bare model at the laser that follows the resonance; by what moves the resonance, of both."""
-    rate, gain = 1 / np.array([55.8e-9, 1.2e-6]), np.array([1998.1, 5786.2])
-    B = np.array([np.sqrt(gain * rate), [-500.0, 9000.0]]).T
-    model = th.StateSpace(np.eye(2), -np.diag(rate), B, B.T[:1], inputs=("core", "heater"), outputs=("core",))
-    turn = RING.thermal_shift * (np.linalg.solve(-model.A, model.B[:, 1]) @ model.C[0] * 4e-3) / (2 * np.pi)
+    model, rise = beside(4e-3)
+    turn = RING.thermal_shift * rise / (2 * np.pi)
     bare, heaters = model.channel("core"), {"heater": 4e-3}
     cold = coupled.continue_cycle(RING, bare, "detuning", (-2e9, 3e9), power=6.31e-3, detuning=0.0)
     ends = (-2e9 - turn, 3e9 - turn)
@@ -158,8 +141,8 @@ def test_branches_and_derivatives_of_cycles_under_a_heater():
     again = coupled.continue_cycle(RING, model, "detuning", ends, guess=first, heaters=heaters)
     assert again["period"].values == pytest.approx(warm["period"].values, rel=1e-8)
     names, run = ["power", "detuning", "thermo_optic"], {"power": 6.31e-3, "detuning": -turn, "heaters": heaters}
-    found = coupled.cycles.derivatives.cycle_derivatives(RING, model, names, **run)["period"].values
-    without = coupled.cycles.derivatives.cycle_derivatives(RING, bare, names, power=6.31e-3)["period"].values
+    found = cycle_derivatives(RING, model, names, **run)["period"].values
+    without = cycle_derivatives(RING, bare, names, power=6.31e-3)["period"].values
     assert found[:2] == pytest.approx(without[:2], rel=1e-6)
     step = 1e-4 * RING.thermo_optic
     two = [
@@ -179,28 +162,9 @@ def test_folds_of_cycles_under_a_heater():
         inputs=("core", "heater"), outputs=("core",),
     )  # fmt: skip
     turn = ring.thermal_shift * 500.0 * np.sqrt(R * tau) * 2e-3 / (2 * np.pi)
-    (cold,) = coupled.cycles.cycle_folds.cycle_fold_curves(ring, newton, [4.9e-3, 5.1e-3], [0.0, 10e9])
+    (cold,) = cycle_fold_curves(ring, newton, [4.9e-3, 5.1e-3], [0.0, 10e9])
     nu = np.array([0.0, 10e9]) - turn
-    (warm,) = coupled.cycles.cycle_folds.cycle_fold_curves(ring, model, [4.9e-3, 5.1e-3], nu, heaters={"heater": 2e-3})
+    (warm,) = cycle_fold_curves(ring, model, [4.9e-3, 5.1e-3], nu, heaters={"heater": 2e-3})
     assert warm["detuning"].values + turn == pytest.approx(cold["detuning"].values, rel=1e-7)
     assert warm["power"].values == pytest.approx(cold["power"].values, rel=1e-7)
     assert warm["detuning"].attrs == cold["detuning"].attrs
-
-
-def test_what_is_refused_says_what_to_do():
-    model, run = chain(), {"power": 1e-3, "duration": 1e-7}
-    for arguments, words in (
-        ({}, "heated='core'.*heaters=.*model.channel"),
-        ({"heaters": {"stove": 1e-3}}, "stove"),
-        ({"heaters": {"core": 1e-3}, "heated": "core"}, "which the light heats"),
-        ({"heaters": {"heater": -1e-3}}, "heater.* = -0.001 must"),
-        ({"heaters": {"heater": "hot"}}, "heater"),
-        ({"heaters": [1e-3]}, "heaters = .* must be a mapping"),
-        ({"heated": "heater"}, "read = 'heater' is unknown"),
-    ):
-        with pytest.raises(th.InputError, match=words):
-            coupled.simulate(RING, model, **arguments, **run)
-    with pytest.raises(th.InputError, match=r"known: core; an input for each heater.*surrogate.reduce"):
-        coupled.simulate(RING, model.channel("core"), heaters={"heater": 1e-3}, **run)
-    with pytest.raises(th.InputError, match="constant power"):
-        coupled.steady_states(RING, model, power=1e-3, heaters={"heater": WAVE})

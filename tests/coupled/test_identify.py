@@ -17,7 +17,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.identification.cycles import HARMONICS, Cycle, Seen, cycle_of, targets_of
-from coupled.identification.newton_traces import TWO
+from coupled.identification.newton_traces import TWO, fit_newton_per_trace
 from coupled.identification.settled_cycles import Stage, compared, free_run, read_apart, repeat_within, residuals
 from coupled.plot import plot_identification
 from coupled.unknowns import unknowns
@@ -140,7 +140,7 @@ def test_at_the_true_parameters_next_to_nothing_is_left():
 def test_newton_trace_by_trace():
     ring, newton = RING, surrogate.newton(tau_th=417e-9, heat_capacity=6.9 * 7.63e-12)
     traces = [measured(ring, newton, 6.31e-3, 0.0, noise=0.0), measured(ring, newton, 5.01e-3, -10e9, noise=0.0)]
-    found = coupled.identification.newton_traces.fit_newton_per_trace(ring, traces)
+    found = fit_newton_per_trace(ring, traces)
     # as above, and the two parameters of one trace are correlated: a few times 1e-4
     assert found.tau_th.values == pytest.approx(417e-9, rel=5e-3, abs=0)
     assert found.heat_capacity.values == pytest.approx(6.9 * 7.63e-12, rel=5e-3, abs=0)
@@ -197,36 +197,6 @@ def test_laws_are_the_same_as_elsewhere():
     assert constant.build(constant.start + np.log(2))[0].carriers.tau == pytest.approx(4e-9, rel=1e-12, abs=0)
     newton = unknowns(RING, ["heat_capacity"], surrogate.newton(tau_th=300e-9))
     assert newton.build(newton.start + np.log(2))[1].R[0] == pytest.approx(300e-9 / 7.63e-12 / 2)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"free": ["kapa"]}, "did you mean 'kappa'"),
-        ({"free": "kappa"}, "list of names"),
-        ({"free": ["kappa", "tau_th"]}, "another thermal law"),
-        ({"free": ["kappa", "kappa"]}, "twice"),
-        ({"free": ["bus_rate"]}, "model="),
-        ({"bounds": {"kappa": (2.0, 1.0)}}, "0 < low < high"),
-        ({"bounds": {"eta": (1.0, 2.0)}}, "name in bounds"),
-        ({"runs": 0}, "runs = 0"),
-        ({"seed": -1}, "seed = -1"),
-        ({"traces": []}, "traces is empty"),
-        ({"traces": [xr.Dataset()]}, "no variable 'time'"),
-    ],
-)
-def test_slips_are_named_in_one_line(traces, change, message):
-    arguments = {"ring": RING, "traces": traces, "free": ["kappa"]} | change
-    with pytest.raises(th.InputError, match=message) as error:
-        coupled.identify(**arguments)
-    assert "\n" not in str(error.value)
-
-
-def test_a_trace_must_say_its_drive(traces):
-    silent = traces[0].copy()
-    silent.attrs = {}
-    with pytest.raises(th.InputError, match=r"traces\[0\]\.attrs\['power'\] = None is not a number"):
-        coupled.identify(RING, silent, free=["kappa"])
 
 
 class Rings:
@@ -306,7 +276,7 @@ def test_traces_at_rest_have_no_lifetime(caplog):
     light = {"power": 5e-3, "detuning": -5e9}
     trace = coupled.simulate(ring, newton, **light, duration=20e-6, times=np.linspace(0, 20e-6, 4001))
     trace.attrs |= light
-    found = coupled.identification.newton_traces.fit_newton_per_trace(ring, [trace])
+    found = fit_newton_per_trace(ring, [trace])
     assert np.isnan(found["tau_th"].item())
     assert np.isnan(found["heat_capacity"].item())
     assert "both are nan for trace 0" in caplog.text
@@ -325,7 +295,7 @@ def test_a_run_with_a_second_laser_or_a_heater_is_refused():
     for run, words in ((both, "with a second laser"), (warm, "with heaters")):
         for fit in (
             lambda run: coupled.identify(ring, run, free=["R"], model=model),
-            lambda run: coupled.identification.newton_traces.fit_newton_per_trace(ring, [run]),
+            lambda run: fit_newton_per_trace(ring, [run]),
         ):
             with pytest.raises(th.InputError, match=words):
                 fit(run)
@@ -387,20 +357,9 @@ def test_tables_are_identified_by_the_command(tmp_path):
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time (us),drop (mV)", comments="")
     th.save(second, tmp_path / "b.nc")
     surrogate.save_model(surrogate.second_order(**TRUE | {"kappa": 1.1e6}), tmp_path / "law.json")
-    run = commands.thermofem(
-        "identify",
-        "a.csv",
-        "b.nc",
-        "--power",
-        "5.01 mW",
-        "--detuning=-10 GHz",
-        "--free",
-        "kappa",
-        "--model",
-        "law.json",
-        "--json",
-        cwd=tmp_path,
-    )
+    drive = "--power", "5.01 mW", "--detuning=-10 GHz"
+    options = *drive, "--free", "kappa", "--model", "law.json", "--json"
+    run = commands.thermofem("identify", "a.csv", "b.nc", *options, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     found = json.loads(run.stdout)
     assert not found["failed"]
@@ -410,10 +369,3 @@ def test_tables_are_identified_by_the_command(tmp_path):
     assert abs(found["parameters"]["kappa"] - TRUE["kappa"]) < 5 * found["standard_deviations"]["kappa"] < 0.05 * 7.45e5
     assert (tmp_path / "identified.toml").exists()
     assert surrogate.load_model(tmp_path / "identified.json").order == 2
-
-
-def test_every_table_has_a_drive(tmp_path):
-    (tmp_path / "a.csv").write_text("us,mV\n0,1\n1,2\n2,3\n")
-    run = commands.thermofem("identify", "a.csv", "--detuning", "0 GHz", cwd=tmp_path)
-    assert run.returncode == 2
-    assert "--power is given 0 times for 1 tables" in run.stderr

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
-import xarray as xr
 from rings import RING, SECOND_ORDER, printed_equations, state
 from scipy.integrate import solve_ivp
-from scipy.interpolate import BPoly, CubicSpline
+from scipy.interpolate import CubicSpline
 
 import coupled
 import thermofem as th
-from coupled import State, Sweep
-from coupled.inputs import Pieces, bounds, pieces
+from coupled import State
+from coupled.inputs import Pieces
 from coupled.kernel import units as eq
 from coupled.kernel.integrator import Problem
 from coupled.kernel.tableaus import Method, tableau
-from coupled.runs.window import Laser, advance, lights_of
+from coupled.runs.window import Laser, lights_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9
 UNIT = np.array([np.sqrt(eq.FJ), np.sqrt(eq.FJ), eq.DENSITY, 1, 1])
@@ -84,18 +81,6 @@ def test_a_short_pulse_on_a_bias_is_not_missed():
     for edge in (5e-6, 5.002e-6):
         assert np.abs(t - edge).min() < 1e-15
     assert set(run.input_power.values) == {bias, bias + 4e-3}
-    late = coupled.simulate(RING, SECOND_ORDER, power=[bias, 4e-3], duration=2 * NS, initial=_at(run, 5e-6))
-    inside = run.isel(time=np.flatnonzero((t > 5e-6 - 1e-15) & (t < 5.002e-6 + 1e-15)))
-    # both at rtol = 1e-6, with other floors of the error
-    assert inside.carriers.values[-1] == pytest.approx(float(late.carriers[-1]), rel=1e-5)
-
-
-def _at(run, time):
-    """The state at an accepted step, by running there again."""
-    again = coupled.simulate(RING, SECOND_ORDER, power=1e-3, duration=time)
-    at = int(np.abs(run.time.values - time).argmin())
-    assert float(again.carriers[-1]) == pytest.approx(float(run.carriers[at]), rel=1e-6)  # other steps
-    return State.end_of(again)
 
 
 def test_a_run_goes_on_where_another_ended():
@@ -127,50 +112,6 @@ def test_power_may_come_and_go_through_zero():
         assert run.attrs["steps"] < 4000
 
 
-def test_a_slow_sweep_lands_where_the_steady_states_are():
-    model = SECOND_ORDER
-    sweep = Sweep([0, 40e-6], [15e9, -5e9])
-    run = coupled.simulate(RING, model, power=1e-4, detuning=sweep, duration=40e-6, times=[20e-6, 30e-6])
-    for k, nu in enumerate((5e9, 0.0)):
-        found = coupled.steady_states(RING, model, power=1e-4, detuning=nu)
-        # 0.5 GHz/us against 1 us of heat: the heat of 0.02 K lags by a hundredth
-        assert float(run.energy[k]) == pytest.approx(float(found.energy[0]), rel=1e-2, abs=0)
-
-
-def test_an_offset_of_temperature_is_a_detuning():
-    state0, per_kelvin = State.cold(2), RING.thermal_shift / (2 * np.pi)
-    ramp = Sweep([0, 1e-6], [0, 0.5])
-    a = advance(RING, SECOND_ORDER, state0, 0.0, 1e-6, power=2e-3, offset=ramp)
-    b = advance(RING, SECOND_ORDER, state0, 0.0, 1e-6, power=2e-3, detuning=Sweep([0, 1e-6], [0, 0.5 * per_kelvin]))
-    assert a.absorbed == pytest.approx(b.absorbed, rel=1e-9, abs=0)  # the same steps but for round-off
-    assert a.delta_T - b.delta_T == pytest.approx(0.5 * a.time / 1e-6, abs=1e-9)
-
-
-def test_the_spline_of_absorbed_power_is_as_good_as_the_steps():
-    from scipy.interpolate import CubicHermiteSpline
-
-    run = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-6, slopes=True)
-    t = np.linspace(1e-9, 1e-6, 4001)
-    fine = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-10, times=t)
-    spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
-    # heat: what the integral of the power is off by; and the power itself, through an edge of 1 ns after 800 ns
-    heat = np.abs(np.cumsum(spline(t) - fine.absorbed)).max() * (t[1] - t[0])
-    assert heat < 2e-6 * fine.absorbed.max() * 1e-6
-    assert np.abs(spline(t) - fine.absorbed).max() < 1e-3 * fine.absorbed.max()
-
-
-def test_windows_join():
-    power, edges = th.SquareWave(power=5e-3, period=0.4e-6, duty=0.5), np.array([0, 0.13, 0.5, 1.0]) * 1e-6
-    whole = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=power, rtol=1e-8)
-    state, first = State.cold(2), 0.0
-    for start, stop in pairwise(edges):
-        part = advance(RING, SECOND_ORDER, state, start, stop, power=power, rtol=1e-8, first_step=first)
-        state, first = part.final, part.step
-    assert part.time[-1] == 1e-6
-    assert state.carriers == pytest.approx(whole.final.carriers, rel=1e-5)
-    assert np.sum(state.thermal) == pytest.approx(np.sum(whole.final.thermal), rel=1e-5)
-
-
 def test_events_are_found_between_the_steps():
     event = coupled.Event("delta_T", 5.0, stop=False)
     run = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=5e-6, event=event)
@@ -190,55 +131,6 @@ def test_events_are_found_between_the_steps():
     none = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=5e-6, **late)
     assert none.sizes["time"] == 0
     assert none.attrs["crossings"] == stopped.attrs["crossings"]
-
-
-def test_pieces_of_everything_that_drives():
-    t = np.linspace(0, 1e-6, 101)
-    wave = th.SquareWave(power=2e-3, period=0.3e-6, duty=0.4)
-    total = pieces("power", [1e-3, wave, th.Pulse(power=1e-3, width=1e-7, start=0.05e-6)], 0.0, 1e-6)
-    assert total(t) == pytest.approx(1e-3 + wave(t) + th.Pulse(power=1e-3, width=1e-7, start=0.05e-6)(t), abs=1e-15)
-    spline = CubicSpline([0, 0.2e-6, 1e-6], [1.0, -2.0, 3.0])
-    cubic = pieces("x", spline, 0.1e-6, 0.9e-6)
-    inside = t[(t >= 0.1e-6) & (t <= 0.9e-6)]
-    assert cubic(inside) == pytest.approx(spline(inside), rel=1e-12)
-    low, high = bounds(pieces("x", spline, 0.0, 1e-6))
-    dense = spline(np.linspace(0, 1e-6, 100_001))
-    assert (low, high) == pytest.approx((dense.min(), dense.max()), rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"power": th.Constant(2.0)}, "8 dBm is 6.31e-3"),
-        ({"power": Sweep([0, 1e-6], [1e-3, -1e-3])}, "powers are in W"),
-        ({"power": Sweep([0, 0.5e-6], [1e-3, 1e-3])}, "cover the run"),
-        ({"power": "8 dBm"}, "not a number"),
-        ({"power": BPoly.from_derivatives([0, 1e-6], [[0, 0], [1e-3, 0]])}, "power is a BPoly; a PPoly is needed"),
-        ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
-        ({"detuning": Sweep([0, 1e-6], [0, -10])}, "did you mean -10e9"),
-        ({"method": "Rodas5"}, "did you mean 'rodas5p'"),
-        ({"method": 4}, "method"),
-        ({"initial": 3}, "final_state"),
-        ({"initial": xr.Dataset(attrs={"final_state": "cold"})}, "final_state"),
-        ({"initial": xr.Dataset(attrs={"final_state": [0.0]})}, "shape"),
-        ({"event": "delta_T"}, "coupled.Event"),
-        ({"event": coupled.Event("delta_T", float("nan"))}, "event.level"),
-        ({"event": coupled.Event("heat", 3.0)}, "delta_T"),
-        ({"event": coupled.Event("delta_T", 5.0, stop="no")}, "event.stop = 'no' must be True or False"),
-        ({"event": coupled.Event("delta_T", 5.0, stop=None)}, "event.stop"),
-        ({"event": coupled.Event("delta_T", 5.0, stop=[True])}, "event.stop"),
-        ({"event": coupled.Event("delta_T", 5.0, stop=float("nan"))}, "event.stop"),
-    ],
-)
-def test_slips_are_named(change, message):
-    arguments = {"ring": RING, "model": SECOND_ORDER, "power": 1e-3, "duration": 1e-6} | change
-    with pytest.raises(th.InputError, match=message):
-        coupled.simulate(**arguments)
-
-
-def test_methods_go_by_name():
-    run = coupled.simulate(RING, SECOND_ORDER, power=1e-3, duration=1e-8, method="Rodas4", rtol=1e-8)
-    assert run.attrs["method"] == "rodas4"
 
 
 @pytest.mark.parametrize("further", [(), [coupled.Laser(power=th.Sampled([0, 4e-6], [0, 1e-6]), detuning=1e9)]])

@@ -1,4 +1,4 @@
-"""The kernel: equations as printed, their derivative, one step, the loop, the derivative of the flow, other solvers."""
+"""The kernel: printed equations, their derivative, a step, the loop, the flow, other solvers, heat that runs away."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rings import BENT, LINEAR, NETWORKS, RING, SECOND_ORDER, printed_equations, state
 from scipy.integrate import solve_ivp
+from support import ring_ode
 
 import coupled
 import thermofem as th
@@ -224,30 +225,67 @@ def test_an_interrupt_ends_a_long_run():
         coupled.simulate(RING, SECOND_ORDER, power=POWER, duration=0.1, progress=press)
 
 
-def fixed_point(U, N, dT, detuning):
-    """The state at a fixed point from its energy (fJ), carriers (1e23/m^3) and temperature, and the pump."""
-    rates, fcd = eq.internal_rates(RING)
-    gamma, S = rates.loss + rates.fca * N + rates.tpa * U, sum(c * N**p for c, p in fcd)
-    D = -rates.thermal_shift * dT - S - eq.internal_detuning(detuning)
-    drive = math.sqrt(U * (gamma**2 + D**2))
-    a = 1j * drive / (gamma - 1j * D)
-    share = SECOND_ORDER.R / SECOND_ORDER.thermal_resistance
-    return np.array([a.real, a.imag, N, *(share * dT)]), drive
-
-
-def test_fixed_point_at_8_dbm_on_resonance():
-    # Computed by a one-dimensional scan in U, seven digits. Rounding dT by 5e-7 K and N by 5e-7 shifts D by 1e-4 rad/ns
-    # of gamma = 330 rad/ns, so the power that belongs to U is known to 1e-6; the other residuals to the digits of U.
-    y, drive = fixed_point(18.740013, 1.990834, 6.945106, 0.0)
-    assert drive**2 == pytest.approx(eq.internal_pump(RING, POWER) ** 2, rel=2e-6)
+def test_eigenvalues_at_8_dbm_on_resonance():
+    branch = coupled.steady_states(RING, SECOND_ORDER, power=POWER, detuning=0.0).isel(branch=0)
+    y = ring_ode.state_at(branch, RING, SECOND_ORDER, POWER, 0.0) / eq.units(2)
     residual, J = single(SECOND_ORDER, RING, POWER, 0.0).slopes(y)
-    rates = eq.internal_rates(RING)[0]
-    assert abs(residual[:2]).max() < 2e-6 * drive
-    assert abs(residual[2]) < 5e-7 * rates.g * 18.74**2
-    assert abs(residual[3:]).max() < 5e-7 * (eq.NS / SECOND_ORDER.tau * y[3:]).max()
+    assert np.abs(residual / np.abs(J).max(axis=1)).max() < 1e-11  # of states of order 1 to 10
     # an unstable focus, a real pole and the optical pair, per ns; digits as far as they were computed
     values = np.linalg.eigvals(J)
     values = sorted(values[values.imag >= 0], key=lambda v: -v.real)
     assert values[0] == pytest.approx(0.01518554 + 0.006693j, abs=2e-6)
     assert values[1] == pytest.approx(-0.00580991, abs=1e-7)
     assert values[2] == pytest.approx(-112.08 + 128.18j, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", ["output map", "quadratic"])
+def test_a_run_agrees_with_another_integrator(kind):
+    model, times = KINDS[kind], np.linspace(20, 400, 20)
+    problem = single(model, power=6.31e-3, duration=400e-9)
+    other = solve_ivp(
+        lambda _, y: problem.slopes(y)[0], (0, 400), np.zeros(5), method="LSODA", t_eval=times, rtol=1e-11, atol=1e-13
+    )
+    run = coupled.simulate(REAL, model, power=6.31e-3, detuning=-3e9, duration=400e-9, times=times * eq.NS, rtol=1e-9)
+    z = other.y[3:].sum(axis=0)
+    want = z - 4e-3 * z**2 if kind == "output map" else model.C @ other.y[3:]
+    assert run.delta_T.values == pytest.approx(want, rel=1e-6)  # 1e-9 a step over a thousand of them
+    assert run.carriers.values == pytest.approx(other.y[2] * eq.DENSITY, rel=1e-6)
+
+
+def test_a_quadratic_model_without_its_quadratic_part_is_the_network():
+    a, b = (coupled.simulate(RING, m, power=6.31e-3, duration=2e-6) for m in (SECOND_ORDER, LINEAR))
+    assert a.sizes == b.sizes
+    # round-off, grown as in the splitting of poles
+    assert b.carriers.values == pytest.approx(a.carriers.values, rel=1e-6)
+
+
+FAST = -1e6 * np.eye(2)
+
+
+def test_light_and_heat_that_run_away_end_in_one_line():
+    away = th.Quadratic(FAST, np.full((2, 2, 2), 1e30), 0 * FAST, 1e9 * np.ones(2), np.ones(2))
+    with pytest.raises(th.InputError, match="no step small enough"):
+        coupled.simulate(RING, away, power=1e-4, duration=1e-10)
+
+
+@pytest.mark.parametrize("lasers", [(), coupled.Laser(1e-6, -2e9)])
+@pytest.mark.parametrize("G", [1e26, 1e30])
+def test_heat_that_grows_within_a_step_is_not_damped(G, lasers, monkeypatch):
+    """An L-stable step ended on the unstable fixed point -B/G, a rise of -2e-21 K under light, without a word."""
+    monkeypatch.setattr(integrator, "MAX_STEPS", 100_000)
+    away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
+    with pytest.raises(th.InputError, match=r"no step small enough|takes more than"):
+        coupled.simulate(RING, away, power=1e-4, duration=1e-10, lasers=lasers)
+
+
+def test_no_cycle_damps_heat_that_grows_within_an_interval():
+    """A third mode that grows at 3e11 1/s: Newton's method gave a stable cycle, on which it rests at -B/G."""
+
+    def with_third(gain: float) -> th.Quadratic:
+        rate = np.array([*1 / SECOND_ORDER.tau, 1e9])
+        G, B = np.diag([0, 0, gain]), np.array([*SECOND_ORDER.gain, 1e6])
+        return th.Quadratic(-np.diag(rate), np.zeros((3, 3, 3)), G, B, np.ones(3))
+
+    cycle = coupled.limit_cycle(RING, with_third(0.0), power=6.31e-3)
+    with pytest.raises(th.InputError, match="near the one given as guess"):
+        coupled.limit_cycle(RING, with_third(1e14), power=6.31e-3, guess=cycle)

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from models import quadratic
+from rings import FIVE, RING
 
 import coupled
 import surrogate
 import thermofem as th
 
-RING = coupled.borghi2021()
 POWER = 10**0.8 * 1e-3  # 8 dBm
-FIVE = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
 SECOND = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
 
 
@@ -161,13 +160,10 @@ def test_every_kind_of_heat():
 
 
 def test_energy_closes_over_a_period():
-    for model in (th.OutputMap(FIVE, 2e-3), quadratic()):
+    for model in (th.OutputMap(FIVE, 2e-3), quadratic(), FIVE):
         cycle = coupled.limit_cycle(RING, model, power=POWER)
         out = (cycle["weight"] * (cycle["drop"] + cycle["through"] + cycle["absorbed"])).sum()
         assert float(out) == pytest.approx(POWER * cycle.attrs["period"], rel=1e-10)
-    cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
-    out = (cycle["weight"] * (cycle["drop"] + cycle["through"] + cycle["absorbed"])).sum()
-    assert float(out) == pytest.approx(POWER * cycle.attrs["period"], rel=1e-10)
     heat = (cycle["weight"] * cycle["delta_T"]).sum() / cycle.attrs["period"]
     absorbed = (cycle["weight"] * cycle["absorbed"]).sum() / cycle.attrs["period"]
     assert float(heat) == pytest.approx(FIVE.thermal_resistance * float(absorbed), rel=1e-10)
@@ -185,15 +181,6 @@ def test_a_cycle_is_a_guess_for_its_neighbour_and_for_another_model():
     assert coupled.limit_cycle(RING, FIVE, power=POWER, guess=run_).attrs["period"] == pytest.approx(
         cycle.attrs["period"], rel=1e-9
     )
-
-
-def test_no_cycle_says_why():
-    with pytest.raises(th.InputError, match="comes to rest at a stable fixed point"):
-        coupled.limit_cycle(RING, SECOND, power=1e-3)
-    with pytest.raises(th.InputError, match="guess is a str"):
-        coupled.limit_cycle(RING, SECOND, power=POWER, guess="cold")
-    with pytest.raises(th.InputError, match="power"):
-        coupled.limit_cycle(RING, SECOND, power=8.0)
 
 
 def test_a_ring_without_a_drop_port():

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from rings import RING, SECOND_ORDER
 
 import coupled
 import surrogate
 import thermofem as th
 from coupled.equilibria.steady_states import first_lyapunov
 
-RING = coupled.borghi2021()
-EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
 FEM_TRAINED = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
 POWERS, DETUNINGS = 1e-3 * 10 ** (np.linspace(3, 10, 12) / 10), np.linspace(-30e9, 30e9, 13)
 
@@ -60,15 +59,15 @@ def swing_of(model, power, detuning, ring=RING, initial=None):
 
 def test_a_supercritical_pulse_grows_like_the_root():
     """r = sqrt(-growth/g) on the side that grows, nothing on the other: from the eigenvalue and g alone."""
-    curve = xr.concat(coupled.hopf_curves(RING, EXPERIMENT, POWERS, DETUNINGS), "point")
+    curve = xr.concat(coupled.hopf_curves(RING, SECOND_ORDER, POWERS, DETUNINGS), "point")
     soft = np.flatnonzero((curve.lyapunov.values < 0) & curve.leading.values)
     point = curve.isel(point=int(soft[np.argmin(np.abs(curve.detuning.values[soft] + 10e9))]))
     sides = {+1: [], -1: []}
     for step in (0.1e9, -0.1e9, 0.2e9, -0.2e9, 0.4e9, -0.4e9):
         laser = {"power": float(point.power), "detuning": float(point.detuning) + step}
-        states = coupled.steady_states(RING, EXPERIMENT, **laser)
+        states = coupled.steady_states(RING, SECOND_ORDER, **laser)
         branch = states.isel(branch=int(np.abs(states.energy.values - float(point.energy)).argmin()))
-        growth, (amplitude, _) = float(branch.growth_rate), swing_of(EXPERIMENT, *laser.values())
+        growth, (amplitude, _) = float(branch.growth_rate), swing_of(SECOND_ORDER, *laser.values())
         sides[np.sign(growth)].append((growth, amplitude))
     assert [len(side) for side in sides.values()] == [3, 3]
     for growth, amplitude in sides[+1]:
@@ -105,7 +104,7 @@ def test_which_thermal_models_begin_to_pulse_softly():
     """As docs/stability.md says, on every leading point of the plane of the paper's maps."""
     cases = {
         "newton": (RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)),
-        "experiment": (RING, EXPERIMENT),
+        "experiment": (RING, SECOND_ORDER),
         "FEM": (RING, surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-4).model),
         "FEM-trained": (RING, FEM_TRAINED),
     }

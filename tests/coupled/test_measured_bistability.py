@@ -13,7 +13,7 @@ import pytest
 from paths import MEASURED, ROOT
 from scipy.constants import c
 
-import coupled
+from coupled.equilibria.transmission import power_for_drop
 
 LOOPS = MEASURED / "ring_bistability"
 
@@ -90,11 +90,6 @@ def test_heat_in_proportion_to_the_energy_alone_cannot_be_bistable_there(script,
     drop = np.geomspace(1e-5, 8e-3, 2000)
     for wavelength in np.unique(loops[0]):
         nu = c / wavelength - ring.frequency
-        needed = coupled.equilibria.transmission.power_for_drop(ring, script.STATIC, drop=drop, detuning=nu)
+        needed = power_for_drop(ring, script.STATIC, drop=drop, detuning=nu)
         assert np.all(np.diff(needed) > 0)
-        assert np.any(
-            np.diff(
-                coupled.equilibria.transmission.power_for_drop(script.ring_of(x), script.STATIC, drop=drop, detuning=nu)
-            )
-            < 0
-        )
+        assert np.any(np.diff(power_for_drop(script.ring_of(x), script.STATIC, drop=drop, detuning=nu)) < 0)

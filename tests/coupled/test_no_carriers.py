@@ -54,6 +54,11 @@ def test_pulses_of_light_and_heat_alone():
         found = coupled.pulsing(trace)
         assert str(found.regime) == "self-pulsing"
         assert found.period == pytest.approx(waits[-1], rel=1e-5)  # 50 ps between samples, on a cubic
+    for cycle in (
+        coupled.limit_cycle(RING, HEAT, power=POWER, detuning=DETUNING),
+        coupled.limit_cycle(coupled.bus([RING]), HEAT, power={"in": POWER}, detuning=DETUNING, settle=4e-6),
+    ):
+        assert cycle.attrs["period"] == pytest.approx(waits[-1], rel=1e-5)
     at = coupled.pulsing_map(RING, HEAT, [POWER], [DETUNING])
     assert (at["regime"].values.item(), at.attrs["settled"]) == ("self-pulsing", 0)
     assert at["period"].values.item() == pytest.approx(waits[-1], rel=1e-4)  # its rtol is 1e-5
@@ -104,16 +109,6 @@ def test_a_second_resonance_of_such_a_ring_takes_no_more_steps():
     probe = coupled.Laser(1e-3, 0.0, resonance=replace(ring, frequency=ring.frequency + 1.5e12))
     run = coupled.simulate(ring, HEAT, power=5e-3, duration=20e-9, lasers=probe)
     assert run.attrs["steps"] + run.attrs["rejected_steps"] < 200
-
-
-def test_such_a_ring_has_its_cycle_alone_and_in_a_circuit():
-    """It "comes to rest and has no pulses there"."""
-    times = np.linspace(3e-6, 4e-6, 20001)
-    want = energies(times)
-    waits = np.diff(coupled.runs.pulsing.crossings(times, want, (want.min() + want.max()) / 2))
-    circuit = coupled.limit_cycle(coupled.bus([RING]), HEAT, power={"in": POWER}, detuning=DETUNING, settle=4e-6)
-    for found in (circuit, coupled.limit_cycle(RING, HEAT, power=POWER, detuning=DETUNING)):
-        assert found.attrs["period"] == pytest.approx(waits[-1], rel=1e-5)  # 50 ps between samples, on a cubic
 
 
 def test_the_rate_decides_whether_there_are_carriers():

@@ -9,6 +9,7 @@ from rings import RING, SECOND_ORDER
 
 import coupled
 import thermofem as th
+from coupled.equilibria.transmission import sweep
 from coupled.plot import plot_branch, plot_identification, plot_map, plot_transmission
 
 POWERS, DETUNINGS = np.geomspace(2e-3, 8e-3, 3), np.linspace(-30e9, 40e9, 4)
@@ -50,17 +51,10 @@ def test_a_curve_in_other_units_lies_where_it_should(stability, hopf, curve):
         for one in (hopf, [rescaled(c, power=(1e-3, "mW"), detuning=(1e9, "GHz")) for c in hopf])
     )
     np.testing.assert_allclose(same.get_xydata(), line.get_xydata(), rtol=1e-12)
-    swept = coupled.equilibria.transmission.sweep(
-        RING, SECOND_ORDER, power=3e-3, detuning=np.linspace(-100e9, 20e9, 21)
-    )
+    swept = sweep(RING, SECOND_ORDER, power=3e-3, detuning=np.linspace(-100e9, 20e9, 21))
     other = rescaled(swept, detuning=(1e9, "GHz"), drop=(1e-3, "mW"))
     first, second = plot_transmission(curve, sweeps={"SI": swept, "GHz and mW": other}).lines[-2:]
     np.testing.assert_allclose(second.get_xydata(), first.get_xydata(), rtol=1e-12)
-
-
-def test_one_curve_counts_as_a_list(stability, hopf):
-    """It ended in "string indices must be integers"."""
-    assert len(plot_map(stability, hopf=hopf[0]).lines) == len(plot_map(stability, hopf=hopf[:1]).lines)
 
 
 def test_a_run_with_a_swept_power_is_a_sweep():
@@ -69,13 +63,6 @@ def test_a_run_with_a_swept_power_is_a_sweep():
     run = coupled.simulate(RING, SECOND_ORDER, power=th.Sampled([0, 1e-6], [1e-4, 3e-3]), duration=1e-6)
     line = plot_transmission(curve, sweeps={"run": run}).lines[-1]
     np.testing.assert_allclose(line.get_xdata(), run["input_power"].values * 1e3)
-
-
-def test_every_sweep_is_drawn(curve):
-    """Six were given, and four drawn."""
-    swept = coupled.equilibria.transmission.sweep(RING, SECOND_ORDER, power=3e-3, detuning=np.linspace(-100e9, 20e9, 5))
-    ax = plot_transmission(curve, sweeps={str(k): swept for k in range(6)})
-    assert len(ax.lines) == len(plot_transmission(curve).lines) + 6
 
 
 def test_a_branch_is_drawn_over_its_parameter(curve):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.runs.pulsing import crossings
-from coupled.runs.repetition import amplitude_limit
 
 PERIOD = 0.7e-6
 DURATION = 20e-6
@@ -78,9 +76,10 @@ def test_an_oscillation_pulses_unless_it_heads_for_zero(amplitude, regime, reaso
     assert np.isnan(found.duty) == (regime != "self-pulsing")
 
 
-def test_a_small_oscillation_under_a_drift_is_seen():
-    drift = 2 - 0.3 * np.exp(-TIMES / 4e-6)
-    found = coupled.pulsing(trace(wave(0.02, mean=drift)))
+@pytest.mark.parametrize(("amplitude", "size", "tau"), [(0.02, 0.3, 4e-6), (0.003, 3.0, 2e-6)])
+def test_a_small_oscillation_under_a_drift_is_seen(amplitude, size, tau):
+    """The second one in the last quarter only: in the last half the drift hides it."""
+    found = coupled.pulsing(trace(wave(amplitude, mean=2 - size * np.exp(-TIMES / tau))))
     assert found.regime == "self-pulsing"
     # The drift lifts the carriers by 0.3 e^-5 (period/4 us) = 4e-4 from cycle to cycle, 0.02 of a radian: 3e-3.
     assert found.period == pytest.approx(PERIOD, rel=5e-3, abs=0)
@@ -99,8 +98,9 @@ def test_a_small_oscillation_under_a_drift_is_seen():
         (1 + TIMES / DURATION, "slow transient", "simulate 200 us"),
         (2 + np.sin(2 * np.pi * TIMES / 15e-6), "slow transient", "cycle"),
         (2 + np.sin(2 * np.pi * TIMES / PERIOD) * (TIMES < 12e-6) + TIMES / 60e-6, "slow transient", "no more"),
+        (2 + np.sin(2 * np.pi * TIMES / PERIOD) * (TIMES < 12 * PERIOD), "stable", ""),
     ],
-    ids=["settled", "settling", "slow", "ramp", "period of 15 us", "pulses that ended in a ramp"],
+    ids=["settled", "settling", "slow", "ramp", "period of 15 us", "pulses that ended in a ramp", "pulses that ended"],
 )
 def test_what_does_not_pulse_is_at_rest_or_under_way(carriers, regime, reason):
     found = coupled.pulsing(trace(carriers))
@@ -119,17 +119,6 @@ def test_a_driven_trace_is_not_told_to_last_longer(carriers):
     assert np.isnan(found.suggested_duration)
 
 
-def test_pulses_that_ended_are_stable():
-    found = coupled.pulsing(trace(2 + np.sin(2 * np.pi * TIMES / PERIOD) * (TIMES < 12 * PERIOD)))
-    assert found.regime == "stable"
-
-
-def test_an_oscillation_that_a_drift_hides_in_the_last_half_is_seen_in_the_last_quarter():
-    found = coupled.pulsing(trace(wave(0.003, mean=2 - 3 * np.exp(-TIMES / 2e-6))))
-    assert found.regime == "self-pulsing"
-    assert found.period == pytest.approx(PERIOD, rel=5e-3, abs=0)  # as above
-
-
 def test_the_ghost_of_a_saddle_node_is_a_slow_transient():
     # At 5.5 dBm and -20 GHz the ring rests beside a vanished pair of fixed points and pulses only after 70 us.
     ring, model = coupled.borghi2021(), surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
@@ -140,20 +129,6 @@ def test_the_ghost_of_a_saddle_node_is_a_slow_transient():
     )
     assert early.regime == "slow transient"
     assert late.regime == "self-pulsing"
-
-
-def test_pulses_whose_period_grows_faster_and_faster_are_a_slow_transient():
-    # slow heat carries the ring out of the pulsing range: a run of 20 us ends at rest on the one, stable fixed point
-    R = [1625.29969843, 3450.13535925, 323.67874334, 9580.59111039]
-    model = th.Foster(R=R, tau=[4.91367711e-07, 6.00254545e-07, 7.65252569e-07, 8.60286207e-06])
-    light = {"power": 0.0001786999213608913, "detuning": -1235179201.5602221}
-    early, late = (
-        coupled.pulsing(coupled.simulate(coupled.vanvaerenbergh2012(), model, **light, duration=duration))
-        for duration in (5e-6, 20e-6)
-    )
-    assert early.regime == "slow transient"
-    assert "+5.3 % from one to the next, after +3.6 %" in early.reason
-    assert late.regime == "stable"
 
 
 @pytest.mark.parametrize(
@@ -179,17 +154,6 @@ def test_crossings_are_exact_for_cubics():
     assert crossings(t, x, -1.0).size == 0
     assert crossings(t, t, 0.2) == pytest.approx([0.2], abs=1e-9)  # first step: the four samples to its right
     assert crossings(t, t, 2.5) == pytest.approx([2.5], abs=1e-9)
-
-
-def test_amplitude_limit_is_exact_for_geometric_sequences():
-    k = np.arange(18)
-    assert amplitude_limit(0.4 + 0.5 * 0.8**k) == pytest.approx(0.4, rel=1e-9)
-    assert amplitude_limit(0.9**k) == pytest.approx(0, abs=1e-12)
-    assert np.isnan(amplitude_limit(np.linspace(1, 0.1, 18)))  # straight on: to zero, or to less than it shows
-    assert np.isnan(amplitude_limit(1 - 1e-3 * 1.4**k))
-    assert amplitude_limit(np.linspace(1, 3, 18)) == 3
-    assert amplitude_limit(np.array([1.0, 0.99])) == 0.99
-    assert amplitude_limit(np.array([1.0, 0.5])) == 0
 
 
 @pytest.mark.parametrize("together", [2, 3])
@@ -226,21 +190,6 @@ def test_extinction_is_the_ratio_of_the_drop_power():
 SECOND_ORDER = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
 
 
-def test_a_decaying_oscillation_of_a_real_run_is_stable():
-    # at 4 dBm and -4 GHz the only fixed point is a focus that decays at 3.4e5 1/s and turns at 2.18 MHz
-    run = coupled.simulate(coupled.borghi2021(), SECOND_ORDER, power=1e-3 * 10**0.4, detuning=-4e9)
-    found = coupled.pulsing(run)
-    assert found.regime == "stable"
-    assert "dies away" in found.reason
-
-
-def test_a_period_longer_than_the_window_is_under_way():
-    ring = coupled.borghi2021()
-    whole = coupled.pulsing(coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, duration=10e-6))
-    short = coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, duration=1.2 * whole.period)
-    assert coupled.pulsing(short).regime == "slow transient"
-
-
 @pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-8])
 def test_an_unstable_fixed_point_is_left_at_every_tolerance(rtol):
     """The steps may not damp what grows: the ring rests first, near a focus that grows at 9e5 1/s, and then pulses."""
@@ -272,71 +221,29 @@ def test_a_ring_on_one_bus_is_judged_by_its_energy():
 def test_coarse_samples_are_refused():
     ring = coupled.borghi2021()
     for n in (90, 400):
-        times = np.linspace(0, 20e-6, n)
-        run = coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, times=times)
+        run = coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, times=np.linspace(0, 20e-6, n))
         with pytest.raises(th.InputError, match="too coarse"):
             coupled.pulsing(run)
-    with pytest.raises(th.InputError, match="too coarse"):
-        coupled.pulsing(trace(wave()).isel(time=slice(None, None, 20)))
     fine = coupled.pulsing(coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, times=np.linspace(0, 20e-6, 4000)))
     assert fine.period == pytest.approx(535.94e-9, rel=5e-3, abs=0)  # samples of 5 ns
 
 
-def test_what_is_no_run_is_named():
-    with pytest.raises(th.InputError, match="'carriers'"):
-        coupled.pulsing(trace(wave()).drop_vars("carriers"))
-    with pytest.raises(th.InputError, match="'time'"):
-        coupled.pulsing(trace(wave()).drop_vars("time"))
-    with pytest.raises(th.InputError, match="run is a dict; a Dataset"):
-        coupled.pulsing({"carriers": 1})
-    with pytest.raises(th.InputError, match="at least 8"):
-        coupled.pulsing(trace(wave()).isel(time=slice(5)))
-    spoiled = wave()
-    spoiled[7] = np.nan
-    with pytest.raises(th.InputError, match=r"run.carriers\[7\]"):
-        coupled.pulsing(trace(spoiled))
-
-
-@pytest.mark.slow
-def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
-    """What 20 us at rtol 1e-6 say of some 16 random rings, where it is hardest to say; 120 us at 1e-8 are the judge."""
-    said = {"self-pulsing": 0, "stable": 0, "slow transient": 0}
-    times = np.linspace(100e-6, 120e-6, 4001)
-    for ring, model, power, detuning in chain.from_iterable(map(verdicts.random_ring, range(4, 28))):
-        found = coupled.pulsing_map(ring, model, [power], [detuning], duration=20e-6, rtol=1e-6)
-        regime, reason, period = (found[name].values.item() for name in ("regime", "reason", "period"))
-        said[regime] += 1
-        if regime == "slow transient":
-            continue  # claims nothing
-        run = coupled.simulate(ring, model, power=power, detuning=detuning, times=times, duration=120e-6, rtol=1e-8)
-        late = run["carriers"].values
-        assert (np.ptp(late) > 0.02 * late.max()) == (regime == "self-pulsing"), (ring, model, reason)
-        if regime == "self-pulsing" and "falling" not in reason and "differ" not in reason:
-            # a length may change by 2 % from one cycle to the next, and some cycles are still to come
-            up = crossings(times, late, (late.min() + late.max()) / 2)
-            assert period == pytest.approx((up[-1] - up[0]) / (up.size - 1), rel=0.05)
-    assert min(said["self-pulsing"], said["stable"]) >= 3
-    assert said["slow transient"] <= sum(said.values()) / 2
-
-
-def test_cycles_that_lengthen_by_a_fifth_have_no_period():
-    ends = np.cumsum(0.7e-6 * 1.2 ** np.arange(11))  # s; each cycle 1.2 times as long as the last
-    phase = 2 * np.pi * np.interp(TIMES, np.concatenate([[0.0], ends]), np.arange(12))
-    found = coupled.pulsing(trace(2 + np.sin(phase + 0.3)))
-    assert found.regime == "slow transient"
-    assert "changes by +2" in found.reason
-    assert found.suggested_duration > DURATION
-
-
 @pytest.mark.parametrize(
-    ("factor", "regime"), [(0.96, "slow transient"), (1.05, "slow transient"), (1.01, "self-pulsing")]
+    ("first", "count", "factor", "regime"),
+    [
+        (6e-6, 4, 0.96, "slow transient"),
+        (6e-6, 4, 1.05, "slow transient"),
+        (6e-6, 4, 1.01, "self-pulsing"),
+        (0.7e-6, 11, 1.2, "slow transient"),
+    ],
 )
-def test_two_cycles_have_a_period_only_where_it_is_settled(factor, regime):
+def test_cycles_have_a_period_only_where_it_is_settled(first, count, factor, regime):
     """Two cycles that agree to 2 %; `tests/audit/verdicts.py`, seed 640111, had two of 3 and 9 % that died away."""
-    ends = np.cumsum(6e-6 * factor ** np.arange(4))
-    phase = 2 * np.pi * np.interp(TIMES, np.concatenate([[0.0], ends]), np.arange(5))
+    ends = np.cumsum(first * factor ** np.arange(count))
+    phase = 2 * np.pi * np.interp(TIMES, np.concatenate([[0.0], ends]), np.arange(count + 1))
     found = coupled.pulsing(trace(2 + np.sin(phase + 0.3)))
-    assert (found.regime, found.cycles) == (regime, 2)
+    assert found.regime == regime
+    assert count > 4 or found.cycles == 2
 
 
 def test_a_movement_that_grows_is_no_rest():

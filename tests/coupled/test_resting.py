@@ -9,8 +9,7 @@ from audit import verdicts
 
 import coupled
 import thermofem as th
-from coupled.kernel.integrator import Problem
-from coupled.runs.resting import Rest, rest_of_run, ring_in
+from coupled.runs.resting import rest_of_run, ring_in
 from thermofem.data import dataset
 
 RING = coupled.borghi2021()
@@ -52,17 +51,6 @@ def test_an_output_map_and_a_file_tell_the_same(slow, tmp_path):
             # the bisection of two curves that are one to round-off; eigenvalues lose their condition, some 1e3
             assert getattr(rest, name) == pytest.approx(states[wanted].values, rel=1e-8)
         assert coupled.pulsing(run).regime == "slow transient"
-
-
-def test_the_nearest_fixed_point_decides():
-    states = coupled.steady_states(RING, NETWORK, **LIGHT)
-    rest = rest_of_run(coupled.simulate(RING, NETWORK, duration=1e-6, **LIGHT))
-    assert isinstance(rest, Rest)
-    for k in range(states.branch.size):
-        U, dT = float(states.energy[k]), float(states.delta_T[k])
-        near, off = rest.nearest(1.02 * U, 0.97 * dT)
-        assert rest.growth[near] == pytest.approx(float(states.growth_rate[k]), rel=1e-9)
-        assert off == pytest.approx(0.03)
 
 
 def test_light_that_ends_where_it_stays_and_heaters_count():
@@ -135,12 +123,3 @@ def test_pulses_under_heat_that_still_rises_say_so():
     assert "the mean rise is 47% of what the absorbed power leads to" in found.reason
     assert "limit_cycle" in found.reason
     assert "mean rise" not in coupled.pulsing(coupled.simulate(RING, quick, **light)).reason
-
-
-def test_a_quiet_trace_is_looked_at_once_in_twenty_steps(monkeypatch):
-    """Pulses of 14 poles that never repeat: a look at every step took ten times as long as the steps."""
-    looks, slopes = [], Problem.slopes
-    monkeypatch.setattr(Problem, "slopes", lambda *a: looks.append(0) or slopes(*a))
-    model = th.Foster(R=np.full(14, 556.0), tau=np.geomspace(3e-8, 3e-6, 14))
-    run = coupled.simulate(RING, model, power=3.36e-3, detuning=-17.9e9, duration=50e-6)
-    assert 1 <= len(looks) <= run.attrs["steps"] / 20 + 10  # and where a step has grown fourfold

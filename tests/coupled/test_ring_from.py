@@ -95,32 +95,6 @@ def test_nitride_has_no_carriers():
     assert quality == pytest.approx(4.8e5, rel=0.03)  # an independent code, two digits
 
 
-SILICON = {"wavelength": 1.555e-6, "loss": 161.0, "coupling": 0.05}
-
-
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"gap": 250e-9}, "gap and coupling"),
-        ({"coupling": None}, "gap and coupling"),
-        ({"coupling": 0.6}, "coupling"),
-        ({"coupling": None, "gap": 0.0}, "gap"),
-        ({"coupling": None, "gap": 250.0}, "gap"),
-        ({"coupling": None, "gap": 100e-9, "straight": 10e-6}, "gap"),
-        ({"loss": -1.0}, "loss"),
-        ({"loss": "7 dB"}, "loss"),
-        ({"mode": "TE7"}, "mode"),
-        ({"geometry": th.strip_ring(width=150e-9)}, "guides no mode"),
-        ({"geometry": th.straight_guide()}, "straight"),
-        ({"geometry": nitride(), "base": coupled.borghi2021()}, "silicon"),
-    ],
-)
-def test_what_makes_no_ring(change, word):
-    given = {"geometry": th.strip_ring(), **SILICON, **change}
-    with pytest.raises(th.InputError, match=word):
-        coupled.ring_from(given.pop("geometry"), **given)
-
-
 def test_a_measured_shift_in_a_ring_file():
     text = 'base = "borghi2021"\nresonance_shift = "75 pm/K"\n'
     ring = coupled.RingResonator.from_text(text)

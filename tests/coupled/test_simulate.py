@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from importlib import import_module
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import coupled
 import surrogate
-import thermofem as th
 from coupled import parameters as paper
-from coupled.maps.pulsing_map import pulse
-from coupled.plot import plot_traces
 
 
 def second_order(s):
@@ -115,16 +111,6 @@ def test_wanted_times_lie_on_the_trace_of_the_steps(run):
         assert wanted[name].values == pytest.approx(run[name].values[::7], rel=1e-11, abs=0)
 
 
-def test_default_method_changes_below_1e_6(run):
-    assert run.attrs["method"] == "rodas4"
-    fine = coupled.simulate(RING, EXPERIMENT, power=dbm(8), duration=1e-6, rtol=9e-7)
-    assert fine.attrs["method"] == "rodas5p"
-    chosen = coupled.simulate(
-        RING, EXPERIMENT, power=dbm(8), duration=1e-6, rtol=9e-7, method=coupled.kernel.tableaus.Method.RODAS4
-    )
-    assert chosen.attrs["method"] == "rodas4"
-
-
 def test_variables_say_what_they_are(run):
     units = {"energy": "J", "carriers": "1/m^3", "delta_T": "K", "drop": "W", "through": "W", "absorbed": "W"}
     assert {name: v.attrs["units"] for name, v in run.data_vars.items()} == units
@@ -139,100 +125,9 @@ def test_variables_say_what_they_are(run):
 def test_darkness_stays_dark():
     run = coupled.simulate(RING, EXPERIMENT, power=0.0, duration=1e-6)
     assert all(np.all(run[name].values == 0) for name in run.data_vars)
-    assert coupled.pulsing(run).regime == "stable" if run.sizes["time"] >= 8 else True
 
 
 def test_no_two_photon_absorption_leaves_no_carriers():
     run = coupled.simulate(replace(RING, tpa_coefficient=0.0), EXPERIMENT, power=dbm(8), duration=5e-6)
     assert np.all(run.carriers.values == 0)
     assert float(run.delta_T[-1]) == pytest.approx(EXPERIMENT.thermal_resistance * float(run.absorbed[-1]), rel=0.02)
-
-
-@dataclass(frozen=True)
-class Nonlinear:
-    """A thermal model that is not a linear network."""
-
-    thermal_resistance: float = 7e3
-
-
-def large_system():
-    eye = np.eye(501)
-    return th.StateSpace(E=eye, A=-eye, B=np.ones((501, 1)), C=np.ones((1, 501)))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"detuning": -10}, r"detuning is in Hz \(did you mean -10e9\?\)"),
-        ({"detuning": 1000}, r"did you mean 1000e9\?"),
-        ({"detuning": 192.88e12}, "laser minus cold resonance"),
-        ({"detuning": float("nan")}, "detuning = nan is not finite"),
-        ({"power": 6.31}, "6.31e-3"),
-        ({"power": 8}, "8 dBm is 6.31e-3"),
-        ({"power": -40}, "powers are in W"),
-        ({"power": -1e-3}, "powers are in W"),
-        ({"power": float("nan")}, "power = nan"),
-        ({"power": None}, "power = None is not a number"),
-        ({"duration": 0}, "duration = 0 must lie between"),
-        ({"duration": -1e-6}, "must lie between"),
-        ({"duration": 20}, "20e-6 for 20 us"),
-        ({"duration": 1e-30}, "duration = 1e-30 must lie between"),
-        ({"duration": float("inf")}, "not finite"),
-        ({"rtol": 0}, "rtol"),
-        ({"rtol": 2.0}, "rtol"),
-        ({"times": [0, 30e-6]}, "between 0 and the duration"),
-        ({"times": [-1e-6, 1e-6]}, "between 0 and the duration"),
-        ({"times": [2e-6, 1e-6]}, "increase"),
-        ({"times": []}, "empty"),
-        ({"model": large_system()}, "reduce it first"),
-        ({"model": Nonlinear()}, "a thermal model is needed"),
-        ({"model": th.Foster(R=[9e3, -1e3], tau=[1e-7, 1e-6])}, "passive"),
-        ({"ring": EXPERIMENT}, "RingResonator"),
-    ],
-)
-def test_slips_are_named_in_one_line(change, message):
-    arguments = {"ring": RING, "model": EXPERIMENT, "power": 6.31e-3} | change
-    with pytest.raises(th.InputError, match=message) as error:
-        coupled.simulate(**arguments)
-    assert "\n" not in str(error.value)
-
-
-def test_round_off_around_zero_detuning_is_no_slip():
-    assert coupled.simulate(RING, EXPERIMENT, power=1e-3, detuning=-3.8e-6, duration=1e-9).sizes["time"] > 1
-
-
-def test_a_run_that_cannot_end_says_so(monkeypatch):
-    monkeypatch.setattr(import_module("coupled.kernel.integrator"), "MAX_STEPS", 50)
-    with pytest.raises(th.InputError, match="more than 50 steps"):
-        coupled.simulate(RING, EXPERIMENT, power=dbm(8))
-
-
-def test_plot_labels_itself_in_readable_units(run):
-    import matplotlib.pyplot as plt
-
-    _, ax = plt.subplots()
-    assert plot_traces(run, ax) is ax
-    right = next(other for other in ax.figure.axes if other is not ax)
-    assert (ax.get_xlabel(), ax.get_ylabel(), right.get_ylabel()) == (
-        "time (µs)",
-        "drop power (mW)",
-        "temperature rise (K)",
-    )
-    assert ax.lines[0].get_xdata()[-1] == pytest.approx(20)
-    assert 3 < ax.lines[0].get_ydata().max() < 6.31  # mW, and never more than comes in
-    assert plot_traces(run).figure is not ax.figure
-    plt.close("all")
-
-
-def test_a_point_of_a_map_is_simulate_and_pulsing():
-    power, detuning = dbm(7), -10e9
-    run = coupled.simulate(RING, EXPERIMENT, power=power, detuning=detuning, rtol=1e-5)
-    found, trace = pulse(
-        RING, EXPERIMENT, power=power, detuning=detuning, duration=20e-6, rtol=1e-5, initial=coupled.State.cold(2)
-    )
-    want = coupled.pulsing(run)
-    assert (found.period, found.swing, found.cycles) == (want.period, want.swing, want.cycles)
-    assert (found.duty, found.extinction) == pytest.approx(
-        (want.duty, want.extinction), rel=1e-12
-    )  # of energy, not drop
-    assert np.array_equal(trace.final.as_array(), run.attrs["final_state"])

@@ -6,18 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rings import LUMPED, NEWTON, RING, SECOND_ORDER
 
 import coupled
-import surrogate
 import thermofem as th
+from coupled.equilibria.transmission import power_for_drop
 
-RING = coupled.borghi2021()
-LUMPED = RING.with_lumped_fcd()
-EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
 TWO = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
-NEWTON = surrogate.newton(tau_th=275e-9)
 SIXTEEN = th.Foster(R=np.linspace(100, 800, 16), tau=np.geomspace(2e-9, 9e-6, 16))
-CASES = {"second order": (RING, EXPERIMENT), "newton": (LUMPED, NEWTON), "sixteen poles": (RING, SIXTEEN)}
+CASES = {"second order": (RING, SECOND_ORDER), "newton": (LUMPED, NEWTON), "sixteen poles": (RING, SIXTEEN)}
 POWERS = 1e-3 * 10 ** (np.linspace(3, 10, 12) / 10)
 DETUNINGS = np.linspace(-30e9, 30e9, 13)
 WIDE = 1e-3 * 10 ** (np.array([-5, 15]) / 10), np.array([-120e9, 60e9])
@@ -41,7 +38,7 @@ def test_every_point_of_a_map_is_what_its_fixed_points_say(case):
 
 
 def test_the_known_points():
-    found = coupled.stability_map(RING, EXPERIMENT, 1e-3 * 10 ** (np.array([5.5, 7, 8]) / 10), [-28e9, 0.0])
+    found = coupled.stability_map(RING, SECOND_ORDER, 1e-3 * 10 ** (np.array([5.5, 7, 8]) / 10), [-28e9, 0.0])
     assert [str(v) for v in found.regime.values[:, 0]] == ["bistable", "stable", "self-pulsing"]
     assert found.fixed_points.values.tolist() == [[3, 1], [3, 1], [1, 1]]
     assert str(found.regime.values[2, 1]) == "self-pulsing"
@@ -93,7 +90,7 @@ def test_hopf_curves_are_smooth_and_end_only_at_the_border_or_at_a_fold(case):
             assert border or slow or closed
 
 
-@pytest.mark.parametrize(("ring", "model"), [(RING, EXPERIMENT), (LUMPED, SIXTEEN)])
+@pytest.mark.parametrize(("ring", "model"), [(RING, SECOND_ORDER), (LUMPED, SIXTEEN)])
 def test_fold_points_have_a_zero_eigenvalue(ring, model):
     curves = coupled.fold_curves(ring, model, *WIDE)
     assert curves
@@ -101,21 +98,16 @@ def test_fold_points_have_a_zero_eigenvalue(ring, model):
         for point in (curve.isel(point=k) for k in range(0, curve.sizes["point"], 7)):
             P, nu, U = float(point.power), float(point.detuning), float(point.energy)
             drop = 2 * ring.drop_bus_rate * U
-            assert coupled.equilibria.transmission.power_for_drop(ring, model, drop=drop, detuning=nu) == pytest.approx(
-                P, rel=1e-11, abs=0
-            )
+            assert power_for_drop(ring, model, drop=drop, detuning=nu) == pytest.approx(P, rel=1e-11, abs=0)
             # dP/dU = 0: differences of fourth order at 1e-3 U, whose truncation is 1e-12 of P/U
-            sides = [
-                coupled.equilibria.transmission.power_for_drop(ring, model, drop=drop * (1 + k * 1e-3), detuning=nu)
-                for k in (-2, -1, 1, 2)
-            ]
+            sides = [power_for_drop(ring, model, drop=drop * (1 + k * 1e-3), detuning=nu) for k in (-2, -1, 1, 2)]
             slope = (sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / 12e-3
             assert abs(float(slope)) < 1e-7 * P
 
 
 def test_folds_of_heat_alone_are_those_of_the_cubic():
     """U (gamma^2 + (c U + delta)^2) = 2 gamma_e P turns where 3 x^2 + 4 delta x + delta^2 + gamma^2 = 0, x = c U."""
-    ring, model = replace(RING, tpa_coefficient=0.0, fcd=((0.0, 1.0),)), EXPERIMENT
+    ring, model = replace(RING, tpa_coefficient=0.0, fcd=((0.0, 1.0),)), SECOND_ORDER
     c, gamma = ring.thermal_shift * model.thermal_resistance * 2 * ring.loss_rate, ring.linear_rate
     (curve,) = coupled.fold_curves(ring, model, *WIDE)
     x, delta = curve.energy.values * c, 2 * np.pi * curve.detuning.values
@@ -139,39 +131,6 @@ def test_folds_are_found_in_windows_of_any_size(share):
         sides = (left + at) / 2, (right + at) / 2
         counts = [coupled.steady_states(RING, TWO, power=15e-3, detuning=s).sizes["branch"] for s in sides]
         assert abs(counts[0] - counts[1]) == 2
-
-
-def test_crossing_a_fold_changes_the_number_of_fixed_points_by_two():
-    for curve in coupled.fold_curves(RING, EXPERIMENT, POWERS, DETUNINGS):
-        for k in range(1, curve.sizes["point"] - 1, 20):
-            P, nu = float(curve.power[k]), float(curve.detuning[k])
-            found = coupled.stability_map(RING, EXPERIMENT, P * np.array([1 - 1e-5, 1 + 1e-5]), [nu])
-            assert abs(int(found.fixed_points[0, 0]) - int(found.fixed_points[1, 0])) == 2
-
-
-def test_map_says_what_it_is(tmp_path):
-    found = coupled.stability_map(RING, EXPERIMENT, POWERS, DETUNINGS)
-    assert found.regime.dims == ("power", "detuning")
-    assert found.growth_rate.attrs["units"] == "1/s"
-    assert found.power.attrs == {"units": "W", "long_name": "power in the bus waveguide"}
-    assert th.load(th.save(found, tmp_path / "map.nc")).equals(found)
-
-
-@pytest.mark.parametrize("function", [coupled.stability_map, coupled.hopf_curves, coupled.fold_curves])
-@pytest.mark.parametrize(
-    ("powers", "detunings", "message"),
-    [
-        ([8], [0.0], r"powers\[0\] = 8 is larger than 1"),
-        ([1e-3, 1e-3], [0.0], "not above"),
-        ([1e-3], [0.0, -10], r"detunings\[1\].*-10e9"),
-        ([0.0], [0.0], "positive"),
-        ([1e-3], [], "empty"),
-    ],
-)
-def test_slips_are_named_in_one_line(function, powers, detunings, message):
-    with pytest.raises(th.InputError, match=message) as error:
-        function(RING, EXPERIMENT, powers, detunings)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("scale", [0.685, 0.6875])

@@ -11,6 +11,9 @@ from rings import BENT, RING, SECOND_ORDER
 import coupled
 import surrogate
 import thermofem as th
+from coupled.cycles.cycle_folds import cycle_fold_curves
+from coupled.cycles.derivatives import cycle_derivatives
+from coupled.equilibria.transmission import power_for_drop, sweep
 
 BUS = coupled.bus(RING)
 ASKED = {
@@ -28,11 +31,9 @@ ASKED = {
         BUS, m, power={"in": th.Pulse(6.31e-3, 2e-6, 2e-6)}, duration=20e-6, times=[0.0, 1e-6, 20e-6]
     ),
     "transmission": lambda m: coupled.transmission(RING, m, power=6.31e-3, detuning=(-90e9, 10e9)),
-    "sweep": lambda m: coupled.equilibria.transmission.sweep(
-        RING, m, power=6.31e-3, detuning=np.linspace(10e9, -90e9, 41)
-    ),
-    "power_for_drop": lambda m: coupled.equilibria.transmission.power_for_drop(RING, m, drop=2e-3, detuning=-60e9),
-    "cycle_derivatives": lambda m: coupled.cycles.derivatives.cycle_derivatives(RING, m, ["bus_rate"], power=6.31e-3),
+    "sweep": lambda m: sweep(RING, m, power=6.31e-3, detuning=np.linspace(10e9, -90e9, 41)),
+    "power_for_drop": lambda m: power_for_drop(RING, m, drop=2e-3, detuning=-60e9),
+    "cycle_derivatives": lambda m: cycle_derivatives(RING, m, ["bus_rate"], power=6.31e-3),
     "continue_cycle": lambda m: coupled.continue_cycle(RING, m, "power", (6.31e-3, 6.4e-3), power=6.31e-3),
     "hopf_curves": lambda m: coupled.hopf_curves(RING, m, [1e-3, 6.4e-3], [-60e9, 20e9]),
     "fold_curves": lambda m: coupled.fold_curves(RING, m, [1e-3, 6.4e-3], [-60e9, 20e9]),
@@ -73,10 +74,8 @@ def test_folds_of_cycles_above_the_training_warn():
     trained = th.models.Network(np.diag(-1 / newton.tau), newton.gain, ("core",), newton, largest_rise=3.0)
     window = [4.9e-3, 5.1e-3], [-10e9, 10e9]
     with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 3 K"):
-        coupled.cycles.cycle_folds.cycle_fold_curves(RING.with_lumped_fcd(), trained, *window)
-    (curve,) = coupled.cycles.cycle_folds.cycle_fold_curves(
-        RING.with_lumped_fcd(), replace(trained, largest_rise=30.0), *window
-    )
+        cycle_fold_curves(RING.with_lumped_fcd(), trained, *window)
+    (curve,) = cycle_fold_curves(RING.with_lumped_fcd(), replace(trained, largest_rise=30.0), *window)
     assert np.all(curve.highest_rise > curve.swing)
 
 

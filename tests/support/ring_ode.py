@@ -20,7 +20,7 @@ def right_hand_side(y, ring, model, power, detuning):
     shift += ring.index_rate * sum(c * N * (N * N + EPSILON**2) ** ((p - 1) / 2) for c, p in ring.fcd)
     D = -shift - ring.kerr_shift * U - 2 * np.pi * detuning
     own = ring.loss_rate + ring.eta_fca * N + ring.eta_tpa * U
-    gamma = ring.linear_rate - ring.loss_rate + own
+    gamma = ring.bus_rate + ring.drop_bus_rate + ring.scattering_rate + own
     da = (1j * D - gamma) * a + 1j * np.sqrt(2 * ring.bus_rate * power)
     tau = ring.carriers.tau0 * (1 + ring.carriers.a * N) / (1 + ring.carriers.b * N)
     dN = ring.g_tpa * U * U - N / tau

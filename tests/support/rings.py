@@ -11,11 +11,14 @@ import thermofem as th
 
 RING = coupled.borghi2021()
 SECOND_ORDER = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+NEWTON = surrogate.newton(tau_th=275e-9)
+FIVE = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])  # slow heat
 NETWORKS = {
-    1: surrogate.newton(tau_th=275e-9),
+    1: NEWTON,
     2: SECOND_ORDER,
     16: th.Foster(R=np.linspace(100, 900, 16), tau=np.geomspace(1e-9, 20e-6, 16)),
 }
+LUMPED = RING.with_lumped_fcd()
 
 # two poles as a quadratic model without quadratic terms, and with every one of them
 R, TAU = np.asarray(SECOND_ORDER.R), np.asarray(SECOND_ORDER.tau)
