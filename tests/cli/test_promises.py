@@ -38,22 +38,6 @@ def refused(*arguments, cwd):
     return done.stderr
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["map", "model.json", "--ring", "ring.toml", "-o", "ring.toml"],
-        ["map", "model.json", "--ring", "ring.toml", "--resume", "ring.toml"],
-        ["stability", "model.json", "--ring", "ring.toml", "-o", "ring.toml"],
-        ["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--ring", "ring.toml", "--map", "ring.toml"],
-        ["solve", "strip.toml", "--paraview", "strip.toml"],
-        ["validate", "model.json", "--reference", "model.json", "-o", "model.json"],
-        ["export", "model.json", "--to", "spice", "-o", "model.json"],
-    ],
-)
-def test_no_command_writes_over_a_file_that_it_reads(arguments, folder):
-    assert "read and written at once" in refused(*arguments, cwd=folder)
-
-
 @pytest.fixture(scope="module")
 def every(tmp_path_factory):
     """A folder with a file of every kind, some of them bad."""
@@ -90,6 +74,7 @@ def every(tmp_path_factory):
 
 
 TABLE = ["fit", "two.csv", "--power", "1 mW"]
+SPREAD = ["uncertainty", "f.json", "--spread", "box=2 um,1 nm"]
 HEATED = ["simulate", "heated.json", "--heated", "core"]
 
 
@@ -154,6 +139,28 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         (["cosimulate", "--figure", "a.txt"], "a.txt"),
         (["explore", "model.json", "-o", "ring.png"], "must end in .html"),
         (["reproduce", "--quick", "-o", "bad.toml/out"], "cannot be made"),
+        (["solve", "--paraview", "t.vtk"], "'.vtk' is unknown"),
+        (["solve", "--paraview", "t.vtu", "--field-times", "1 us, 2 us"], "holds one time and the data 2"),
+        # a file that is read is not written over
+        (["map", "model.json", "--ring", "optics.toml", "-o", "optics.toml"], "read and written at once"),
+        (["map", "model.json", "--ring", "optics.toml", "--resume", "optics.toml"], "read and written at once"),
+        (["stability", "model.json", "--ring", "optics.toml", "-o", "optics.toml"], "read and written at once"),
+        ([*SPREAD, "--ring", "optics.toml", "--map", "optics.toml"], "read and written at once"),
+        (["solve", "strip.toml", "--paraview", "strip.toml"], "read and written at once"),
+        (["validate", "model.json", "--reference", "model.json", "-o", "model.json"], "read and written at once"),
+        (["export", "model.json", "--to", "spice", "-o", "model.json"], "read and written at once"),
+        # no option is ignored
+        (["solve", "--no-solve", "--preview", "a.png", "-o", "b.nc"], "--output b.nc has no effect with --no-solve"),
+        (["solve", "--no-solve", "--preview", "a.png", "--power", "3 mW"], "--power 3 mW has no effect"),
+        (["solve", "--square", "1 us", "--periodic", "--duration", "3 us"], "--duration 3 us has no effect"),
+        (["design", "f.json", "--resistance", "9 K/mW", "--power", "3 dBm"], "--power 3 dBm goes with --period"),
+        ([*SPREAD, "--points", "3, 3"], "--points 3, 3 goes with --map"),
+        ([*SPREAD, "--detuning", "3 GHz"], "--detuning 3 GHz goes with"),
+        ([*SPREAD, "--period", "--map", "m.nc"], "--period and --map"),
+        (["simulate", "model.json", "--sweep", "1 GHz, 2 GHz", "--detuning", "3 GHz"], "--detuning 3 GHz has no"),
+        (["simulate", "model.json", "--sweep", "1 mW, 2 mW", "--power", "3 mW"], "--power 3 mW has no effect"),
+        (["explore", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of a geometry's mesh"),
+        (["validate", "model.json", "--reference", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of"),
         # options that need or exclude each other
         (["solve", "--square", "1 us", "--pulse", "1 us"], "exclude each other"),
         (["solve", "--periodic"], "has no period"),
@@ -197,6 +204,9 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         ([*HEATED, "--modulate", "1 GHz sine"], "--modulate = ''"),
         ([*HEATED, "--modulate", "3 K square 1 us"], "--modulate"),
         ([*HEATED, "--modulate", "3 mW square 1 us duty x"], "AMOUNT square"),
+        ([*HEATED, "--heater", "heater=1 mW pulse 1 us at 2 s"], "begins after the run of"),
+        ([*HEATED, "--modulate", "1 mW pulse 1 us at 2 s"], "begins after the run of"),
+        ([*HEATED, "--laser", "1 mW pulse 1 us at 1 s, 0 GHz"], "begins after the run of"),
         ([*HEATED, "--laser", "8 dBm"], "POWER DETUNING [on OFFSET]"),
         ([*HEATED, "--laser", "0 GHz 8 dBm"], "a power is needed"),
         ([*HEATED, "--laser", "8 dBm 0 K"], "a frequency is needed"),
@@ -219,35 +229,6 @@ def test_an_export_replaces_exports_alone(to, tmp_path):
     assert thermofem("export", "scope.json", "--to", to, cwd=tmp_path).returncode == 0  # over the former export
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["solve", "--no-solve", "--preview", "a.png", "-o", "b.nc"], "--output b.nc has no effect with --no-solve"),
-        (["solve", "--no-solve", "--preview", "a.png", "--power", "3 mW"], "--power 3 mW has no effect"),
-        (["solve", "--square", "1 us", "--periodic", "--duration", "3 us"], "--duration 3 us has no effect"),
-        (["design", "f.json", "--resistance", "9 K/mW", "--power", "3 dBm"], "--power 3 dBm goes with --period"),
-        (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--points", "3, 3"], "--points 3, 3 goes with --map"),
-        (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--detuning", "3 GHz"], "--detuning 3 GHz goes with"),
-        (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--period", "--map", "m.nc"], "--period and --map"),
-        (["simulate", "model.json", "--sweep", "1 GHz, 2 GHz", "--detuning", "3 GHz"], "--detuning 3 GHz has no"),
-        (["simulate", "model.json", "--sweep", "1 mW, 2 mW", "--power", "3 mW"], "--power 3 mW has no effect"),
-        (["explore", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of a geometry's mesh"),
-        (["validate", "model.json", "--reference", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of"),
-    ],
-)
-def test_no_option_is_ignored(arguments, words, folder):
-    assert words in refused(*arguments, cwd=folder)
-
-
-@pytest.mark.parametrize(
-    "option", [["--heater", "core=1 mW pulse 1 us at 20 ns"], ["--modulate", "1 mW pulse 1 us at 10 ns"],
-               ["--laser", "1 mW pulse 1 us at 1 s, 0 GHz"]]
-)  # fmt: skip
-def test_a_pulse_after_the_run_is_refused(option, folder):
-    said = refused("simulate", "model.json", "--duration", "10 ns", *option, cwd=folder)
-    assert "begins after the run of 10 ns" in said
-
-
 @pytest.mark.parametrize("names", [["bad.nc"], ["good.nc", "bad.nc"]])
 def test_an_error_of_the_data_names_the_file(names, folder):
     """`data.delta_T[2] = nan is not finite` did not say which of the files."""
@@ -256,12 +237,6 @@ def test_an_error_of_the_data_names_the_file(names, folder):
         data["delta_T"][2] = last
         data.to_netcdf(folder / name, engine="h5netcdf")
     assert refused("fit", *names, cwd=folder) == "thermofem: error: bad.nc: data.delta_T[2] = nan is not finite\n"
-
-
-def test_the_ending_for_paraview_is_refused_before_the_work(tmp_path):
-    assert "'.vtk' is unknown" in refused("solve", "--paraview", "t.vtk", cwd=tmp_path)
-    told = refused("solve", "--paraview", "t.vtu", "--field-times", "1 us, 2 us", cwd=tmp_path)
-    assert "holds one time and the data 2" in told
 
 
 @pytest.mark.slow

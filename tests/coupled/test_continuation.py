@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from rings import FIVE, LUMPED, NEWTON, RING
 
 import coupled
 import thermofem as th
-from coupled.cycles.branch import born, follow_along
+from coupled.cycles.branch import _is_there, born, follow_along
 from coupled.cycles.cycle_problem import CycleProblem
 from coupled.cycles.multiple_shooting import Family
 from coupled.cycles.return_map import time_weights
@@ -178,6 +179,20 @@ def test_a_hopf_point_is_a_guess():
         coupled.limit_cycle(RING, FIVE, power=P, detuning=float(hopf["detuning"]), guess=hopf)
     with pytest.raises(th.InputError, match="a whole Hopf curve"):
         coupled.continue_cycle(RING, FIVE, "power", (1e-3, 9e-3), guess=curve)
+
+
+@pytest.mark.parametrize(
+    ("kind", "multipliers", "there"),
+    [
+        ("period doubling", (1.0, -1.0 + 1e-9, 0.2), True),
+        ("period doubling", (1.0, 1e7, 0.2), False),  # beside a saddle the largest goes from -inf to inf
+        ("torus", (1.0, np.exp(0.4j), np.exp(-0.4j)), True),
+        ("torus", (1.0, 4.0, 0.25), False),
+    ],
+)
+def test_a_sign_change_alone_is_no_bifurcation(kind, multipliers, there):
+    orbit = SimpleNamespace(others=np.array(multipliers, dtype=complex)[1:])
+    assert _is_there(kind, SimpleNamespace(orbit=orbit)) == there
 
 
 def test_a_branch_that_turns_vertical_ends_instead_of_collecting_folds():

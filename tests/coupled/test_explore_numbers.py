@@ -59,19 +59,6 @@ def test_fixed_points(js):
         assert [f["regime"] for f in found] == mine.regime.values.tolist()
 
 
-def test_stability_map(js):
-    ring, model, power, _ = ring_and_model(11)
-    width = ring.linear_rate / np.pi
-    powers, detunings = np.geomspace(power / 2, 4 * power, 12), np.linspace(-1.5 * width, width, 16)
-    mine = coupled.stability_map(ring, model, powers, detunings)
-    found = js(
-        f"""r => {{ {READY} return r.powers.map(P => Array.from(
-            p.survey(r.detunings.map(p.turnOf), p.driveOf(system, P), system))); }}""",
-        argument(ring, model, power, 0.0, powers=powers.tolist(), detunings=detunings.tolist()),
-    )
-    assert np.array_equal(found, mine.stable_points.values)
-
-
 def test_hopf_and_fold_curves_lie_on_the_borders(js):
     """The curves that are drawn: an eigenvalue pair on the imaginary axis, and two fixed points that meet."""
     ring = coupled.borghi2021()
