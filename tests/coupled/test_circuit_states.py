@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rings import RING, SECOND_ORDER, delay_loop
+from rings import RING, SECOND_ORDER
 from test_circuit import pair
 
 import coupled

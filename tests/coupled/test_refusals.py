@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from correctors import Exact
 from models import coarse_fem
-from rings import BENT, RING, SECOND_ORDER
+from rings import BENT, RING, SECOND_ORDER, delay_loop
 from scipy.interpolate import BPoly
 from test_circuit import pair
 from test_heaters import chain
@@ -347,7 +347,6 @@ def at_rest(circuit, power):
     return coupled.steady_states(circuit, SECOND_ORDER, power=power)
 
 
-LOOP = coupled.circuit.delay_loop
 BEATING = [coupled.LaserPort("a", "ring 1.in"), coupled.LaserPort("b", "ring 1.add", offset=1e9)]
 # two splitters in a ring of their own without loss
 LOOPED = ([coupled.Waveguide("s.out 1", "s.in 1")], [IN], (), [coupled.Splitter("s", cross=0.0)])
@@ -372,14 +371,14 @@ LOOPED = ([coupled.Waveguide("s.out 1", "s.in 1")], [IN], (), [coupled.Splitter(
         (lambda: BUS.scattered(1e9, seed=-1), "seed = -1 must be a whole number from 0"),
         (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "drop_rate of ring 1 = 0 must be positive"),
         (lambda: light_of(coupled.Circuit([RING], *LOOPED)), "light piles up"),
-        (lambda: lit(LOOP(RING, 1e-15), {"in": 1e-3}), "= 1e-15 must lie .* no step would be longer"),
+        (lambda: lit(delay_loop(RING, 1e-15), {"in": 1e-3}), "= 1e-15 must lie .* no step would be longer"),
         (lambda: lit(BUS, {"inn": 1e-3}), "did you mean 'in'"),
         (lambda: lit(BUS, 1e-3), "power is a float"),
         (lambda: lit(coupled.bus([RING] * 3), {}, model=pair()), "2 inputs and 2 outputs, the circuit 3 rings"),
         (lambda: lit(BUS, {}, heaters={"heater": 1e-3}), "no heaters among its inputs"),
-        (lambda: lit(LOOP(RING, 1e-9), {}, detuning=coupled.Sweep([0, 1e-8], [0, 1e9])), "detuning varies"),
+        (lambda: lit(delay_loop(RING, 1e-9), {}, detuning=coupled.Sweep([0, 1e-8], [0, 1e9])), "detuning varies"),
         (lambda: at_rest(BUS, {"in": th.Constant(1e-3)}), r"power\['in'\] = Constant.*is not a number.*belong to"),
-        (lambda: at_rest(LOOP(RING, 1e-9), {"in": 1e-3}), "the circuit has delays"),
+        (lambda: at_rest(delay_loop(RING, 1e-9), {"in": 1e-3}), "the circuit has delays"),
         (lambda: at_rest(coupled.Circuit([RING], (), BEATING), {"a": 1e-3, "b": 1e-3}), "different frequency beat"),
         (lambda: at_rest(RING, {"in": 1e-3}), "power = "),
     ],
