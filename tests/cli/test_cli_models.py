@@ -183,6 +183,8 @@ def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
         done = thermofem(*command, cwd=tmp_path)
         assert done.returncode == 2
         assert words in done.stderr
+
+
 def test_show_says_what_the_fit_said_of_the_second_order_equation(tmp_path):
     known = {
         "parameters": {"kappa": 8.87e5, "tau_f": 55.8e-9, "eta": 0.31},
@@ -193,8 +195,6 @@ def test_show_says_what_the_fit_said_of_the_second_order_equation(tmp_path):
     assert "kappa : 887000 1/s\n" in said
     assert "eta : 0.31 ± 0.02\n" in said
     assert "tau_f" not in said  # of a pole
-
-
 
 
 BUS = """
