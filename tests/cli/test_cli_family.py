@@ -132,7 +132,7 @@ def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
         ),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "1 degC"), "difference of temperatures"),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "nan"), "does not begin with a number"),
-        (("design", "{}/rings.toml", "--resistance", "9000 K/W"), "is not a family"),
+        (("design", "{}/rings.toml", "--resistance", "9000 K/W"), "not a family of rings"),
     ],
 )
 def test_what_cannot_be_done_is_said(folder, arguments, message):
