@@ -173,7 +173,7 @@ def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
         p = family.at(nodes.values)
         problem = p.kernel(Method.RODAS5P)
         runs = [flow(problem, y, h, min(rtol, FINE), PER_STEP) for y, h in arcs]
-        steps = [flow(problem, y, h, rtol).steps for y, h in arcs]
+        steps = [run.steps for run in (runs if rtol <= FINE else (flow(problem, y, h, rtol) for y, h in arcs))]
         for i in range(m):
             V[i] = problem.follow(nodes.y[i], steps[i], np.eye(n))[1]
         for k, name in enumerate(family.names):

@@ -71,6 +71,8 @@ def test_equal_time_constants_keep_their_order():
     d = cycle_derivatives(RING, model, ["tau2", "tau3", "R2", "R3"], power=POWER)
     for name in ("period", "duty", "swing", "extinction"):
         by_tau, by_R = d[name].values[:2], d[name].values[2:]
-        # both states differ by the last step of Newton's method, 3e-10, which the duty cycle magnifies a hundredfold
-        assert by_tau[0] / by_tau[1] == pytest.approx(3000.0 / 2786.2, rel=3e-8)
-        assert by_R[0] / by_R[1] == pytest.approx(1, rel=3e-8)
+        # both states differ by the last step of Newton's method, 3e-10, which the duty cycle magnifies a hundredfold;
+        # the lowest light follows what traces at 1e-10 leave, to 1e-6
+        within = 1e-6 if name == "extinction" else 3e-8
+        assert by_tau[0] / by_tau[1] == pytest.approx(3000.0 / 2786.2, rel=within)
+        assert by_R[0] / by_R[1] == pytest.approx(1, rel=within)
