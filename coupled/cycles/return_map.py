@@ -45,11 +45,6 @@ class Trace(NamedTuple):
     rows: Array  # t, then fields, N and dT of every ring
     parts: list[tuple[Array, Array]]  # start and steps of the turn from each crossing to the next
 
-    @property
-    def crossings(self) -> list[Array]:
-        """The states at which each turn begins."""
-        return [start for start, _ in self.parts]
-
 
 class Orbit(NamedTuple):
     """A closed orbit."""
@@ -298,63 +293,43 @@ class Measures(NamedTuple):
 def measure(rows: Array) -> Measures:
     """Measure an orbit of one ring along its rows (t, fields, N, dT; shape (rows, 5)), both ends included.
 
-    By polynomials through four or five rows, in plain floats: a map measures hundreds of orbits. Splines through the
+    By polynomials through five rows, in plain floats: a map measures hundreds of orbits. Splines through the
     rows of a precise trace give the same to 3e-10.
     """
     t, re, im, _, dT = rows[np.append(True, np.diff(rows[:, 0]) > 1e-13 * rows[-1, 0])].T
     U = re * re + im * im
-    (low_at, low), (high_at, high), (cold_at, cold), (hot_at, hot) = *_extremes(t, U), *_extremes(t, dT)
+    ends = [_root(t, x, int(k), 1) for x in (U, dT) for k in (x.argmin(), x.argmax())]
+    low, high, coldest, hottest = (value for _, value in ends)
     off = U - low - DUTY_LEVEL * (high - low)
-    pieces = np.flatnonzero((off[1:] > 0) != (off[:-1] > 0))
-    crossings, rising = np.array([_crossing(t, off, int(k)) for k in pieces]), off[pieces + 1] > 0
+    before = np.flatnonzero((off[1:] > 0) != (off[:-1] > 0))
+    crossings, rising = np.array([_root(t, off, int(k), 0)[0] for k in before]), off[before + 1] > 0
     duty = float(np.where(rising, -crossings, crossings).sum() / t[-1]) + float(off[0] > 0)
     return Measures(
-        duty, hot - cold, 10 * math.log10(high / low) if low > 0 else math.inf, low, high, hot, crossings, rising,
-        np.array([low_at, high_at, cold_at, hot_at]),
+        duty, hottest - coldest, 10 * math.log10(high / low) if low > 0 else math.inf, low, high, hottest, crossings,
+        rising, np.array([place for place, _ in ends]),
     )  # fmt: skip
 
 
-def _extremes(t: Array, x: Array) -> list[tuple[float, float]]:
-    """Place and value of the minimum of x(t), then of its maximum, on the polynomial through five rows."""
-    found = []
-    for k in (int(x.argmin()), int(x.argmax())):
-        at, c = _polynomial(t, x, k - 2, 5)
-        place = float(t[k])
-        for _ in range(3 if 0 < k < t.size - 1 else 0):
-            _, slope, bend = _taylor(at, c, place)
-            place = min(max(place - (slope / bend if bend else 0.0), float(t[k - 1])), float(t[k + 1]))
-        found.append((place, _taylor(at, c, place)[0]))
-    return found
+def _root(t: Array, x: Array, k: int, order: int) -> tuple[float, float]:
+    """Where x(t) (order 0) or its slope (1) vanishes beside the row k, and x there.
 
-
-def _crossing(t: Array, x: Array, k: int) -> float:
-    """Where x(t) changes its sign behind the row k, on the polynomial through four rows."""
-    at, c = _polynomial(t, x, k - 1, 4)
-    low, high, before, after = float(t[k]), float(t[k + 1]), float(x[k]), float(x[k + 1])
-    place = low + (high - low) * before / (before - after)
-    for _ in range(5):  # of Newton's method, which a line has led near
-        value, slope, _ = _taylor(at, c, place)
-        place = min(max(place - (value / slope if slope else 0.0), low), high)
-    return place
-
-
-def _polynomial(t: Array, x: Array, first: int, count: int) -> tuple[list[float], list[float]]:
-    """Nodes and divided differences of the polynomial through ``count`` rows from about ``first`` on."""
-    first = min(max(first, 0), t.size - count)
-    at, c = t[first : first + count].tolist(), x[first : first + count].tolist()
-    for order in range(1, count):
-        for i in range(count - 1, order - 1, -1):
-            c[i] = (c[i] - c[i - 1]) / (at[i] - at[i - order])
-    return at, c
-
-
-def _taylor(at: list[float], c: list[float], s: float) -> tuple[float, float, float]:
-    """Value, slope and second derivative at s of a polynomial in Newton's form."""
-    value = slope = half_bend = 0.0
-    for node, coefficient in zip(reversed(at), reversed(c), strict=True):
-        off = s - node
-        half_bend, slope, value = half_bend * off + slope, slope * off + value, value * off + coefficient
-    return value, slope, 2 * half_bend
+    By Newton's method on the polynomial through five rows, which it does not leave further than by one row.
+    """
+    first = min(max(k - 2, 0), t.size - 5)
+    at, c = t[first : first + 5].tolist(), x[first : first + 5].tolist()
+    for distance in range(1, 5):  # divided differences
+        for i in range(4, distance - 1, -1):
+            c[i] = (c[i] - c[i - 1]) / (at[i] - at[i - distance])
+    place, low, high = float(t[k]), float(t[max(k - 1, 0)]), float(t[min(k + 1, t.size - 1)])
+    for turn in range(5):
+        value = slope = half_bend = 0.0
+        for node, coefficient in zip(reversed(at), reversed(c), strict=True):
+            off = place - node
+            half_bend, slope, value = half_bend * off + slope, slope * off + value, value * off + coefficient
+        by = (value, slope, 2 * half_bend)
+        if turn < 4 and by[order + 1]:
+            place = min(max(place - by[order] / by[order + 1], low), high)
+    return place, value
 
 
 def time_weights(orbit: Orbit) -> Array:
