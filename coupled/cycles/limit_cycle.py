@@ -22,15 +22,12 @@ from ..runs.simulate import simulate
 from ..states import State, starting_point
 from ..thermal import check_geometry, provenance, trusted
 from .branch import is_hopf_point, near_hopf
-from .cycle_problem import MOST, CycleProblem
-from .multiple_shooting import Family, first_place
+from .cycle_problem import CycleProblem
 from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, measure, time_weights
-from .settling import Part, UnsettledError, measured, pulse_train
+from .settling import Part, measured, pulse_train
 
 UNSTABLE = 1 + 1e-6  # of a multiplier; their errors are below 3e-7, rarely 2e-6
 MOST_PULSES = 1000  # in a period of a guess
-SETTLING, TURNS = 30.0, 1e5  # of the slowest heat; ns: a transient that leads near a cycle, then some pulses
-NEARLY = 1e-3  # of the largest values, to which a pulse repeats itself
 SWING = 1e-3  # relative, below which the state of a circuit counts as at rest
 ROWS = 401  # of a circuit's cycle
 
@@ -119,7 +116,7 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
     order = p.flow.rough.order
     unit = units(order)
     if guess is None:
-        return settled_cold(p)
+        return p.settled(p.flow.rough.zero())
     if isinstance(guess, State):
         return p.settled(starting_point(guess, order).as_array() / unit, "the guess")
     if is_hopf_point(guess):
@@ -145,27 +142,6 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
             f"{period:g} s: Newton's method leads to none; take a smaller step, or no guess"
         )
     return found
-
-
-def settled_cold(p: CycleProblem) -> Orbit:
-    """The cycle on which a cold ring settles.
-
-    Beside a fold of cycles rough traces do not repeat, since the cycle follows for a while what repels it. A precise
-    trace that does, to `NEARLY`, is then closed by multiple shooting.
-    """
-    try:
-        return p.settled(p.flow.rough.zero())
-    except UnsettledError:
-        transient = p.flow.run(p.flow.rough.zero(), min(SETTLING * p.slowest + TURNS, MOST))
-        late = p.flow.seen(transient.rows[transient.rows[:, 0] > transient.t - TURNS / 2])
-        met = p.flow.run(transient.y, TURNS, FINE, level=float(late.min() + late.max()) / 2)
-        trace = p.flow.trace(met.y, FINE, 1, TURNS) if met.crossings.size else None
-        if trace is None or float(np.abs((trace.end - trace.start) / p.flow.scale(trace.rows)).max()) > NEARLY:
-            raise
-        found = first_place(Family(p, (), np.empty(0)), trace, FINE)
-        if found is None or found.orbit.size >= 1:
-            raise
-        return found.orbit
 
 
 def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:

@@ -44,9 +44,6 @@ def test_a_fold_is_where_long_runs_stop_pulsing(loop, validated):
     cycle = None
     for off in (50e6, 15e6, 5e6, 2e6):  # towards the fold, each from the one before
         cycle = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=fold - off, guess=cycle)
-    cold = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=fold - 2e6)
-    # it was refused: rough traces do not repeat there. A period next to a fold is known to its root: 1e-9 to 3e-8
-    assert cold.attrs["period"] == pytest.approx(cycle.attrs["period"], rel=1e-7)
     begin = coupled.State.end_of(cycle)
     regimes = []
     for nu in (fold - 1e4, fold + 1e4):  # 2e-6 of the detuning, 3e-7 of the range
