@@ -13,14 +13,13 @@ Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq, newton
 
-from thermofem import InputError, checks
+from thermofem import InputError
 from thermofem.arrays import Array
 from thermofem.data.variables import contents
 
@@ -30,7 +29,7 @@ from ..equilibria.steady_states import states
 from ..heaters import turned_by
 from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS
-from .cycle_problem import LASER, CycleProblem
+from .cycle_problem import LASER, CycleProblem, unit_of
 from .multiple_shooting import (
     COARSE,
     Family,
@@ -45,7 +44,7 @@ from .multiple_shooting import (
     predicted,
     weights,
 )
-from .return_map import FINE, PER_STEP, Orbit, Trace, time_weights
+from .return_map import FINE, PER_STEP, Orbit, Trace, measure, time_weights
 
 KIND = "Hopf curve"
 BORN, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point
@@ -72,8 +71,6 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
     what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
     contents("guess", guess, ("power", "detuning", "energy", "frequency"), what=what)
-    for name, unit in (("energy", "J"), ("frequency", "Hz")):
-        checks.positive(f"guess[{name!r}]", guess[name].item(), unit=unit, hint=what)
     power = check_power(guess["power"].item(), "guess['power']")
     return power, check_detuning(guess["detuning"].item(), "guess['detuning']") - turn
 
@@ -150,15 +147,12 @@ class Found(NamedTuple):
     kind: str
 
 
+def towards(place: Place, direction: float) -> Array:
+    """The tangent along which the parameter of a family goes in a ``direction``, in the units of `weights`."""
+    return _unit(place, place.directions[0] * np.sign(direction * place.directions[0, -1]))
+
+
 def follow(
-    family: Family, start: Place, direction: float, low: float, high: float, most: int
-) -> tuple[list[Found], str]:
-    """Return the cycles from ``start`` on, the parameter going in ``direction`` at first, and why the branch ends."""
-    tangent = _unit(start, start.directions[0] * np.sign(direction * start.directions[0, -1]))
-    return follow_along(family, start, tangent, low, high, most)
-
-
-def follow_along(
     family: Family,
     start: Place,
     tangent: Array,
@@ -167,7 +161,10 @@ def follow_along(
     most: int,
     kinds: Collection[str] = KINDS,
 ) -> tuple[list[Found], str]:
-    """`follow` with the tangent given, in the units of `weights`, and the ``kinds`` of special cycles to locate."""
+    """Return the cycles from ``start`` on along the ``tangent``, and why the branch ends.
+
+    most: cycles; kinds: of special cycles to locate.
+    """
     place, step = start, FIRST
     out, shortest = [Found(start, "")], start.orbit.T
     while len(out) < most:
@@ -187,7 +184,7 @@ def follow_along(
         value = float(ahead.values[0])
         if not low <= value <= high:
             border = low if value < low else high
-            ends = _located(family, place, tangent, step, partial(_beyond, border))
+            ends = _located(family, place, tangent, step, lambda q, border=border: float(q.values[0]) - border)
             return [*out, *([Found(ends, "")] if ends else [])], "the end of the range"
         good = on_good_nodes(family, ahead, after[None])
         if good is None:
@@ -205,11 +202,6 @@ def follow_along(
             return out, "the period grows without bound"
         step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
     return out, "the number of points"
-
-
-def _beyond(border: float, place: Place) -> float:
-    """Signed distance of the parameter beyond a border."""
-    return float(place.values[0]) - border
 
 
 def doubling(place: Place) -> float:
@@ -294,6 +286,22 @@ def _is_there(kind: str, place: Place) -> bool:
     return True
 
 
+def described(family: Family, places: list[Place]) -> dict[str, Any]:
+    """The cycles of a branch or a curve as variables over point, in SI."""
+    p, seen = family.base, [measure(place.orbit.trace.rows) for place in places]
+    dropped, values = 2 * p.ring.drop_bus_rate * FJ, np.array([place.values for place in places]).T
+    numbers = {name: (x, unit_of(p, name) or "1", name) for name, x in zip(family.names, values, strict=True)} | {
+        "period": ([place.orbit.T * NS for place in places], "s", "period"),
+        "duty": ([m.duty for m in seen], "1", "duty cycle"),
+        "swing": ([m.swing for m in seen], "K", "temperature swing"),
+        "highest_rise": ([m.hottest + p.rise for m in seen], "K", "highest temperature rise"),
+        "extinction": ([m.extinction for m in seen], "dB", "extinction"),
+        "drop_low": ([m.lowest * dropped for m in seen], "W", "lowest drop power"),
+        "drop_high": ([m.highest * dropped for m in seen], "W", "highest drop power"),
+    }
+    return {name: ("point", x, {"units": unit, "long_name": words}) for name, (x, unit, words) in numbers.items()}
+
+
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     """The cycle of a problem, by continuation from a Hopf point at another power or detuning."""
     own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
@@ -309,13 +317,11 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
         family = Family(base, (name,), np.array([span]))
         low, high = (ends[0], ends[1] + span) if wanted[name] < own[name] else (ends[0] - span, ends[1])
         if place is None:
-            start, tangent = born(family, guess)
-            if (float(start.values[0]) - wanted[name]) * (wanted[name] - own[name]) > 0:  # beyond it already
-                start, tangent = born(family, guess, FAINT)
-            found, why = follow_along(family, start, tangent, low, high, MOST)
+            start, tangent = born(family, guess, FAINT)
         else:
             start = first_place(family, place.orbit.trace) or place
-            found, why = follow(family, start, wanted[name] - own[name], low, high, MOST)
+            tangent = towards(start, wanted[name] - own[name])
+        found, why = follow(family, start, tangent, low, high, MOST)
         place = found[-1].place
         if abs(float(place.values[0]) - wanted[name]) > 1e-6 * span:
             raise InputError(

@@ -11,16 +11,14 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import constant
-from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import check_geometry, provenance, trusted
 from . import branch
 from .branch import born, is_hopf_point, laser_of
-from .cycle_problem import CycleProblem, unit_of, value_of
+from .cycle_problem import CycleProblem, value_of
 from .limit_cycle import cycle_near, stability
 from .multiple_shooting import Family, first_place
-from .return_map import measure
 
 MOST = 100_000  # cycles of a branch
 
@@ -102,12 +100,12 @@ def continue_cycle(
         raise checks.InputError(f"values = {ends.tolist()} do not hold {here:g}, the {parameter} of the first cycle")
     if is_hopf_point(guess):
         start, tangent = born(family, guess)
-        found, why = branch.follow_along(family, start, tangent, ends.min(), ends.max(), points)
     else:
         first = first_place(family, cycle_near(p, guess).trace)
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
-        found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)
+        start, tangent = first, branch.towards(first, ends[0] - here or 1.0)
+    found, why = branch.follow(family, start, tangent, ends.min(), ends.max(), points)
     path = _dataset(family, found, why).assign_attrs(warm.attributes | doubts)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path
@@ -130,26 +128,12 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
 
 def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
     """A branch in SI."""
-    p, name = family.base, family.names[0]
-    values = np.array([float(f.place.values[0]) for f in found])
-    seen = [measure(f.place.orbit.trace.rows) for f in found]
-    dropped = 2 * p.ring.drop_bus_rate * FJ
-    numbers = {
-        name: (values, unit_of(p, name) or "1", name),
-        "period": (np.array([f.place.orbit.T for f in found]) * NS, "s", "period"),
-        "duty": (np.array([s.duty for s in seen]), "1", "duty cycle"),
-        "swing": (np.array([s.swing for s in seen]), "K", "temperature swing"),
-        "highest_rise": (np.array([s.hottest for s in seen]) + p.rise, "K", "highest temperature rise"),
-        "extinction": (np.array([s.extinction for s in seen]), "dB", "extinction"),
-        "drop_low": (np.array([s.lowest for s in seen]) * dropped, "W", "lowest drop power"),
-        "drop_high": (np.array([s.highest for s in seen]) * dropped, "W", "highest drop power"),
-        "stability": (np.array([stability(f.place.orbit) for f in found]), "1", "kind of the cycle"),
-        "special": (np.array([f.kind for f in found]), "1", "where the stability changes"),
-    }
-    variables: dict[str, Any] = {
-        key: ("point", v, {"units": unit, "long_name": words}) for key, (v, unit, words) in numbers.items()
-    }
-    several = np.array([f.place.orbit.multipliers for f in found])
+    p, places, kind = family.base, [f.place for f in found], {"units": "1", "long_name": "kind of the cycle"}
+    variables = branch.described(family, places)
+    variables["stability"] = ("point", [stability(place.orbit) for place in places], kind)
+    special = {"units": "1", "long_name": "where the stability changes"}
+    variables["special"] = ("point", [f.kind for f in found], special)
+    several = np.array([place.orbit.multipliers for place in places])
     variables["multipliers"] = (("point", "multiplier"), several, {"units": "1", "long_name": "Floquet multipliers"})
     attrs = provenance("branch of cycles", p.ring, p.model) | {"input_power": p.power, "detuning": p.detuning}
-    return xr.Dataset(variables, attrs=attrs | {"parameter": name, "reason": why})
+    return xr.Dataset(variables, attrs=attrs | {"parameter": family.names[0], "reason": why})

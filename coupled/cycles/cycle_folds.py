@@ -18,7 +18,6 @@ import xarray as xr
 
 from thermofem.arrays import Array, ArrayLike
 from thermofem.checks import InputError
-from thermofem.data.dataset import describe
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
@@ -26,11 +25,10 @@ from ..equilibria.bifurcation_curves import hopf_curves
 from ..equilibria.zeros import distances
 from ..heaters import constant
 from ..resonator import RingResonator
-from ..thermal import Compact, trusted
-from .branch import SLOWEST, born, follow_along, laser_of
+from ..thermal import trusted
+from .branch import SLOWEST, born, described, follow, laser_of
 from .cycle_problem import CycleProblem
 from .multiple_shooting import Family, Place, corrected, on_good_nodes, position, predicted
-from .return_map import measure
 
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
 MARGIN = 0.02  # of the window, by which a curve leaves it
@@ -73,8 +71,8 @@ def cycle_fold_curves(
     Returns
     -------
     list of xarray.Dataset
-        one for each curve, over point: power (W), detuning (Hz), period (s), swing and highest_rise (K), and leading,
-        whether no other multiplier lies outside the unit circle, so that one of the two cycles is stable.
+        one for each curve, over point: power (W), detuning (Hz), the numbers of the cycle as of `continue_cycle`, and
+        leading, whether no other multiplier lies outside the unit circle, so that one of the two cycles is stable.
         attrs["reason"] says why the curve ends at either end. Curves that no branch from a Hopf point in or near the
         window leads to are not found.
 
@@ -94,18 +92,17 @@ def cycle_fold_curves(
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
     warm = constant(model, heaters, heated, read)
-    small, turn = warm.model, warm.turned(ring)
-    window = _Window(P[0], P[-1], nu[0] + turn, nu[-1] + turn)
+    window = _Window(P[0], P[-1], nu[0], nu[-1])
+    watts, offsets = window.wider()
     found: list[xr.Dataset] = []
-    for hopf in hopf_curves(ring, small, *window.wider()):
+    for hopf in hopf_curves(ring, warm.model, watts, offsets + warm.turned(ring)):
         for seed in _seeds(hopf):
-            for family, fold, across in _folds_from(ring, small, seed, window):
+            p = CycleProblem(ring, warm.model, *laser_of(seed, warm.turned(ring)), warm.rise)
+            for family, fold, across in _folds_from(p, seed, window):
                 if not any(window.on(curve, fold.values) for curve in found):
                     found += _curve(family, fold, across, window)
     for curve in found:
-        trusted(model, curve["highest_rise"].values)
-        curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turn)
-        curve["highest_rise"] = curve["highest_rise"].copy(data=curve["highest_rise"].values + warm.rise)
+        trusted(model, curve["highest_rise"].values - warm.rise)
     return [curve.assign_attrs(warm.attributes) for curve in found]
 
 
@@ -150,18 +147,15 @@ def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
     return [hopf.isel(point=int(part[part.size // 2])) for part in parts if kind[part[0]] > 0]
 
 
-def _folds_from(
-    ring: RingResonator, model: Compact, seed: xr.Dataset, window: _Window
-) -> list[tuple[Family, Place, Array]]:
+def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tuple[Family, Place, Array]]:
     """Folds on the branch of cycles from a Hopf point in detuning, and the direction across each."""
-    p = CycleProblem(ring, model, *laser_of(seed))
     one, both = Family(p, ("detuning",), window.ranges[1:]), Family(p, ("power", "detuning"), window.ranges)
     try:
         start, tangent = born(one, seed)
     except InputError:
         return []
     low, high = window.wider()[1]
-    found, _ = follow_along(one, start, tangent, float(low), float(high), SEEDS, ("fold",))
+    found, _ = follow(one, start, tangent, float(low), float(high), SEEDS, ("fold",))
     out = []
     for fold in (f.place for f in found if f.kind == "fold"):
         across = fold.directions[0] * fold.unit
@@ -181,7 +175,11 @@ def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[
     places = [*back[::-1], *ahead[1:]]
     if len(places) < 3 or not any(window.holds(place.values) for place in places):
         return []
-    return [_dataset(family.base, places, f"{begins}; {ends}")]
+    curve = xr.Dataset(described(family, places))
+    others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (place.orbit.others for place in places)]
+    about = {"units": "1", "long_name": "one of the two cycles is stable"}
+    curve["leading"] = ("point", [bool(np.all(np.abs(mu) < 1)) for mu in others], about)
+    return [curve.assign_attrs(kind="fold-of-cycles curve", ring=family.base.ring.name, reason=f"{begins}; {ends}")]
 
 
 def _followed(family: Family, place: Place, along: Array, window: _Window) -> tuple[list[Place], str]:
@@ -247,23 +245,3 @@ def _next(family: Family, place: Place, rows: Array, step: float, slope: float) 
             return None
         now, by, across = found, np.array([0.0, off]), across + off
     return None
-
-
-def _dataset(base: CycleProblem, places: list[Place], reason: str) -> xr.Dataset:
-    """One curve in SI."""
-    power, detuning = np.array([place.values for place in places]).T
-    others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (place.orbit.others for place in places)]
-    leading = np.array([bool(np.all(np.abs(mu) < 1)) for mu in others])
-    seen = [measure(place.orbit.trace.rows) for place in places]
-    values = {
-        "power": (power, describe("input_power")),
-        "detuning": (detuning, describe("detuning")),
-        "period": (np.array([place.orbit.T for place in places]) * 1e-9, describe("period")),
-        "swing": (np.array([m.swing for m in seen]), describe("swing")),
-        "highest_rise": (np.array([m.hottest for m in seen]), {"units": "K", "long_name": "highest temperature rise"}),
-        "leading": (leading, {"units": "1", "long_name": "one of the two cycles is stable"}),
-    }
-    return xr.Dataset(
-        {name: ("point", v, about) for name, (v, about) in values.items()},
-        attrs={"kind": "fold-of-cycles curve", "ring": base.ring.name, "reason": reason},
-    )

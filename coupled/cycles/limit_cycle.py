@@ -27,7 +27,6 @@ from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, measure, time_w
 from .settling import Part, measured, pulse_train
 
 UNSTABLE = 1 + 1e-6  # of a multiplier; their errors are below 3e-7, rarely 2e-6
-MOST_PULSES = 1000  # in a period of a guess
 SWING = 1e-3  # relative, below which the state of a circuit counts as at rest
 ROWS = 401  # of a circuit's cycle
 
@@ -117,29 +116,25 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
     unit = units(order)
     if guess is None:
         return p.settled(p.flow.rough.zero())
-    if isinstance(guess, State):
-        return p.settled(starting_point(guess, order).as_array() / unit, "the guess")
     if is_hopf_point(guess):
         return near_hopf(p, guess)
     attrs = getattr(guess, "attrs", {})
-    if "final_state" not in attrs:
+    if not isinstance(guess, State) and "final_state" not in attrs:
         raise InputError(
             f"guess is a {type(guess).__name__}; it must be a cycle of coupled.limit_cycle, a run of coupled.simulate, "
             "a coupled.State or a point of coupled.hopf_curves"
         )
     if "pulses" not in attrs:
-        return p.settled(starting_point(guess, order).as_array() / unit, "the run given as guess")
-    pulses = checks.integer("guess.attrs['pulses']", attrs["pulses"], 1, MOST_PULSES)
-    period = checks.positive("guess.attrs['period']", attrs.get("period"), unit="s")
+        return p.settled(starting_point(guess, order).as_array() / unit, "the guess")
     y = State.end_of(guess).as_array()
     if y.size != unit.size:  # heat of another model
         rest = p.internal.heat.states(guess["absorbed"].mean().values / UW)
         return p.settled(np.concatenate([y[:3] / unit[:3], rest]), "the guess")
-    found = close(p.flow, y / unit, pulses, REACH * period / NS)
+    found = close(p.flow, y / unit, int(attrs["pulses"]), REACH * attrs["period"] / NS)
     if found is None:
         raise InputError(
             f"no cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz near the one given as guess, of "
-            f"{period:g} s: Newton's method leads to none; take a smaller step, or no guess"
+            f"{attrs['period']:g} s: Newton's method leads to none; take a smaller step, or no guess"
         )
     return found
 

@@ -152,8 +152,6 @@ def newton(
         A[at_h + i, here] = across[i]
     A[at_q:, :n], A[at_q:, at_h:at_q], A[at_q:, at_q:] = rows[:, :n], rows[:, n : n + 1], rows[:, n + 1 :]
     b[at_q:, 0], b[at_q:, 1:] = target, np.eye(q)
-    if not np.isfinite(A).all() or not np.isfinite(b).all():
-        return None
     try:
         found = np.linalg.solve(A, b).T
     except np.linalg.LinAlgError:
@@ -227,15 +225,11 @@ def position(nodes: Nodes) -> Array:
     return np.concatenate([nodes.y[0], [nodes.h.sum()], nodes.values])
 
 
-def moved_along(nodes: Nodes, along: Array, directions: Array, moves: Array) -> Nodes:
-    """The nodes moved by ``along`` (coefficients of the directions)."""
-    n, move = nodes.y.shape[1], np.tensordot(along, moves, axes=1)
-    return Nodes(nodes.y + move[:, :n], nodes.h + move[:, n], nodes.values + (along @ directions)[n + 1 :])
-
-
 def predicted(family: Family, place: Place, along: Array, rows: Array, rtol: float = COARSE) -> Place | None:
     """Correct the prediction ``along`` (coefficients of the directions, shape (q,)) on the plane of ``rows``."""
-    trial = moved_along(place.nodes, along, place.directions, place.moves)
+    nodes, n, move = place.nodes, place.nodes.y.shape[1], np.tensordot(along, place.moves, axes=1)
+    values = nodes.values + (along @ place.directions)[n + 1 :]
+    trial = Nodes(nodes.y + move[:, :n], nodes.h + move[:, n], values)
     return corrected(family, trial, rows, place.unit, extent=place.extent, rtol=rtol) if trial.h.min() > 0 else None
 
 
@@ -287,9 +281,9 @@ def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Arr
     return found and (found, rows)
 
 
-def first_place(family: Family, trace: Trace, rtol: float = COARSE) -> Place | None:
+def first_place(family: Family, trace: Trace) -> Place | None:
     """The cycle near a trace that almost returns, with the parameters held; None where Newton's method finds none."""
     n, q, unit = trace.start.size, len(family.names), weights(family, trace)
     whole = Nodes(trace.start[None], np.array([trace.T]), family.start())
     nodes = placed(family.base.flow.fine, whole, 1 / unit[:n])
-    return corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], unit, rtol=rtol)
+    return corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], unit)

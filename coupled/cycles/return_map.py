@@ -121,14 +121,14 @@ class Flow:
 
     def run(
         self, y: Array, duration: float, rtol: float = ROUGH, *, level: float | None = None, above: bool = False,
-        first_step: float = 0.0, keep_steps: bool = False,
+        first_step: float = 0.0,
     ) -> Run:  # fmt: skip
         """Integrate for ``duration`` ns, or until the quantity rises through ``level``."""
         problem = self.rough if rtol >= MIDDLE else self.fine
         problem.edges[-1] = duration  # the drive is constant
         event = None if level is None else Crossing(self.quantity, level, True, self.ring, above)
         return problem.integrate(
-            y, rtol=rtol, event=event, keep_steps=keep_steps or level is not None, first_step=first_step,
+            y, rtol=rtol, event=event, keep_steps=level is not None, first_step=first_step,
             per_step=1 if rtol > FINE else PER_STEP,
         )  # fmt: skip
 
