@@ -167,6 +167,11 @@ def follow(
     """
     place, step = start, FIRST
     out, shortest = [Found(start, "")], start.orbit.T
+
+    def outside(q: Place) -> float:
+        """Below 0 within the range."""
+        return float((q.values[0] - low) * (q.values[0] - high))
+
     while len(out) < most:
         step = min(step, _longest(place))
         ahead = _ahead(family, place, tangent, step)
@@ -181,10 +186,8 @@ def follow(
             continue
         special = _between(family, place, ahead, tangent, step, kinds)
         out += special
-        value = float(ahead.values[0])
-        if not low <= value <= high:
-            border = low if value < low else high
-            ends = _located(family, place, tangent, step, lambda q, border=border: float(q.values[0]) - border)
+        if outside(ahead) > 0:
+            ends = _located(family, place, tangent, step, outside)
             return [*out, *([Found(ends, "")] if ends else [])], "the end of the range"
         good = on_good_nodes(family, ahead, after[None])
         if good is None:
