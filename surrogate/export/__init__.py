@@ -32,7 +32,7 @@ def export_model(
     fmi: int = 2,
     platforms: Sequence[str] = (),
 ) -> Path:
-    """Write a thermal model, or a ring whole with its light and carriers, for a circuit or system simulator.
+    """Write a thermal model, or a whole ring with its light and carriers, for a circuit or system simulator.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ MOST = 4000  # bytes of a file within which it stands
 
 
 def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
-    """Printable lines: kind of model and size, heated and read parts, error, units, geometry."""
+    """Header lines of an exported file: kind of model and size, heated and read parts, error, units, geometry."""
     name, order = type(model).__name__, getattr(model, "order", None)
     lines = [
         f"{MARK} {thermofem.__version__}: {name}" + (f" with {order} poles" if order else ""),
@@ -51,14 +51,14 @@ def is_export(path: Path) -> bool:
 
 
 def _gain(model: Any) -> str:
-    """Static gain, a row for each part that is read."""
+    """Static gain in K/W as text: one number, or for each read part a row over the heated parts."""
     if (len(model.inputs), len(model.outputs)) == (1, 1):
         return f"{model.thermal_resistance:.6g}"
     return "; ".join(", ".join(f"{value:.6g}" for value in row) for row in np.asarray(model.gain))
 
 
 def _error(provenance: Mapping[str, Any]) -> str:
-    """The proven bound of a reduction, the misfit of a fit, or that nothing is known."""
+    """Error of a model as text: the proven bound of a reduction, the misfit of a fit, or "not recorded"."""
     bound, residual = provenance.get("error_bound"), provenance.get("residual_K")
     if isinstance(bound, (int, float)):
         mesh = provenance.get("mesh_accuracy")
@@ -72,12 +72,12 @@ def _error(provenance: Mapping[str, Any]) -> str:
 
 
 def comment(lines: Iterable[str], mark: str) -> str:
-    """The lines as comments in plain ASCII, which every simulator reads; a line with breaks becomes several."""
+    """Write lines as comments in plain ASCII, each behind ``mark``; a line with breaks becomes several comments."""
     return "".join(f"{mark} {piece}".rstrip() + "\n" for line in lines for piece in lines_of(line))
 
 
 def write_texts(path: Path, text: str, deck: str, ending: str) -> Path:
-    """Write an export, and beside it the deck of a run where there is one."""
+    """Write an export and, unless ``deck`` is empty, the file NAME_demo beside it that runs it."""
     if deck:
         demo = path.with_name(f"{path.stem}_demo{ending}")
         write_whole(demo, lambda p: p.write_text(deck, encoding="utf-8"))
@@ -85,14 +85,14 @@ def write_texts(path: Path, text: str, deck: str, ending: str) -> Path:
 
 
 def plain_name(name: str) -> str:
-    """A file's name that a deck can include as it is; InputError for one with other characters."""
+    """Return a file name that a SPICE deck can include; InputError unless it has only letters, digits and _ . + -."""
     if not re.fullmatch(r"\w[\w.+-]*", name, flags=re.ASCII):
         raise InputError(f"path = {name!r} is included by a deck; take letters, digits and _ . + - for its name")
     return name
 
 
 def identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]:
-    """Names that simulators accept: letters, digits and single underscores, no two alike even where case counts not.
+    """Names that simulators accept: letters, digits and single underscores, all different without regard to case.
 
     Double underscores are left to the exporters' own nodes.
     """

@@ -39,7 +39,7 @@ UNITS = {"W": {"kg": 1, "m": 2, "s": -3}, "Hz": {"s": -1}, "K": {"K": 1}, "m-3":
 
 
 def _field(name: str, words: str) -> tuple[tuple[str, str, str], ...]:
-    """Names, units and words of both parts of a field."""
+    """Name, unit and description of the real part and of the imaginary part of a field."""
     return tuple((f"{name}_{part[:2]}", "W^0.5", f"{words}, {part} part") for part in ("real", "imaginary"))
 
 
@@ -70,7 +70,7 @@ PLATFORMS = {
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the unit: its value reference, causality, unit ("" for none) and what it is."""
+    """A variable of the FMU: value reference, causality, unit ("" for none) and description."""
 
     name: str
     reference: int
@@ -92,7 +92,7 @@ def write(
     fmi: int = 2,
     platforms: Sequence[str] = (),
 ) -> Path:
-    """Write the unit, and a script that runs it in FMPy beside it; see `surrogate.export_model`."""
+    """Write the FMU, and a script that runs it in FMPy beside it; see `surrogate.export_model`."""
     for name in platforms:
         checks.choice("platforms", name, PLATFORMS)
     rates, poles, name = None if ring is None else ring_rates(ring), poles_of(model), identifiers([path.stem])[0]
@@ -124,7 +124,7 @@ def _pack(root: Path, path: Path) -> None:
 
 
 def _numbers(model: Any, poles: Poles, rates: RingRates | None) -> str:
-    """The numbers of the model as C."""
+    """C source with the constants of the model: sizes, rates, gains and, for a ring, the numbers of `RingRates`."""
     heated, read = lit_part(model) if rates is not None else (poles.inputs[0], poles.outputs[0])
     counts = {
         "LIGHT": int(rates is not None),
@@ -156,7 +156,7 @@ def _row(values: Any) -> str:
 
 
 def _variables(poles: Poles, rates: RingRates | None) -> list[Variable]:
-    """All variables; the states come last but for their derivatives, which are in the same order."""
+    """All variables of the FMU: inputs, tolerance, outputs, states, and derivatives in the order of the states."""
     light, more = rates is not None, ", besides that of the light" if rates is not None else ""
     inputs = [*(LIGHT_INPUTS if light else ())]
     for word, part in zip(identifiers(poles.inputs), poles.inputs, strict=True):
@@ -214,7 +214,7 @@ def _description(
 
 
 def _list(root: Element, fmi: int, variables: list[Variable]) -> None:
-    """The variables in a model description, and which of them are outputs and derivatives."""
+    """Add the variables to a model description, with the lists of outputs and derivatives."""
     listed, structure = SubElement(root, "ModelVariables"), SubElement(root, "ModelStructure")
     if fmi == 3:
         time = {"name": "time", "valueReference": "9999", "causality": "independent", "variability": "continuous"}
@@ -248,7 +248,7 @@ def _list(root: Element, fmi: int, variables: list[Variable]) -> None:
 
 
 def _build_description(name: str) -> Element:
-    """What FMI 3.0 wants to know of a source."""
+    """The build description of FMI 3.0: language and source file of the FMU."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
     files = SubElement(SubElement(root, "BuildConfiguration", modelIdentifier=name), "SourceFileSet", language="C99")
     SubElement(files, "SourceFile", name=f"{name}.c")
@@ -299,7 +299,7 @@ def _compile(root: Path, name: str, fmi: int, platforms: Sequence[str]) -> None:
 
 
 def _script(path: Path, run: Demonstration, port: str) -> str:
-    """A script that runs the unit of a ring in FMPy."""
+    """Python source that runs the FMU of a ring in FMPy and writes a table of the power at ``port``."""
     file, stem = plain_name(path.name), path.stem
     return f'''"""{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold.
 

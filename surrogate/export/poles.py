@@ -28,7 +28,7 @@ LARGEST_ORDER = 500  # poles; a file of more is read slowly by every simulator, 
 
 @dataclass(frozen=True, eq=False)
 class Poles:
-    """Poles with their share in every input and output.
+    """Independent poles with their input and output coefficients.
 
     rate [shape (n,), 1/s]
     B [shape (n, inputs), K/J]
@@ -83,12 +83,12 @@ def _of_state_space(model: StateSpace) -> Poles:
 
 @dataclass(frozen=True, eq=False)
 class RCNetwork:
-    """R parallel to C for each pole, and how the pins couple to them: what SPICE and Verilog-A write down.
+    """R parallel to C for each pole, and the coupling of pins and poles, as SPICE and Verilog-A write it.
 
     R, C [shape (n,), K/W and J/K]
-    shares [shape (n, inputs)]: share of the power into each heated pin that enters each pole; None: one pin, all poles
-        in series (Foster).
-    reads [shape (outputs, n)]: share of each pole's temperature in each pin that is read.
+    shares [shape (n, inputs)]: heat into each pole per watt into each heated pin, at most 1 in size; None: one pin, all
+        poles in series (Foster).
+    reads [shape (outputs, n)]: coefficient of each pole's temperature in that of each pin that is read.
     parts, pins: every part once, heated ones first, and the pins named after them.
     heated, read: pins of the columns of ``shares`` and of the rows of ``reads``.
     coefficient [1/K]: of the output map dT = z + coefficient z^2, or 0.
@@ -105,12 +105,12 @@ class RCNetwork:
     coefficient: float
 
     def read_by(self, pin: int) -> Array | None:
-        """Shares of the poles in a pin's temperature; None for a pin that is heated only."""
+        """Coefficients of the poles' temperatures in that of a pin, shape (n,); None for a pin that is heated only."""
         return self.reads[self.read.index(pin)] if pin in self.read else None
 
 
 def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
-    """The network of a model of independent poles; pins are named after the parts, none of them as ``taken``."""
+    """RC network of a model of independent poles; pins are named after the parts, without the names in ``taken``."""
     found = poles_of(model)
     parts = list(dict.fromkeys([*found.inputs, *found.outputs]))
     pins = identifiers(parts, taken=taken)
@@ -124,7 +124,7 @@ def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
 
 
 def ring_network(model: Any, *, taken: Iterable[str]) -> tuple[RCNetwork, str]:
-    """The network with a pin "heat" for the part that light heats, and the pin of the part whose rise detunes it."""
+    """RC network with a pin "heat" at the part that light heats, and the pin of the part whose rise detunes it."""
     net = rc_network(model, taken=(*taken, "heat"))
     heated, read = (net.parts.index(part) for part in lit_part(model))
     net.pins[heated] = "heat"
@@ -132,7 +132,9 @@ def ring_network(model: Any, *, taken: Iterable[str]) -> tuple[RCNetwork, str]:
 
 
 def lit_part(model: Any) -> tuple[str, str]:
-    """The part that the light of a ring heats and the one whose rise detunes it: the first input, read where it is.
+    """The part that the light of a ring heats (the first input), and the part whose rise detunes it.
+
+    The second is the first one again where the model reads it, else the only output.
 
     Raises InputError: the model does not read that part, and reads several others.
     """

@@ -28,7 +28,7 @@ DURATION = 100e-6  # s, of a demonstration: a ring over 2 um of oxide has settle
 
 @dataclass(frozen=True)
 class RingRates:
-    """The numbers of the module's equations; ``dispersion`` holds the pairs (c_k, p_k), c_k in rad/ns."""
+    """Coefficients of the equations of this module; ``dispersion`` holds the pairs (c_k, p_k), c_k in rad/ns."""
 
     pump: float
     add: float
@@ -53,7 +53,7 @@ class RingRates:
 
 
 def ring_rates(ring: Any) -> RingRates:
-    """The numbers of a ring, such as `coupled.RingResonator`: its fields and derived rates in SI are read.
+    """Coefficients of a ring from its fields and derived rates in SI, such as those of `coupled.RingResonator`.
 
     Raises InputError: something that has no such rates.
     """
@@ -81,7 +81,7 @@ def ring_rates(ring: Any) -> RingRates:
 
 @dataclass(frozen=True)
 class Demonstration:
-    """A run from cold that goes with an export.
+    """Laser of a demonstration run from cold, which is written beside an export.
 
     power [W], detuning [Hz]: of the laser, on from t = 0.
     period [s]: of the settled pulsation, or None where it is not known or the ring does not pulse.
@@ -92,22 +92,22 @@ class Demonstration:
     period: float | None
 
     def largest_step(self, rates: RingRates) -> float:
-        """Largest step of a simulator in s."""
+        """Largest step in s that the simulator may take."""
         return self.period / STEPS_A_PERIOD if self.period else rates.tau0 * NS / STEPS_A_LIFETIME
 
     def row(self) -> float:
-        """Time between the rows of a table in s: a whole number of ns, 100 rows a period where 1 to 4 ns make them."""
+        """Interval of the rows of the output table in s: a 100th of the period in whole ns, 1 to 4; else 4 ns."""
         return min(4.0, max(1.0, self.period / 100 // NS)) * NS if self.period else 4 * NS
 
     def reason(self) -> str:
-        """Where the largest step comes from."""
+        """Text that says how the largest step was chosen."""
         if self.period:
             return f"settled period {self.period:.9g} s / {STEPS_A_PERIOD}"
         return f"carrier lifetime / {STEPS_A_LIFETIME}; the period is not known"
 
 
 def demonstration(power: Any, detuning: float, period: float | None) -> Demonstration:
-    """The run of a laser; a circuit's power may be given under the laser's name.
+    """Check the laser power (W, or a mapping from the laser's name), detuning (Hz) and period (s) of a run.
 
     Raises InputError: a power or detuning out of range, or powers of several lasers.
     """

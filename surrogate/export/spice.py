@@ -58,7 +58,7 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
 
 
 def _heat_alone(name: str, model: Any, header: list[str]) -> tuple[list[str], list[str], str]:
-    """Comments and lines of a thermal model, and no deck."""
+    """Comment lines and netlist of a thermal model without light; the deck is empty."""
     net = rc_network(model, taken=WORDS)
     pins = " ".join(net.pins) if len(net.pins) <= 8 else "PINS"
     lines = [*USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", "", *header]
@@ -77,7 +77,7 @@ def _heat_alone(name: str, model: Any, header: list[str]) -> tuple[list[str], li
 def _ring(
     name: str, model: Any, header: list[str], ring: Any, path: Path, run: Demonstration | None
 ) -> tuple[list[str], list[str], str]:
-    """Comments, lines and deck of one ring with its heat."""
+    """Comment lines, netlist and deck of one ring with its heat."""
     rates = ring_rates(ring)
     net, read = ring_network(model, taken=(*WORDS, *LIGHT.split()))
     others = [pin for pin in net.pins if pin != "heat"]
@@ -104,7 +104,7 @@ def _ring(
 def _circuit(
     name: str, model: Any, header: list[str], circuit: Any, path: Path, run: Demonstration | None
 ) -> tuple[list[str], list[str], str]:
-    """Comments, lines and deck of a `coupled.Circuit`; one thermal model for each ring, or with an input for each.
+    """Comment lines, netlist and deck of a `coupled.Circuit`; ``model`` is that of each ring, or has an input for each.
 
     Raises InputError: several lasers, or a model of another number of rings.
     """
@@ -142,7 +142,7 @@ def _circuit(
 def _heat_of_rings(
     name: str, circuit: Any, model: Any, net: RCNetwork, *, taken: tuple[str, ...]
 ) -> tuple[list[str], list[str], list[tuple[str, str]]]:
-    """Lines and pins of the heat of all rings, and the pins that the light of each heats and reads."""
+    """Netlist lines and pins of the heat of all rings, and for each ring its pins (heated, read)."""
     rings = identifiers(circuit.names, taken=taken)
     count, parts = len(rings), net.parts
     if count > 1 and len(parts) > 1 and len(model.outputs) == count <= len(model.inputs):
@@ -169,7 +169,7 @@ def _heat_of_rings(
 
 
 def _waves(circuit: Any, ports: list[str]) -> list[str]:
-    """Lines of splitters, of the laser's way in, of waveguides, of entries without light and of detectors.
+    """Netlist lines of splitters, of the laser's input, of waveguides, of dark entries (0 V) and of detectors.
 
     Each entry of a ring or splitter is a pair of nodes e__k, each exit x__k; ``ports`` names the laser and detectors.
     """
@@ -182,7 +182,7 @@ def _waves(circuit: Any, ports: list[str]) -> list[str]:
         for out, own, other in ((f"x__{2 * k}", first, second), (f"x__{2 * k + 1}", second, first)):
             lines.append(f"B{out}_re {out}_re 0 V = {straight!r}*V({own}_re)-{cross!r}*V({other}_im)")
             lines.append(f"B{out}_im {out}_im 0 V = {straight!r}*V({own}_im)+{cross!r}*V({other}_re)")
-    lines += _turned(entry[laser.stop], ports[0], laser.loss, repr(float(laser.phase)))
+    lines += _rotated(entry[laser.stop], ports[0], laser.loss, repr(float(laser.phase)))
     for k, w in enumerate(circuit.waveguides):
         start, angle = exit[w.start], repr(float(w.phase))
         if w.delay:
@@ -191,7 +191,7 @@ def _waves(circuit: Any, ports: list[str]) -> list[str]:
                 lines.append(f"R{part}__{k} far__{k}_{part} 0 1")
             start = f"far__{k}"
             angle += f"+{2 * math.pi * w.delay / NS!r}*(V(detuning)+({laser.offset / 1e9!r}))"
-        lines += _turned(entry[w.stop], start, w.loss, angle)
+        lines += _rotated(entry[w.stop], start, w.loss, angle)
     lit = {laser.stop, *(w.stop for w in circuit.waveguides)}
     for node in (node for terminal, node in entry.items() if terminal not in lit):
         lines += [f"V{node}_re {node}_re 0 0", f"V{node}_im {node}_im 0 0"]
@@ -200,8 +200,8 @@ def _waves(circuit: Any, ports: list[str]) -> list[str]:
     return lines
 
 
-def _turned(out: str, start: str, loss: float, angle: str) -> list[str]:
-    """A field times 10^(-loss/20) exp(-i angle); the angle in rad is an expression."""
+def _rotated(out: str, start: str, loss: float, angle: str) -> list[str]:
+    """Sources that make field ``out`` = 10^(-loss/20) exp(-i angle) times field ``start``; angle: expression in rad."""
     size, re, im = 10 ** (-loss / 20), f"V({start}_re)", f"V({start}_im)"
     return [
         f"B{out}_re {out}_re 0 V = {size!r}*(cos({angle})*{re}+sin({angle})*{im})",
@@ -210,7 +210,7 @@ def _turned(out: str, start: str, loss: float, angle: str) -> list[str]:
 
 
 def _heated_by_light(light: str, mark: str, heated: str, read: str) -> list[str]:
-    """The line of a light subcircuit with its pin heat; where another part is read, sources carry heat and rise over.
+    """Netlist lines that connect pin "heat" of the light's subcircuit to the pins ``heated`` and ``read``.
 
     light: the line with {} in place of the pin.
     """
@@ -225,7 +225,7 @@ def _heated_by_light(light: str, mark: str, heated: str, read: str) -> list[str]
 
 
 def _light(name: str, rates: RingRates) -> list[str]:
-    """Light and carriers with the pins `LIGHT`, heat and ambient; the equations stand in `ring_rates`."""
+    """Subcircuit of light and carriers with the pins `LIGHT`, heat and ambient; the equations stand in `ring_rates`."""
     r = rates
     square = f"(V(n)*V(n)+{EPSILON**2!r})"
     dispersion = "".join(
@@ -253,14 +253,14 @@ def _light(name: str, rates: RingRates) -> list[str]:
 
 
 def _heat(name: str, net: RCNetwork) -> list[str]:
-    """The thermal model with a pin for each part, and the ambient."""
+    """Subcircuit of the thermal model with a pin for each part, and one for the ambient."""
     if net.shares is None:
         return _ladder(name, net.pins[0], net.R, net.C, foster=True)
     return _coupled(name, net, net.shares)
 
 
 def _ladder(name: str, pin: str, resistances: Any, capacities: Any, *, foster: bool) -> list[str]:
-    """R and C from the pin to the ambient: C parallel to its R (Foster), or from its node to the ambient (Cauer)."""
+    """Subcircuit of R and C from pin to ambient: each C parallel to its R (Foster), or to the ambient (Cauer)."""
     R, C = np.asarray(resistances).tolist(), np.asarray(capacities).tolist()
     nodes = [pin, *(f"n__{k}" for k in range(1, len(R))), "ambient"]
     lines = [f".subckt {name} {pin} ambient"]
@@ -272,7 +272,7 @@ def _ladder(name: str, pin: str, resistances: Any, capacities: Any, *, foster: b
 
 
 def _coupled(name: str, net: RCNetwork, shares: NDArray[np.float64]) -> list[str]:
-    """One R and C for each pole; the pins feel sums of the poles and feed them shares of their power."""
+    """Subcircuit with one R and C for each pole; controlled sources couple it to power and temperature of every pin."""
     lines = [f".subckt {name} {' '.join(net.pins)} ambient"]
     for i, pin in enumerate(net.pins):
         lines += _pin(i, pin, net)
@@ -285,7 +285,7 @@ def _coupled(name: str, net: RCNetwork, shares: NDArray[np.float64]) -> list[str
 
 
 def _pin(i: int, pin: str, net: RCNetwork) -> list[str]:
-    """A source that senses the power into the pin, and the sources that add up its temperature."""
+    """Netlist lines of one pin: a source that senses its power, and sources that sum the poles to its temperature."""
     shares = net.read_by(i)
     if shares is None:
         return [f"* {pin} is heated, but not read: it stays at 0 K", f"Vpin{i + 1} {pin} ambient 0"]
@@ -306,9 +306,11 @@ def _pin(i: int, pin: str, net: RCNetwork) -> list[str]:
 
 
 def _deck(path: Path, run: Demonstration, step: float, wires: list[str], laser: str, outputs: dict[str, str]) -> str:
-    """A deck that runs as it is and writes a table: time in s, and the power at each output in W.
+    """A SPICE deck that runs the subcircuit and writes a table: time in s, and the power at each output in W.
 
-    laser, outputs: pair of pins, and column of the table -> pair of pins, without their _re and _im.
+    step [s]: largest step.
+    wires: netlist lines that connect the subcircuit.
+    laser, outputs: the laser's pair of pins, and the pair of each column of the table; without _re and _im.
     """
     file, table = plain_name(path.name), f"{path.stem}_demo.csv"
     about = [

@@ -111,7 +111,7 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
 
 
 def _light(r: RingRates, read: str) -> list[str]:
-    """Light and carriers; the equations stand in `ring_rates`."""
+    """Statements of light and carriers; the equations stand in `ring_rates`."""
     dispersion = "".join(
         f" - ({c!r}) * n" + ("" if p == 1 else f" * pow(n * n + {EPSILON**2!r}, {(p - 1) / 2!r})")
         for c, p in r.dispersion
@@ -164,7 +164,7 @@ def _netlist(name: str, path: Path, run: Demonstration, rates: RingRates, pins: 
 
 
 def _store(k: int, R: float, C: float) -> str:
-    """Heat through R and into C of one pole."""
+    """Verilog-A statement of pole k: the power into it is the flow through R and the storage in C."""
     return f"Pwr(pole__{k}) <+ Temp(pole__{k}) / {float(R)!r} + ddt({float(C)!r} * Temp(pole__{k}));"
 
 
@@ -178,7 +178,7 @@ def _foster(net: RCNetwork) -> tuple[list[str], list[str]]:
 
 
 def _coupled(net: RCNetwork, shares: np.ndarray) -> tuple[list[str], list[str]]:
-    """One node for each pole, which takes its share of the power into the pins and adds its share to their Temp."""
+    """Declarations and statements of one node for each pole, coupled to power and temperature of the pins."""
     count = range(1, net.R.size + 1)
     lines = [f"thermal {', '.join(f'node__{k}' for k in count)};"]
     lines += [f"branch (node__{k}, ambient) pole__{k};" for k in count]

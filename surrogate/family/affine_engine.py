@@ -50,9 +50,10 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
 
 
 def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
-    """Group the coefficients that are multiples of each other: group of each, and its ratio to the first of the group.
+    """Group coefficients that are proportional to each other.
 
-    ``samples`` has shape (n, q): q coefficients at n random members.
+    samples [shape (n, q)]: q coefficients at n random members.
+    Returns: group of each coefficient, and its ratio to the first one of the group; shape (q,) each.
     """
     size = np.maximum(np.linalg.norm(samples, axis=0), 1e-300)
     # 11 digits: two coefficients of constant ratio over the box are one; where round-off parts them they stay two
@@ -62,10 +63,10 @@ def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """Coefficients of all terms as functions of the parameters; with the matrices they make a member.
+    """Coefficients of the terms of K and M as functions of the parameters.
 
-    stiffness, capacity [(int array, array)]: which term each coefficient of `CellGrid.coefficients` belongs to, and its
-        factor.
+    stiffness, capacity [(int array, array)]: group of each coefficient of `CellGrid.coefficients`, and its ratio to the
+        first one of the group (`group_proportional`).
     """
 
     grid: CellGrid
@@ -74,7 +75,7 @@ class Coefficients:
     surface: SampledWeights | None
 
     def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Coefficients of K (n, q), of M (n, m) and of volumes (n, 2 c) for parameters (n, p)."""
+        """Coefficients of the terms of K (n, q) and of M (n, m), and of volumes (n, 2 c), for parameters (n, p)."""
         at = self.grid.box.properties(rows)
         stiffness, capacity, volume = self.grid.coefficients(rows, at)
         K, M = (
@@ -87,12 +88,12 @@ class Coefficients:
 
 
 class AffineEngine:
-    """Matrices of a family whose outlines are horizontal and vertical lines, full and reduced.
+    """Full and projected matrices of a family whose outlines all run along r or z.
 
     The reference mesh is stretched cell by cell, so that K and M are sums of cell matrices with known weights.
 
     accuracy: relative, of the reference mesh.
-    made: that mesh with one region for each cell, and the cell of each triangle; None makes them.
+    made: that mesh, and the cell of each triangle; None makes them.
     """
 
     def __init__(self, box: Box, accuracy: float, made: tuple[Mesh, NDArray[np.intp]] | None = None) -> None:
@@ -102,7 +103,7 @@ class AffineEngine:
         self.reference = on_mesh(box.base, self.mesh, accuracy)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For other processes: the mesh, without matrices and factors."""
+        """Pickle box, accuracy and mesh; another process makes matrices and factors anew."""
         return AffineEngine, (self.box, self.accuracy, self.made)
 
     def heat(self, row: Array) -> HeatProblem:
@@ -117,7 +118,7 @@ class AffineEngine:
 
     @cached_property
     def _sampled(self) -> tuple[Coefficients, Any]:
-        """Coefficients of all terms, and the sparse traces on the surfaces or None."""
+        """Coefficients of all terms, and the sparse traces at the surface points (None without such surfaces)."""
         rows = self.box.draw(SAMPLES, seed=1)
         at = self.box.properties(rows)
         stiffness, capacity, _ = self.grid.coefficients(rows, at)
@@ -130,7 +131,7 @@ class AffineEngine:
         return Coefficients(self.grid, *kinds, surface), traces
 
     def project(self, V: Array, ports: tuple[str, ...]) -> AffineMembers:
-        """Members in the functions V, shape (free, N)."""
+        """Project the family on the functions V, shape (free unknowns, N)."""
         basis, (coefficients, traces) = self.reference.discretization.basis, self._sampled
         full = np.zeros((basis.N, V.shape[1]))
         full[self.reference.discretization.free] = V
@@ -168,7 +169,7 @@ def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
 
 
 def _mesh(grid: CellGrid, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
-    """A mesh that conforms to all lines, regions named after owners, and the cell of every triangle."""
+    """A mesh with edges along all lines, its regions named after layers and parts, and the cell of every triangle."""
     r, z, base = grid.r.base, grid.z.base, grid.box.base
     faces = tuple(
         Face(str(k), (np.array([(r[i], z[j]), (r[i + 1], z[j]), (r[i + 1], z[j + 1]), (r[i], z[j + 1])]),))
@@ -183,11 +184,11 @@ def _mesh(grid: CellGrid, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
 
 @dataclass(frozen=True, eq=False)
 class AffineMembers:
-    """Matrices of a family on lines.
+    """Projected matrices of a family; sums of the terms, weighted by `Coefficients`, make a member.
 
     K, M [shape (terms, N, N)]
-    ports [shape (ports, 2 c, N)]
-    volumes [shape (ports, 2 c)]
+    ports [shape (ports, 2 c, N)]: integrals of the functions over each cell of each region, weights 1 and rho.
+    volumes [shape (ports, 2 c)]: the same of 1.
     """
 
     coefficients: Coefficients
@@ -203,13 +204,13 @@ class AffineMembers:
         return int(self.ports.shape[2])
 
     def member(self, row: Array) -> MemberMatrices:
-        """Matrices of one member."""
+        """Projected matrices of the member with parameters ``row``, shape (p,)."""
         K, M, volume = self.coefficients(row[None])
         mean = np.einsum("c,pcn->pn", volume[0], self.ports) / (self.volumes @ volume[0])[:, None]
         return MemberMatrices(np.tensordot(K[0], self.K, 1), np.tensordot(M[0], self.M, 1), mean)
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
-        """Static gain of many members, shape (n,)."""
+        """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
         result = np.empty(len(rows))
         for start in range(0, len(rows), CHUNK):
             K, _, volume = self.coefficients(rows[start : start + CHUNK])

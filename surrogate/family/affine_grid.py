@@ -58,17 +58,17 @@ class Axis:
     slope: Array
 
     def at(self, offset: Array) -> Array:
-        """Positions for parameters that differ from the middle by ``offset``, shape (..., p) -> (..., l)."""
+        """Positions of the lines in m at parameters middle of the box + ``offset``, shape (..., p) -> (..., l)."""
         return self.base + offset @ self.slope.T
 
     def maps(self, offset: Array) -> tuple[Array, Array]:
-        """a and b of every interval, each of shape (..., l - 1)."""
+        """Coefficients a and b of the map r = a + b rho in every interval, each of shape (..., l - 1)."""
         position = self.at(offset)
         b = np.diff(position, axis=-1) / np.diff(self.base)
         return position[..., :-1] - b * self.base[:-1], b
 
     def moved(self, x: Array, interval: NDArray[np.intp], offset: Array) -> Array:
-        """Positions of points in given intervals."""
+        """Positions, at parameters middle + ``offset``, of reference points x that lie in the given intervals."""
         a, b = self.maps(offset)
         return a[interval] + b[interval] * x
 
@@ -90,7 +90,7 @@ class CellGrid:
 
     @classmethod
     def of(cls, box: Box) -> CellGrid:
-        """Lines of the geometry in the middle of the box.
+        """Make the grid from the geometry in the middle of the box.
 
         Raises NotAffineError: a wall that leans, a shell, or lines that meet inside the box.
         """
@@ -106,7 +106,7 @@ class CellGrid:
 
     @cached_property
     def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
-        """Every material once, and which one each cell has."""
+        """Names of all materials, each once, and for each cell the index of its material, shape (c,)."""
         material = [self.box.base.material_of(name).name for name in self.owner]
         names = list(dict.fromkeys(material))
         return names, np.array([names.index(one) for one in material])
@@ -126,7 +126,7 @@ class CellGrid:
 
 
 def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
-    """All lines, unsorted."""
+    """Lines across r and across z on which the outlines lie, unsorted; NotAffineError where a wall leans."""
     found: tuple[list[Any], list[Any]] = ([], [])
     for name, outline in outlines(base).items():
         velocity = np.array([change.outlines.get(name, np.zeros((4, 2))) for change in changes])  # (p, 4, 2)
@@ -142,7 +142,11 @@ def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
 
 
 def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
-    """Each line once, in an order that holds everywhere in the box."""
+    """Sort the lines and drop those that coincide over the whole box; NotAffineError where two lines meet inside it.
+
+    ranges [two arrays, shape (p,)]: ends of the parameters, counted from the middle of the box.
+    half [shape (p,)]: the larger distance of an end from the middle.
+    """
     order = np.lexsort((*axis.slope.T, axis.base))
     base, slope = axis.base[order], axis.slope[order]
     kept: list[int] = []
@@ -158,14 +162,14 @@ def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
 
 
 def _gaps(axis: Axis, ranges: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Smallest and largest distance of neighbouring lines over the box."""
+    """Smallest and largest gap of each two neighbouring lines over the box in m, each of shape (l - 1,)."""
     base, slope = np.diff(axis.base), np.diff(axis.slope, axis=0)
     each = np.stack([slope * ranges[0], slope * ranges[1]])
     return base + each.min(axis=0).sum(axis=1), base + each.max(axis=0).sum(axis=1)
 
 
 def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[float]) -> Axis:
-    """Lines beside the walls of heated parts that move along with them, where the gap changes over the box."""
+    """Add lines near walls of heated parts that move along with the wall, where a gap changes over the box."""
     low, high = _gaps(axis, ranges)
     base, slope = list(axis.base), list(axis.slope)
     for k in range(len(low)):
@@ -182,7 +186,7 @@ def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[fl
 
 
 def _cells(base: CrossSection, r: Array, z: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], list[str]]:
-    """Interval across r, interval across z and owner of every cell that is meshed."""
+    """Interval across r, interval across z, and owning layer or part of every meshed cell."""
     shapes = {name: (outline.min(axis=0), outline.max(axis=0)) for name, outline in outlines(base).items()}
     void = {part.name for part in base.parts if part.material == VOID}
     found = []
@@ -198,14 +202,14 @@ def _cells(base: CrossSection, r: Array, z: Array) -> tuple[NDArray[np.intp], ND
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
-    """Quadrature points on surfaces, in the reference geometry.
+    """Quadrature points on convective and open sides and on contacts, in the reference geometry.
 
     place [shape (q, 2), m]: r and z.
-    along [shape (q, 2), m]: facet times the weight of the point.
+    along [shape (q, 2), m]: vector (r, z) along the facet times the quadrature weight of the point.
     interval [shape (q, 2)]: cells across r and z beside the facet.
     outward [shape (q, 2)]: unit normal.
-    series [list of tuple of str]: `Properties.resistance` that add up; none on an open side.
-    material [list of str]: beside it.
+    series [list of tuple of str]: names in `Properties.resistance` that are in series; none on an open side.
+    material [list of str]: of the cell beside the point.
     """
 
     place: Array
@@ -216,13 +220,13 @@ class SurfacePoints:
     material: list[str]
 
     def pick(self, chosen: NDArray[np.intp]) -> SurfacePoints:
-        """Some of the points."""
+        """The points with the indices ``chosen``."""
         arrays = {name: getattr(self, name)[chosen] for name in ARRAYS}
         series, material = ([words[k] for k in chosen] for words in (self.series, self.material))
         return SurfacePoints(**arrays, series=series, material=material)
 
     def weights(self, grid: CellGrid, rows: Array, at: Properties) -> Array:
-        """w at every point for parameters of shape (n, p), in W/K; shape (n, q)."""
+        """Weights w_q of all points in W/K, shape (n, q), for members with the parameters ``rows``, shape (n, p)."""
         offset = rows - grid.box.middle
         (a, b), (c, d) = (
             [x[:, self.interval[:, k]] for x in axis.maps(offset)] for k, axis in enumerate((grid.r, grid.z))
@@ -241,7 +245,7 @@ class SurfacePoints:
 
 
 def _source(grid: CellGrid, offset: Array) -> Array:
-    """Height of the middle of the first heated part, shape (n,)."""
+    """z in m of the middle of the first heated part, shape (n,), at parameters middle + ``offset`` (n, p)."""
     part = next(part for part in grid.box.base.parts if part.heated)
     positions = grid.z.at(offset)
     low, high = (int(np.abs(grid.z.base - z).argmin()) for z in (part.bottom, part.top))
@@ -270,7 +274,7 @@ def surface_points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[Surf
 
 
 def _trace(side: Side) -> Any:
-    """All functions at the Gauss points of each facet, sparse, shape (3 f, n)."""
+    """Values of all n functions at the three Gauss points of each of f facets, sparse, shape (3 f, n)."""
     (f, _, q), values = side.shape.shape, side.shape
     rows = np.broadcast_to(np.arange(f * q).reshape(f, 1, q), values.shape)
     columns = np.broadcast_to(side.dofs[..., None], values.shape)
@@ -280,7 +284,11 @@ def _trace(side: Side) -> Any:
 def _on(
     heat: HeatProblem, intervals: NDArray[np.intp], facets: NDArray[np.intp], other: NDArray[np.intp], where: str
 ) -> tuple[SurfacePoints, Any]:
-    """Points of facets and their traces; ``other`` are the same facets of a contact, on its other side."""
+    """Quadrature points on facets, and the traces of all functions there (on a contact their jump), sparse.
+
+    facets, other [int arrays]: the facets, and for a contact those on its other side, else none.
+    where: side of the domain, "open", or "" for a contact.
+    """
     base, limit = heat.geometry, resistances(heat.geometry)
     sides = [Side.of(heat.discretization.basis, each) for each in (facets, other) if len(each)]
     one, names = sides[0], np.array(heat.mesh.region_names)
@@ -302,14 +310,14 @@ def _on(
 
 @dataclass(frozen=True, eq=False)
 class SampledWeights:
-    """Weights from a few of their points: w = modes @ weights at those points."""
+    """Weights of all surface points as combinations of those of a few points: w = modes @ w(points)."""
 
     points: SurfacePoints
     modes: Array
 
     @classmethod
     def of(cls, every: SurfacePoints, samples: Array) -> SampledWeights:
-        """Choose points from weights at many members, shape (n, q)."""
+        """Choose the points, by SVD and pivoted QR, from weights at n sample members, shape (n, q)."""
         scale = np.abs(samples).max(axis=0)  # far points carry small weights, and count as well
         u, s, _ = np.linalg.svd((samples / scale).T, full_matrices=False)
         # 1e-13: singular values below this share of the first are round-off

@@ -47,7 +47,7 @@ class HeldOut(float):
     count: int
 
     def __new__(cls, worst: float, median: float, count: int) -> HeldOut:
-        """A number with three attributes."""
+        """Make the number ``worst`` with the three attributes."""
         self = super().__new__(cls, worst)
         self.worst, self.median, self.count = worst, median, count
         return self
@@ -110,7 +110,7 @@ class Family:
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Both ends of each parameter, SI."""
+        """Ends (low, high) of the range of each parameter, SI."""
         ends = zip(self.names, self.box.low, self.box.high, strict=True)
         return {name: (float(low), float(high)) for name, low, high in ends}
 
@@ -133,7 +133,7 @@ class Family:
         return tuple(dict.fromkeys((*self.inputs, *self.outputs)))
 
     def channel(self, heated: str | None = None, read: str | None = None) -> tuple[int, int]:
-        """Indices in `ports` of what is heated and read; default the first heated part, and itself where it is read."""
+        """Indices in `ports` of a heated and a read part; default the first heated one, and itself where it is read."""
         a = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
         default = a if a in self.outputs else self.outputs[0]
         b = checks.choice("read", read, self.outputs, default=default)
@@ -159,7 +159,7 @@ class Family:
         return self._with_output_map(self._foster(self.members.member(row).modes(), a, b), row, (a, b))
 
     def at(self, values: Mapping[str, Any]) -> Model:
-        """`model` of the first channel with the parameters in a mapping."""
+        """`model` of the first channel; ``values`` maps the name of each parameter to its value in SI."""
         return self.model(**values)
 
     def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
@@ -173,7 +173,7 @@ class Family:
         return self.output_maps.on(linear, self.box.share(row))
 
     def held(self, **values: float) -> Held:
-        """The members with some parameters held, as `coupled.identify` takes them."""
+        """Fix some parameters; the result has the remaining ones, as `coupled.identify` takes it."""
         for name, value in values.items():
             low, high = self.ranges[checks.choice("parameter", name, self.names)]
             checks.between(name, value, low, high)
@@ -189,7 +189,7 @@ class Family:
     def reduced(
         self, tolerance: float = 1e-3, *, heated: str | None = None, read: str | None = None, **values: float
     ) -> Model:
-        """Return a member with few poles, within ``tolerance`` of its R_th of `model` at every frequency."""
+        """Return a member with few poles; its impedance differs from that of `model` by at most ``tolerance`` R_th."""
         a, b = self.channel(heated, read)
         channel = self.system(**values).channel(self.ports[a], self.ports[b])
         model: Any = reduce(channel, tolerance).model  # of one channel a Foster network
@@ -205,7 +205,7 @@ class Family:
     def step_response(
         self, times: ArrayLike, *, heated: str | None = None, read: str | None = None, **values: ArrayLike
     ) -> Array:
-        """Rise in K/W after a unit step; the shape of the values, then that of ``times``."""
+        """Rise in K/W of many members after a unit step; shape of the broadcast values, then that of ``times``."""
         t = checks.numbers("times", times)
         rows = self.box.rows(values)
         a, b = self.channel(heated, read)
@@ -238,7 +238,7 @@ class Family:
     ) -> xr.Dataset:
         """Derivatives of one member with respect to all parameters, as of `thermofem.derivatives`.
 
-        Those of the family itself: the functions are held, their matrices differentiated.
+        They are derivatives of the family itself: its basis stays fixed, its projected matrices are differentiated.
         """
         a, b = self.channel(heated, read)
         row = self.box.row(values)
@@ -253,10 +253,10 @@ class Family:
         return data.assign_attrs(heated=self.ports[a], read=self.ports[b])
 
     def doubts(self, row: Array, channel: tuple[int, int]) -> tuple[str, ...]:
-        """Sentences on derivatives of a member, at parameters of shape (p,), that its functions do not hold.
+        """Warnings about derivatives of one member, at parameters of shape (p,), that the basis may represent badly.
 
-        The functions are trained on temperatures. Little of these depends on a contact that is nearly perfect, least
-        where another part is read than the heated one.
+        The basis is trained on temperatures. These hardly depend on a nearly perfect contact, least of all where
+        another part is read than heated.
         """
         a, b = channel
         small = [n for n, x, one in zip(self.names, row, self.box.contact, strict=True) if one and x < FAR_CONTACT]
@@ -292,7 +292,7 @@ class Family:
         return ModalDerivative(rate, port[a], port[b], *each)
 
     def certify(self, **values: float) -> Certified:
-        """Make the mesh and the certified reduction of one member, and say how far the family was off."""
+        """Compare one member with the certified reduction on its own mesh."""
         row = self.box.row(values)
         return certified(
             self.box.geometry(row), self.members.member(row).modes(), self.ports, self.tolerance, len(self.inputs)
@@ -310,23 +310,23 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Members of a family with some parameters held."""
+    """A family with some parameters fixed at ``values``."""
 
     family: Family
     values: dict[str, float]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the other parameters."""
+        """Names of the parameters that are not fixed."""
         return tuple(name for name in self.family.names if name not in self.values)
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Both ends of each of those, SI."""
+        """Ends (low, high) of the range of each parameter that is not fixed, SI."""
         return {name: ends for name, ends in self.family.ranges.items() if name not in self.values}
 
     def at(self, values: Mapping[str, float]) -> Model:
-        """A member."""
+        """Model of the member whose remaining parameters have the given ``values`` in SI."""
         return self.family.at({**self.values, **values})
 
 

@@ -32,7 +32,7 @@ _PLAIN = "inputs", "outputs", "tolerance", "floor", "factor", "engine", "provena
 
 
 def save(family: Family, path: str | Path) -> Path:
-    """Write a family."""
+    """Write a family as one file."""
     box, maps, campaign = family.box, family.output_maps, family.box.campaign
     content: dict[str, Any] = {"format": FORMAT, "schema": SCHEMA, **{name: getattr(family, name) for name in _PLAIN}}
     content["error"] = vars(family.error)
@@ -43,7 +43,7 @@ def save(family: Family, path: str | Path) -> Path:
     ]
     arrays: dict[str, Any] = {"low": box.low, "high": box.high}
     if isinstance(family.members, AffineMembers):
-        more, own = _of_lines(family.members)
+        more, own = _affine_fields(family.members)
     else:
         mesh, moved = family.members.moved.mesh, family.members.moved
         more = {"regions": mesh.region_names, "accuracy": moved.accuracy}
@@ -59,8 +59,8 @@ def save(family: Family, path: str | Path) -> Path:
     return write_whole(path, lambda p: p.write_bytes(whole))
 
 
-def _of_lines(members: AffineMembers) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Words and arrays of an affine family; of symmetric matrices the upper triangles, row by row."""
+def _affine_fields(members: AffineMembers) -> tuple[dict[str, Any], dict[str, Any]]:
+    """JSON fields and arrays that store an affine family; of symmetric matrices the upper triangles, row by row."""
     c, grid, upper = members.coefficients, members.coefficients.grid, np.triu_indices(members.size)
     words: dict[str, Any] = {"owner": grid.owner}
     arrays: dict[str, Any] = {"K": members.K[:, *upper], "M": members.M[:, *upper]}
@@ -77,7 +77,7 @@ def _of_lines(members: AffineMembers) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
-    """``make`` a family of the fields that `Family.save` wrote; ``error`` is a dict of its numbers.
+    """Read the file that `Family.save` wrote; returns ``make(fields)``, where the field ``error`` is a dict of numbers.
 
     Raises InputError: no such file, not a family, one of another schema, or one that cannot be made.
     """

@@ -52,7 +52,7 @@ TAIL = 1e-4  # probability beyond either end of the span on which members are wo
 def interpolate_members(
     values: Callable[[Array], Any], span: Array, count: int, reason: Callable[[], str]
 ) -> tuple[Callable[[Array], Array], float]:
-    """Compute a property for ``count`` members, and interpolate between them; the rms error at held-out ones.
+    """Compute a property for ``count`` members; returns a polynomial through it, and its rms error at held-out members.
 
     The interpolant takes parameters of shape (p, n), and moves those outside the span to its ends; the error is
     relative to the mean of the members.
@@ -87,7 +87,7 @@ def interpolate_members(
 
 
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
-    """The polynomial through samples y (n,) at u (n, p) in a unit cube that has at most half as many terms."""
+    """Least-squares polynomial through samples y (n,) at points u (n, p) of the unit cube, with at most n/2 terms."""
     powers = total_degree(u.shape[1], len(u) // 2)
     coefficients = np.linalg.lstsq(chebyshev(u, powers), y, rcond=None)[0]
     return lambda x: chebyshev(x, powers) @ coefficients
@@ -99,13 +99,13 @@ HIGHEST = 6
 
 
 def total_degree(size: int, most: int) -> NDArray[np.intp]:
-    """Powers of all terms of the highest total degree that has at most ``most`` of them, shape (terms, size)."""
+    """Exponents (terms, size) of all monomials up to the highest total degree that has at most ``most`` of them."""
     degree = max(d for d in range(1, HIGHEST + 1) if d == 1 or comb(size + d, d) <= most)
     return np.array([k for k in itertools.product(range(degree + 1), repeat=size) if sum(k) <= degree])
 
 
 def chebyshev(shares: Array, powers: NDArray[Any]) -> Array:
-    """Products of Chebyshev's polynomials at places in the box, shape (n, terms)."""
+    """Products of Chebyshev polynomials of degrees ``powers`` at n points of the unit cube, shape (n, terms)."""
     each = chebvander(np.clip(2 * shares - 1, -1, 1), powers.max())  # (n, size, degree + 1)
     return np.asarray(np.prod([each[:, k, column] for k, column in enumerate(powers.T)], axis=0))
 
@@ -115,10 +115,10 @@ PULSE, TIMES = 3e-6, np.append(0.0, np.geomspace(1e-8, 1e-5, 31))  # s; during t
 
 @dataclass(frozen=True, eq=False)
 class OutputMaps:
-    """Coefficients of output maps over the box.
+    """Coefficients a(p) of the output maps dT = z + a z^2 of all members, interpolated over the box.
 
-    power [W]: that they hold for.
-    shares [shape (n, p)]: places of the solved members, 0 to 1 of each range.
+    power [W]: largest power, which the maps are made for.
+    shares [shape (n, p)]: parameters of the solved members as fractions 0 to 1 of their ranges.
     coefficients [shape (n,), 1/K]
     error: worst over held-out members and the hottest one, of steady rises, relative, and of a pulse, relative to its
         peak.
@@ -134,18 +134,18 @@ class OutputMaps:
         return smooth(self.shares, self.coefficients)
 
     def coefficient(self, share: Array) -> float:
-        """a in 1/K at a place in the box."""
+        """Coefficient a in 1/K of the member at fractions ``share`` of the ranges, shape (p,)."""
         return float(self._curve(share[None])[0])
 
     def slopes(self, box: Box, row: Array) -> Array:
-        """d(a)/d(parameter), shape (p,)."""
+        """Derivatives of a with respect to the parameters at ``row`` (SI), shape (p,)."""
         step = 1e-4 * (box.high - box.low)  # 1e-4 of a range: half the width of the differences of a
         up, down = (self._curve(box.share(np.clip(row + sign * np.diag(step), box.low, box.high))) for sign in (1, -1))
         width = np.minimum(row + step, box.high) - np.maximum(row - step, box.low)
         return np.asarray((up - down) / width)
 
     def on(self, linear: Foster, share: Array) -> OutputMap:
-        """The member with its map."""
+        """Output map of the member at fractions ``share`` of the ranges, over its model ``linear`` at small power."""
         a, z = self.coefficient(share), linear.thermal_resistance * self.power
         return OutputMap(linear, a, largest_rise=float(z + a * z * z))
 
@@ -158,7 +158,7 @@ def interpolate_output_maps(
     seed: int,
     solver: Solver,
 ) -> OutputMaps:
-    """Solve members with k(T), interpolate their maps, and test them on others.
+    """Solve members with k(T), interpolate the coefficients of their output maps, and test them on other members.
 
     channel [(str, str)]: heated and read.
     power [W]: the largest of interest.
@@ -199,7 +199,7 @@ def coefficient_of(engine: AffineEngine | MovedMeshEngine, row: Array, channel: 
 def nonlinear_reference(
     engine: AffineEngine | MovedMeshEngine, row: Array, channel: tuple[str, str], power: float
 ) -> tuple[Array, Array]:
-    """Steady rises at half the power and at the power, and a pulse, of the finite elements with k(T); K."""
+    """Rises in K of the FEM with k(T): in the steady state at half and full power, shape (2,), and under a pulse."""
     heat = engine.heat(row)
     steady = np.array([heat.steady_rise(share * power, *channel) for share in (0.5, 1.0)])
     run = solve(heat, Pulse(power, PULSE), TIMES, heated=channel[0], read=channel[1], rtol=1e-3)
@@ -207,7 +207,7 @@ def nonlinear_reference(
 
 
 def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> float:
-    """Largest error of the steady rises, relative, and of the pulse, relative to its peak."""
+    """Largest relative error of an output map: of steady rises, and of a pulse response relative to its peak."""
     steady, rise = truth
     static = model.steady_rise(power * np.array([0.5, 1.0])) / steady - 1
     pulse = (model.of(model.linear.response(Pulse(power, PULSE), TIMES)) - rise) / rise.max()
@@ -222,7 +222,7 @@ ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
 
 @dataclass(frozen=True, eq=False)
 class OpticalNumbers:
-    """Polynomials of the optical numbers over a box.
+    """Polynomials of the optical numbers of a ring over the box of parameters.
 
     names: those of `thermofem.optics.shape.numbers`, "loss" [1/m] where [light] has it, "kappa 0" and "kappa 1":
         kappa^2 of every bus, and "radiated" [1/s].
@@ -239,11 +239,11 @@ class OpticalNumbers:
     solved: int
 
     def at(self, share: Array) -> dict[str, float]:
-        """The numbers at a place in the box, 0 to 1 of each range."""
+        """The numbers by name at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
         return dict(zip(self.names, self.rows(share[None])[0].tolist(), strict=True))
 
     def rows(self, shares: Array) -> Array:
-        """The numbers at many places, shape (n, numbers)."""
+        """The numbers of n members, shape (n, numbers), at fractions ``shares`` (n, p) of the parameter ranges."""
         found = chebyshev(shares, self.powers) @ self.coefficients
         grow = _logarithmic(self.names)
         found[:, grow] = np.exp(found[:, grow])
@@ -268,7 +268,7 @@ class OpticalNumbers:
         return dict(zip(self.names, self.errors.tolist(), strict=True))
 
     def words(self) -> str:
-        """The errors of the index, of the group index and of the couplings, and the largest of the others."""
+        """Text with the errors of n_eff and of the couplings, and the largest error of the other numbers."""
         rest = {name: error for name, error in self.error.items() if not name.startswith("kappa")}
         kappas = [error for name, error in self.error.items() if name.startswith("kappa")]
         worst = max(rest, key=lambda name: rest[name])
@@ -276,7 +276,7 @@ class OpticalNumbers:
         return f"n_eff {rest['n_eff']:.1e}, {couplings}of the others at most {rest[worst]:.1e} ({worst})"
 
     def content(self) -> tuple[dict[str, Any], dict[str, Array]]:
-        """What a family's file keeps: words, and arrays."""
+        """JSON fields and arrays that store the polynomials in a family's file."""
         arrays = {f"optics_{name}": getattr(self, name) for name in ("powers", "coefficients", "errors")}
         return {"names": list(self.names), "solved": self.solved}, arrays
 
@@ -291,9 +291,11 @@ class OpticalNumbers:
 
 
 def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
-    """Solve modes and couplers of members, and fit the polynomials.
+    """Solve the modes and bus couplings of many members, and fit polynomials to them over the box of parameters.
 
-    Raises InputError: more than a quarter of the members are no rings; the reason is that of the last one.
+    ``errors`` are measured at `LEFT_OUT` members that are left out of the fit.
+
+    Raises InputError: more than a quarter of the members have no such numbers; the message says why the last one.
     """
     powers = total_degree(box.size, MOST_TERMS)
     rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
@@ -322,7 +324,10 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
 
 
 def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
-    """The numbers of one member, or why it has none; the texts of the geometry whose mesh moves, and of the member."""
+    """Optical numbers of one member by name, or a text that says why it has none.
+
+    base, geometry: texts of geometry files, of the mesh that is moved and of the member.
+    """
     try:
         heat = assemble_like(base, CrossSection.from_toml_text(geometry), ACCURACY)
         mode, given = Light.of(heat).mode(), heat.geometry.light

@@ -41,11 +41,11 @@ class MemberModes:
     ports: Array
 
     def R(self, heated: int = 0, read: int = 0) -> Array:
-        """Thermal resistances of the poles in K/W."""
+        """Resistances R_i of the poles in K/W between two ports, shape (k,)."""
         return np.asarray(self.ports[heated] * self.ports[read])
 
     def step_response(self, times: Array, heated: int = 0, read: int = 0) -> Array:
-        """Rise in K/W after a unit step."""
+        """Rise of port ``read`` in K/W after a unit step of power in port ``heated``."""
         return np.asarray(-np.expm1(-times[:, None] / self.tau) @ self.R(heated, read))
 
 
@@ -63,7 +63,7 @@ class MemberMatrices:
         return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
 
     def first(self, count: int) -> MemberMatrices:
-        """The member in the first functions alone."""
+        """The same member projected on the first ``count`` basis functions alone."""
         return MemberMatrices(self.K[:count, :count], self.M[:count, :count], self.ports[:, :count])
 
 
@@ -88,7 +88,7 @@ def difference(modes: MemberModes, truth: MemberModes, heated: int = 1) -> float
 
 
 def coarse_difference(small: MemberMatrices, heated: int) -> float:
-    """Change of a member from the first part of the basis to all of it."""
+    """`difference` between a member on the first 70 % of the basis functions and on all of them."""
     # with 0.7 of the functions, in the comparison behind `Family.predicted_error`
     count = max(1, int(0.7 * small.K.shape[0]))
     return difference(small.first(count).modes(), small.modes(), heated)
@@ -98,7 +98,7 @@ HASH = "hash"  # name of the array that holds it
 
 
 def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
-    """The archive of named arrays."""
+    """Archive of named arrays as bytes, with a hash of them."""
     memory = io.BytesIO()
     named: dict[str, Any] = {**arrays, HASH: np.array(_hash(arrays))}
     (np.savez_compressed if deflated else np.savez)(memory, **named)
@@ -106,7 +106,7 @@ def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
 
 
 def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
-    """The arrays of an archive.
+    """Named arrays of an archive that `pack` made.
 
     Raises
     ------
@@ -165,7 +165,7 @@ class Certified:
 
 
 def certified_modes(heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> tuple[MemberModes, Projected]:
-    """Certified modes of a heat problem between its ports."""
+    """Certified reduction of a heat problem between its ports: modes, and the projection they come from."""
     d = heat.discretization
     columns = np.column_stack([d.means[name][d.free] for name in ports])
     system = StateSpace(E=d.E, A=-d.K, B=columns, C=columns.T, inputs=ports, outputs=ports)
@@ -262,16 +262,16 @@ log = logging.getLogger("thermofem")
 
 
 def fine_member(geometry: str, ports: tuple[str, ...], tolerance: float) -> MemberModes:
-    """A member on its own finer mesh, from the text of its geometry."""
+    """Modes of a member on its own mesh, finer than ``tolerance``; geometry: text of its geometry file."""
     heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST))
     return certified_modes(heat, ports, tolerance)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Solver:
-    """Where members are solved and kept.
+    """Runs tasks on members, in an executor or in this process, and keeps their results.
 
-    key: of everything that the members share; others in the store are left alone.
+    key: text that stands for all that the members share; results in the store under another key are left alone.
     executor: None solves in this process.
     store: keeps what is solved, open while the solver is called; None keeps nothing.
     """
@@ -283,7 +283,7 @@ class Solver:
     def __call__(
         self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""
     ) -> list[Any]:
-        """Results in order; None for a task that failed, which a line in the log names.
+        """Run ``function`` on every task; results in order, None for a task that failed, which a line in the log names.
 
         ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
 
@@ -324,7 +324,7 @@ def _of_job(function: Callable[..., Any], job: Job) -> Any:
 
 
 def _packed(found: Any) -> bytes:
-    """The member as an archive."""
+    """Archive of a solved member or of its modes alone."""
     modes = found if isinstance(found, MemberModes) else found.modes
     arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
     if isinstance(found, Member):
@@ -333,7 +333,7 @@ def _packed(found: Any) -> bytes:
 
 
 def _member(raw: bytes) -> Member | MemberModes:
-    """The member of an archive."""
+    """The member, or the modes alone, that an archive of `_packed` holds."""
     arrays = unpack(raw)
     modes = MemberModes(arrays["tau"], arrays["ports"])
     return Member(arrays["row"], modes, arrays["fields"]) if "row" in arrays else modes

@@ -19,10 +19,10 @@ from .parameter_box import Box
 
 
 class MovedMeshEngine:
-    """Full matrices on moved meshes; a reduced member is their projection, some tens of milliseconds.
+    """Assembles the full matrices of a member on the moved base mesh and projects them, which takes some tens of ms.
 
     accuracy: of the base mesh.
-    mesh: that mesh, where it is there already.
+    mesh: that mesh; None makes it.
     """
 
     def __init__(self, box: Box, accuracy: float, mesh: Mesh | None = None) -> None:
@@ -32,7 +32,7 @@ class MovedMeshEngine:
         self._motion = Motion(self.mesh, box.base)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For other processes: the mesh, without factors."""
+        """Pickle box, accuracy and mesh; another process makes factors anew."""
         return MovedMeshEngine, (self.box, self.accuracy, self.mesh)
 
     def heat(self, row: Array) -> HeatProblem:
@@ -46,7 +46,7 @@ class MovedMeshEngine:
         return on_mesh(geometry, moved, self.accuracy)
 
     def project(self, V: Array, ports: tuple[str, ...]) -> MovedMeshMembers:
-        """Members in the functions V, shape (unknowns, N)."""
+        """Project the family on the functions V, shape (unknowns, N)."""
         return MovedMeshMembers(self, V, ports)
 
 
@@ -68,17 +68,17 @@ class MovedMeshMembers:
         return int(self.basis.shape[1])
 
     def member(self, row: Array) -> MemberMatrices:
-        """Matrices of one member."""
+        """Projected matrices of the member with parameters ``row``, shape (p,)."""
         return projected(self.moved.heat(row), self.basis, self.ports)
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
-        """Static gain of many members, shape (n,)."""
+        """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
         small = (self.member(row) for row in rows)
         return np.array([one.ports[read] @ np.linalg.solve(one.K, one.ports[heated]) for one in small])
 
 
 def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> MemberMatrices:
-    """A member in the functions V, from its full matrices."""
+    """Project a member, given by its heat problem, on the functions V, shape (unknowns, N)."""
     d = heat.discretization
     K, M = (V.T @ (matrix @ V) for matrix in (d.K, d.E))
     return MemberMatrices((K + K.T) / 2, (M + M.T) / 2, np.array([d.means[name][d.free] @ V for name in ports]))

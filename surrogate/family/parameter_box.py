@@ -53,11 +53,11 @@ class Box:
 
     @cached_property
     def logarithmic(self) -> NDArray[np.bool_]:
-        """Which parameters training draws in the logarithm, shape (p,)."""
+        """Which parameters training draws evenly in their logarithm, shape (p,)."""
         return np.array([v.logarithmic for v in self.campaign.variations])
 
     def words(self, row: Array) -> str:
-        """Names and values of one member."""
+        """Text "name = value, ..." of the parameters ``row`` of one member."""
         return ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, row, strict=True))
 
     @property
@@ -77,7 +77,10 @@ class Box:
 
     @cached_property
     def middle(self) -> Array:
-        """Geometric mean of positive ranges, else the arithmetic one; the range of a contact begins at `PERFECT`."""
+        """Middle of each range, SI, shape (p,): geometric mean of a positive range, else arithmetic mean.
+
+        The range of a contact resistance is taken from `PERFECT` on.
+        """
         low = np.where(self.contact, np.maximum(self.low, np.minimum(PERFECT, self.high)), self.low)
         positive = low > 0
         product = np.sqrt(np.where(positive, low * self.high, 0.0))
@@ -85,7 +88,7 @@ class Box:
 
     @cached_property
     def nominal(self) -> dict[str, float]:
-        """Parameters of the campaign's own geometry; the middle of the box where one lies outside."""
+        """Parameters by name of the campaign's own geometry; the middle of the box where one lies outside its range."""
         section = CrossSection.from_toml_text(self.campaign.geometry)
         own = np.array([change(section, v.paths).value for v in self.campaign.variations])
         slack = 1e-9 * (self.high - self.low)
@@ -94,17 +97,17 @@ class Box:
         return dict(zip(self.names, row.tolist(), strict=True))
 
     def _spacing(self, x: Array) -> Array:
-        """What training spaces evenly: a parameter, or its logarithm."""
+        """The quantity that training spaces evenly: a parameter, or its logarithm."""
         return np.asarray(np.log(x, out=np.array(x, dtype=float), where=self.logarithmic))
 
     def at(self, share: Array) -> Array:
-        """Parameters at shares 0 to 1 of the ranges, shape (..., p)."""
+        """Parameters (SI) at fractions 0 to 1 of their ranges, shape (..., p)."""
         low, high = self._spacing(self.low), self._spacing(self.high)
         x = low + share * (high - low)
         return np.asarray(np.exp(x, out=x, where=self.logarithmic))
 
     def share(self, rows: Array) -> Array:
-        """Place of each parameter in its range, 0 at the low and 1 at the high end; the inverse of `at`.
+        """Each parameter as a fraction of its range, 0 at the low and 1 at the high end; the inverse of `at`.
 
             share = (f(x) - f(low))/(f(high) - f(low)),    f(x) = ln x where the range is logarithmic, else x
 
@@ -114,12 +117,12 @@ class Box:
         return np.asarray((self._spacing(rows) - low) / (high - low))
 
     def slope(self, share: Array) -> Array:
-        """d(parameter)/d(share), shape (..., p)."""
+        """Derivative of each parameter (SI) with respect to its fraction of the range, shape (..., p)."""
         wide = self._spacing(self.high) - self._spacing(self.low)
         return np.asarray(wide * np.where(self.logarithmic, self.at(share), 1.0))
 
     def draw(self, count: int, seed: int, *, unseen: bool = False) -> Array:
-        """Points of a scrambled Sobol sequence, shape (count, p); ``unseen``: others than those of the same seed."""
+        """Random parameters by a scrambled Sobol sequence, shape (count, p); ``unseen``: not those of the same seed."""
         seed += APART * unseen
         shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))
         return self.at(shares[:count])
@@ -132,7 +135,7 @@ class Box:
         return np.where(bits, self.high, self.low)
 
     def geometry(self, values: Array) -> CrossSection:
-        """The cross-section with these values."""
+        """The cross-section with the parameters ``values`` in SI, shape (p,)."""
         return CrossSection.from_toml_text(self.campaign.geometry_of(tuple(float(x) for x in values)))
 
     @cached_property
@@ -142,7 +145,7 @@ class Box:
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """The `Change` of each parameter in the base geometry."""
+        """Derivatives of outlines and materials in the middle of the box: one `Change` for each parameter."""
         return tuple(change(self.base, v.paths) for v in self.campaign.variations)
 
     @cached_property
@@ -172,7 +175,7 @@ class Box:
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def properties(self, rows: Array) -> Properties:
-        """Properties for members with the parameters ``rows``, shape (n, p)."""
+        """Material properties and surface resistances of n members with the parameters ``rows``, shape (n, p)."""
         base, count = self.base, len(rows)
         given: dict[str, dict[str, Array]] = {name: {} for name in self.materials}
         resistance = {f"interface.{part}": np.full(count, R) for part, R in resistances(base).items()}
@@ -211,7 +214,7 @@ def _range(v: Variation) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Properties:
-    """Properties at the ambient temperature, each of shape (n,) or ().
+    """Material properties at the ambient temperature and surface resistances, each of shape (n,) or ().
 
     k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
     resistance [dict from "interface.PART" and "boundary.SIDE" to array; m^2 K/W]: of contacts, and 1/h of convection.
@@ -224,7 +227,7 @@ class Properties:
 
 
 def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:
-    """k_r, k_z and rho c_p of one material with some of its numbers replaced by arrays."""
+    """k_r, k_z in W/(m K) and rho c_p in J/(m^3 K) of a material, where the arrays ``given`` replace some numbers."""
 
     def factor(kind: str) -> Array:
         law = getattr(material, f"{kind}_law")

@@ -55,7 +55,7 @@ Members = AffineMembers | MovedMeshMembers
 
 @dataclass
 class Trainer:
-    """State of a training run."""
+    """State of a training run: engine, solved members and basis functions V."""
 
     engine: Engine
     ports: tuple[str, ...]
@@ -71,7 +71,7 @@ class Trainer:
         self.members: list[Member] = []
 
     def run(self) -> Members:
-        """Train until a batch is predicted to `SHARE` of the tolerance."""
+        """Solve batch after batch of members until a new batch is predicted to `SHARE` of the tolerance."""
         rows = self._first()
         for number in range(MOST_BATCHES):
             errors = []
@@ -97,14 +97,14 @@ class Trainer:
         return found
 
     def _solved(self, rows: Array) -> list[Member]:
-        """Members on the reference mesh; those that fail are left out."""
+        """Solve the members with parameters ``rows`` on the reference mesh; those that fail are left out."""
         tasks = [(self.engine, row, self.ports, self.tolerance) for row in rows]
         mesh = f"{self.engine.reference.unknowns} {self.engine.reference.mesh.points.sum():.15g}"
         found = self.solver(snapshot_of, tasks, rows, mesh)
         return [member for member in found if member is not None]
 
     def _first(self) -> Array:
-        """The middle, some corners and points inside."""
+        """Parameters of the first batch, shape (n, p): the middle of the box, some corners and random points."""
         return np.vstack([self.box.middle[None], self.box.corners(2 * BATCH), self.box.draw(BATCH, self.seed)])
 
 
@@ -229,7 +229,10 @@ def train_family(
 def _held_out(
     box: Box, count: int, seed: int, ports: tuple[str, ...], tolerance: float, solver: Solver
 ) -> tuple[Array, list[MemberModes]]:
-    """Random members on their own finer meshes; those that fail are left out."""
+    """Draw test members that are never trained on, and solve each on its own finer mesh.
+
+    Returns: parameters, shape (n, p), and modes of the members that did not fail.
+    """
     rows = box.draw(count, seed, unseen=True)
     tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
     found = solver(fine_member, tasks, rows)
@@ -238,7 +241,7 @@ def _held_out(
 
 
 def _without_effect(box: Box, members: Members, heated: int) -> list[str]:
-    """Parameters whose whole range moves no response by more than `NOTHING`."""
+    """Names of parameters whose whole range changes every response by less than `NOTHING`, relative."""
     found = []
     for k, name in enumerate(box.names):
         rows = np.tile(box.middle, (2, 1))
@@ -273,7 +276,10 @@ def campaign_hash(campaign: Campaign) -> str:
 def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
 ) -> tuple[Engine, list[MemberModes]]:
-    """Choose the engine, and a mesh whose error at held-out members is below `SHARE`; and these members on it."""
+    """Choose the engine, and refine its mesh until its error at held-out members is below `SHARE` of the tolerance.
+
+    Returns: the engine, and the modes of these members on its mesh.
+    """
     accuracy = 0.5 * tolerance  # 0.5: accuracy of the first reference mesh over the tolerance
     for _ in range(3):  # 3: reference meshes tried
         engine: Engine

@@ -104,9 +104,9 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
 
 
 def _notes(t: Array, tau: Array, amplitude: Array, left: Array, size: float) -> tuple[str, ...]:
-    """Sentences on what the samples leave open, by the covariance of (ln rate, amplitude); fastest first.
+    """Sentences on time constants that the samples do not determine, and on exponentials that cancel; fastest first.
 
-    left [shape (n,)]: misfit, in units of ``size`` [K] as the amplitudes.
+    left [shape (n,)]: residuals; they and the amplitudes are in units of ``size`` [K].
     """
     columns = np.exp(-t[:, None] / tau)
     jacobian = np.hstack([-t[:, None] / tau * columns * amplitude, columns])
@@ -178,7 +178,7 @@ def fit_spectrum(
 
 
 def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
-    """A sentence where much of the thermal resistance lies in poles that the data are too short to show."""
+    """A sentence where much of the thermal resistance lies in poles that data of length ``longest`` s cannot show."""
     share = float(R[tau > SLOW * longest].sum() / R.sum())
     if share <= BEYOND:
         return []

@@ -237,7 +237,11 @@ class Training:
         impose: bool = False,
         transfer: bool | None = None,
     ) -> Training:
-        """Read Datasets; ``impose`` their static gain and, unless it is a ``transfer`` channel, positive gains."""
+        """Collect Datasets for a fit.
+
+        impose: require the static gain that they state and, unless it is a ``transfer`` channel, positive gains.
+        transfer: whether another part is read than heated; None: as the Datasets say.
+        """
         responses = responses_of(data)
         datasets = [at_probe(d) for d in (data if isinstance(data, Sequence) else [data])]
         if thermal_resistance is not None:
@@ -260,7 +264,7 @@ class Training:
         return tuple(dict.fromkeys(doubt for r in self.problem.responses for doubt in r.doubts))
 
     def search(self, order: int, method: str) -> Optimum:
-        """The best poles, from starts on a grid or from the swarm's best particle."""
+        """Find the best poles, from starts on a grid or from the best particle of the swarm."""
         if checks.choice("method", method, METHODS) == "pso":
             start, residual = swarm(self.problem, order)
             found = replace(polish(self.problem, start), swarm_residual=residual)
@@ -270,7 +274,7 @@ class Training:
         return found
 
     def check(self, gain: Array, relative_residual: float) -> None:
-        """Refuse data that even the best poles do not explain, or that only cooling poles do."""
+        """Raise InputError if no pole heats, or if the best poles explain too little of the data."""
         if not np.any(gain > 0):
             raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
         spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.responses])

@@ -44,7 +44,7 @@ class Fit(HasModel):
     swarm_residual : float or None, K
         what the particle swarm alone reached, with ``method="pso"``.
     misfit_is_noise : bool or None
-        whether the misfit is that of the rows at rest, where there are such, or else forgets itself from row to row.
+        whether the misfit is no larger than the scatter of the rows at rest or, without such rows, is white noise.
     training_period : float or None, s
         of the drive, where all Datasets have the same.
     """
@@ -101,7 +101,7 @@ def common(values: Sequence[Any]) -> Any:
 
 
 def check_explained(left: float, variance: float, by: str, of: str) -> None:
-    """Refuse data whose mean square ``left`` by a model is most of their variance."""
+    """Raise InputError if the mean square ``left`` of the residuals is most of the variance of the data."""
     explained = 1 - left / variance if variance else 1.0
     if explained < EXPLAINED:
         raise checks.InputError(
@@ -121,7 +121,7 @@ def model_notes(model: Foster, found: Optimum, problem: FitProblem) -> tuple[str
 
 
 def starts(found: Optimum) -> list[str]:
-    """Sentences on the starts of measured traces, which were fitted with the poles."""
+    """Sentences on the start of the heating of measured traces where it was fitted with the poles."""
     notes = []
     for shift, error in zip(found.shift, found.shift_error, strict=True):
         size, side = quantity.rounded(abs(shift), "s", 2), "later" if shift > 0 else "earlier"
@@ -143,7 +143,7 @@ def offsets(found: Optimum, responses: Sequence[Response]) -> list[str]:
 
 
 def other_gain(model: Foster, stated: float | None) -> list[str]:
-    """Warning if the thermal resistance of the model differs from that of the data."""
+    """A sentence if the thermal resistance of the model differs from that of the data by more than 10 %."""
     # 0.1: relative difference of thermal resistances that is told
     if stated is None or abs(model.thermal_resistance - stated) <= 0.1 * abs(stated):
         return []
@@ -152,7 +152,7 @@ def other_gain(model: Foster, stated: float | None) -> list[str]:
 
 
 def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
-    """A sentence on poles of opposite sign that are nearly one, as of a transfer channel with too many.
+    """A sentence if poles of opposite sign nearly cancel, as in a transfer channel fitted with too many poles.
 
     shares [shape (n,), unit]: R of every pole, or its amplitude.
     """
@@ -166,10 +166,10 @@ def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
 
 
 def undetermined(found: Optimum, span: tuple[float, float], jacobian: Array) -> NDArray[np.bool_]:
-    """Which parameters move with a time constant that is an extrapolation: no linear theory gives their error.
+    """Which parameters depend on an extrapolated time constant, so that no linear theory gives their error.
 
     A pole slower than the data is seen by its gain, a faster one by its R = gain/rate: those alone keep an error.
-    jacobian [shape (parameters, 2n)]: by (log_rate, gain).
+    jacobian [shape (parameters, 2n)]: derivatives of the parameters with respect to (log_rate, gain).
     """
     tau, n = np.exp(-found.log_rate), found.gain.size
     slow, fast = tau > OUTSIDE * span[1], tau < span[0] / OUTSIDE

@@ -2,7 +2,7 @@
 
     s(t) = a [1 + V cos(phi_0 + phi(t))],    phi(t) = phi_T sum_i R_i y_i(t; tau_i)
 
-with y_i the answer of a pole of gain 1 to the power. As s = a + b cos(phi) + c sin(phi) the trace is linear in a, b
+with y_i the response of a pole of gain 1 to the power. As s = a + b cos(phi) + c sin(phi) the trace is linear in a, b
 and c, which are eliminated (variable projection); a = P0/2, V = hypot(b, c)/a and phi_0 = atan2(-c, b) follow. Only
 ln R_i and ln tau_i are searched for, from several starts, as the trace is periodic in the phase.
 """
@@ -30,7 +30,7 @@ BOUND = 12.0  # of the natural logarithms from their start: five decades either 
 
 @dataclass(frozen=True, eq=False)
 class Optical:
-    """Traces of light and what they share.
+    """Light traces behind an interferometer, the drives that heat it, and its phase per kelvin.
 
     light [each of shape (n,)]: measured, in any unit.
     shift [rad/K]
@@ -53,11 +53,11 @@ class Optical:
 
     @property
     def target(self) -> Array:
-        """All samples, shape (samples,)."""
+        """Measured light of all traces, one after the other, shape (samples,)."""
         return np.concatenate(self.light)
 
     def linear(self, logs: Array) -> tuple[Array, Array]:
-        """a, b and c, shape (3,), and the residuals, shape (samples,)."""
+        """Best a, b and c of s = a + b cos(phi) + c sin(phi), shape (3,), and the residuals, shape (samples,)."""
         phi = self.phases(logs)
         columns = np.column_stack([np.ones_like(phi), np.cos(phi), np.sin(phi)])
         found = np.linalg.lstsq(columns, self.target, rcond=1e-10)[0]
@@ -93,7 +93,7 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int, readout: MZ
 
 
 def _light(data: xr.Dataset) -> xr.Dataset:
-    """The Dataset with its light in the place of temperatures, and without the static gain of those."""
+    """The Dataset with its light as ``delta_T``, and without a thermal resistance."""
     if "optical" in data:
         data = data.assign(delta_T=data["optical"].assign_attrs(data["delta_T"].attrs))
     data = data.copy()
@@ -117,7 +117,7 @@ def _search(problem: Optical, order: int) -> Array:
 
 
 def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
-    """Parameters, their errors and what the trace cannot tell apart."""
+    """Make the Fit from the optimum ``end``: parameters, errors, and what the trace cannot tell apart."""
     names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)] + ["visibility", "bias", "half_power"]
     traces = np.split(left, np.cumsum([one.size for one in problem.light])[:-1])
     variance = float(left @ left) / max(left.size - end.size, 1)
@@ -142,7 +142,7 @@ def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
 def _apart(names: Sequence[str], covariance: Array, size: Array) -> list[str]:
     """A sentence for every direction of the parameters that the trace leaves open by more than `UNCERTAIN`.
 
-    covariance: of ln R_i, ln tau_i, V, phi_0 and the half power, shape (p, p); ``size`` is what `UNCERTAIN` is of.
+    covariance: of ln R_i, ln tau_i, V, phi_0 and the half power, shape (p, p); ``size``: scale of each.
     """
     notes = []
     squares, directions = np.linalg.eigh(covariance / np.outer(size, size))

@@ -40,7 +40,7 @@ from thermofem.data.dataset import Response
 
 
 def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, rest: Sequence[int] = ()) -> Array:
-    """Covariance of parameters, as in the module, shape (p, p).
+    """Covariance of parameters by the formula of this module, shape (p, p).
 
     Of a direction that the samples do not show the variance is finite, but very large.
 
@@ -57,7 +57,7 @@ def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, 
 def noise_along(
     residuals: Sequence[Array], U: Array, variance: float, *, alike: bool = False, rest: Sequence[int] = ()
 ) -> Array:
-    """U^T N U, shape (p, p), at least that of white noise in every direction.
+    """Noise covariance along the columns of U, U^T N U, shape (p, p), at least that of white noise in every direction.
 
     residuals: of each trace, in the order of the rows of U.
     U [shape (rows, p)]: orthonormal columns that span those of the Jacobian.
@@ -81,7 +81,7 @@ def noise_along(
 
 
 def _own(left: Array, part: Array) -> tuple[Array, float, int]:
-    """Residuals of one trace without what the parameters explain of them, their variance and degrees of freedom."""
+    """Residuals of one trace without the part along the parameters, their variance, and their degrees of freedom."""
     along, size, _ = np.linalg.svd(part, full_matrices=False)
     # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
     along = along[:, size > 1e-6]
@@ -146,7 +146,7 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:
-    """Samples of one or several drives, each divided by its swing, and prior knowledge.
+    """Samples of the responses to one or several drives, each divided by its swing, and prior knowledge of the poles.
 
     thermal_resistance [float, K/W, or None]: imposed on sum_i g_i/lambda_i.
     positive: every gain >= 0.
@@ -173,23 +173,25 @@ class FitProblem:
 
     @property
     def within(self) -> Array:
-        """How far the start of each response may shift, in s; shape (responses,)."""
+        """Largest shift of the start of heating that each response allows, in s; shape (responses,)."""
         return np.array([d.start_within for d in self.responses])
 
     def columns(self, log_rate: Array, shift: Array | None = None) -> Array:
-        """Response of every pole at every sample, in swings per unit gain; then rows at rest; last the static gain.
+        """Columns of the linear fit, shape (rows, poles): response of each pole per unit gain, in swings.
+
+        The rows are all samples, then the rows at rest, last the static gain where it is imposed.
 
         shift [shape (responses,), s]: of the start of the heating.
         """
         rate = np.exp(log_rate)
         shifts = np.zeros(len(self.responses)) if shift is None else shift
-        answers = [_answers(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
+        answers = [_late_responses(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
         for d, answer in zip(self.responses, answers, strict=True):
             answer *= 1 / d.swing
         return self._rows(answers, 1 / (rate * (self.thermal_resistance or 1.0)))
 
     def _rows(self, parts: Sequence[Array], gain: ArrayLike = 1.0) -> Array:
-        """Rows of `columns`, from those of the samples of each response, which are written over.
+        """Complete the rows of `columns` from those of the samples of each response, which are overwritten.
 
         From each column goes the multiple of every estimated baseline that explains it best.
 
@@ -207,7 +209,7 @@ class FitProblem:
         return np.vstack([*parts, *rest])
 
     def gains(self, phi: Array) -> Array:
-        """Linear least squares, with gains >= 0 where asked."""
+        """Gains of the poles by linear least squares, >= 0 where ``positive``; shape (poles,)."""
         norm = np.linalg.norm(phi, axis=0)
         norm[norm == 0] = 1.0  # a pole too fast for any sample
         if self.positive:
@@ -216,7 +218,7 @@ class FitProblem:
 
     @property
     def rested(self) -> list[int]:
-        """The response of each row at rest."""
+        """Index of the response that each row at rest of `columns` belongs to."""
         return [k for k, d in enumerate(self.responses) if 0 < d.rest_rows < np.inf]
 
     @property
@@ -242,12 +244,12 @@ def optimum(problem: FitProblem, order: int) -> Optimum:
 
 
 def polish(problem: FitProblem, log_rate: Array) -> Optimum:
-    """The optimum next to given rates."""
+    """The optimum that a search from the rates ``log_rate`` reaches."""
     return _conclude(problem, _descend(problem, log_rate)[0])
 
 
-def _answers(response: Response, rate: Array, late: float) -> Array:
-    """Responses of poles to a drive that begins ``late`` [s]; zero before it."""
+def _late_responses(response: Response, rate: Array, late: float) -> Array:
+    """Responses of poles of gain 1, shape (times, poles), to a drive that begins at t = ``late`` s; zero before it."""
     if late == 0:
         return pole_responses(rate, response.wave, response.times, periodic=response.periodic)
     times = response.times - late
@@ -257,7 +259,10 @@ def _answers(response: Response, rate: Array, late: float) -> Array:
 
 
 def _shift(problem: FitProblem, end: Array) -> Array:
-    """The shifts [s] among the unknowns of a search, which follow the rates as shares of their ranges."""
+    """Shifts of the start of heating in s, shape (responses,), from the unknowns ``end`` of a search.
+
+    The unknowns are the log rates, then the shifts that are fitted, each as a fraction of its range.
+    """
     within = problem.within
     shift = np.zeros(within.size)
     free = within > 0
@@ -265,8 +270,8 @@ def _shift(problem: FitProblem, end: Array) -> Array:
     return shift
 
 
-def _moved(problem: FitProblem, end: Array, phi: Array, gain: Array) -> Array:
-    """Derivatives of the answer by the unknowns of a search, at constant gains; shape (rows, unknowns)."""
+def _row_derivatives(problem: FitProblem, end: Array, phi: Array, gain: Array) -> Array:
+    """Derivatives of the fitted rows with respect to the unknowns ``end`` at constant gains; (rows, unknowns)."""
     n, shift = gain.size, _shift(problem, end)
     by_rate = (problem.columns(end[:n] + STEP, shift) - phi) / STEP * gain
     by_shift = []
@@ -277,7 +282,7 @@ def _moved(problem: FitProblem, end: Array, phi: Array, gain: Array) -> Array:
 
 
 def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
-    """Least squares in the logarithms of the rates, and the shifts; the end and its sum of squares."""
+    """Minimise over log rates and shifts; returns the unknowns at the end, and half the sum of squares there."""
     shortest, longest = problem.span
     n, free = start.size, int(np.count_nonzero(problem.within))
     low = np.repeat([np.log(1e-3 / longest), -1.0], [n, free])
@@ -291,7 +296,7 @@ def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
         phi = problem.columns(p[:n], _shift(problem, p))
         gain = problem.gains(phi)
         active = gain != 0
-        moved = _moved(problem, p, phi, gain)
+        moved = _row_derivatives(problem, p, phi, gain)
         Q = np.linalg.qr(phi[:, active])[0]
         return np.asarray(Q @ (Q.T @ moved) - moved)
 
@@ -303,7 +308,7 @@ def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
 
 
 def _starts(problem: FitProblem, order: int) -> list[Array]:
-    """For few poles the best set of grid rates, by trying all; for more, log-spaced rates over several spans."""
+    """Log rates to start from: up to three poles the best set on a grid; beyond, log-spaced over several spans."""
     shortest, longest = problem.span
     if order <= 3:  # 3: up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
         grid = np.log(np.geomspace(0.3 / longest, 0.3 / shortest, 14))
@@ -314,7 +319,7 @@ def _starts(problem: FitProblem, order: int) -> list[Array]:
 
 
 def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
-    """The ``count`` columns that together explain the target best, by trying all."""
+    """Indices of the ``count`` columns that together fit the target best, by trying all sets."""
     gram = columns.T @ columns
     norm = np.sqrt(gram.diagonal())
     gram, right = gram / np.outer(norm, norm), columns.T @ target / norm
@@ -326,7 +331,7 @@ def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
 
 
 def _conclude(problem: FitProblem, end: Array) -> Optimum:
-    """Gains, covariance and residuals at the rates and shifts found."""
+    """The `Optimum` at the unknowns ``end`` of a search: gains, covariance and residuals."""
     shift, free = _shift(problem, end), np.flatnonzero(problem.within)
     n = end.size - free.size
     log_rate = np.sort(end[:n])
@@ -337,7 +342,7 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
         gain = gain * problem.thermal_resistance / np.sum(gain / np.exp(log_rate))
     misfit = (problem.target - phi @ gain)[: problem.weight.size]
     parts = np.split(misfit, np.cumsum([d.rise.size for d in problem.responses])[:-1])
-    moved = _moved(problem, end, phi, gain)
+    moved = _row_derivatives(problem, end, phi, gain)
     seen = np.abs(end[n:]) < AT_END
     jacobian = np.hstack([moved[:, :n], phi, moved[:, n:][:, seen]])
     unknowns = jacobian.shape[1] - (problem.thermal_resistance is not None)
@@ -364,14 +369,14 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
 
 
 def _offset(response: Response, log_rate: Array, gain: Array, shift: float, covariance: Array) -> tuple[float, float]:
-    """The eliminated baseline of a response, (sum y - sum phi g)/(n + rest rows), and its standard error, K."""
+    """Eliminated baseline of a response in K, (sum y - sum phi g)/(n + rest rows), and its standard error."""
     rows = response.times.size + response.rest_rows
     if not np.isfinite(rows):
         return 0.0, 0.0
-    mean, other = (_answers(response, np.exp(log_rate + by), shift).sum(axis=0) / rows for by in (0.0, STEP))
+    mean, other = (_late_responses(response, np.exp(log_rate + by), shift).sum(axis=0) / rows for by in (0.0, STEP))
     level = float(response.rise.sum() / rows - mean @ gain)
     slope = np.concatenate([(other - mean) / STEP * gain, mean])
-    left = response.rise - _answers(response, np.exp(log_rate), shift) @ gain - level
+    left = response.rise - _late_responses(response, np.exp(log_rate), shift) @ gain - level
     return level, float(np.sqrt(max(slope @ covariance @ slope, 0.0) + np.mean(left**2) / rows))
 
 

@@ -120,7 +120,7 @@ def train_all(
 def training_data(
     exact: Foster, power: float, duty: float, channel: Mapping[str, str] | None = None
 ) -> tuple[Any, Any]:
-    """Answers of a precise model: one period under a square wave of 1 us, and a step from 1 ns until it has settled."""
+    """Training data of a precise model: one period of a 1 us square wave, and a step from 1 ns until it has settled."""
     square, constant = SquareWave(power, 1e-6, duty), Constant(power)
     times, build = waveforms.period_times(square, SAMPLES), dataset.build
     periodic = build(times, exact.periodic_response(square, SAMPLES), square, periodic=True, attributes=channel)
@@ -140,7 +140,7 @@ def fit_usual(exact: Foster) -> dict[str, ThermalModel]:
 
 
 def _sindy(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
-    """Five states: the heated part and four shells around it."""
+    """Network of five states by SINDy: the heated part and four shells around it."""
     if read != part:
         raise checks.InputError(f"SINDy reads the heated part {part!r} and shells around it; {read!r} is another")
     return fit_sindy(*shells(heat, part, power)).model
@@ -232,8 +232,8 @@ def judge_geometry(
 ) -> tuple[Ladder, xr.Dataset]:
     """Train the usual kinds of model on a geometry and judge them by its FEM, with k(T) at the power given.
 
-    Without k(T) the FEM is taken by its reduction to 1e-6; with it, in full order, and an output map and a quadratic
-    reduction join the models. The other arguments are those of `train_all` and `judge`, which the two results are of.
+    Without k(T) the FEM is replaced by its reduction to 1e-6; with it, in full order, and an output map and a quadratic
+    reduction join the models. The other arguments are those of `train_all` and `judge`, whose results are returned.
     """
     heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = checks.choice("read", read, heat.readable, default=heated)

@@ -123,7 +123,7 @@ def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -
 def _correction(
     reduction: QuadraticReduction, system: NonlinearSystem, periods: Array, power: float, duty: float
 ) -> Array:
-    """Swing of the full order over that of its quadratic reduction at each period."""
+    """Ratio of the full-order swing to that of its quadratic reduction at each of the periods."""
     few = np.geomspace(periods[0], periods[-1], CHECKED) if periods.size > CHECKED else periods
     ratio = []
     for period in few:
@@ -146,7 +146,10 @@ def swing_over_period(model: ThermalModel, periods: Array, power: float, duty: f
 
 
 def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Callable[[float], float]:
-    """A cubic spline of log swing over log period, from half the shortest to twice the longest; beyond, no table."""
+    """Swing in K over the period in s, by a cubic spline in logarithms from half the shortest to twice the longest.
+
+    Outside this range the swing is computed.
+    """
 
     def exact(log_period: float) -> float:
         return _swing(model, SquareWave(power, float(np.exp(log_period)), duty))
@@ -196,7 +199,7 @@ def _after_edges(wave: SquareWave, tau: Array) -> Array:
 
 
 def period_of(look: Callable[[float], float], swing: float, near: float) -> float:
-    """The period in s at which the function ``look`` equals a swing: a bracket around ``near``, then Brent's method."""
+    """Period in s at which look(period) = ``swing``, by Brent's method; inf or 0 if none is within 1e4 of ``near``."""
 
     def excess(log_period: float) -> float:
         return look(float(np.exp(log_period))) - swing
@@ -297,11 +300,11 @@ def compare(
     """
     given: Any = held_out_drives() if drives is None else drives
     drives = [given] if hasattr(given, "breakpoints") else list(given)
-    exact = [_answer(reference, drive) for drive in drives]
+    exact = [_rise_under(reference, drive) for drive in drives]
     swing = np.array([np.ptp(y) for y in exact])
     if np.any(swing <= 0):
         raise checks.InputError(f"the reference does not move under drive {int(np.argmin(swing))}; is its power zero?")
-    misfit = [[_answer(m, d) - y for d, y in zip(drives, exact, strict=True)] for m in models.values()]
+    misfit = [[_rise_under(m, d) - y for d, y in zip(drives, exact, strict=True)] for m in models.values()]
     rms = np.array([[np.sqrt(np.mean(e**2)) for e in row] for row in misfit])
     peak = np.array([[np.max(np.abs(e)) for e in row] for row in misfit])
     fields = {
@@ -347,8 +350,8 @@ def held_out_drives(power: float = 2e-3) -> list[Waveform]:
     return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, *noise, Chirp(power, 1e-7, 1e-5, 1e-4)]
 
 
-def _answer(model: ThermalModel, drive: Waveform) -> Array:
-    """The periodic state, or the transient from rest over the drive and half as long again, edges included."""
+def _rise_under(model: ThermalModel, drive: Waveform) -> Array:
+    """Rise in K under a drive: one period of the periodic state, or from rest over 1.5 times the drive's length."""
     if drive.period is not None:
         return model.periodic_response(drive, COMPARED)
     length = _length(drive)

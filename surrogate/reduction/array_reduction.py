@@ -184,12 +184,12 @@ def _origin(rings: RingKinds) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Sources:
-    """Reduced fields of the heated parts of one kind of ring, and the row by which each ring reads each place.
+    """Reduced fields of the heated parts of one kind of ring, and the read-out row that serves each pair of rings.
 
-    pairs: of the core, then of each kind of heater.
+    pairs: the reduced field of the core, then of each kind of heater.
     row [shape (N, N)]: the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring
         j.
-    domain: relative error by the end of the domain, of the core itself and of the farthest reader.
+    domain: largest relative error by the finite domain, of R_th and of the crosstalk to the farthest ring.
     """
 
     pairs: list[Pairs]
@@ -198,7 +198,7 @@ class Sources:
 
 
 def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
-    """Reduce the fields of one kind of ring, read by every ring at its distance."""
+    """Reduce the heat fields of rings of kind ``g``, as every ring reads them at its distance ``apart`` [(N, N), m]."""
     row, readers = np.zeros(apart.shape, dtype=np.intp), []
     known: dict[tuple[int, int], int] = {}
     for i, j in zip(*np.nonzero(~np.eye(len(apart), dtype=bool)), strict=True):
@@ -221,7 +221,7 @@ def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tole
 
 
 def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
-    """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
+    """The model in which all rings read all sources; bound and number of poles of each channel, shape (N, inputs)."""
     n, kinds = len(rings.of), ("ring", *heaters)
     names = [f"{kind} {j + 1}" for kind in kinds for j in range(n)]
     bounds, poles = np.zeros((n, len(names))), np.zeros((n, len(names)), dtype=np.int64)
@@ -251,7 +251,7 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
 
 
 def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
-    """Largest relative difference of the static gains of two rings of different kind, each as the source."""
+    """Largest relative difference between the static gains i to j and j to i of two rings of different kind."""
     worst = 0.0
     for i, j in zip(*np.nonzero(rings.of[:, None] < rings.of), strict=True):
         one, other = (
@@ -263,7 +263,7 @@ def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
 
 
 def _is_passive(model: StateSpace) -> bool:
-    """Whether no sum of the static shares of the fastest poles has a negative eigenvalue, see the module."""
+    """Whether summed static gains of the fastest poles, however many, have no negative eigenvalue; see the module."""
     n = len(model.outputs)
     rate = -model.A.diagonal()
     values, which = np.unique(rate, return_inverse=True)

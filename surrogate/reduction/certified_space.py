@@ -151,7 +151,7 @@ def certify_defect(
 
 
 def leftover(projection: Projection, defect: Array, weight: Array) -> float:
-    """Largest share of the residual, over frequency, outside the span of Q, which `certify` neglects.
+    """Largest ratio, over frequency, of the residual outside the span of Q, which `certify` neglects, to that inside.
 
     Round-off of the basis makes D = Q G + L with L != 0. Measured in the norm of ``weight`` (shape (n,)), at four
     frequencies a decade.
@@ -185,7 +185,7 @@ def _bounds(
     residual: NDArray[np.complex128],
     pairs: tuple[Indices, Indices],
 ) -> Array:
-    """sqrt(|R_a|_j |R_a|_l |R_b|_j |R_b|_l) / rho_jl for every two shifts, shape (bounds, m, c)."""
+    """Bounds sqrt(|R_a|_j |R_a|_l |R_b|_j |R_b|_l) / rho_jl in K/W for every two shifts, shape (bounds, m, c)."""
     a, b = pairs
     squares = [np.maximum(np.einsum("mia,mia->ma", residual.conj(), gram @ residual).real, 0) for gram in grams]
     products = [np.sqrt(square[:, a] * square[:, b]) for square in squares]  # of the two norms of each channel
@@ -204,7 +204,7 @@ def _certificate(projection: Projection, omega: Array, bounds: Array, pairs: tup
 
 
 def _rho(omega: Array, s: float, t: float) -> Array:
-    """Least sqrt(lambda^2 + w^2)/sqrt((lambda + s)(lambda + t)) over lambda >= 0."""
+    """rho_jl of shifts s, t: least sqrt(lambda^2 + w^2)/sqrt((lambda + s)(lambda + t)), lambda >= 0; shape (m,)."""
     c, d = s * t / omega**2, (s + t) / omega
     return np.asarray(np.sqrt(2 / (1 + c + np.hypot(1 - c, d))))
 
@@ -242,12 +242,12 @@ class CertifiedSpace(krylov.KrylovSpace):
 
     @property
     def exhausted(self) -> bool:
-        """Whether the basis holds every port but for round-off; Phi is then lost in it (`certify_defect`)."""
+        """Whether the basis contains every port up to round-off: Phi is then lost, and `certify_defect` is needed."""
         return not _left(self.remainder, self.B).any()
 
     @property
     def defect(self) -> Array:
-        """K V Z - M V Z diag(rate) of the projection."""
+        """Defect K V Z - M V Z diag(rate) of the projection, shape (n, k)."""
         Z, rate = self.projection.vectors, self.projection.rate
         return np.asarray(self.K @ (self.V @ Z) - (self.MV @ Z) * rate)
 
@@ -258,7 +258,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return self.apply(j, columns)
 
     def next_residual(self) -> tuple[float, Array]:
-        """Next shift s, the largest error of a port's own channel at s in K/W, and the columns that correct it.
+        """At the next shift s: the largest error of a port's own channel in K/W, and the columns that correct it.
 
         The columns are (K + s M)^-1 times the residual at s: the same direction as `solve`, above round-off for longer.
         """
@@ -278,7 +278,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return np.column_stack([self._pencil.solve(self.shifts[j], 1.0, column) for column in columns.T])
 
     def solve_next(self) -> tuple[int, Array]:
-        """Solve with the next shift; the solution certifies the basis so far and then extends it."""
+        """Index of the next shift, and the solution there, which certifies the basis so far and then extends it."""
         j = 1 + self.turn % self.growing
         self.turn += 1
         return j, self.solve(j)
@@ -299,14 +299,14 @@ class CertifiedSpace(krylov.KrylovSpace):
 
 
 def _left(remainder: Array, ports: Array) -> NDArray[np.bool_]:
-    """Which ports the basis does not hold to round-off."""
+    """Which ports the basis does not contain up to round-off, shape (p,)."""
     return np.asarray(np.linalg.norm(remainder, axis=0) > EXHAUSTED * np.linalg.norm(ports, axis=0))
 
 
 def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
-    """Q and T of the remainder: its columns made independent, those of nearly equal ports too.
+    """Factors Q and T of the remainder Rhat = Q T, with independent columns Q even for nearly equal ports.
 
-    A port that the basis holds to round-off has no share; one port is left as it is.
+    A port that the basis contains up to round-off has zeros in T; a single port stays as it is.
     """
     if remainder.shape[1] == 1:
         return remainder, np.eye(1)
@@ -322,7 +322,7 @@ def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
 
 
 def _static(tolerance: float) -> int:
-    """Solves at s = 0 before the other shifts."""
+    """Number of solves at s = 0 before those at the other shifts."""
     return int(np.clip(round(-np.log10(tolerance)), 2, 4))
 
 

@@ -111,7 +111,7 @@ def _mapped(linear: Foster, coefficient: float, largest_rise: float, method: str
 
 
 def check_nonlinear(system: NonlinearSystem, power: float) -> float:
-    """The power, where the system has laws of temperature and one channel.
+    """Return the power in W where a reduction with k(T) or c_p(T) is possible.
 
     Raises InputError: a system that is linear or has several channels, a power out of range.
     """
@@ -201,7 +201,7 @@ def _hot_basis(system: NonlinearSystem, steady: Array) -> Array:
 
 
 def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
-    """Rates, and the M-orthonormal modes of the heat flow at small power that some fields span."""
+    """Rates in 1/s and M-orthonormal modes, shape (n, k), of the heat flow at small power in the span of ``fields``."""
     E, A = system.linear.E, system.linear.A
     fields = fields / np.sqrt(np.einsum("ij,ij->j", fields, E @ fields))
     size, turn = np.linalg.eigh(fields.T @ (E @ fields))
@@ -243,7 +243,7 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
 
 
 def _flow_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
-    """Q: each law by its x^2 term, of the cubic through the law at the hottest of its nodes and at half of that."""
+    """Q, shape (k, k, k): every law by the x^2 term of the cubic through it at its largest rise and at half of that."""
     Q, T0 = np.zeros((V.shape[1],) * 3), system.flow.ambient
     for law, at, block in system.flow.parts():
         hottest = float(np.abs(steady[at]).max())
@@ -253,7 +253,7 @@ def _flow_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
 
 
 def _content_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
-    """m: each law by its chord at the steady field, weighted with the adjoint of the read-out."""
+    """m, shape (k, k, k): every law by its chord at the steady field, weighted with the adjoint of the read-out."""
     m, T0 = np.zeros((V.shape[1],) * 3), system.content.ambient
     adjoint = factorize(-system.linear.A.tocsc())(system.linear.C[0])
     for law, at, block in system.content.parts():

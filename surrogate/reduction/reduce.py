@@ -138,10 +138,10 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
 
 @dataclass(frozen=True, eq=False)
 class Projected:
-    """A system in the modes of a certified basis, between its ports.
+    """Projection of a system on a certified basis, in modes, and its certificate.
 
     basis [shape (n, k)]: M-orthonormal modes of ``projection.rate``.
-    heated, read: which port each input and output is.
+    heated, read: index of the port of each input and of each output.
     pairs: the two ports of each channel, outputs slowest.
     shifts [1/s]
     """
@@ -192,7 +192,7 @@ def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: floa
 
 
 def _grow_on(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
-    """`_grow` where round-off hides the remainder of the ports: bounds from the computed residuals and defects."""
+    """`_grow` where the remainder of the ports is lost in round-off: bounds from computed residuals and defects."""
     reached, idle = np.inf, 0
     while True:
         error, columns = space.next_residual()
@@ -214,7 +214,7 @@ def _grow_on(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: f
 
 
 def _scale(projection: Projection, pairs: tuple[Indices, Indices]) -> Array:
-    """Static gain of each channel; a channel between parts that hardly feel each other counts as 1e-6 of their own."""
+    """Reference of relative errors of each channel in K/W: its static gain, at least 1e-6 of those of its two parts."""
     gain, (a, b) = projection.gain, pairs
     return np.maximum(np.abs(gain[a, b]), 1e-6 * np.sqrt(gain[a, a] * gain[b, b]))
 

@@ -54,7 +54,7 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class RingKinds:
-    """Kinds of rings, and which one each ring is of, shape (N,)."""
+    """The kinds of rings on a chip; ``of`` [shape (N,)]: index of the kind of each ring."""
 
     kinds: list[Kind]
     of: NDArray[np.intp]
@@ -136,10 +136,10 @@ def check_positions(rings: RingKinds, centres: Array) -> Array:
 
 
 def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) -> tuple[HeatProblem, tuple[str, ...]]:
-    """The heat problem of one kind with copies of readers, (kind, distance in m), on a mesh that resolves them.
+    """Heat problem of kind ``g`` with a probe at each reader (kind, distance in m), and the names of the probes.
 
-    Of a reader of another kind a copy of the own part refines the mesh: one that is larger stands where it would just
-    be clear of the source, and covers the place of the reader.
+    The mesh is refined around the readers. A reader of another kind counts there as a copy of kind ``g``, far enough
+    out not to overlap the source, and is read over its own cross-section.
     """
     own = rings.kinds[g]
     if not readers:
@@ -174,8 +174,8 @@ class Pairs:
     """The reduced field of one heated part, read by its own ring and at some distances.
 
     rate [shape (k,), 1/s]: increasing.
-    source [shape (k,)]: what a watt drives each mode with.
-    read [shape (1 + distances, k)]: the own ring's row first; zero for the fast poles that a far pair does without.
+    source [shape (k,)]: drive of each mode per watt.
+    read [shape (1 + distances, k)]: read-out of the own ring, then at each distance; zero for fast poles left out.
     bound [shape (1 + distances,)]: of the error, relative to the static gain plus `FLOOR` of the own one.
     """
 
@@ -216,7 +216,7 @@ def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Ar
 
 
 def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
-    """The system on a basis and on further fields, in its modes."""
+    """Project a system on a basis and on the further fields ``more``, in modes; the bounds are left empty."""
     V = basis
     if more is not None:
         V = np.column_stack([V, orthonormal(more, system.E, V, system.E @ V, smallest=1e-16)[0]])
@@ -237,7 +237,7 @@ class ChannelReference:
 def _references(
     system: StateSpace, own: StateSpace, read: Sequence[str], tolerance: float
 ) -> tuple[Array, list[ChannelReference]]:
-    """The scale of relative errors in K/W, and a certified second reduction of every channel."""
+    """Reference of the relative error of each channel in K/W, and a certified second reduction of the channel."""
     references: list[ChannelReference] = []
     scale = np.empty(len(read))
     for start in range(0, len(read), CHUNK):
@@ -258,7 +258,7 @@ def _references(
 
 
 def _difference(rate: Array, residue: Array, other: ChannelReference) -> float:
-    """The largest |sum of poles - sum of the other's poles| over frequencies, in K/W."""
+    """Largest difference, over frequency, of a sum of poles from a reference in K/W, with a margin between samples."""
     low, high = min(rate[0], other.rate[0]) / 1e3, max(rate[-1], other.rate[-1]) * 1e3
     s = 1j * np.geomspace(low, high, int(np.log10(high / low) * PER_DECADE))[:, None]
     gap = (residue / (rate + s)).sum(axis=1) - (other.residue / (other.rate + s)).sum(axis=1)

@@ -197,7 +197,7 @@ def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
 def _covariance(
     J: Array, residuals: Sequence[Array], variance: float, alike: bool, names: Sequence[str]
 ) -> tuple[Array, tuple[str, ...]]:
-    """Covariance in shares of the ranges, and the combinations whose standard error exceeds `BLIND`."""
+    """Covariance of parameters as fractions of their ranges, and combinations with a standard error above `BLIND`."""
     u, s, vt = np.linalg.svd(J, full_matrices=False)
     size = 1 / np.maximum(s, 1e-12 * s[0] if s[0] > 0 else 1e-300)
     noise = noise_along(residuals, u, variance, alike=alike)

@@ -140,7 +140,7 @@ def design(
 
 
 def _nearest(search: Search, seed: int, executor: Executor | None) -> Array:
-    """The best place in a unit cube.
+    """Point of the unit cube with the smallest misfit, shape (free,).
 
         min over x of |misfit(x)|^2 + NEAR^2 |x - nominal|^2
 
@@ -181,7 +181,7 @@ def _message(
     active: list[str],
     slopes: Mapping[str, Mapping[str, float]],
 ) -> str:
-    """Whether the targets are reached, by one member of many, and which sensitivities are not known and why."""
+    """Text: whether the targets are reached, by one member of many, and which sensitivities are not known and why."""
     values = ", ".join(f"{name} = {value:.6g} (wanted {search.wanted[name]:.6g})" for name, value in got.items())
     found = f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
     if active:
@@ -198,7 +198,7 @@ def _message(
 
 
 def _front(search: Search, seed: int, executor: Executor | None) -> xr.Dataset | None:
-    """Members of `LOOKED_AT` that no other one beats in all targets at once, by the first quantity."""
+    """Members, of `LOOKED_AT` random ones, that no other beats in all targets at once, sorted by the first quantity."""
     from scipy.stats import qmc
 
     points = qmc.Sobol(len(search.moving), seed=np.random.default_rng(seed)).random(LOOKED_AT)

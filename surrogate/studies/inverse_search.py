@@ -51,7 +51,7 @@ class Optics:
                 checks.finite(f"optics: slope of {number}", slope)
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
-        """Change of every number at a member."""
+        """Change of every optical number, by name in SI, at the member with the parameters ``values``."""
         start = dict(zip(family.names, family.box.middle.tolist(), strict=True)) | dict(self.at)
         return {
             number: sum(slope * (values[name] - start[name]) for name, slope in each.items())
@@ -60,14 +60,14 @@ class Optics:
 
 
 class Follows(Protocol):
-    """What `Property` needs of optics that follow the geometry: `Optics`, or `coupled.ring_family.MovingRing`."""
+    """Interface of optics that follow the geometry: `Optics`, or `coupled.ring_family.MovingRing`."""
 
     def check(self, family: Family) -> None:
-        """Raise InputError where it does not go with the family."""
+        """Raise InputError if these optics do not belong to the family."""
         ...
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
-        """Change of every number at a member."""
+        """Change of every optical number, by name in SI, at the member with the parameters ``values``."""
         ...
 
 
@@ -112,7 +112,7 @@ def _rise_time(R: Array, tau: Array) -> float:
 
 
 def _after(share: float, R: Array, tau: Array) -> float:
-    """Time in s after which a step has reached a share of its static rise."""
+    """Time in s at which a step response reaches the fraction ``share`` of its static rise."""
     from scipy.optimize import brentq
 
     def missing(t: float) -> float:
@@ -129,14 +129,14 @@ QUANTITIES: dict[str, Callable[[Model], float]] = {
 
 
 def word(quantity: Quantity) -> str:
-    """Name of a quantity."""
+    """Name of a quantity: the text itself, or the name of the function."""
     return quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "quantity").strip("<>")
 
 
 class Property:
     """A property as a function of a member's parameters; nan where its computation raises InputError.
 
-    reason: of the last member without it.
+    reason: why the last member without the property has none.
     """
 
     def __init__(self, family: Family, quantity: Quantity, optics: Follows | None = None) -> None:
@@ -149,7 +149,7 @@ class Property:
         self.reason = "none was looked at"
 
     def many(self, members: Sequence[Mapping[str, float]], executor: Executor | None = None) -> list[Any]:
-        """The property of many members, on an executor in pieces."""
+        """Values of the property for many members, in chunks on the executor if one is given."""
         if executor is None:
             return [self(values) for values in members]
         found = list(executor.map(self.with_reason, members, chunksize=max(1, len(members) // PIECES)))
@@ -157,7 +157,7 @@ class Property:
         return [value for value, _ in found]
 
     def with_reason(self, values: Mapping[str, float]) -> tuple[Any, str]:
-        """The property of a member, and why it has none."""
+        """Value of the property for a member, and why it has none ("" where it has one)."""
         self.reason = ""
         return self(values), self.reason
 
@@ -179,9 +179,9 @@ Ranges = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Members of a family over a unit cube of the free parameters, and how far each is from the targets.
+    """Search over the members of a family, whose free parameters span a unit cube, for given target values.
 
-    low, high, held [shape (p,)]: ends of the ranges, equal where a parameter is fixed, and the values of those.
+    low, high, held [shape (p,)]: ends of the ranges (equal where a parameter is fixed), and values of fixed parameters.
     """
 
     family: Family
@@ -193,32 +193,32 @@ class Search:
 
     @property
     def moving(self) -> NDArray[np.intp]:
-        """Which parameters are free."""
+        """Indices of the free parameters."""
         return np.flatnonzero(self.high > self.low)
 
     def values(self, x: Array) -> dict[str, float]:
-        """Parameters at a point of the cube."""
+        """Parameters by name in SI at a point of the unit cube, shape (free,)."""
         row, k = self.held.copy(), self.moving
         row[k] = self.low[k] + np.clip(x, 0, 1) * (self.high - self.low)[k]
         return {name: float(value) for name, value in zip(self.family.names, row, strict=True)}
 
     @property
     def missing(self) -> str:
-        """Why members lack the properties, in words."""
+        """Text that says why members lack the properties."""
         return f"{' and '.join(self.properties)}; the last said: {next(iter(self.properties.values())).reason}"
 
     def achieved(self, x: Array) -> dict[str, float]:
-        """Properties of the member at a point of the cube."""
+        """Properties by name of the member at a point of the unit cube."""
         values = self.values(x)
         found = {name: one(values) for name, one in self.properties.items()}
         return {name: float(value) for name, value in found.items()}
 
     def misfit(self, x: Array) -> Array:
-        """Relative misfit of every target."""
+        """value/target - 1 of each property at a point of the unit cube, shape (targets,); `LACKING` for nan."""
         return self._misfit(list(self.achieved(x).values()))
 
     def misfits(self, points: Array, executor: Executor | None = None) -> Array:
-        """Those of many points of the cube, shape (n, targets)."""
+        """`misfit` at many points of the unit cube, shape (n, targets)."""
         members = [self.values(x) for x in points]
         columns = [one.many(members, executor) for one in self.properties.values()]
         return np.array([self._misfit(row) for row in zip(*columns, strict=True)])
@@ -228,12 +228,12 @@ class Search:
         return np.where(np.isnan(off), LACKING, off)
 
     def reached(self, x: Array, within: float) -> bool:
-        """Whether every target is met."""
+        """Whether every `misfit` is at most ``within``."""
         return bool((np.abs(self.misfit(x)) <= within).all())
 
     @property
     def nominal(self) -> Array:
-        """Place in the cube of the geometry that the family was made of, or the nearest."""
+        """Point of the unit cube, shape (free,), of the geometry that the family was made of, or the nearest to it."""
         k, own = self.moving, np.array(list(self.family.box.nominal.values()))
         return np.asarray(np.clip((own - self.low)[k] / (self.high - self.low)[k], 0, 1))
 
@@ -245,7 +245,7 @@ def search_of(
     fixed: Mapping[str, float] | None,
     optics: Follows | None,
 ) -> Search:
-    """Check targets, ranges and fixed values, and make the search."""
+    """Check targets, ranges and fixed values, and make the `Search`."""
     fixed = checks.mapping("fixed", fixed)
     low, high, held = family.box.low.copy(), family.box.high.copy(), family.box.middle.copy()
     for name in (*(free or {}), *fixed):
@@ -286,7 +286,7 @@ def family_over(
 
 
 def inside(family: Family, name: str, pair: tuple[float, float]) -> tuple[float, float]:
-    """Both ends of a range, the first one smaller; InputError unless they lie in the family's."""
+    """Check that a range (low, high) lies inside that of the family; return it, cut to the family's range."""
     low, high = family.ranges[checks.choice("parameter", name, family.names)]
     slack = 1e-9 * (high - low)
     a = checks.between(f"{name}: low", pair[0], low - slack, high)

@@ -137,19 +137,19 @@ class _Study:
 
     @property
     def held(self) -> dict[str, float]:
-        """The parameters that do not vary."""
+        """Values by name of the parameters that do not vary."""
         family = self.one.family
         middle = dict(zip(family.names, family.box.middle.tolist(), strict=True)) | dict(self.fixed)
         return {name: checks.finite(name, x) for name, x in middle.items() if name not in self.distributions}
 
     @property
     def medians(self) -> dict[str, float]:
-        """The member at the medians."""
+        """Parameters by name at the medians of the distributions."""
         halves = self.quantiles(np.full((len(self.distributions), 1), 0.5))
         return self.held | dict(zip(self.distributions, halves[:, 0].tolist(), strict=True))
 
     def quantiles(self, shares: Array) -> Array:
-        """Values of the distributions at shares of shape (p, n)."""
+        """Quantiles of the p distributions at the probabilities ``shares``, shape (p, n)."""
         pairs = zip(self.distributions.items(), shares, strict=True)
         found = [(name, one.ppf(q)) for (name, one), q in pairs]
         each = [checks.numbers(f"{name}: the distribution", x, hint="are its numbers in range?") for name, x in found]
@@ -176,7 +176,7 @@ class _Study:
         return [A, B, *(np.where(np.arange(p)[:, None] == k, B, A) for k in range(p))]
 
     def values(self, x: Array) -> Any:
-        """The property of members of shape (p, n); the resistance of all of them in one call."""
+        """The property of n members with varied parameters x, shape (p, n); R_th of all of them in one call."""
         if self.one.quantity == "thermal_resistance":
             columns: dict[str, Any] = {**self.held, **dict(zip(self.distributions, x, strict=True))}
             return self.one.family.thermal_resistance(**columns)
@@ -193,7 +193,7 @@ class _Study:
 
 
 def _centred(f: Array) -> Array:
-    """Values (p + 2, n, ...) of all sets minus the mean of A and B; the mean of their set in the place of nan."""
+    """Values (p + 2, n, ...) minus the mean of sets A and B; nan first becomes the mean of A, B or the other sets."""
     parts = (np.where(np.isnan(x), np.nanmean(x, axis=(0, 1)), x) for x in (f[:1], f[1:2], f[2:]))
     filled = np.concatenate(list(parts))
     return np.asarray(filled - filled[:2].mean(axis=(0, 1)))
@@ -214,7 +214,7 @@ def _indices(f: Array) -> Array:
 
 
 def _of_numbers(f: Array, names: list[str], attrs: dict[str, Any]) -> xr.Dataset:
-    """Statistics of a number with values f (p + 2, n); indices with the intervals of resampled members."""
+    """Statistics of a scalar property with values f (p + 2, n); intervals of the Sobol indices by bootstrap."""
     every, centred = f[:2].ravel(), _centred(f)
     there, rng = every[~np.isnan(every)], np.random.default_rng(0)
     n = f.shape[1]

@@ -186,7 +186,7 @@ class FieldIntegrator:
         times, keep, length = np.asarray(times, dtype=float), np.asarray(keep, dtype=float), end.time - first.time
         new = self._fast(first, waves, times)
         gained = new.energy() - old.energy()
-        z, r, slope = self._moved(end, new, old, gained, length)
+        z, r, slope = self._revised_end(end, new, old, gained, length)
         out = float(self.direct @ gained)
         if self.ledger:
             drained = [self._drained(self.ledger, fast, length, end.r) for fast in (new, old)]
@@ -196,7 +196,7 @@ class FieldIntegrator:
         )
         return self._outputs(new, times), state, fields + (new.z(keep) - old.z(keep)) @ self.basis.vectors.T
 
-    def _moved(
+    def _revised_end(
         self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float
     ) -> tuple[Array, Array, Array]:
         """z, r and slope at the end of a revised window.

@@ -111,7 +111,7 @@ class Modal:
             z = pole_responses(basis.rate, wave, wanted, periodic=periodic) * basis.heating[:, 0]
             answers = [*answers[-2:], Answer(basis, z, z @ basis.read(C).T)]
             if len(answers) == 3:
-                before, last = last, _moved(answers[0], answers[-1], C, space, shown) / rtol
+                before, last = last, _change(answers[0], answers[-1], C, space, shown) / rtol
                 # 1e-2 of the tolerance: below it a change counts as none, however slowly the changes fall
                 if max(before, last) <= 1 and last <= max(before / 2, 1e-2):
                     break
@@ -173,7 +173,7 @@ def _first(wave: Waveform, wanted: Array) -> float:
     return float((np.append(wanted, np.inf)[at] - starts).min(initial=np.inf))
 
 
-def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
+def _change(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
     """Largest change of an output, or of a field ``shown``, since an older answer; `OTHERS` times but in the heat.
 
     Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
