@@ -34,12 +34,12 @@ def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def independent(left: Array) -> float:
-    """Number of independent samples whose mean is as noisy as that of correlated residuals, n/(1 + 2 sum rho)."""
+    """Number of independent samples in the correlated residuals of one trace: n/(1 + 2 sum rho)."""
     return float(left.size / max(1 + 2 * autocorrelation(left).sum(), 1.0))
 
 
 def autocorrelation(left: Array) -> Array:
-    """rho_1, rho_2, .. of the residuals of one trace, as far as they differ from noise (initial positive sequence).
+    """rho_1, rho_2, .. of the residuals of one trace, up to where they vanish in noise (initial positive sequence).
 
     Source: C. J. Geyer, Statist. Sci. 7, 473 (1992), Section 3.3.
     """

@@ -61,7 +61,7 @@ def power(name: str, value: Any, *, zero: bool = False) -> float:
 
 
 def integer(name: str, value: Any, low: int, high: float, *, hint: str = "") -> int:
-    """Return ``value`` as an int, or raise InputError unless it is a whole number in [low, high]; 3.0 is none."""
+    """Return ``value`` as an int, or raise InputError unless it is a whole number in [low, high]; 3.0 is refused."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or not low <= value <= high:
         end = "" if high == math.inf else f" to {high:,}"
         raise InputError(f"{name} = {shown(value)} must be a whole number from {low}{end}", hint)
@@ -84,7 +84,7 @@ def array(
 ) -> NDArray[np.float64]:
     """Return ``value`` as a 1-D float array, or raise InputError if it is not finite or not increasing.
 
-    Nothing, such as (), is refused, too, unless ``empty``.
+    An empty array is refused, too, unless ``empty``.
     """
     result = np.atleast_1d(numbers(name, value, hint=hint, most=most))
     if empty and result.size == 0:
@@ -117,20 +117,20 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGES
 
 
 def shape(name: str, value: Any, wanted: tuple[int, ...]) -> None:
-    """Raise InputError unless an array has this shape: another one would broadcast."""
+    """Raise InputError unless an array has the shape ``wanted``."""
     if value.shape != wanted:
         raise InputError(f"{name} has shape {value.shape}; {wanted} is needed")
 
 
 def plain(one: Any) -> None:
-    """Replace NumPy's scalars in the fields of a frozen dataclass by Python's numbers, which files and reprs hold."""
+    """Replace NumPy scalars in the fields of a frozen dataclass by Python numbers, which files and reprs can show."""
     for name, value in vars(one).items():
         if isinstance(value, np.generic):
             object.__setattr__(one, name, value.item())
 
 
 def keep(one: Any, **arrays: Any) -> None:
-    """Set arrays, dense or sparse, as fields of a frozen dataclass, read-only: what is written later is not checked."""
+    """Set arrays, dense or sparse, as read-only fields of a frozen dataclass, so that checked values cannot change."""
     for name, kept in arrays.items():
         for array in (kept.data, kept.indices, kept.indptr) if hasattr(kept, "indptr") else (kept,):
             array.flags.writeable = False
@@ -138,7 +138,7 @@ def keep(one: Any, **arrays: Any) -> None:
 
 
 def has(name: str, value: Any, *attributes: str, hint: str) -> None:
-    """Raise InputError unless ``value`` has the attributes and is no class."""
+    """Raise InputError unless ``value`` has the attributes and is an object, not a class."""
     if isinstance(value, type) or not all(hasattr(value, attribute) for attribute in attributes):
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
 
@@ -150,7 +150,7 @@ def ordered(first: str, low: float, second: str, high: float, *, unit: str = "",
 
 
 def enough(name: str, count: int, least: int, what: str = "samples", *, hint: str = "") -> None:
-    """Raise InputError unless there are at least so many of something."""
+    """Raise InputError unless ``count`` is at least ``least``."""
     if count < least:
         raise InputError(f"{name} has {count} {what}; at least {least} are needed", hint)
 
@@ -181,7 +181,7 @@ def mapping(name: str, value: Any, *, hint: str = "") -> dict[str, Any]:
 
 
 def unique(name: str, values: Sequence[Any], *, hint: str = "") -> None:
-    """Raise InputError where a value stands twice in a list."""
+    """Raise InputError where a value occurs twice in a list."""
     for value, count in Counter(values).items():
         if count > 1:
             raise InputError(f"{name} holds {shown(value)} twice; give each once", hint)
@@ -212,7 +212,7 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
 
 
 class Words(StrEnum):
-    """Words of a choice. One that is none of them raises InputError."""
+    """Base class of a choice of words; any other word raises InputError."""
 
     @classmethod
     def _missing_(cls, value: object) -> Self:

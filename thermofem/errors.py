@@ -42,7 +42,7 @@ class Hint(str):
     text: str
 
     def __new__(cls, si: str, *, text: str = "") -> Self:
-        """The hint in SI, with the other one beside it."""
+        """Make the hint from its spelling with SI numbers; ``text``: the spelling with units."""
         hint = super().__new__(cls, si)
         hint.text = text
         return hint
@@ -65,7 +65,7 @@ class InputError(ValueError):
         return f"{self.rule}; {hint}" if hint else self.rule
 
     def __reduce__(self) -> tuple[type, tuple[str, str]]:
-        """Made again in another process from both halves."""
+        """Pickle rule and hint, from which another process makes the error again."""
         return type(self), (self.rule, self.hint)
 
 

@@ -84,11 +84,11 @@ class Pencil:
         self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:
-        """The matrices alone: factors and locks cannot be copied or sent to another process."""
+        """Pickle the matrices alone: factors and locks cannot be copied or sent to another process."""
         return {name: getattr(self, name) for name in ("_pattern", "_indices", "_indptr", "_data", "_shape")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Without factors; they are made when they are needed."""
+        """Restore the matrices; factors are made when they are needed."""
         self.__dict__.update(state)
         self.factorizations = 0
         self._factors: dict[tuple[float, float], Any] = {}  # by combination
@@ -98,20 +98,20 @@ class Pencil:
         self._lock = threading.Lock()
 
     def _release(self) -> list[Any]:
-        """Drop all factors; the solvers of qdldl, which take other numbers of the same pattern."""
+        """Drop all factors; returns the qdldl solvers, which take other values on the same sparsity pattern."""
         solvers = [*self._spare, *self._factors.values()] if self._updates else []
         self._factors, self._shared, self._spare = {}, None, []
         return solvers
 
     @property
     def _updates(self) -> bool:
-        """Whether factors can be made from others of the same pattern."""
+        """Whether a factorization can be updated with other values on the same sparsity pattern (qdldl)."""
         return self._shape[0] <= QDLDL_LIMIT
 
     def inherit(self, other: Pencil) -> None:
         """Take over the factors of another pencil of the same sparsity pattern: ordering and symbolic part are kept.
 
-        The other one makes its factors again if it is asked once more. Nothing happens where the patterns differ.
+        The other pencil makes its factors again when it needs them. Nothing happens where the patterns differ.
         """
         if self is not other and np.array_equal(self._pattern, other._pattern):
             with other._lock:
@@ -130,7 +130,7 @@ class Pencil:
         return self._indices, self._pattern // self._shape[0]
 
     def replace(self, E: NDArray[np.float64], K: NDArray[np.float64]) -> None:
-        """Other values of E and K on the same sparsity pattern."""
+        """Replace the values of E and K on the same sparsity pattern; all factors are dropped."""
         with self._lock:
             self._data = np.stack([E, K])
             self._spare = self._release()
@@ -160,7 +160,7 @@ class Pencil:
             return self._factors[key].solve
 
     def _factorize(self, key: tuple[float, float], *, own: bool) -> None:
-        """Factors of a combination, of its ``own`` or shared, from a solver that is spare or shared if there is one."""
+        """Factorize the combination ``key``, for itself (``own``) or as the shared one; reuses a spare solver."""
         self.factorizations += 1
         a, b = key
         matrix = csc_matrix((a * self._data[0] + b * self._data[1], self._indices, self._indptr), shape=self._shape)
@@ -177,12 +177,12 @@ class Pencil:
 
 
 def _key(a: float, b: float) -> tuple[float, float]:
-    """The pair rounded to ten digits, as a key of the cache."""
+    """The pair (a, b) rounded to ten digits, as a key of the cache of factors."""
     return float(f"{a:.9e}"), float(f"{b:.9e}")
 
 
 def _upper_triangle(matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Positions column n + row, increasing, and values of a symmetric matrix's entries on and above its diagonal."""
+    """Positions (column n + row, increasing) and values of a symmetric matrix's entries on and above its diagonal."""
     matrix = csr_matrix(matrix)  # its rows are its columns
     matrix.sum_duplicates()
     n = matrix.shape[0]

@@ -86,7 +86,7 @@ class KrylovSpace:
         return self.V.shape[1]
 
     def extend(self, W: Array) -> bool:
-        """Extend the space by the columns of W; False if they lie in it already."""
+        """Extend the space by the columns of W, shape (n, p); False if they lie in it already."""
         room = self.M.shape[0] - self.order
         W = W[:, W.any(axis=0)]  # nothing is left of heat that the space holds to the last digit
         if room == 0 or W.shape[1] == 0:
@@ -123,7 +123,7 @@ class Rounds(KrylovSpace):
         self.sizes.append(self.order)
 
     def basis(self, size: int | None = None, *, constant: bool = False) -> Basis:
-        """Its first ``size`` fields (default all) in modal form, with the ``constant`` field on request."""
+        """First ``size`` fields (default all) in modal form; ``constant``: with the constant field added."""
         size = self.order if size is None else size
         V, stiffness, inside = self.V[:, :size], self.stiffness[:size, :size], self.inside[:size]
         if constant and size < len(V):
@@ -156,7 +156,7 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
 
 
 def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
-    """Slowest and fastest rate in 1/s of the response of the heated parts: gain/content and initial slope/gain.
+    """Slowest and fastest rate in 1/s of the response of all heated parts: gain/heat content, and initial slope/gain.
 
     Raises InputError: a static gain, a heat content or a heat capacity that is not positive.
     """
@@ -182,7 +182,7 @@ def slopes(M: Any, B: Array) -> Array:
 def orthonormal(
     W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float
 ) -> tuple[Array, Array]:
-    """M-orthonormal basis of the part of the columns of W outside the M-orthonormal basis V, and M times it.
+    """M-orthonormal basis of the part of W outside the span of V, and M times it; shape (n, found) each.
 
     Gram-Schmidt column by column, the one that adds most first, each orthogonalised again after it was scaled: so
     nearly equal columns give orthonormal ones to round-off (eigenvectors of their Gram matrix, which knows lengths to
@@ -191,8 +191,8 @@ def orthonormal(
     W [shape (n, p)]
     M [sparse matrix, shape (n, n)]
     V, MV [shape (n, k)]: the basis, and M times it.
-    most: columns to keep at most, those that add most; default all.
-    smallest: squared length, of columns of unit length before what V holds is taken out, below which round-off is left.
+    most: largest number of columns to return, those that add most; default all.
+    smallest: squared length below which the rest of a column counts as round-off; columns begin with length 1.
     Raises InputError: M not positive definite.
     """
     MW = M @ W

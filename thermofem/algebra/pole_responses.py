@@ -34,7 +34,10 @@ def phi(y: Array) -> Array:
 def cubic_pole_responses(
     rate: Array, edges: Array, coefficients: Array, times: Array, *, periodic: bool = False
 ) -> Array:
-    """Responses to a power given as cubics, rows of coefficients of (t - edges[k])^j; from rest at edges[0]."""
+    """Responses of poles to a piecewise-cubic power, from rest at edges[0] or periodic; shape (times, poles).
+
+    coefficients [shape (pieces, 4)]: power = sum_j coefficients[k, j] (t - edges[k])^j after edges[k].
+    """
     at_edges = np.zeros((edges.size, rate.size))
     for block in _blocks(edges.size - 1, rate.size):
         decays, gained = _piece(rate, coefficients[block], np.diff(edges)[block])
@@ -52,13 +55,13 @@ def cubic_pole_responses(
 
 
 def _blocks(count: int, poles: int) -> list[slice]:
-    """Parts of ``count`` pieces or times that need no more than `BLOCK` numbers each."""
+    """Slices of ``count`` pieces or times, in each of which (slice, poles) arrays stay below `BLOCK` numbers."""
     step = BLOCK // poles + 1
     return [slice(first, min(first + step, count)) for first in range(0, count, step)]
 
 
 def _piece(rate: Array, coefficients: Array, u: Array) -> tuple[Array, Array]:
-    """exp(-rate u), and the response from rest to the power since the start of each piece, shape (poles, pieces).
+    """exp(-rate u), and the response from rest after the time u in each piece; shape (poles, pieces) each.
 
     Cubics take `phi`; straight lines need exp(-rate u) - 1 alone, or a series where rate u is small.
     """

@@ -3,7 +3,7 @@
 campaign       base geometry, what is varied, how it is driven, and the loop over the geometries: `Campaign`
 campaign_file  varied quantities and drives, and the same as TOML
 collection     the folder, and all results as one Dataset
-stored_tasks   processes of our own, or any Executor; finished results of any long job, each with a hash
+stored_tasks   worker processes, or any Executor; finished results of any long job, each with a hash
 """
 
 from .campaign import Campaign, Case, Summary

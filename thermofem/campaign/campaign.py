@@ -129,7 +129,7 @@ class Campaign:
         self.geometry_of(next(self._values()))  # a path that leads nowhere raises here
 
     def _check_names(self) -> None:
-        """InputError where two names are equal, or one is that of a variable of the index."""
+        """Raise InputError where two names are equal, or one is taken by a variable of the index."""
         taken = {*INDEX, *(f"{kind}_{d.name}" for d in self.drives for kind in ("time", "power", "delta_T"))}
         for what, items in (("drive", self.drives), ("vary", self.variations)):
             checks.unique(f"{what} names", [item.name for item in items])
@@ -161,7 +161,7 @@ class Campaign:
                 yield tuple(next(grid) if v.values else next(free) for v in self.variations)
 
     def _hypercube(self, drawn: list[Variation]) -> list[list[float]]:
-        """Points that fall once into each of ``samples`` equal slices of every range, to nine digits."""
+        """Points of the Latin hypercube: one in each of ``samples`` equal slices of every range, to nine digits."""
         shares = qmc.LatinHypercube(len(drawn), rng=np.random.default_rng(self.seed)).random(self.samples)
         return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in shares]
 
@@ -174,7 +174,7 @@ class Campaign:
         return files.to_toml(table)
 
     def named(self, case: Case) -> dict[str, Value]:
-        """The values of one geometry by name."""
+        """Values of the varied quantities of one geometry, by name."""
         return {v.name: value for v, value in zip(self.variations, case.values, strict=True)}
 
     def cases(self) -> list[Case]:
@@ -207,7 +207,7 @@ class Campaign:
         directory : str or Path
             of the results; another run continues there.
         executor : concurrent.futures.Executor
-            whose workers reach the folder, such as Dask's or ``mpi4py.futures``; default processes of our own.
+            whose workers reach the folder, such as Dask's or ``mpi4py.futures``; default worker processes.
         workers : int
             number of these processes; default one for each CPU.
         retry_failed : bool

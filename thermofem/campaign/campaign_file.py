@@ -67,7 +67,7 @@ class Variation:
             checks.positive(f"{self.name}: from", low, hint="the spacing is logarithmic")
 
     def at(self, share: float) -> float:
-        """The value at ``share`` (0 to 1) of the range."""
+        """Value at the fraction ``share`` (0 to 1) of the range."""
         if self.logarithmic:
             return float(self.low * (self.high / self.low) ** share)
         return float(self.low + share * (self.high - self.low))
@@ -105,7 +105,7 @@ class Drive:
 
     @property
     def kept(self) -> Array:
-        """The times in the result, s."""
+        """Times of the result in s."""
         if self.times:
             return checks.array(f"drive {self.name!r}: times", self.times, increasing=True)
         return waveforms.period_times(self.wave, self.samples)
@@ -183,7 +183,7 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
 
 
 def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
-    """The unit that all the texts share, and their values in SI; words stay words."""
+    """Common SI unit of the listed texts, and their values in SI; words, such as materials, stay text with unit ""."""
     for unit in _UNITS:
         try:
             return unit, tuple(quantity.parse(text, unit, name=where) for text in texts)
@@ -225,7 +225,7 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
 
 
 def _times(table: dict[str, Any], where: str, spacing: str) -> tuple[float, ...]:
-    """Times of a transient: 0, and evenly in time or in its logarithm from ``first`` on."""
+    """Times of a transient in s: 0, then evenly spaced in time, or in its logarithm from ``first`` on."""
     duration = checks.positive(f"{where}: duration", table.get("duration", 40e-6), unit="s")
     samples = checks.integer(f"{where}: samples", table.get("samples", 81 if spacing == "log" else 401), 2, MOST)
     if spacing == "linear":

@@ -88,7 +88,7 @@ class Folder:
             return ""
 
     def status(self, keys: list[str]) -> list[str]:
-        """ "finished", "failed" or "waiting" for each geometry."""
+        """Status of each geometry: "finished", "failed" or "waiting"."""
         there = self.store.intact(keys)
         return ["finished" if k in there else "failed" if self.failure(k).is_file() else "waiting" for k in keys]
 
@@ -190,7 +190,10 @@ def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
 
 
 def _training(index: xr.Dataset, names: list[str]) -> xr.Dataset:
-    """The finished geometries with the varied quantities as a matrix in SI; a word is its place in the alphabet."""
+    """Training collection: finished geometries, with the varied quantities as a matrix in SI.
+
+    A word becomes its index in the sorted list of words.
+    """
     data = index.isel(case=np.flatnonzero(index["status"].values == "finished")).drop_vars(["status", "reason"])
     columns = []
     for name in names:
@@ -206,7 +209,7 @@ def _training(index: xr.Dataset, names: list[str]) -> xr.Dataset:
 
 
 def _probes(path: Path) -> list[str]:
-    """Names of what was read, from one result."""
+    """Names of the parts that were read, from the file of one result."""
     with h5py.File(path, "r") as file:
         return str(file.attrs["read"]).split(", ")
 

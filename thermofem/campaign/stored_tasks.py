@@ -25,7 +25,7 @@ from ..data import files
 
 @dataclass(frozen=True)
 class Store:
-    """Results by key.
+    """Store of finished results, one file for each key, in a folder.
 
     folder: holds ``results/KEY.ending`` and ``results.sha256``.
     ending: of the files, such as ".nc".
@@ -45,25 +45,25 @@ class Store:
 
     @contextlib.contextmanager
     def opened(self, *inner: str) -> Iterator[None]:
-        """The folder of the store, locked for this process as long as the with-block runs.
+        """Lock the folder of the store for this process as long as the with-block runs.
 
-        It is made where there is none, and half-written files of a killed run are deleted.
+        The folder is made where there is none, and half-written files of a killed run are deleted.
 
-        inner: names of folders in it that are made beside "results".
+        inner: names of folders to make in it beside "results".
         Raises InputError: it cannot be made or written, or another run is using it.
         """
         with files.own_folder(self.folder, ("results", *inner)):
             yield
 
     def hashes(self) -> dict[str, str]:
-        """Hash of each result by key; the last line of a key counts, a damaged line counts for nothing."""
+        """Hash of each result by key, from the ledger; the last line of a key counts, damaged lines are skipped."""
         if not self.ledger.is_file():
             return {}
         pairs = (line.split() for line in self.ledger.read_text(encoding="ascii", errors="replace").splitlines())
         return {pair[1]: pair[0] for pair in pairs if len(pair) == 2}
 
     def intact(self, keys: list[str]) -> set[str]:
-        """The keys whose file is there with the content that was written."""
+        """Keys whose file exists with the content that was written."""
         hashes = self.hashes()
         return {k for k in keys if k in hashes and self.path(k).is_file() and files.digest(self.path(k)) == hashes[k]}
 
@@ -123,7 +123,7 @@ def completed(
 def _in_pool(
     count: int, function: Callable[[T], Any], waiting: deque[T], executor: Executor | None = None
 ) -> Iterator[tuple[T, Future[Any]]]:
-    """`_windowed` on the caller's executor, or in processes of our own."""
+    """`_windowed` on the caller's executor, or in ``count`` worker processes."""
     with contextlib.nullcontext(executor) if executor else processes(count) as pool:
         # 64: tasks under way in a caller's executor, whose number of workers is unknown
         yield from _windowed(pool, function, waiting, 64 if executor else 2 * count)
@@ -143,9 +143,9 @@ def processes(count: int | None = None) -> Iterator[Executor]:
 
 
 def _begin() -> None:
-    """Set up a worker. Ctrl-C reaches every process of a terminal; the parent alone answers it, and ends its workers.
+    """Set up a worker process: ignore Ctrl-C, which the parent answers by ending its workers, and log errors only.
 
-    What a worker would warn of stands in its result.
+    Warnings of a worker are part of its result.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a process of our own
     logging.getLogger("thermofem").setLevel(logging.ERROR)

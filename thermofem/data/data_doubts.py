@@ -8,8 +8,8 @@ no property depends on temperature, these hold for every geometry:
     before any heat                                     dT = 0
 
 A trace is clipped where its instrument ran out of range at one end: many rows hold the very same extreme value. So do
-those of a settled trace, but a sum of decays comes near its end slowly: it spends more rows within 2 % of the swing
-before the end than between 2 and 10 %.
+rows of a settled trace, but a sum of decays approaches its end slowly: it has more rows within 2 % of the swing from
+the end than between 2 and 10 %.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def static_gain(data: xr.Dataset) -> float | None:
 
 
 def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> tuple[str, ...]:
-    """Doubts about a Dataset in words; InputError where it contradicts the thermal resistance that it states.
+    """Sentences on doubtful data; InputError where they contradict the thermal resistance that the Dataset states.
 
     wave, times, rise, periodic: the drive and the response, as `dataset.Response` has them.
     Raises InputError: a rise above R_th max P, or whose mean over a period is not R_th mean P, beyond the error of the
@@ -76,7 +76,7 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
 
 
 def _before_heat(wave: Waveform, times: Array, rise: Array, tolerance: float) -> list[str]:
-    """A sentence where a transient from rest is warm before any heat."""
+    """A sentence where a transient from rest has a temperature rise before the power begins."""
     heated = np.flatnonzero(wave(times) > 0)
     first = rise[: heated[0] + 1] if heated.size and times[0] == 0 else rise[:0]
     offset = float(np.abs(first).max()) if first.size else 0.0
@@ -107,7 +107,7 @@ FEWEST = 12  # rows at the extreme value
 
 
 def clipping(y: Array, unit: str = "K") -> str:
-    """A sentence where the largest or the smallest of the values y (in ``unit``) looks clipped; else no text."""
+    """A sentence where many values y (in ``unit``) equal the largest or the smallest one, as if clipped; else ""."""
     swing = float(np.ptp(y)) if y.size else 0.0
     if swing <= 0:
         return ""

@@ -189,14 +189,14 @@ def response_of(data: xr.Dataset) -> Response:
 
 
 def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None:
-    """InputError where the times of a periodic state run on beyond one period, as closed forms and weights do not."""
+    """Raise InputError where the times of a periodic state extend beyond one period."""
     if wave.period is not None and times[-1] > wave.period * (1 + 1e-9):
         held = f"a periodic state is one period of {wave.period:g} s"
         raise checks.InputError(f"{name} runs to {times[-1]:g} s; {held}", "leave the later periods out")
 
 
 def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:
-    """An attribute of a measured trace, of which the start or the baseline was found from the trace itself."""
+    """Uncertainty of start or baseline that a measured trace states, 0 to ``most``; ``known`` where it states none."""
     name, value = f"data.attrs[{name!r}]", data.attrs.get(name)
     return known if value is None else checks.between(name, value, 0, most)
 
@@ -226,7 +226,7 @@ def warn_of(responses: Sequence[Response]) -> None:
 
 
 def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
-    """InputError where a time stands twice, but at a jump of the power with one temperature on both sides.
+    """Raise InputError where a time occurs twice, except at a jump of the power with one temperature on both sides.
 
     One temperature: within 1e-3 of the swing.
     """
@@ -240,7 +240,7 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
 
 
 def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
-    """Times with those that round-off has moved from an edge of the power put on it: 20 us x 1e-6 is no 2e-5 s."""
+    """Times of which those within round-off of a breakpoint of the power are set to it exactly."""
     slack = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
     edges = np.append(wave.breakpoints(times[0], times[-1] + 1e-3 * float(np.ptp(times))), np.inf)
     near = edges[np.searchsorted(edges, times - slack)]  # the first that is not before
@@ -248,7 +248,7 @@ def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
 
 
 def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:
-    """InputError where the power variable contradicts the waveform attribute; at a jump either side will do."""
+    """Raise InputError where the power variable contradicts the waveform; at a jump either side's value is right."""
     if "power" not in data:
         return
     power, right, left = checks.array("data.power", data["power"].values), wave(times), wave.before(times)
@@ -263,7 +263,7 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
 
 
 def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
-    """Doubts about Datasets that together train one model; what they do not state counts as equal.
+    """Sentences on what differs between Datasets that train one model; an attribute that one lacks counts as equal.
 
     A measured table states no heated part, and as what is read the name of its column, which need not be a part.
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def card(title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:
-    """A titled table of names and values, with another one ``below``."""
+    """HTML of a titled table of names and values, followed by the HTML ``below``."""
     cells = "".join(
         f'<tr><td style="text-align:left">{escape(name)}</td><td style="text-align:left">{escape(value)}</td></tr>'
         for name, value in rows
@@ -57,7 +57,7 @@ def _length(value: float) -> str:
 
 
 def materials_text(materials: Iterable[Material], *, html: bool = False) -> str:
-    """A line for each material: name, conductivity, density, specific heat, whether they follow temperature.
+    """Text with a line for each material: name, conductivity, density, specific heat, dependence on temperature.
 
     html: a table for notebooks, with the sources.
     """

@@ -53,7 +53,7 @@ def write_fields(data: xr.Dataset, path: str | Path) -> Path:
 
 
 def field_file(path: str | Path, count: int) -> Path:
-    """The file that `write_fields` writes for ``count`` times; InputError for what it refuses for the name alone."""
+    """Check the file name that `write_fields` gets for ``count`` times, and return its path."""
     path = checks.path("path", path)
     kind = checks.choice("fields: ending", path.suffix, (".xdmf", ".vtu"), hint="ParaView opens these two")
     if kind == ".vtu" and count > 1:
@@ -67,7 +67,7 @@ def check_field(data: xr.Dataset) -> xr.Dataset:
 
 
 def _points(data: xr.Dataset) -> np.ndarray:
-    """Vertices as (r, z, 0) in m."""
+    """Vertices as (r, z, 0) in m, shape (vertices, 3)."""
     r, z = data["r"].values, data["z"].values
     return np.column_stack([r, z, np.zeros(r.size)])
 
@@ -78,7 +78,7 @@ def _triangles(data: xr.Dataset) -> list[tuple[str, Any]]:
 
 
 def _write_vtu(data: xr.Dataset, path: Path) -> None:
-    """The only time."""
+    """Write the temperature field of the only time as .vtu."""
     import meshio
 
     field = np.asarray(data["field"].isel(field_time=0).values, dtype=float)
@@ -86,7 +86,7 @@ def _write_vtu(data: xr.Dataset, path: Path) -> None:
 
 
 def _write_xdmf(data: xr.Dataset, path: Path) -> None:
-    """Every time in one file, numbers as text: meshio would put its HDF5 file into the working directory."""
+    """Write the fields of all times as one .xdmf file, with numbers as text: meshio would misplace an HDF5 file."""
     import meshio
 
     with meshio.xdmf.TimeSeriesWriter(path, data_format="XML") as writer:

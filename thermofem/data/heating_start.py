@@ -36,7 +36,7 @@ FOLLOWED = 1e-3  # of the swing: what the grid of time constants leaves of an ex
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of a table under a power: times t (s), temperatures y (K, or V as ``unit`` says), and what was assumed."""
+    """Rows of a table under a power: times t (s), temperatures y (K, or V as ``unit`` says), and assumptions."""
 
     t: Array
     y: Array
@@ -61,7 +61,7 @@ class Rows:
 
     @property
     def even(self) -> bool:
-        """Whether the rows are even samples."""
+        """Whether the rows are about evenly spaced in time."""
         steps = np.diff(self.t)
         return bool(steps.max() < 3 * steps.min())
 
@@ -74,10 +74,10 @@ class Rows:
 def rise_of(
     rows: Rows, start: float | None, level: float | None, fall: bool, sampled: bool
 ) -> tuple[Array, Array, dict[str, Any]]:
-    """Times from the start on, the rise, and attributes: start, baseline and how well both are known.
+    """Times after the start of heating, the temperature rise, and attributes: start, baseline and their uncertainty.
 
-    start [s], level [K]: of the heating and the baseline, None to find them; sampled: whether the power is that of a
-        column.
+    start [s], level [K]: start of heating and baseline, None to find them in the rows.
+    sampled: whether the power comes from a column of the table.
     Raises InputError: rows that fall without ``fall``.
     """
     t, wave = rows.t, rows.wave
@@ -120,7 +120,7 @@ def rise_of(
 
 
 def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
-    """When the power sets in, on the file's clock, and whether the record begins at rest without an offset."""
+    """Start of heating in s on the clock of the file, and whether the record begins at rest with no offset."""
     t, y, said = rows.t, rows.y, rows.said
     if given is not None:
         if given < t[0]:
@@ -148,7 +148,7 @@ def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
 
 
 def _best(rows: Rows) -> tuple[float, float]:
-    """The start with the smallest misfit, and that misfit: a scan, made finer around its best point."""
+    """Start in s with the smallest sum of squares, and that sum, by a scan that is refined around its best point."""
     first, last = float(rows.t[0]), float(rows.t[-dataset.FEWEST])
     low, high, few, best = first, last, rows.thin(), (first, np.inf)
     for _ in range(PASSES):
@@ -164,7 +164,7 @@ def _best(rows: Rows) -> tuple[float, float]:
 
 
 def _misfit(rows: Rows, start: float, *, offset: bool = True) -> tuple[float, float]:
-    """Sum of squares and baseline of the best sum of heating poles that begins at ``start``."""
+    """Sum of squares of the best sum of heating poles that begins at ``start``, and its baseline."""
     t, y = rows.t, rows.y
     u = t - start
     on = u >= 0
@@ -187,7 +187,7 @@ def _misfit(rows: Rows, start: float, *, offset: bool = True) -> tuple[float, fl
 
 
 def _within(rows: Rows, start: float) -> float:
-    """How far from the start that was found the heating may begin, in s: rows of noise around it do not tell."""
+    """How far from ``start`` in s the heating may begin as well, within the noise of the rows."""
     few = rows.thin()
     at = int(np.searchsorted(few.t, start))
     step = float(np.median(np.diff(few.t[max(at - FEWEST, 0) : at + FEWEST])))
@@ -199,7 +199,7 @@ def _within(rows: Rows, start: float) -> float:
 
 
 def _baseline(rows: Rows, start: float, sampled: bool, what: str) -> tuple[float, float]:
-    """The temperature at rest, and of how many rows it is the mean: infinite where it is known, 0 if fitted."""
+    """Temperature at rest, and the number of independent rows it is the mean of: inf if it is known, 0 if fitted."""
     t, y, wave, unit = rows.t, rows.y, rows.wave, rows.unit
     before = y[t < start - rows.step] if rows.even else y[t < start]  # the row at the edge may be half-way up
     if sampled and not before.size:
@@ -229,7 +229,7 @@ def _baseline(rows: Rows, start: float, sampled: bool, what: str) -> tuple[float
 
 
 def _check_rest(rows: Rows, start: float) -> None:
-    """Warn where the rows before the heating drift, as those of a settled square wave do, which is never at rest."""
+    """Warn where the rows before the heating drift, as in a settled square wave, which is never at rest."""
     before = rows.y[rows.t < start - rows.step]
     quarter = before.size // 4
     if quarter < FEWEST:
@@ -244,7 +244,7 @@ def _check_rest(rows: Rows, start: float) -> None:
 
 
 def sampled_power(times: Array, power: Array) -> Waveform:
-    """The drive of a column of power (W): straight between its rows, from t = 0 on with its first value."""
+    """Waveform of a column of power (W): straight lines between its rows; from t = 0 to the first row constant."""
     steep = np.flatnonzero((np.abs(np.diff(power)) > 0.5 * np.ptp(power)) & (np.diff(times) > 0))
     if steep.size:
         log.warning(

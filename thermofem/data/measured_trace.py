@@ -132,7 +132,7 @@ def read_trace(
 def _columns(
     table: NumberTable, columns: Any, time: str | None, temperature: str | None, power: Any
 ) -> tuple[Column, ...]:
-    """The columns of time and temperature, and of power where it has one."""
+    """Columns of time and temperature and, where ``power`` is the name of one, of power."""
     known = {str(column.number): column for column in table.columns}
     listed = ", ".join(f"{number} {column.name!r}" for number, column in known.items())
     third = (_named(table, "power", power),) if isinstance(power, str) else ()
@@ -182,7 +182,7 @@ def _named(table: NumberTable, role: str, name: str) -> Column:
 
 
 def _named_unit(column: Column, name: str | None) -> str:
-    """The unit that a caller wrote behind the name of a column: "TIME (us)", where the header has none."""
+    """Unit that the caller wrote behind the name of a column, as in "TIME (us)", where the header has none; else ""."""
     found = BRACKETS.findall(name or "")
     return found[-1] if found and name != column.name and scale_of(found[-1]) else ""
 
@@ -196,7 +196,7 @@ def _units(units: str | Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _unit(table: NumberTable, column: Column, dimensions: tuple[str, ...], said: list[str]) -> str:
-    """The unit of a column: that of its header, or that which a line above the table states."""
+    """Unit of a column as text, from its header or from a line above the table; "" where neither states one."""
     unit, hint = column.unit, 'give its unit, such as --units "us,mV"'
     column.check_name(hint)
     above = [(scale, *a) for a in units_above(table.above) if (scale := scale_of(a[0]))]
@@ -221,7 +221,7 @@ def _unit(table: NumberTable, column: Column, dimensions: tuple[str, ...], said:
 
 
 def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -> tuple[Scale, Array]:
-    """The scale of a column in a unit, and its numbers in SI.
+    """Scale of a column in a unit, and its values in SI.
 
     Raises InputError: a unit of other dimensions, a number that is empty or not finite.
     """
@@ -235,7 +235,7 @@ def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -
 
 
 def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> Array:
-    """Times in s, which do not fall."""
+    """Times in s, checked not to decrease."""
     unit = given or _unit(table, column, (TIME,), said)
     if not unit:
         span = f"the span of {column.label}, which states no unit,"
@@ -249,7 +249,7 @@ def _temperatures(
     table: NumberTable, column: Column, given: str, sensitivity: str | float | None, wave: Waveform | None,
     said: list[str],
 ) -> Array:  # fmt: skip
-    """Temperatures in K."""
+    """Temperatures in K, or readings divided by the sensitivity."""
     readings, unit = READINGS, given or _unit(table, column, READINGS, said)
     if not unit:
         unit = "K" if sensitivity is None else "V"
@@ -291,7 +291,10 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
 
 
 def _distinct(t: Array, values: list[Array], said: list[str]) -> tuple[Array, list[Array]]:
-    """Rows with increasing times: the second of two at one time is left out, if few are and the temperature agrees."""
+    """Rows without repeated times: of two rows at one time the second is left out.
+
+    InputError where there are many such rows, or where their temperatures differ.
+    """
     steps = np.diff(t)
     same = np.flatnonzero(steps == 0)
     if not same.size or len(values) > 1:  # a power column jumps at a time that stands twice

@@ -71,7 +71,7 @@ def check(path: Path) -> None:
 
 
 def _declared(file: Any) -> int:
-    """Bytes of all values; InputError where values lie in another file."""
+    """Number of bytes of all values in a file; InputError where values lie in another file."""
     import h5py
 
     names: list[str] = []
@@ -87,7 +87,7 @@ def _declared(file: Any) -> int:
 
 
 def _values(name: str, item: Any) -> int:
-    """Bytes of one variable; none for a dimension without coordinates, which is never loaded."""
+    """Number of bytes of one variable; 0 for a dimension without coordinates, which is never loaded."""
     label = item.attrs.get("NAME", b"")
     if isinstance(label, bytes) and b"This is a netCDF dimension but not a netCDF variable." in label:
         return 0

@@ -118,7 +118,7 @@ class Column:
         return f"column {self.name!r}" if self.name else f"column {self.number}"
 
     def check_name(self, hint: str) -> None:
-        """InputError where the name says more on its scale than the unit: a factor, another unit, a bracket."""
+        """Raise InputError where the name leaves the scale open: a factor, another unit or an unknown bracket."""
         name, unit = self.name, self.unit
         bracketed = [found for found in BRACKETS.findall(name) if scale_of(found) is not None] if unit else []
         beside = BRACKETS.sub(" ", name) if bracketed else _ENDING.sub(" ", name) if unit else name
@@ -133,7 +133,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class NumberTable:
-    """Columns of numbers with what stands around them.
+    """Columns of numbers, and the text around them.
 
     above: the lines above the table and the cells beside its first rows, which may name units.
     line: of the first row, from 1; after: how many lines of text follow the last row.
@@ -207,7 +207,7 @@ def is_number(cell: str, divider: str = " ") -> bool:
 
 
 def _begin(lines: list[str]) -> tuple[int, str]:
-    """The first line of the table, and what divides its columns."""
+    """Index of the first line of the table, and the character that divides its columns."""
     runs: dict[str, list[tuple[int, int, set[int]]]] = {divider: [] for divider in DIVIDERS}
     for number, line in enumerate(lines):
         for divider, run in runs.items():
@@ -227,7 +227,7 @@ def _begin(lines: list[str]) -> tuple[int, str]:
 
 
 def _stop(lines: list[str], divider: str, columns: list[int]) -> tuple[int, int]:
-    """The line after the last row, and how many lines of words follow it."""
+    """Index of the line after the last row, and the number of lines of text that follow it."""
     after = 0
     for stop in range(len(lines), 0, -1):
         line = lines[stop - 1]
@@ -282,7 +282,7 @@ def _is_row(cells: list[str], divider: str, columns: list[int]) -> bool:
 
 
 def _looks_broken(line: str) -> bool:
-    """Whether a line without numbers in all columns begins as a row: with a number,."""
+    """Whether a line begins with a number, like a row, although it lacks numbers in some columns."""
     words = [word for word in re.split(r"[\s;,|\"]+", line) if word]
     return bool(words) and is_number(words[0])
 
@@ -319,7 +319,7 @@ def _header(head: list[str], divider: str, width: int, columns: list[int]) -> tu
 
 
 def _titles(line: str, divider: str, width: int, columns: list[int]) -> list[str]:
-    """Cells of a line that names the columns, one for each; none where it does not, or holds numbers."""
+    """Cells of a line that names the columns, one for each column; an empty list for any other line."""
     ways = [cells_of(line, divider)] if divider != " " else []
     if divider == " " or len(ways[0]) == 1:
         ways += [re.split(r"\s{2,}|\t", line), re.split(r"(?<=[)\]])\s+", line), *(cells_of(line, d) for d in ",;\t")]
@@ -335,7 +335,7 @@ def _titles(line: str, divider: str, width: int, columns: list[int]) -> list[str
 
 
 def units_above(lines: tuple[str, ...]) -> list[tuple[str, str, bool]]:
-    """Units that lines above a table name: the unit, the line, and whether the line says that it is about units.
+    """Units named in lines above a table: each unit, its line, and whether the line is about units.
 
     >>> units_above(("Time unit: ms", "Averages,1", "Trigger delay 10 us", "Coupling,DC"))
     [('ms', 'Time unit: ms', True)]

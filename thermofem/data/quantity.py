@@ -130,9 +130,9 @@ def rounded(value: float, unit: str, digits: int = 3) -> str:
 
 
 def _convert(digits: str, given: str, unit: str) -> tuple[float, str]:
-    """The number ``digits`` of unit ``given`` in ``unit``, and what is wrong with it where it is not finite.
+    """Convert the number ``digits`` from unit ``given`` to ``unit``; also a text on what is wrong, "" if nothing.
 
-    The digits are kept where the unit is a power of ten.
+    The decimal digits are kept exactly where the factor between the units is a power of ten.
     """
     if given == "dBm" and unit == "W":
         return 1e-3 * 10 ** (float(digits) / 10) if float(digits) < 3000 else math.inf, ""
@@ -148,7 +148,7 @@ def _convert(digits: str, given: str, unit: str) -> tuple[float, str]:
 
 @lru_cache(maxsize=1024)
 def _factor(given: str, unit: str) -> tuple[float, str]:
-    """One ``given`` in ``unit``, or nan and why: no unit, an unknown one, or another dimension."""
+    """One ``given`` in ``unit``, and ""; or nan and why: no unit, an unknown one, or another dimension."""
     text = given.translate(_SUPERSCRIPTS).replace("**", "^")
     if unit == "1/m" and text.startswith("dB/"):
         # math.log(10) / 10: natural attenuation of power for 1 dB
@@ -181,7 +181,7 @@ _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"
 
 
 def _nearest(name: str, known: list[str]) -> str | None:
-    """The unit that an unknown name was meant to be: another case ("mw"), or one alike."""
+    """Known unit that an unknown name resembles: equal but for case ("mw"), or spelled alike; None without one."""
     same = [unit for unit in known if unit.casefold() == name.casefold()]
     return next(iter(same or difflib.get_close_matches(name, known, n=1, cutoff=0.6)), None)
 

@@ -78,19 +78,19 @@ def describe(name: str) -> dict[str, str]:
 
 
 def known(name: str) -> Variable | None:
-    """Unit and long name of a variable; None for a name that is not ours."""
+    """Unit and long name of a variable; None for a name that is not in `VARIABLES`."""
     prefix = next((p for p in PREFIXES if name.startswith(p) and len(name) > len(p)), "_")
     return VARIABLES.get(name) or VARIABLES.get(prefix[:-1])
 
 
 def label(values: Any, name: str) -> str:
-    """Name of a variable for an axis and its unit, where the Dataset has kept them."""
+    """Axis label: name of a variable and its unit, where the Dataset has kept them."""
     unit = values.attrs.get("units")
     return str(values.attrs.get("long_name", name)) + (f" ({unit})" if unit else "")
 
 
 def unit_of(assumed: object) -> str:
-    """The unit of a trace's temperatures: "V" where the words on its assumptions say that volts count as kelvin."""
+    """Unit of the temperatures of a trace: "V" where its assumptions say that volts count as kelvin, else "K"."""
     return "V" if VOLTS in str(assumed) else "K"
 
 
@@ -123,7 +123,7 @@ def _is_derivative(name: str, variable: Any, unit: str) -> bool:
 
 
 def _line(given: Any, field: Variable, name: str) -> tuple[float, float]:
-    """Offset and factor of a unit; a rise in degrees Celsius has no offset. InputError for one without, such as dBm."""
+    """Offset and factor that convert a unit to SI (offset 0 for a rise); InputError for a unit such as dBm."""
     unit = "" if field.unit == "1" else field.unit
     zero, one, two = (quantity.parse(f"{k} {given}", unit, name=name) for k in (0, 1, 2))
     if abs(two - 2 * one + zero) > 1e-9 * abs(one):

@@ -86,7 +86,7 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
 
 
 def _corner(estimate: Estimate) -> str:
-    """Where the field is most singular, and what helps; "" where it is nowhere strongly so."""
+    """Sentence on the corner with the strongest singularity and its remedy; "" where no field is strongly singular."""
     if not estimate.corners:
         return ""
     r, z = min(estimate.corners, key=lambda point: estimate.corners[point])
@@ -126,10 +126,10 @@ def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
 
 
 def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Select the triangles to divide.
+    """Select the triangles to divide, shape (triangles,).
 
-    stuck [shape (triangles,)]: not to be divided. Half of the target is left to them, even where their error is larger;
-        the others are divided until their error is within the rest.
+    stuck [shape (triangles,)]: triangles that must not be divided. They may take at most half of the target, whatever
+        their error; the others are divided until their error is below the rest.
     """
     chosen = np.zeros(stuck.size, dtype=bool)
     for channel, errors in estimate.errors.items():
@@ -143,18 +143,18 @@ def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_]) -> NDArr
 
 
 def _touching(mesh: Mesh, point: tuple[float, float]) -> NDArray[np.bool_]:
-    """Which triangles have a corner there."""
+    """Which triangles have a corner at the point (r, z), shape (triangles,)."""
     return np.asarray((mesh.points == point).all(axis=1)[mesh.triangles].any(axis=1))
 
 
 def _longest(mesh: Mesh) -> Array:
-    """Longest edge of each triangle in m."""
+    """Length in m of the longest edge of each triangle."""
     corners = mesh.points[mesh.triangles]
     return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1))
 
 
 def _largest(share: Array, wanted: float) -> NDArray[np.bool_]:
-    """The fewest triangles whose division reduces the sum of the shares to ``wanted``, at most `BULK` of it."""
+    """The fewest triangles whose division brings the sum of error shares to ``wanted``, with at most `BULK` of it."""
     order = np.argsort(share)[::-1]
     so_far, total = np.cumsum(share[order]), float(share.sum())
     needed = min((total - wanted) / (1 - LEFT), BULK * total)
@@ -190,9 +190,9 @@ class Leader:
         self.last: Discretization | None = None
 
     def follow(self, geometry: CrossSection) -> tuple[HeatProblem, Mesh] | None:
-        """The heat problem of another geometry on the moved mesh, and that mesh without the cuts of contacts.
+        """Heat problem of another geometry on the moved mesh, and that mesh before it is cut open along contacts.
 
-        None where it does not keep the accuracy, or cannot move there.
+        None where its error is too large, or where the mesh cannot move to that geometry.
         """
         try:
             points = self.motion.moved(geometry)
@@ -306,7 +306,7 @@ def _like_a_strip(geometry: CrossSection) -> bool:
 
 
 def _strip(accuracy: float) -> Leader | None:
-    """The reference strip on a committed mesh of this accuracy or up to `COARSER` finer; kept in each thread."""
+    """Leader with a committed mesh of the reference strip of this accuracy, or up to `COARSER` finer; else None."""
     kept: dict[float, Leader | None] = _thread.__dict__.setdefault("strips", {})
     if accuracy not in kept:
         geometry = strip_ring()

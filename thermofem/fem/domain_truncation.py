@@ -39,9 +39,9 @@ STEP = 1.6  # ratio of the distances of neighbouring layers of elements
 
 @dataclass(frozen=True, eq=False)
 class Wider:
-    """A heat problem on the wider domain.
+    """A heat problem on the domain that is extended beyond its bottom and outer side.
 
-    place [shape (unknowns,)]: number of each function of the domain among those of the wider one.
+    place [shape (unknowns,)]: index of each function of the domain among those of the wider one.
     beyond: the part of K that stands for what lies beyond the far ends.
     """
 
@@ -50,9 +50,9 @@ class Wider:
     beyond: Any
 
     def resistance(self, heat: HeatProblem, heated: str, read: str) -> tuple[float, float]:
-        """Thermal resistance in K/W with the heated part and the one that is read as they are, and what lies beyond.
+        """R_th in K/W between two parts on the wider domain, and the part of it from beyond the far ends.
 
-        That is T_h^T K T_r of the fields that heat in either part makes, with the far ends' part of K.
+        The latter is T_h^T K T_r with the fields of 1 W in either part and the open far ends' part of K.
         """
         d = self.discretization
         loads = np.zeros((2, d.basis.N))
@@ -64,7 +64,7 @@ class Wider:
 
 
 def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
-    """The heat problem beyond the bottom and the outer side, but not beyond convection; None where both have it."""
+    """Extend a heat problem beyond its bottom and outer side, unless they have convection; None where both have it."""
     sides = [side for side in ("bottom", "outer") if getattr(heat.geometry, side).kind != "convection"]
     if not sides:
         return None
@@ -93,7 +93,7 @@ def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
 
 
 def _sink(heat: HeatProblem, mesh: Mesh) -> Array:
-    """sigma in 1/m^2 at the middle of every triangle."""
+    """Sink coefficient sigma in 1/m^2 at the middle of every triangle."""
     L, surfaces = heat.geometry.length or np.inf, heat.discretization.surfaces
     d = mesh.points[mesh.triangles].mean(axis=1) - surfaces.source
     u = np.hypot(*d.T) / L
@@ -101,7 +101,7 @@ def _sink(heat: HeatProblem, mesh: Mesh) -> Array:
 
 
 def _steps(ratio: float) -> Array:
-    """Distances of the layers of elements, from 1 on to ``ratio``."""
+    """Distances of the outer ends of the added layers of elements, from above 1 to ``ratio``, in geometric steps."""
     return np.asarray(np.geomspace(1, ratio, int(np.ceil(np.log(ratio) / np.log(STEP))) + 1)[1:])
 
 
@@ -114,9 +114,9 @@ def _extended(
     levels: Array,
     slack: float,
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.intp]]:
-    """Points and triangles with more layers from the side r = ``at`` (axis 0) or z = ``at`` (1) to each of ``levels``.
+    """Add layers of triangles from the side r = ``at`` (axis 0) or z = ``at`` (axis 1) outwards to each of ``levels``.
 
-    owner: the triangle of the domain whose material each has.
+    owner: for each triangle the one of the domain whose material it has.
     """
     on = (np.abs(points[:, axis] - at) <= slack)[triangles]
     rim = on.sum(axis=1) == 2
@@ -134,7 +134,7 @@ def _extended(
 
 
 def _surfaces(geometry: CrossSection, mesh: Mesh, moved: list[str], reach: float, depth: float) -> Surfaces:
-    """Boundary conditions and contacts of the wider domain, whose ``moved`` sides are open at r = reach, z = depth."""
+    """Boundary conditions and contacts of the wider domain; its ``moved`` sides are open at r = reach, z = depth."""
     grid = mesh.skfem
     ends = grid.p[:, grid.facets[:, grid.boundary_facets()]]
     r, z = ends.mean(axis=1)

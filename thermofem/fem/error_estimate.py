@@ -56,7 +56,7 @@ STRONG = 0.5  # the field goes with distance^lambda at a vertex; where lambda is
 
 
 def saturation(exponent: float) -> float:
-    """The exact energy over what cubic functions add in the triangles at a vertex, at most, for lambda < `STRONG`.
+    """Largest ratio of the exact energy to that which cubic functions add, in triangles at a vertex with this lambda.
 
     Measured at six corners with contrasts of 10, 94 and 1000, lambda from 0.028 to 0.39: at most 1.13 lambda^-1.23.
     Cubic functions in the whole would leave 1/(1 - (2/3)^(4 lambda)).
@@ -76,7 +76,10 @@ def strong(d: Discretization, conductivity: Array, region: NDArray[np.int64]) ->
 
 
 def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Vertices where three edges between regions meet; on the boundary two, or one where a held side ends."""
+    """Vertices where a strong singularity is possible, as an array of indices.
+
+    Three edges between regions meet there; on the boundary two, or one where a held side ends.
+    """
     grid = d.basis.mesh
     count, (first, second) = grid.p.shape[1], grid.f2t
     inner = second >= 0
@@ -141,7 +144,7 @@ def _cubic(X: Any, i: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Functions:
-    """The quadratic functions of a mesh in the order of its basis, then the cubic ones: edges, triangles.
+    """Numbering of the quadratic functions of a mesh as in its basis, then of the cubic ones: edges, triangles.
 
     It has what `weak_forms` and `surfaces` ask of a scikit-fem basis.
     """
@@ -169,17 +172,16 @@ class Functions:
 
 
 class Enrichment:
-    """The cubic functions of a mesh: their matrices with themselves and with the quadratic ones, each as K + i M.
+    """Cubic functions of a mesh: matrices among themselves and with the quadratic ones, each stored as K + i M.
 
-    across, own [sparse; W/K and J/K]: of the cubic functions that are not held (rows) with the quadratic ones and with
-        each other.
+    across, own [sparse; W/K and J/K]: between the free cubic functions (rows) and the quadratic ones; among the former.
     each [shape (triangles, 4, 4)]: between the cubic functions of each triangle, without the surfaces.
     cubic [shape (triangles, 4)]: numbers of the cubic functions, from 0.
     free: those that are not on edges at the ambient temperature.
     """
 
     def __init__(self, d: Discretization, conductivity: Array, heat_capacity: Array) -> None:
-        """Assemble it for k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), shape (triangles,)."""
+        """Assemble the matrices for k_r, k_z (2, triangles) in W/(m K) and rho c_p (triangles,) in J/(m^3 K)."""
         self.functions = Functions.of(d.basis)
         count = self.functions.quadratic
         K, M = element_conduction(self.functions, conductivity), element_capacity(self.functions, heat_capacity)
@@ -198,7 +200,7 @@ class Enrichment:
         return np.asarray(integral[count:] / integral[:count].sum())
 
     def added(self, s: float, quadratic: Array, load: Array) -> tuple[Array, Array]:
-        """Correction of quadratic solutions by the cubic functions, and its energy in every triangle.
+        """Correction of quadratic solutions by cubic functions: its products with the loads, and energy per triangle.
 
         s [1/s]
         quadratic [shape (quadratic functions, n), K/W]: solutions of (K + s M) u = c.
@@ -273,7 +275,7 @@ class MeshError:
 
     @cached_property
     def unseen(self) -> Array:
-        """What each triangle's share is times more than `SATURATION` of it, less 1; shape (triangles,)."""
+        """Extra factor of each triangle's error share at strong singularities: saturation/`SATURATION` - 1."""
         found = np.zeros(len(self.heat.mesh.triangles))
         for vertex, exponent in self.strong.items():
             at = (self.heat.mesh.triangles == vertex).any(axis=1)
@@ -282,7 +284,7 @@ class MeshError:
 
     @cached_property
     def shifts(self) -> Array:
-        """One a decade from the slowest rate of the system to `FASTEST`, in 1/s; 0 last."""
+        """Shifts s in 1/s of the estimate: one a decade from the slowest rate of the system to `FASTEST`, then 0."""
         d, x = self.heat.discretization, self.static(self.heat.heated[0])
         x = d.factors.solve(0.0, 1.0, d.E @ x)
         slowest = float(x @ (d.K @ x)) / float(x @ (d.E @ x))  # Rayleigh's quotient after one inverse iteration

@@ -63,22 +63,22 @@ class ModalDerivative:
 
     @property
     def _source(self) -> Array:
-        """Shape (p, k)."""
+        """gamma_k d(beta_k) + d(gamma_k) beta_k for p parameters and k modes, shape (p, k)."""
         return self.of_heating * self.reading + self.of_reading * self.heating
 
     @property
     def _pairs(self) -> tuple[Array, Array]:
-        """gamma_m dK_mn beta_n and the same of M, shape (p, k, k)."""
+        """gamma_m dK_mn beta_n, and the same with dM, for p parameters, shape (p, k, k) each."""
         weight = np.outer(self.reading, self.heating)
         return self.of_K * weight, self.of_M * weight
 
     def resistance(self) -> Array:
-        """dR_th in K/W per unit, shape (p,)."""
+        """Derivative of R_th in K/W per unit of each parameter, shape (p,)."""
         K, _ = self._pairs
         return self._source @ (1 / self.rate) - np.einsum("pmn,m,n->p", K, 1 / self.rate, 1 / self.rate)
 
     def impedance(self, frequency: Array) -> NDArray[np.complex128]:
-        """dZ(f) in K/W per unit, shape (p, f)."""
+        """Derivative of the impedance Z(f) in K/W per unit of each parameter, shape (p, f)."""
         K, M = self._pairs
         s = 2j * np.pi * frequency
         x = 1 / (self.rate[:, None] + s)
@@ -86,7 +86,7 @@ class ModalDerivative:
         return np.asarray(self._source @ x - through)
 
     def step_response(self, times: Array) -> Array:
-        """d of the rise in K/W after a unit step, shape (p, t).
+        """Derivative of the rise after a unit step in K/W per unit of each parameter, shape (p, t).
 
         1/(s (l + s)) -> (1 - exp(-l t))/l,      1/((l + s)(m + s)) -> D = (exp(-l t) - exp(-m t))/(m - l),
         1/(s (l + s)(m + s)) -> (1 - exp(-l t) - l D)/(l m).
@@ -105,7 +105,7 @@ class ModalDerivative:
         return result
 
     def poles(self) -> tuple[Array, Array]:
-        """d R_i in K/W and d tau_i in s per unit, each of shape (p, k), where poles are simple.
+        """Derivatives of R_i in K/W and of tau_i in s per unit of each parameter, shape (p, k) each; simple poles only.
 
         dlambda_i = (dK - lambda_i dM)_ii,
         dv_i = -(dM_ii/2) v_i + sum_{j != i} (dK - lambda_i dM)_ji/(lambda_i - lambda_j) v_j
@@ -122,9 +122,9 @@ class ModalDerivative:
         return of_R, -of_rate / rate**2
 
     def response(self, wave: Waveform, times: Array, *, periodic: bool = False) -> Array:
-        """d of the rise in K under a power, shape (p, t), where poles are simple.
+        """Derivative of the rise under a power in K per unit of each parameter, shape (p, t); poles must be simple.
 
-        With g_i = R_i lambda_i and the answer X_i of a pole of rate lambda_i,
+        With g_i = R_i lambda_i and the response X_i of a pole of rate lambda_i,
         d(rise) = sum_i dg_i X_i + g_i dX_i/dlambda_i dlambda_i.
         """
         of_R, of_tau = self.poles()
@@ -222,7 +222,7 @@ def tangents_of(
 def project(
     tangents: Sequence[Tangent], channel: tuple[str, str], free: NDArray[np.intp], V: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """dK, dM, db and dc between the fields V, each with the parameters first."""
+    """Derivatives dK, dM (p, k, k) and db, dc (p, k) projected on the k fields V, for p parameters."""
     of_K = np.array([V.T @ (one.K[free][:, free] @ V) for one in tangents])
     of_M = np.array([V.T @ (one.M[free][:, free] @ V) for one in tangents])
     of_b, of_c = (np.array([V.T @ one.means[name][free] for one in tangents]) for name in channel)
@@ -235,7 +235,7 @@ Answers = tuple[Array, Array | None, NDArray[np.complex128] | None]  # of R_th, 
 def _responses(
     heat: HeatProblem, tangents: Sequence[Tangent], channel: tuple[str, str], t: Array | None, f: Array | None
 ) -> Answers:
-    """Derivatives of R_th, of the step response and of the impedance, on a space grown until they settle."""
+    """Derivatives of R_th, step response and impedance, on a Krylov space that grows until they no longer change."""
     space, free, means = _space(heat, *channel, t, f), heat.discretization.free, heat.discretization.means
 
     def answers() -> Answers:
@@ -261,7 +261,7 @@ def _responses(
 
 
 def _settled(found: Answers, before: Answers) -> bool:
-    """Whether every derivative differs from the one before by less than `SETTLED` of its largest."""
+    """Whether step response and impedance of each parameter changed by less than `SETTLED` of their largest value."""
     return all(
         now is None
         or last is None
@@ -271,7 +271,7 @@ def _settled(found: Answers, before: Answers) -> bool:
 
 
 def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array | None) -> Rounds:
-    """A Krylov space with shifts over all that is asked for."""
+    """Krylov space with shifts that cover the times t (s) and frequencies f (Hz)."""
     names = tuple(dict.fromkeys((heated, read)))
     factors = heat.discretization.factors
     free, means = heat.discretization.free, heat.discretization.means
@@ -296,7 +296,7 @@ def dataset_of(
     t: Array | None,
     f: Array | None,
 ) -> xr.Dataset:
-    """Derivatives of R_th, of the step response at ``t`` and of the impedance at ``f``, over the parameters.
+    """Dataset of the derivatives of R_th, of the step response at ``t`` and of the impedance at ``f``, over parameters.
 
     ``parameters`` are names, values and SI units; what was not asked for is None.
     """

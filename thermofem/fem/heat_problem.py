@@ -89,7 +89,7 @@ class HeatProblem:
         return (*self.regions, *(probe.name for probe in self.geometry.probes), *light)
 
     def with_light(self, mode: Mode) -> HeatProblem:
-        """The same problem with "light" as one more output: the temperature as a mode sees it, `Mode.light_integral`.
+        """The same problem with one more output, "light": the temperature as a mode sees it, `Mode.light_integral`.
 
         A resonance moves by dw/w = -mode.thermo_optic times it. The mean over the core is within 0.3 % of it for a
         silicon strip; 10 ns after a step it errs by -4 % for a rib, +5 % for a disc, -9 % for a nitride strip.
@@ -107,13 +107,13 @@ class HeatProblem:
         return replace(self, light=mode).reading(LIGHT)
 
     def reading(self, *names: str) -> HeatProblem:
-        """The same problem with the means over probes or the light among those of its `Discretization`."""
+        """Copy in which probes or the light, given by ``names``, are among the means of the `Discretization`."""
         integrals = {name: self.integral(name, self.discretization.basis) for name in names}
         means = {**self.discretization.means, **{name: one / one.sum() for name, one in integrals.items()}}
         return replace(self, discretization=replace(self.discretization, means=means))
 
     def integral(self, name: str, basis: Any) -> Array:
-        """Integral of 2 pi r times each function of a basis over a region or probe, or as the light sees it."""
+        """Integral of 2 pi r times each function of a basis over a region or probe, or weighted with the light."""
         if name == LIGHT and self.light is not None:
             return self.light.light_integral(basis)
         if name in self.regions:
@@ -173,7 +173,7 @@ class HeatProblem:
 
     @cached_property
     def _kept(self) -> dict[Any, Any]:
-        """Systems, transients and errors that were asked for before."""
+        """Cache of systems, transients and errors."""
         return {}
 
     @cached_property
@@ -189,7 +189,7 @@ class HeatProblem:
         return NonlinearSystem(linear, *self._flow_and_content) if self.nonlinear else linear
 
     def modal(self, heated: str) -> Modal:
-        """Transients in closed form with ``heated`` carrying the power, at small power; one for all runs.
+        """Closed-form solver of transients with ``heated`` carrying the power, at small power; kept for further runs.
 
         Raises
         ------
@@ -219,13 +219,13 @@ class HeatProblem:
         return NonlinearLedger(rows(content, ones), rows(content, held), rows(flow, ones - held))
 
     def audit(self, heated: str) -> Ledger | NonlinearLedger:
-        """The ledger with ``heated`` carrying the power, part of which a held boundary may take at once."""
+        """Ledger for power in ``heated``, including the share of it that enters at held unknowns and leaves at once."""
         checks.choice("heated", heated, self.heated)
         return replace(self.ledger, direct=float(self.discretization.means[heated][self.discretization.held].sum()))
 
     @cached_property
     def _everywhere(self) -> tuple[NodalOperator, NodalOperator]:
-        """F and H with the rows of all unknowns, held ones included."""
+        """Nonlinear operators F and H with the rows of all unknowns, held ones included."""
         d, (k, c), T0 = self.discretization, properties(self.geometry, self.mesh), self.geometry.ambient
         flows = [(conduction(d.basis, k * cells), law) for law, cells in self._cells("conductivity_law").items()]
         contents = [(capacity(d.basis, c * cells), law) for law, cells in self._cells("specific_heat_law").items()]
@@ -239,7 +239,7 @@ class HeatProblem:
         return replace(flow, matrix=flow.matrix[free]), replace(content, matrix=content.matrix[free])
 
     def _cells(self, kind: str) -> dict[Law, NDArray[np.bool_]]:
-        """Which triangles follow each law of temperature that is not constant."""
+        """Triangles (as a mask) that follow each temperature law that is not constant."""
         laws = [getattr(self.geometry.material_of(name), kind) for name in self.regions]
         return {
             law: np.array([other == law for other in laws])[self.mesh.region] for law in laws if not is_constant(law)
@@ -298,7 +298,7 @@ class HeatProblem:
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
         """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.fem.domain_truncation`.
 
-        Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for geometries of one
+        Where the end of the domain changes R_th by more than ``accuracy`` the log says so, once for geometries of one
         name and size.
         """
         return self.mesh_error(heated, read), self.domain_error(heated, read)

@@ -97,7 +97,7 @@ FEWEST, MOST = 64, 2000  # steps of the angle
 
 
 def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
-    """Points (rho, z) in m, shape (n, 2), and their weights in m^3; ``steps`` of the angle by default as needed."""
+    """Quadrature points (rho, z) in m on a copy, shape (n, 2), and weights in m^3; ``steps`` of the angle or None."""
     r, z, area = _cross_section(geometry, probe)
     if geometry.length is not None:
         if geometry.mirrored:
@@ -113,7 +113,7 @@ def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = No
 
 
 def _gap(geometry: CrossSection, probe: Probe) -> float:
-    """Distance in m between the copy and the nearest heated part, at least a hundredth of the distance of the axes."""
+    """Gap in m between the copy and the outermost heated part, at least a hundredth of the distance of their axes."""
     heated = max(part.outer_radius for part in geometry.parts if part.heated)
     own = next(part.outer_radius for part in geometry.parts if part.name == probe.part)
     d = float(probe.distance or 0)
@@ -121,7 +121,7 @@ def _gap(geometry: CrossSection, probe: Probe) -> float:
 
 
 def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, Array]:
-    """Points r, z in m of a rule on the part's cross-section, and their areas in m^2."""
+    """Quadrature points r, z in m on the cross-section of the probe's part, and weights in m^2; shape (n,) each."""
     polygons = [
         shapely.Polygon(face.rings[0] * 1e6, [ring * 1e6 for ring in face.rings[1:]])  # in um, as GEOS has tolerances
         for face in geometry.subdivision.faces

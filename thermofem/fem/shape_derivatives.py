@@ -70,7 +70,7 @@ def tangent(heat: HeatProblem, change: Change, velocity: Array, names: tuple[str
 
 
 def _source(heat: HeatProblem, change: Change) -> Array:
-    """Derivative of `surfaces.source_of`, shape (2,)."""
+    """Derivative of the place (r, z) of the heat (`surfaces.source_of`) in m per unit of the parameter, shape (2,)."""
     part = next(part for part in heat.geometry.parts if part.heated)
     velocity = change.outlines.get(part.name, np.zeros((4, 2)))
     moves = part.straight and not heat.geometry.mirrored
@@ -78,7 +78,7 @@ def _source(heat: HeatProblem, change: Change) -> Array:
 
 
 def _resistance(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
-    """Derivative of the contact resistance of the part beside each facet, and of 1/h of the side on which it lies."""
+    """Derivative of contact resistance + 1/h in m^2 K/W with respect to the parameter, at each facet."""
     grid, geometry = heat.discretization.basis.mesh, heat.geometry
     of_part = np.array([change.contact.get(name, 0.0) for name in heat.mesh.region_names])
     found = of_part[heat.mesh.region[grid.f2t[0, facets]]]
@@ -90,7 +90,7 @@ def _resistance(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> 
 
 
 def _mean(heat: HeatProblem, change: Change, points: Any, name: str) -> Array:
-    """Derivative of the mean over a region, the light or a probe."""
+    """Derivative of the mean functional of a region, the light or a probe with respect to the parameter."""
     basis, mesh = heat.discretization.basis, heat.mesh
     if name == LIGHT and heat.light is not None:
         return light_slope(heat.light, basis, change)

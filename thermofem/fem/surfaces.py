@@ -57,7 +57,7 @@ class Side:
 
     @classmethod
     def of(cls, basis: Any, facets: NDArray[np.intp], points: Any = None) -> Side:
-        """Functions, points and orientation on some facets of a basis; vertices as of `weak_forms.maps`."""
+        """Functions, Gauss points and orientation on some facets; ``points``: vertices as in `weak_forms.maps`."""
         grid = basis.mesh
         p = grid.p if points is None else points
         cells = grid.f2t[0, facets]
@@ -75,15 +75,15 @@ class Side:
 
     @property
     def radius(self) -> Array:
-        """`radii` of the points, shape (q, f)."""
+        """`radii` of the Gauss points in m, shape (q, f)."""
         return radii(self.along(self.ends[0]), self.basis.mesh.depth)
 
     def along(self, ends: Array) -> Array:
-        """A linear function at the points, shape (..., q, f), from its values at the ends, shape (..., 2, f)."""
+        """Interpolate linearly from the ends of the facets, shape (..., 2, f), to the Gauss points (..., q, f)."""
         return ends[..., 0, None, :] * (1 - self.at[:, None]) + ends[..., 1, None, :] * self.at[:, None]
 
     def matrix(self, other: Side, values: Array) -> Any:
-        """Sparse sum of values u v, with u on this side and v on the other one."""
+        """Sparse matrix of integrals of values u v over the facets, u on this side (columns), v on ``other`` (rows)."""
         local = np.einsum("faq,fbq,q,qf->fab", other.shape, self.shape, self.weight, values, optimize=True)
         rows = np.broadcast_to(other.dofs[:, :, None], local.shape).ravel()
         columns = np.broadcast_to(self.dofs[:, None, :], local.shape).ravel()
@@ -92,7 +92,7 @@ class Side:
 
 @cache
 def _tables(element: Any) -> tuple[NDArray[np.intp], Array, Array, Array]:
-    """For each edge its functions (3, m), and those at Gauss points along and against it (3, 2, m, q); the points."""
+    """Functions of each edge (3, m), their values at Gauss points in both directions (3, 2, m, q), points, weights."""
     elem = element()
     nodes, weights = np.polynomial.legendre.leggauss(elem.maxdeg + 1)
     at, weight = (1 + nodes) / 2, weights / 2
@@ -137,7 +137,7 @@ class Surfaces:
 
     @property
     def any(self) -> bool:
-        """Whether any of them adds to the stiffness."""
+        """Whether any surface adds to the stiffness."""
         return bool(self.convection or self.contacts or len(self.open))
 
 
@@ -203,10 +203,10 @@ def surface_terms(
     points: Any = None,
     series: Callable[..., Any] | None = None,
 ) -> Any:
-    """Terms of convection, open sides and contacts in the stiffness, sparse.
+    """Matrix of convection, open sides and contacts in the stiffness, sparse, W/K.
 
     points [shape (2, vertices), m]: as of `weak_forms.maps`.
-    series: what is added to 1/h in m^2 K/W of some facets, or of both sides of a contact; default nothing.
+    series: function of facets (or of both sides of a contact) that returns a resistance in m^2 K/W, added to 1/h.
     """
     total = csr_matrix((basis.N, basis.N))
 
@@ -230,12 +230,15 @@ def surface_terms(
 
 
 def exchange(side: Side, h: Any) -> Array:
-    """2 pi r h ds at the points, shape (q, f)."""
+    """Weights 2 pi r h ds of heat exchange at the Gauss points, in W/K, shape (q, f)."""
     return np.asarray(2 * np.pi * h * side.radius * np.sqrt(((side.ends[:, 1] - side.ends[:, 0]) ** 2).sum(axis=0)))
 
 
 def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
-    """2 pi r (n . d)/(d . k^-1 d) ds at the points, shape (q, f), for k (2, f); over c(d/L) with a length L."""
+    """Weights of an open side at the Gauss points in W/K, shape (q, f), for k (2, f) in W/(m K).
+
+    2 pi r (n . d)/(d . k^-1 d) ds, divided by c(d/L) in a straight section of length L.
+    """
     dr, dz = (side.ends[:, 1] - side.ends[:, 0]) * side.outward
     r, z = (x - origin for x, origin in zip(side.along(side.ends), surfaces.source, strict=True))
     value = 2 * np.pi * side.radius * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1])
@@ -246,7 +249,7 @@ PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a smaller resis
 
 
 def resistances(geometry: CrossSection) -> dict[str, float]:
-    """Sum of the thermal boundary resistances of each part that has one, in m^2 K/W; `PERFECT` at least."""
+    """Thermal boundary resistance in m^2 K/W of each part with interfaces, summed over them; at least `PERFECT`."""
     found: dict[str, float] = {}
     for interface in geometry.interfaces:
         found[interface.part] = found.get(interface.part, 0.0) + interface.resistance
@@ -280,7 +283,7 @@ def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
 
 
 def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Numbers 3 t + k of the corners that are some vertices, of triangles t beside them; a row for each."""
+    """Corner numbers 3 t + k of ``vertices`` in triangles t, one row for each given array of triangles."""
     return np.array([3 * t + (mesh.triangles[t] == vertices[:, None]).argmax(axis=1) for t in triangles])
 
 
@@ -306,12 +309,12 @@ def beside(mesh: Mesh, resistance: Mapping[str, float], facets: NDArray[np.intp]
 
 
 def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
-    """For each triangle 0, or one more than the place of its region among those with a resistance."""
+    """Number of the region with a resistance that each triangle belongs to, from 1; 0 for any other region."""
     names = list(resistance)
     number = np.array([names.index(name) + 1 if name in names else 0 for name in mesh.region_names], dtype=np.int64)
     return number[mesh.region]
 
 
 def _place(mesh: Mesh) -> NDArray[np.intp]:
-    """A number for each point, the same for points that lie on each other."""
+    """Number of each mesh point; points that coincide have the same number."""
     return np.unique(mesh.points, axis=0, return_inverse=True)[1].ravel()

@@ -68,17 +68,17 @@ class Discretization:
 
     @cached_property
     def factors(self) -> Pencil:
-        """Solves with combinations of E and K."""
+        """Factorizations of combinations of E and K."""
         return Pencil(self.E, self.K)
 
     def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
-        """E = M, A = -K on the free unknowns; B and C from the volume means."""
+        """StateSpace E = M, A = -K on the free unknowns, with B and C from the volume means."""
         B, C = (np.array([self.means[name][self.free] for name in names]) for names in (heated, read))
         return StateSpace(E=self.E, A=-self.K, B=B.T, C=C, inputs=heated, outputs=read)
 
     @cached_property
     def ledger(self) -> Ledger:
-        """Heat stored is 1^T M x; heat leaves through held unknowns, convective and open boundaries.
+        """Terms of the energy balance: stored heat 1^T M x; heat leaves through held, convective and open boundaries.
 
         The rows of the held unknowns, left out of the system, give their reaction: -(M dx/dt + K x) is the heat that
         flows out there; 1^T K x over all rows is the loss by convection, as conduction and contacts have zero column
@@ -176,7 +176,7 @@ def element_capacity(basis: Any, heat_capacity: ArrayLike, points: Any = None) -
 
 
 def assembled(basis: Any, elements: Array, local: Any = slice(None)) -> Any:
-    """Sparse sum of the matrices of all triangles, or of the rows of their ``local`` functions."""
+    """Assemble the matrices of all triangles, or the rows of their ``local`` functions, to a sparse matrix."""
     dofs = basis.element_dofs.T
     rows, columns = (np.broadcast_to(d, elements.shape).ravel() for d in (dofs[:, local, None], dofs[:, None, :]))
     return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
@@ -238,7 +238,7 @@ def _integrals(element: Any) -> ReferenceTriangle:
 
 
 def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
-    """Functional of the volume mean over the triangles ``inside``; its entries sum to one."""
+    """Functional of the volume mean over the triangles ``inside``, shape (n,); its entries sum to one."""
     integral = volume(basis, inside)
     return integral / integral.sum()
 

@@ -111,7 +111,7 @@ class CrossSection:
         checks.unique("[[bus]]: name", [bus.name for bus in self.buses])
 
     def _check_kind(self) -> None:
-        """Sizes of the domain, and parts of its kind."""
+        """Check that the sizes of the domain and all parts belong to the kind of section."""
         if checks.choice("kind", self.kind, KINDS) == "straight":
             length("length", self.length, typical=300e-6)
             object.__setattr__(self, "outer_radius", length("half_width", self.half_width, typical=60e-6))
@@ -179,7 +179,10 @@ class CrossSection:
 
     @property
     def depth(self) -> float | None:
-        """Length in m that the section stands for: both halves' of a mirrored one; None for a ring."""
+        """Total length in m that a straight section stands for: twice ``length`` where only half of it is meshed.
+
+        None for a ring.
+        """
         return None if self.length is None else self.length * (2 if self.mirrored else 1)
 
     @property
@@ -293,7 +296,7 @@ def footprint(geometry: CrossSection) -> float:
 
 
 def check_uniform(geometry: CrossSection, who: str) -> None:
-    """Raise InputError where a void cuts the stack: its copies would have one each, which one ring's field lacks."""
+    """Raise InputError where a void cuts the stack: its copy would have one, too, which one ring's field lacks."""
     if geometry.kind == "straight":
         raise checks.InputError(f"{who}: {geometry.name!r} is straight; put parallel guides in one section as parts")
     cut = next((part.name for part in geometry.parts if part.material == VOID and part.height), None)

@@ -105,7 +105,7 @@ def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:
 
 
 def _loop(component: Any, guide: Any) -> float:
-    """Length in um of the only closed waveguide: the edge of its hole, which turns once, and pi times the width."""
+    """Length in um of the only closed waveguide: circumference of its hole plus pi times its width."""
     polygons = list(component.get_region(guide.layer, merge=True).each())
     edges = [list(polygon.each_edge(k + 1)) for polygon in polygons for k in range(polygon.holes())]
     if len(edges) != 1:
@@ -131,7 +131,7 @@ def _level(levels: Mapping[str, Any], name: str) -> Any:
 
 
 def _drawn(levels: Mapping[str, Any], name: str) -> str:
-    """Name of the drawn layer of a level; a derived layer, drawn minus etched, stands for the drawn one."""
+    """Name of the drawn layer of a level; of a derived layer (drawn minus etched) that of the drawn one."""
     layer = _level(levels, name).layer
     while hasattr(layer, "layer1"):
         layer = layer.layer1
@@ -144,7 +144,7 @@ def _material(level: Any, name: str, known: Mapping[str, str]) -> str:
 
 
 def _layers(levels: list[Any], names: tuple[str, ...], known: Mapping[str, str]) -> tuple[Layer, ...]:
-    """The stack, bottom to top; the top of the layer below z = 0 is the datum."""
+    """Layers of the stack, bottom to top; the datum is the layer whose top lies at z = 0."""
     found: list[Layer] = []
     edge = levels[0].zmin
     for name, level in zip(names, levels, strict=True):

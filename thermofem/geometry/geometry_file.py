@@ -73,7 +73,7 @@ UNITS = {
 
 
 def as_text(path: str, value: Any) -> Any:
-    """A value as a geometry file writes it at a path: numbers in SI get their unit, anything else is unchanged."""
+    """Write a value as a geometry file has it at a path: numbers in SI get their unit, anything else is unchanged."""
     if isinstance(value, np.generic) or (type(value) is np.ndarray and value.ndim == 0):  # no masked array
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -83,7 +83,10 @@ def as_text(path: str, value: Any) -> Any:
 
 
 def unit_of(path: str) -> str | None:
-    """SI unit of the text at a path; None where there is another one, or none."""
+    """SI unit of the field at a path of a geometry file, such as "layer.0.thickness"; "" where it has no dimension.
+
+    None where the field is no quantity with a fixed unit.
+    """
     *before, key = path.split(".")
     return UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
 
@@ -121,7 +124,7 @@ def fields(text: str) -> dict[str, Any]:
 def _each(
     top: dict[str, Any], kind: str, keys: dict[str, Any], make: Callable[..., Any], required: tuple[str, ...]
 ) -> tuple[Any, ...]:
-    """What ``make`` makes of every table of a list, whose keys are checked."""
+    """Apply ``make`` to every table of the list ``kind``, with its keys checked."""
     found = []
     for k, table in enumerate(top.get(kind, []), 1):
         name = table.get("name", table.get("part"))
@@ -131,7 +134,7 @@ def _each(
 
 
 def _part(**values: Any) -> Part:
-    """A part from either form of its radii."""
+    """Make a part from its radius and width, its inner and outer radius, or its x and width."""
     by_centre, by_edges = {"radius", "width"} & set(values), {"inner_radius", "outer_radius"} & set(values)
     if "x" in values and not by_edges and "radius" not in values:
         return Part(**values)
@@ -149,7 +152,7 @@ def _part(**values: Any) -> Part:
 
 
 def _light(table: dict[str, Any], parts: list[dict[str, Any]]) -> Guide:
-    """What guides; default the part "core", or else the first heated one."""
+    """Make the guide of [light]; its part defaults to "core", or else to the first heated one."""
     values = read_table(table, _LIGHT, "[light]", required=("wavelength",))
     names = [part.get("name") for part in parts]
     heated = [part.get("name") for part in parts if part.get("heated")]
@@ -210,7 +213,7 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
 
 
 def spelled_out(geometry: CrossSection) -> dict[str, Any]:
-    """`table_of` with what may be left out: right angles, and every material in use, a constant index as a number."""
+    """`table_of` with defaults written out: right angles, every material in use, constant indices as numbers."""
     table = {"material": {}, **table_of(geometry)}
     for part in table["part"]:
         part.setdefault("sidewall_angle", as_text("sidewall_angle", section_parts.VERTICAL))
@@ -222,7 +225,7 @@ def spelled_out(geometry: CrossSection) -> dict[str, Any]:
 
 
 def _texts(values: dict[str, Any]) -> dict[str, Any]:
-    """Quantities as text; a flag that is not set and a size that is not given are left out."""
+    """Quantities as text; flags that are false and values that are None are left out."""
     return {key: as_text(key, value) for key, value in values.items() if value is not None and value is not False}
 
 
@@ -242,7 +245,7 @@ def _material_values(m: Material) -> dict[str, Any]:
 
 
 def _part_values(part: Part) -> dict[str, Any]:
-    """Fields of a part, with its radius and width where these give exactly the same edges."""
+    """Fields of a part in a file: radius and width where they give exactly the same edges, else both radii."""
     inner, outer = part.inner_radius, part.outer_radius
     radius, width = float(f"{(inner + outer) / 2:.12g}"), float(f"{outer - inner:.12g}")
     if part.straight:

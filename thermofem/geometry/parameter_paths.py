@@ -51,7 +51,7 @@ def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def check_once(paths: Iterable[str]) -> None:
-    """InputError where two paths lead to one value, of which the last would count, or give a part's radii two ways."""
+    """Raise InputError where two paths set one value, or give the radii of a part in two forms."""
     places = [path.removesuffix(".value").removesuffix(".convection") for path in paths]
     checks.unique("list of paths", places, hint="both set one value")
     sizes: dict[str, str] = {}
@@ -64,7 +64,7 @@ def check_once(paths: Iterable[str]) -> None:
 
 
 def place(table: dict[str, Any], path: str, text: Any) -> None:
-    """Set one value of a geometry file's table in place; the reader of the geometry checks whether the key exists.
+    """Set one value in the table of a geometry file in place; the reader of the geometry checks whether the key exists.
 
     Raises InputError: the path names a part, layer, interface or material that is not there.
     """
@@ -74,7 +74,7 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
 
 
 def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
-    """The table in which the value of a path stands, and its key there."""
+    """Table that contains the value of a path, and its key there."""
     kind, *middle, key = path.split(".") if "." in path else ("", path)
     name = ".".join(middle)  # names may hold dots
     for number, bus in enumerate(table.get("bus", [])):
@@ -107,7 +107,7 @@ def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
 
 
 def _measure(item: dict[str, Any], key: str) -> None:
-    """Convert the radii of a part to the form that ``key`` belongs to: centre and width, or inner and outer edge."""
+    """Convert the radii of a part in place to the form that ``key`` belongs to: centre and width, or both edges."""
     wanted, other = (_CENTRE, _EDGES) if key in _CENTRE else (_EDGES, _CENTRE)
     if key in item or "x" in item or not set(other) <= item.keys():
         return
@@ -204,7 +204,7 @@ def _value(geometry: CrossSection, table: dict[str, Any], path: str) -> float:
 
 
 def _numbers(geometry: CrossSection, at: Mapping[str, Any]) -> dict[str, dict[Any, Any]]:
-    """What a parameter can change, by the fields of `Change`, of the fields of a geometry next to this one."""
+    """All numbers that a parameter can change, by the fields of `Change`, in a geometry next to this one."""
     end, T0 = at.get("half_width") or at["outer_radius"], at["ambient"]
     shapes = boxes(at["layers"], -end if geometry.inner_end < 0 else 0.0, end)
     for own, part in zip(geometry.parts, at["parts"], strict=True):
@@ -235,10 +235,10 @@ def _numbers(geometry: CrossSection, at: Mapping[str, Any]) -> dict[str, dict[An
 
 
 def _meshed(geometry: CrossSection, part: Part, outline: Array) -> tuple[str, Array]:
-    """The part of the half that is solved, and the share of its outline that moves with a part, whose outline is given.
+    """Part of the solved half that moves with ``part``, and the corners that it contributes.
 
-    In a mirrored section the response is even in x, so that moving one part changes it by half of what moving it and
-    its image does: the half that is solved moves with the mean of the two.
+    In a mirrored section only the half x >= 0 is solved. The response is even in x, so that moving a part alone has
+    half of the effect of moving it with its image: the solved half moves by the mean of both.
     """
     if not geometry.mirrored:
         return part.name, outline

@@ -41,7 +41,7 @@ class Face:
 
     @cached_property
     def polygon(self) -> Any:
-        """shapely's polygon in steps of `GRID`."""
+        """The face as a shapely polygon in units of `GRID`."""
         return shapely.Polygon(self.rings[0] / GRID, [hole / GRID for hole in self.rings[1:]])
 
     @property
@@ -101,7 +101,7 @@ class Subdivision:
 
 
 def _closed(ring: Array) -> Array:
-    """Edges of a closed line through the corners, shape (n, 2 ends, 2)."""
+    """Edges of the closed polygon through the corners ``ring``, shape (n, 2 ends, 2)."""
     return np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
 
 
@@ -111,7 +111,7 @@ def distance(points: Array, edges: Array) -> Array:
 
 
 def nearest(points: Array, edges: Array) -> tuple[Array, NDArray[np.intp], Array]:
-    """`distance` from points to the edges, index of the nearest edge, and share of its length up to the foot."""
+    """`distance` from points to the edges, index of the nearest edge, and fraction of it at the nearest point."""
     away = np.full(points.shape[:-1], np.inf)
     index, place = np.zeros(away.shape, dtype=np.intp), np.zeros(away.shape)
     for k, (start, stop) in enumerate(edges):
@@ -153,10 +153,10 @@ def subdivide(geometry: CrossSection) -> Subdivision:
 def cut(
     found: Mapping[str, Array], *, ground: str | None = None, holes: Container[str] = (), grid: float = GRID
 ) -> list[Face]:
-    """Faces of what is seen of outlines, of which a later one covers earlier ones, in their order.
+    """Visible faces of overlapping outlines, of which a later one covers earlier ones, in the order of the outlines.
 
-    ground: the outline that bounds all; what ``holes`` cover is of this owner.
-    grid [m]: of the coordinates; those of the outlines get their own value back.
+    ground: name of the outline that bounds all; it also owns what the outlines in ``holes`` cover.
+    grid [m]: step to which coordinates are rounded; those of the outlines are restored exactly.
     """
     shapes = {name: shapely.Polygon(np.rint(outline / grid)) for name, outline in found.items()}
     exact = {round(x / grid): float(x) for outline in found.values() for x in outline.ravel()}
@@ -205,7 +205,7 @@ def boxes(layers: Sequence[Layer], left: float, right: float) -> dict[str, Array
 
 
 def _check_thickness(face: Face, known: dict[str, Array]) -> None:
-    """Raise InputError where a corner of the face comes too near to an edge that does not end there."""
+    """Raise InputError where a corner of the face is closer than an atom to an edge that does not end there."""
     edges = face.edges()
     corners, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     offset = corners[:, None] - corners
@@ -270,7 +270,7 @@ def check_held(geometry: CrossSection) -> None:
 
 
 def _cut_off(geometry: CrossSection, piece: list[Face]) -> checks.InputError:
-    """The error of a connected piece that touches no side of fixed temperature."""
+    """InputError for a connected piece that touches no side of fixed temperature."""
     face = next((face for face in piece if face.owner in geometry.heated), piece[0])
     r, z = face.rings[0].mean(axis=0)
     middles = np.concatenate([face.edges() for face in piece]).mean(axis=1)
