@@ -38,13 +38,13 @@ class Pieces(NamedTuple):
         return cls(np.array([start, stop]), np.array([[value, 0.0, 0.0, 0.0]]))
 
     def __call__(self, t: ArrayLike, side: str = "right") -> Array:
-        """The value at ``t``, continuous from that side; the first and the last piece go on outside."""
+        """Value at ``t``, continuous from that ``side``; the first and last cubic continue outside the edges."""
         times = np.asarray(t, dtype=float)
         k = np.clip(np.searchsorted(self.edges, times, side=side) - 1, 0, len(self.coefficients) - 1)  # type: ignore[call-overload]
         return cubic(self.coefficients[k], times - self.edges[k])
 
     def on(self, edges: Array) -> Pieces:
-        """The function on finer edges; edges of this one within their range must be among them."""
+        """The same function on finer ``edges``, which include all present edges in their range."""
         if np.array_equal(edges, self.edges):
             return self
         k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
@@ -57,7 +57,7 @@ class Pieces(NamedTuple):
         return self.on(np.concatenate([[start], inside(self.edges, start, stop), [stop]]))
 
     def repeated(self, start: float, stop: float) -> Pieces:
-        """The function as one period, over all periods that touch [start, stop]."""
+        """The function repeated periodically, over all periods that touch [start, stop]."""
         length = self.edges[-1] - self.edges[0]
         first, last = np.floor((start - self.edges[0]) / length), np.ceil((stop - self.edges[0]) / length)
         cycles = np.arange(first - 1, last + 1)
@@ -125,7 +125,7 @@ def fitted(function: Any, marks: Array, tolerance: float) -> Pieces:
 
 
 def _levels(function: Any, marks: Array) -> list[int]:
-    """Halvings of every stretch down to the cells that are checked."""
+    """For each stretch, how often it is halved down to the smallest cells that are checked."""
     lengths = np.diff(marks)
     # 13: a stretch without breakpoints is sampled in 2^13 cells: a pulse of 1e-4 of it is seen
     # 2**17: cells of all stretches together
@@ -140,7 +140,7 @@ def _levels(function: Any, marks: Array) -> list[int]:
 
 
 def _samples(function: Any, a: float, b: float, cells: int) -> tuple[Array, Array]:
-    """Times inside every cell, sorted, and the values there."""
+    """Sorted checked times in all cells of [a, b], and the function's values there."""
     times = a + (b - a) * ((np.arange(cells)[:, None] + CHECKED) / cells).ravel()
     return times, function(times)
 
@@ -148,7 +148,7 @@ def _samples(function: Any, a: float, b: float, cells: int) -> tuple[Array, Arra
 def _stretch(
     function: Any, a: float, b: float, level: int, seen: tuple[Array, Array], allowed: float
 ) -> tuple[Array, Array]:
-    """Left edges and coefficients over one stretch without breakpoints."""
+    """Edges (all but the last) and coefficients of the cubics over [a, b], which has no breakpoints inside."""
     left, length, depth = np.array([a]), b - a, 0
     done: list[tuple[Array, Array]] = []
     while left.size:

@@ -42,7 +42,7 @@ class EdgeTimes:
 
 
 class _Readout(ABC):
-    """What every read-out does with its law `_light` of temperature rise in K to light in units of P0."""
+    """Base class of read-outs, which define `_light`: light in units of P0 as a function of temperature rise in K."""
 
     @abstractmethod
     def _light(self, delta_T: Any) -> Any:
@@ -109,7 +109,7 @@ class _Readout(ABC):
         return EdgeTimes(rise, fall, rise_10_90, fall_10_90)
 
     def _step(self, of: ThermalModel, wave: Constant) -> tuple[Array, Array]:
-        """Times and light after a step; the light ends where heat has settled."""
+        """Times in s and light after a step of power; the last value, at t = inf, is that of the steady state."""
         R, power = of.thermal_resistance, float(wave.mean(0.0, 1.0))
 
         def missing(decade: float) -> float:
@@ -187,7 +187,7 @@ class RingEdge(_Readout):
 
 
 def thermal(model: Any) -> ThermalModel:
-    """The thermal model itself; of a HeatProblem its system of first heated and first read part."""
+    """Return a thermal model; for a HeatProblem its system of the first heated part, read there."""
     if isinstance(model, HeatProblem):
         return model.channels(model.heated[0], model.heated[0])
     of: ThermalModel = model

@@ -40,8 +40,8 @@ def solve(
 ) -> xr.Dataset:
     """Full-order transient from rest.
 
-    Powers that are straight lines between their breakpoints are answered in closed form on a few fields of the mesh,
-    grown until the answer settles (`transient.modal`); others, and conductivities or heat capacities that depend on
+    Powers that are straight lines between their breakpoints are solved in closed form on a few fields of the mesh,
+    whose number grows until the solution converges (`transient.modal`); others, and conductivities or heat capacities that depend on
     temperature, are stepped with error control (`transient.integration`).
 
     Parameters
@@ -135,7 +135,7 @@ def _solved(
     *,
     periodic: bool = False,
 ) -> xr.Dataset:
-    """A run and its provenance in the schema of `thermofem.dataset`, in closed form where there is one."""
+    """Solve a transient, in closed form if possible, and return it with its provenance as a Dataset."""
     check_wave("wave", wave)
     checks.choice("method", method, ("auto", "stepping"))
     heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
@@ -193,7 +193,7 @@ def mesh_hash(mesh: Mesh) -> str:
 
 
 def fields(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> xr.Dataset:
-    """Temperature fields on the mesh's vertices, from states of shape (times, unknowns)."""
+    """Dataset of temperature fields on the mesh's vertices, from states of shape (times, unknowns)."""
     r, z = heat.mesh.points.T
     kept = np.atleast_1d(np.asarray(field_times, dtype=float))
     return xr.Dataset(

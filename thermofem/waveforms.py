@@ -48,7 +48,7 @@ class Waveform:
     whole: Pieces  # all pieces, or those of one period
 
     def __init_subclass__(cls, *, stored: bool = True) -> None:
-        """A subclass is found in files by its name, unless no file can hold it."""
+        """Register a subclass under its name, by which files refer to it, unless ``stored`` is False."""
         if stored:
             KINDS[cls.__name__] = cls
 
@@ -58,7 +58,7 @@ class Waveform:
         return type(self).__name__.lower()
 
     def _unrolled(self, start: float, stop: float) -> Pieces:
-        """All pieces, or those of every period that touches [start, stop]."""
+        """Cubic pieces of the waveform; of a periodic one those of every period that touches [start, stop]."""
         if self.period is None:
             return self.whole
         hint = "take a shorter run, or solve_periodic for settled heat"
@@ -66,7 +66,7 @@ class Waveform:
         return self.whole.repeated(start, stop)
 
     def _covering(self, start: float, stop: float) -> Pieces:
-        """Pieces that hold [start, stop]; InputError where they do not reach that far."""
+        """Cubic pieces that cover [start, stop] in s; InputError where the waveform does not reach that far."""
         whole = self._unrolled(start, stop)
         first, last = whole.edges[[0, -1]]
         slack = 1e-9 * (last - first)
@@ -99,7 +99,7 @@ class Waveform:
         return inside(self._unrolled(start, stop).edges, start, stop)
 
     def mean(self, start: float, stop: float) -> float:
-        """Mean over [start, stop] in s."""
+        """Mean value over [start, stop] in s."""
         return self.pieces(start, stop).integral() / (stop - start)
 
 
@@ -113,11 +113,11 @@ class Steps(Waveform, ABC, stored=False):
     @property
     @abstractmethod
     def steps(self) -> tuple[Array, Array]:
-        """Times of change in s, shape (n,), and the power in W before, between and after them, shape (n + 1,)."""
+        """Times of change in s, shape (n,), and power in W before, between and after them, shape (n + 1,)."""
 
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
-        """Constant pieces; the first and the last reach to `ENDLESS`."""
+        """Constant pieces; the first begins at -`ENDLESS`, and the last ends at `ENDLESS`."""
         edges, levels = self.steps
         return Pieces(np.concatenate([[-ENDLESS], edges, [ENDLESS]]), np.multiply.outer(levels, [1.0, 0.0, 0.0, 0.0]))
 
@@ -149,7 +149,7 @@ class Constant(Steps):
 
     @property
     def steps(self) -> tuple[Array, Array]:
-        """Times of change and levels."""
+        """No time of change, shape (0,), and the power in W, shape (1,)."""
         return np.empty(0), np.array([self.power])
 
 
@@ -187,7 +187,7 @@ class Pulse(Steps):
 
     @property
     def steps(self) -> tuple[Array, Array]:
-        """Times of change and levels."""
+        """Times of change in s and power in W before, between and after them."""
         return np.array([self.start, self.stop]), np.array([0.0, self.power, 0.0])
 
 
@@ -218,7 +218,7 @@ class SquareWave(Waveform):
 
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
-        """On, then off."""
+        """The pieces of one period: on, then off."""
         edges = np.array([0.0, self.duty * self.period, self.period])
         return Pieces(edges, np.array([[self.power, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]]))
 
@@ -255,7 +255,7 @@ class Telegraph(Steps):
 
     @property
     def steps(self) -> tuple[Array, Array]:
-        """Times of change and levels."""
+        """Times of change in s and power in W before, between and after them."""
         draw = np.random.default_rng(self.seed)
         times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
         return _on_off(self.power, times[times < self.duration], self.duration)
@@ -299,7 +299,7 @@ class Chirp(Steps):
 
     @property
     def steps(self) -> tuple[Array, Array]:
-        """Times of change and levels."""
+        """Times of change in s and power in W before, between and after them."""
         rate = np.log(self.first / self.last) / self.duration
         cycles = np.expm1(rate * self.duration) / (rate * self.first)
         phase = (np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]).ravel()[1:]
@@ -363,7 +363,7 @@ class Symbols(Steps):
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
-        """Ends of all nodes in s, and the power of every node in W, the bias before and after them."""
+        """Start and ends of all n mask nodes in s, (n + 1,), and power in W before, in and after them, (n + 2,)."""
         count = np.size(self.mask)
         edges = self.start + np.arange(np.size(self.values) * count + 1) / (self.rate * count)
         nodes = np.outer(np.asarray(self.values), np.asarray(self.mask)).ravel()
@@ -372,12 +372,12 @@ class Symbols(Steps):
         return edges, np.concatenate([[self.bias], np.maximum(self.bias + self.power * nodes, 0.0), [self.bias]])
 
     def samples(self, per_node: int = 1) -> Array:
-        """Times in s at the ends of equal parts of every node: where a readout samples, shape (n nodes per_node,)."""
+        """Sample times in s at the ends of ``per_node`` equal parts of every mask node, one after the other."""
         nodes = np.size(self.mask) * per_node
         return self.start + np.arange(1, np.size(self.values) * nodes + 1) / (self.rate * nodes)
 
     def breakpoints(self, start: float, stop: float) -> Array:
-        """Ends of nodes inside, where the power changes."""
+        """Ends of mask nodes in s inside (start, stop), where the power changes."""
         edges, levels = self.steps
         return inside(edges[levels[1:] != levels[:-1]], start, stop)
 
@@ -390,7 +390,7 @@ class Samples(Waveform, stored=False):
     repeat: bool = False
 
     def _check(self, values: Array) -> None:
-        """Keep ``times`` as an array; InputError where it does not increase or does not belong to ``values``."""
+        """Set ``times`` as an array; InputError where they do not increase or do not match ``values``."""
         times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
         checks.shape("values at times", values, times.shape)
         checks.enough("times", np.unique(times).size, 2, "different times")
@@ -507,7 +507,7 @@ class PiecewiseCubic(Waveform):
         return float(np.abs([self.whole.coefficients[:, 0], self.whole.ends]).max())
 
     def breakpoints(self, start: float, stop: float) -> Array:
-        """Times inside where the value jumps by more than 1e-6 of the largest."""
+        """Times in s inside (start, stop) where the value jumps by more than 1e-6 of the largest."""
         pieces = self._unrolled(start, stop)
         jumps = np.abs(pieces.coefficients[1:, 0] - pieces.ends[:-1]) > 1e-6 * self.peak
         return inside(pieces.edges[1:-1][jumps], start, stop)
@@ -566,7 +566,7 @@ class Function(Waveform, stored=False):
             object.__setattr__(self, name, given)
 
     def _at(self, t: ArrayLike, side: str) -> Array:
-        """Evaluate f; times at a breakpoint are shifted by two units in the last place to its right or left side."""
+        """Evaluate f at ``t`` in s; a time at a breakpoint is shifted by round-off to its ``side``."""
         u = np.asarray(t, dtype=float)
         edges, towards = self.edges, 1 if side == "right" else -1
         if self.period is not None:
@@ -595,7 +595,7 @@ class Function(Waveform, stored=False):
         return found
 
     def breakpoints(self, start: float, stop: float) -> Array:
-        """The named breakpoints inside, and the ends of every period."""
+        """Given breakpoints in s inside (start, stop), and the ends of every period."""
         if self.period is None:
             return inside(self.edges, start, stop)
         marks = np.unique(np.concatenate([[0.0], self.edges, [self.period]]))
@@ -609,7 +609,7 @@ class Function(Waveform, stored=False):
 
 
 def check_wave(name: str, value: Any) -> None:
-    """Raise InputError for what is no waveform."""
+    """Raise InputError unless ``value`` is a Waveform."""
     checks.instance(name, value, Waveform, hint="a waveform is needed, such as th.SquareWave(1e-3, 1e-6, 0.3)")
 
 

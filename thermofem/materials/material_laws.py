@@ -52,7 +52,9 @@ class PowerLaw:
         return np.asarray((np.maximum(_kelvins("T", T), COLDEST) / self.reference) ** self.exponent)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
-        """start f(start) ((1 + rise/start)^(n + 1) - 1)/(n + 1), which does not cancel at a small rise.
+        """Integral of f from ``start`` (K) over ``rise`` (K), in a form that does not cancel at a small rise.
+
+            start f(start) ((1 + rise/start)^(n + 1) - 1)/(n + 1)
 
         f is constant below 1 K.
         """
@@ -98,13 +100,13 @@ class Polynomial:
         return _polynomial(_kelvins("T", T) - self.reference, (1.0, *self.coefficients))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
-        """Closed form, expanded about ``start`` so that nothing cancels at a small rise."""
+        """Integral of f from ``start`` over ``rise`` in K, expanded about ``start``: a small rise does not cancel."""
         return _polynomial(_kelvins("rise", rise), _primitive(self, _start(start)))
 
 
 @lru_cache(maxsize=64)
 def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
-    """Coefficients of the integral from ``start`` in powers of the rise: an integration asks at every stage."""
+    """Coefficients of the integral of f from ``start`` as a polynomial in the rise; cached."""
     x, f = start - law.reference, np.polynomial.Polynomial((1.0, *law.coefficients))
     about = (float(f.deriv(k)(x)) / math.factorial(k + 1) for k in range(len(law.coefficients) + 1))
     return (0.0, *about)
@@ -112,7 +114,7 @@ def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
 
 @np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
 def _polynomial(x: Array, coefficients: tuple[float, ...]) -> Array:
-    """Sum of c_k x^k."""
+    """Value of the polynomial sum_k c_k x^k."""
     return np.asarray(polyval(x, coefficients))
 
 
@@ -159,13 +161,13 @@ class Table:
         return np.asarray(_pieces(self, 0.0, integrated=False)(_kelvins("T", T)))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
-        """From the cubics' antiderivative, with straight continuations."""
+        """Integral of f from ``start`` over ``rise`` in K, exact for the cubic pieces and the constant ends."""
         return np.asarray(_pieces(self, _start(start), integrated=True)(_kelvins("rise", rise)))
 
 
 @lru_cache(maxsize=64)
 def _pieces(table: Table, start: float, *, integrated: bool) -> PPoly:
-    """f, or its integral from ``start``, over the rise above ``start``; with a knot at 0, so that no digits cancel."""
+    """f, or its integral from ``start``, as a piecewise polynomial in the rise; a knot at 0 avoids cancellation."""
     T = table.temperatures
     knots = np.unique([*T, start, 0.0, HOTTEST])
     left = knots[:-1]
@@ -180,14 +182,14 @@ def _pieces(table: Table, start: float, *, integrated: bool) -> PPoly:
 
 
 def _start(value: float) -> float:
-    """Where an integral begins, K."""
+    """Return the lower limit of an integral in K, or raise InputError."""
     return checks.between("start", value, COLDEST, HOTTEST, unit="K")
 
 
 def _kelvins(name: str, value: ArrayLike) -> Array:
-    """Temperatures or rises as floats, or InputError; an array of floats is taken as it is, and its nan gives nan.
+    """Return temperatures or rises in K as floats, or raise InputError; arrays of floats are not checked.
 
-    An integration asks at every stage, and an iteration that diverges asks for anything.
+    An integration calls this at every stage, and an iteration that diverges passes nan.
     """
     if type(value) is np.ndarray and value.dtype == float:
         return value
@@ -238,7 +240,7 @@ class Sellmeier:
     range: tuple[float, float] = (1e-7, 1e-3)
 
     def index(self, wavelength: float) -> float:
-        """n.
+        """Refractive index n at a wavelength in m.
 
         Raises InputError: a wavelength out of range, or where n^2 is no square of a transparent material's index.
         """
@@ -247,7 +249,7 @@ class Sellmeier:
         return math.sqrt(checks.between(f"n^2 at {wavelength:g} m", square, 1.0, MOST**2))
 
     def group_index(self, wavelength: float) -> float:
-        """n - lambda dn/dlambda = (n^2 - (lambda/2) d(n^2)/dlambda)/n."""
+        """Group index n - lambda dn/dlambda = (n^2 - (lambda/2) d(n^2)/dlambda)/n."""
         L = wavelength
         slope = sum(-2 * B * C**2 * L / (L**2 - C**2) ** 2 for B, C in self.terms)
         n = self.index(L)
@@ -256,7 +258,7 @@ class Sellmeier:
 
 @dataclass(frozen=True)
 class IndexTable:
-    """n by the cubic spline through a table; wavelengths in m, increasing, at least four."""
+    """Refractive index n by the cubic spline through a table; wavelengths in m, increasing, at least four."""
 
     wavelengths: tuple[float, ...]
     values: tuple[float, ...]
@@ -273,12 +275,12 @@ class IndexTable:
         return CubicSpline(self.wavelengths, self.values)
 
     def index(self, wavelength: float) -> float:
-        """n; InputError for a wavelength outside the table."""
+        """Refractive index n at a wavelength in m; InputError outside the table."""
         _check_range(wavelength, self.wavelengths[0], self.wavelengths[-1])
         return float(self._curve(wavelength))
 
     def group_index(self, wavelength: float) -> float:
-        """n - lambda dn/dlambda."""
+        """Group index n - lambda dn/dlambda."""
         return self.index(wavelength) - wavelength * float(self._curve(wavelength, 1))
 
 
@@ -288,7 +290,7 @@ def constant_index(n: float) -> Sellmeier:
 
 
 def fixed_index(law: Any) -> float | None:
-    """The index of a law without dispersion, else None."""
+    """Refractive index of a law without dispersion; None for any other law."""
     return math.sqrt(law.constant) if isinstance(law, Sellmeier) and not law.terms else None
 
 

@@ -296,7 +296,7 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
 
 
 def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
-    """The value of a property with a table; InputError where the one that is given is another one."""
+    """Value of a property that a table gives; InputError where ``value`` is given beside it and differs."""
     own = float(law.value(law.reference))
     if value is None or math.isclose(value, own, rel_tol=SAME):
         return own if value is None else value
@@ -305,7 +305,7 @@ def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
 
 
 def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
-    """A property's table, in texts, with another value; the law is kept, so that a table of temperatures is scaled."""
+    """Table of a property as texts, with another value; its law is kept, so that a table of temperatures is scaled."""
     rest = {name: one for name, one in given.items() if name not in ("value", "r")}
     if "values" not in rest:
         return {**rest, "value": text}
@@ -316,7 +316,7 @@ def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
 
 
 def _written(law: Any, value: float, unit: str) -> list[str]:
-    """The values of a table as text, scaled to have a value at the reference where they have another one."""
+    """Values of a temperature table as text, scaled so that the property has ``value`` at the reference temperature."""
     own = float(law.value(law.reference))
     scale = 1.0 if math.isclose(value, own, rel_tol=SAME) else value / own
     return [quantity.write(v * scale, unit) for v in law.values]

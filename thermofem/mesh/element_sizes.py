@@ -38,7 +38,7 @@ THICKNESS, EXTENT = 450e-9 * 220e-9 / 1340e-9, math.sqrt(450e-9 * 220e-9)  # m, 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes: ``h`` in m on an outline, growing by ``slope`` per length, ``h_c`` in m at a corner."""
+    """Element sizes: ``h`` in m on an outline, ``h_c`` in m at a corner; both grow by ``slope`` per distance."""
 
     h: float
     slope: float
@@ -63,10 +63,10 @@ def sizes(accuracy: float) -> Sizes:
 
 
 def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
-    """Sizes for the heated parts of a geometry, scaled from those for the reference core of 450 x 220 nm.
+    """Sizes for the heated parts of a geometry, scaled from the sizes ``at`` of the reference core of 450 x 220 nm.
 
-    The early step errs in the layer of cold material around a part, by h^4 perimeter/area; R_th errs at its corners,
-    by a share of the part's extent.
+    The error of the early step response is made in the cold layer around a part and is in proportion to
+    h^4 perimeter/area; that of R_th is made at the corners and depends on h_c over the part's extent.
     """
     faces = [face for face in geometry.subdivision.faces if face.owner in geometry.heated]
     areas = np.array([face.area for face in faces])
@@ -83,7 +83,7 @@ def _perimeter(edges: NDArray[np.float64], *, mirrored: bool) -> float:
 
 
 def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:
-    """The element size in m at (r, z) in m; the mesher asks a few thousand times, one point at a time."""
+    """Function of (r, z) in m that returns the element size in m there; the mesher calls it some thousand times."""
     at, cut = fitted(geometry, at), geometry.subdivision
     edges = [_drawn(geometry, heated) for heated in (True, False)]
     heated, other = (shapely.multilinestrings(shapely.linestrings(cut.corners[ends])) for ends in edges)
@@ -115,14 +115,14 @@ def _copies(geometry: CrossSection) -> list[tuple[float, float, float]]:
 
 
 def _drawn(geometry: CrossSection, heated: bool) -> NDArray[np.intp]:
-    """Edges of the heated parts, or of all others and of voids, without those on the axis and the outer side."""
+    """Edges, as pairs of corners, of the heated parts or of all others and voids; not those on axis or outer side."""
     cut, parts = geometry.subdivision, {part.name for part in geometry.parts if part.heated == heated}
     own = np.array([not parts.isdisjoint(pair) for pair in cut.owners]) | ((cut.side == "wall") & (not heated))
     return cut.ends[own & ~np.isin(cut.side, ["axis", "outer"])]
 
 
 def _corners(cut: Subdivision, ends: NDArray[np.intp], heated: Any, h_c: float) -> list[tuple[float, float, float]]:
-    """r, z and size in m at the ends of edges, but at a convex corner in the open, where the field is smooth."""
+    """r, z and element size in m at ends of edges, except at convex corners in the open, where the field is smooth."""
     turns: dict[tuple[float, float], list[float]] = {}
     for ring in (ring for face in cut.faces for ring in face.rings):
         before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring

@@ -66,9 +66,9 @@ class Motion:
         self._held, self._shares, self._ends = self._outline()
 
     def _outline(self) -> tuple[NDArray[np.bool_], Array, NDArray[np.intp]]:
-        """Whether r and z of each vertex are given by its edge; its share of each corner; the corners of its edge.
+        """Constraints of vertices on edges: which coordinates are given, weights of the corners, ends of the edge.
 
-        Shapes (vertices, 2), (vertices, c), (vertices, 2); zero where a vertex lies on no edge.
+        Shapes (vertices, 2) for r and z, (vertices, c), (vertices, 2); zero where a vertex lies on no edge.
         """
         points, slack = self._once.points, NEAR * float(np.abs(self.corners).max())
         shares = np.zeros((len(points), len(self.corners)))
@@ -94,7 +94,7 @@ class Motion:
 
     @cached_property
     def _weights(self) -> Array:
-        """W, shape (2, vertices, c): derivative of r and z of each vertex by that of each corner."""
+        """W, shape (2, vertices, c): derivative of r and of z of each vertex with respect to that of each corner."""
         stiffness = _stiffness(self._once)
         weights = np.zeros((2, *self._shares.shape))
         for axis, held in enumerate(self._held.T):
@@ -164,7 +164,7 @@ def _rings(faces: tuple[Face, ...]) -> list[Array]:
 
 
 def _aligned(ring: Array, old: Array) -> Array:
-    """The corners of a closed polygon, renumbered cyclically so that they move least from those of ``old``."""
+    """Corners of a closed polygon, renumbered cyclically so that their distances from those of ``old`` are least."""
     shape, before = ring - ring.mean(axis=0), old - old.mean(axis=0)
     shape, before = shape / np.ptp(shape, axis=0), before / np.ptp(before, axis=0)
     costs = [float(np.sum((np.roll(shape, -k, axis=0) - before) ** 2)) for k in range(len(ring))]
@@ -172,7 +172,7 @@ def _aligned(ring: Array, old: Array) -> Array:
 
 
 def _stiffness(mesh: Mesh) -> Any:
-    """Linear elements for div((1/size) grad d) = 0, sparse, shape (vertices, vertices)."""
+    """Stiffness matrix of linear elements for div(size^-`SOFT` grad d) = 0, sparse, shape (vertices, vertices)."""
     corners = mesh.points[mesh.triangles]
     edges = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # opposite to each corner
     area = signed_areas(mesh.points, mesh.triangles)
@@ -183,7 +183,10 @@ def _stiffness(mesh: Mesh) -> Any:
 
 @dataclass(frozen=True)
 class Line:
-    """One outline that draws an edge: velocity along the edge's normal at both ends, and the side it encloses."""
+    """One outline that draws an edge: its velocity along the edge's normal at both ends, and the side it encloses.
+
+    side: 1 where the inside of the outline lies to the left of the edge, else -1.
+    """
 
     name: str
     start: float
@@ -197,7 +200,7 @@ class Line:
 
 
 class CornerMotion:
-    """The motion of a geometry's corners.
+    """Velocities of the corners of a geometry's faces when a parameter changes.
 
     roles: layers and parts that are heated or read by name: their outlines matter, whatever the material beside them.
     """
@@ -211,7 +214,7 @@ class CornerMotion:
         self.slack = max(100 * GRID, 1e-9 * float(np.abs(self.edges.corners).max()))
 
     def key(self, owner: str | None) -> Key:
-        """Material of an owner, and its name if it has a role (heated, interface, probe); None for a void."""
+        """Material of a layer or part, and its name if it has a role (heated, interface, probe); None for a void."""
         material = None if owner is None else self.geometry.material_of(owner).name
         return None if material in (None, VOID) else (material, owner if owner in self.roles else "")
 
@@ -235,7 +238,10 @@ class CornerMotion:
     def _corner(
         self, k: int, hard: list[tuple[Array, float]], soft: list[tuple[Array, float]], change: Change
     ) -> Array:
-        """The velocity with the wanted normal components; edges of one material give way."""
+        """Velocity of corner ``k`` from the wanted normal components of its edges, (normal, speed).
+
+        All ``hard`` ones must hold; ``soft`` ones, of edges within one material, as far as possible.
+        """
         velocity, free = np.zeros(2), np.eye(2)
         scale = max((abs(speed) for _, speed in hard + soft), default=0.0)
         for rows, must in ((hard, True), (soft, False)):
@@ -259,7 +265,7 @@ class CornerMotion:
         return velocity
 
     def _line(self, k: int, normal: Array, change: Change) -> Line:
-        """The outline that draws edge ``k`` after a small motion in either direction."""
+        """Outline that draws edge ``k`` after a small change of the parameter in either direction."""
         a, b = self.edges.corners[self.edges.ends[k]]
         lines = []
         for name, side in self._drawing[k]:
@@ -287,7 +293,7 @@ class CornerMotion:
 
     @cached_property
     def _drawing(self) -> list[list[tuple[str, int]]]:
-        """For every edge the outlines that draw it, each with the number of its side."""
+        """For every edge the outlines that draw it, each with the index of its side (0 to 3)."""
         drawn = []
         for ends in self.edges.corners[self.edges.ends]:
             found = []
@@ -299,7 +305,7 @@ class CornerMotion:
         return drawn
 
     def _stays(self, k: int, chosen: Line, lines: list[Line], direction: int) -> bool:
-        """Whether both sides of edge ``k`` keep their material and role when the edge moves as ``chosen``."""
+        """Whether both sides of edge ``k`` keep material and role when it moves with the outline ``chosen``."""
         moved = {line.name: (line.side, direction * line.middle) for line in lines}
         ends = sorted({0.0, *(offset for _, offset in moved.values())})
         middle = shapely.Point(self.edges.corners[self.edges.ends[k]].mean(axis=0) / GRID)

@@ -107,7 +107,7 @@ class Grid(skfem.MeshTri):
 
 
 def radii(r: NDArray[np.float64], depth: float | None) -> NDArray[np.float64]:
-    """Radius in m whose circumference is the weight of points at r: itself in a ring, depth/(2 pi) if straight."""
+    """Radius in m whose circumference is the weight of points at r: r itself in a ring, depth/(2 pi) if straight."""
     return r if depth is None else np.full_like(r, depth / (2 * np.pi))
 
 
@@ -119,9 +119,9 @@ def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> N
 
 
 def locate(grid: Any, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Triangle of scikit-fem's mesh around each point, -1 where there is none, and the point's place in it.
+    """Index of the triangle around each point (-1 where there is none), and the point's reference coordinates in it.
 
-    points [shape (n, 2)]: in the unit of the mesh; the places have shape (2, n).
+    points [shape (n, 2)]: in the unit of the mesh; the reference coordinates have shape (2, n).
     """
     corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
     which, around = shapely.STRtree(shapely.polygons(corners)).query(shapely.points(points), predicate="intersects")
@@ -176,7 +176,7 @@ def load(path: str | Path) -> Mesh:
 
 
 def _read(path: str | Path) -> Mesh:
-    """The triangles in named physical groups, with the points that they use; points at one place are one."""
+    """Read the triangles in named physical groups, and the points that they use; coinciding points become one."""
     import meshio
 
     found = meshio.gmsh.read(path)

@@ -33,7 +33,7 @@ from ..arrays import Array, ArrayLike, NDArray
 
 
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
-    """``run(times)`` for times of any order and shape, where ``run`` needs times that do not fall."""
+    """Call ``run`` with sorted times and return its values in the order and shape of ``times``."""
     t = checks.numbers("times", times)
     if t.ndim == 1 and not np.any(np.diff(t) < 0):
         return run(t)
@@ -121,7 +121,7 @@ class Delegates(ABC):
 
 
 class AtSmallPower(Delegates):
-    """A nonlinear model; its properties at small power are those of ``linear``, and it defines its own responses."""
+    """Base of nonlinear models: properties at small power are those of ``linear``; subclasses define responses."""
 
     linear: Any
 
@@ -184,7 +184,7 @@ def warn_beyond(rise: Array, trained: float | None) -> Array:
 
 
 def check_rise(value: float | None) -> None:
-    """Raise InputError unless ``value`` is a rise in K or None."""
+    """Raise InputError unless ``value`` is a positive rise in K, or None."""
     if value is not None:
         checks.positive("largest_rise", value, unit="K")
 
@@ -193,7 +193,7 @@ Kind = TypeVar("Kind")
 
 
 def reader(read: Callable[[type[Kind], Mapping[str, Any]], Kind]) -> Callable[[type[Kind], Mapping[str, Any]], Kind]:
-    """Make a method ``from_json`` raise InputError for whatever content is not that of its model."""
+    """Decorator of a method ``from_json``: content of another layout raises InputError."""
 
     @wraps(read)
     def checked(cls: type[Kind], content: Mapping[str, Any]) -> Kind:
@@ -207,7 +207,7 @@ def reader(read: Callable[[type[Kind], Mapping[str, Any]], Kind]) -> Callable[[t
 
 
 def keep_names(model: Any, *, single: bool = True) -> None:
-    """Set ``inputs`` and ``outputs`` of a frozen model as tuples of checked names; ``single``: of one each."""
+    """Set ``inputs`` and ``outputs`` of a frozen model as tuples of checked names; ``single``: exactly one each."""
     for which in ("inputs", "outputs"):
         object.__setattr__(model, which, checks.check_names(which, getattr(model, which), single=single))
 
@@ -218,18 +218,18 @@ def names(model: Any) -> dict[str, list[str]]:
 
 
 def parts(content: Mapping[str, Any]) -> dict[str, Any]:
-    """``inputs`` and ``outputs`` of a model file, as keyword arguments of a model."""
+    """Keyword arguments ``inputs`` and ``outputs`` of a model, from the content of its file."""
     return {which: content[which] for which in ("inputs", "outputs")}
 
 
 def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[dict[str, float]]:
-    """A list of JSON objects from two named arrays, the inverse of `columns`."""
+    """List of JSON objects, one for each index of two named arrays; the inverse of `columns`."""
     pairs = zip(np.asarray(first[1]).tolist(), np.asarray(second[1]).tolist(), strict=True)
     return [{first[0]: one, second[0]: other} for one, other in pairs]
 
 
 def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, Any]:
-    """Transpose a list of JSON objects into one list of numbers for each key of ``units``."""
+    """Lists of numbers by key, one for each key of ``units``, from the list of JSON objects content[which]."""
     return {
         name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(content[which])]
         for name, unit in units.items()

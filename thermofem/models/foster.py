@@ -131,7 +131,10 @@ class Foster:
         return model
 
     def check_passive(self) -> None:
-        """Raise InputError for a network that gives out heat it never took in; between two parts R may be negative."""
+        """Raise InputError for a network that releases more heat than it absorbed, or that never warms up.
+
+        R of a network between two different parts may be negative.
+        """
         R = np.asarray(self.R)
         if self.inputs == self.outputs:
             check_residues(R)
@@ -140,7 +143,7 @@ class Foster:
 
 
 def check_residues(R: Array, *, round_off: float = 0.0) -> None:
-    """Raise InputError where a part that is heated and read has a negative R, in K/W: heat would cool it."""
+    """Raise InputError where an R (K/W) of a part that is heated and read is negative: heat would cool the part."""
     if R.min() < -round_off * np.abs(R).sum():
         raise checks.InputError(
             f"R = {R.min():g} K/W is negative: the network is not passive; fit_foster and reduce never give one"
@@ -318,7 +321,7 @@ class OutputMap(AtSmallPower):
         return warn_beyond(self.of(self.thermal_resistance * checks.numbers("power", power)), self.largest_rise)
 
     def of(self, z: ArrayLike) -> Array:
-        """dT in K of a linear rise z in K."""
+        """Temperature rise dT in K for the rise z in K of the linear model."""
         z = checks.numbers("z", z)
         if np.any(1 + 2 * self.coefficient * z <= 0):
             top = -0.5 / self.coefficient

@@ -151,13 +151,13 @@ def load_provenance(path: str | Path) -> dict[str, Any]:
 
 
 def _signature(content: dict[str, Any], entries: list[str]) -> dict[str, Any]:
-    """Hash of a model file, and the entries of its provenance that it covers; 1 and 1.0 are one number."""
+    """Hash of a model file, and the provenance entries that it covers; 1 and 1.0 count as one number."""
     covered = {**content, "provenance": {key: content["provenance"].get(key) for key in entries}}
     return {"hash": digest_tree(json.loads(json.dumps(covered), parse_int=float)), "entries": entries}
 
 
 def _is_changed(content: dict[str, Any], written: Any) -> bool:
-    """Whether a file is another one than its `HASH` is of; a file without one counts as it is."""
+    """Whether the content of a file differs from that which its `HASH` was made of; False without a hash."""
     if written is None:
         return False
     entries = written.get("entries") if isinstance(written, dict) else None
@@ -165,9 +165,9 @@ def _is_changed(content: dict[str, Any], written: Any) -> bool:
 
 
 def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
-    """The JSON object of a model file, its format and version checked, and whether somebody changed it.
+    """JSON object of a model file with format and version checked, and whether it was changed after it was written.
 
-    It comes without its hash, and without its claims where they were those of other numbers.
+    The hash is removed and, from a changed file, the claims on its accuracy.
     """
     tree = files.read_json(path, "model")
     with checks.prefixed(f"{path} is not a thermal model that this version reads"):

@@ -96,7 +96,7 @@ class Quadratic:
 
     @property
     def dynamics(self) -> Quadratic:
-        """Itself: the equations of heat, which an output map keeps apart from what is read."""
+        """The system itself."""
         return self
 
     @property
@@ -129,7 +129,7 @@ class Quadratic:
         return self.A @ x + (self.H @ x) @ x + power * (self.G @ x + self.B)
 
     def jacobian(self, x: Array, power: float) -> Array:
-        """Derivative of dx/dt by x, shape (n, n), in 1/s."""
+        """Derivative of dx/dt with respect to x, shape (n, n), in 1/s."""
         return self.A + 2 * (self.H @ x) + power * self.G
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
@@ -166,7 +166,7 @@ class Quadratic:
         return x
 
     def states(self, wave: waveforms.Waveform, times: ArrayLike, *, initial: Array | None = None) -> Array:
-        """States at ``times`` (s, any order), from rest or ``initial`` at t = 0, shape (times, n)."""
+        """States under ``wave`` at ``times`` (s, any order), shape (times, n), from rest or ``initial`` at t = 0."""
         t = checks.array("times", checks.numbers("times", times).ravel())
         checks.between("times", t.min(), 0, np.inf, unit="s")
         stop = max(float(t.max()), _TINY)
@@ -205,13 +205,13 @@ class Quadratic:
         raise checks.InputError(f"no periodic state found in {PASSES} passes; is the power beyond the model's range?")
 
     def _size(self, power: float) -> Array:
-        """Size of every state at ``power`` to second order; a state that only H drives has one, too."""
+        """Size of every state at a constant power, first plus second order, shape (n,), which scales the tolerances."""
         first = -np.linalg.solve(self.A, self.B) * power
         second = np.linalg.solve(self.A, (self.H @ first) @ first + power * (self.G @ first))
         return np.asarray(np.abs(first) + np.abs(second))
 
     def _stretch(self, x: Array, times: Array, pieces: waveforms.Pieces, atol: Array) -> Array:
-        """States at ``times`` (the first is the start), between two breakpoints of the power.
+        """States at ``times``, shape (times, n), between two breakpoints of the power, from x at times[0].
 
         The steps end on every edge of ``pieces``, between which the power is one cubic: none is stepped over.
         """
@@ -303,7 +303,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
         return at_times(run, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
-        """Rise in K over one period, shape (samples,), when a periodic power has been on for so long that it repeats.
+        """One period of the periodic state in K, shape (samples,).
 
         Times are `waveforms.period_times`, both ends included; found by `transient.integrate_periodic`.
         """

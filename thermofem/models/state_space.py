@@ -107,7 +107,7 @@ class StateSpace:
 
     @cached_property
     def _modal(self) -> Modal:
-        """Transients in closed form; InputError where E or A is not symmetric."""
+        """Closed-form solver of transients; InputError where E or A is not symmetric."""
         check_symmetric(E=self.E, A=self.A, hint=REFUSAL)
         return Modal(self)
 
@@ -215,7 +215,7 @@ def _square(content: Mapping[str, Any], name: str) -> Array:
 
 
 def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
-    """A copy of a matrix as real floats: an array, or one with columns or rows in compressed form where ``sparse``."""
+    """Copy of a matrix as real floats: dense, or where ``sparse`` a sparse one in CSC or CSR form."""
     held = issparse(value)
     found = checks.numbers(name, value.tocoo().data if held else value)
     if not held:
@@ -225,7 +225,7 @@ def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
 
 
 def _definite(matrix: Array) -> bool:
-    """Whether a symmetric matrix has no negative direction, beyond 1e-9 of what round-off makes of its scaled form."""
+    """Whether a symmetric matrix is positive semidefinite, up to 1e-9 after scaling its diagonal to 1."""
     diagonal = np.diagonal(matrix)
     if np.any(diagonal <= 0):
         return False

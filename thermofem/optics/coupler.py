@@ -43,13 +43,13 @@ MOST = 0.5  # of kappa^2: beyond it the rate equations do not hold
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """Power coupling of one bus.
+    """Power coupling between a ring and one bus.
 
     gap [m]: between the walls at half height.
     straight, bend [m]: length of the straight section, radius of the bends.
-    window: of one half, to the middle of the gap.
-    beyond [shape (vertices,)]: of the window's, 0 up to the foot of the outer wall and 1 in the middle of the gap.
-    supermodes: even and odd one at every gap of `WIDER`.
+    window: triangles of one half, up to the middle of the gap.
+    beyond [shape (vertices,)]: stretch of the window's vertices, 0 up to the foot of the outer wall, 1 mid-gap.
+    supermodes: even and odd mode at every gap of `WIDER`.
     """
 
     mode: Mode
@@ -62,14 +62,14 @@ class Coupling:
 
     @cached_property
     def _at(self) -> dict[str, Any]:
-        """What the phase is made of."""
+        """Arguments of `_phase`."""
         splits = np.array([even.n_eff - odd.n_eff for even, odd in self.supermodes])
         own = {"straight": self.straight, "bend": self.bend}
         return {"splits": splits, "n_eff": self.mode.n_eff, "wavelength": self.mode.wavelength, **own}
 
     @property
     def split(self) -> float:
-        """n_s - n_a at the gap."""
+        """n_s - n_a of the supermodes at the gap."""
         return float(self._at["splits"][0])
 
     @cached_property
@@ -79,25 +79,25 @@ class Coupling:
 
     @property
     def power(self) -> float:
-        """kappa^2."""
+        """Fraction kappa^2 of the power that couples in one pass."""
         return math.sin(self.phase) ** 2
 
     @cached_property
     def by_gap(self) -> float:
-        """d ln(kappa^2)/d(gap) in 1/m, the guides as they are."""
+        """Derivative d ln(kappa^2)/d(gap) in 1/m at fixed guides."""
         change = Change("gap", self.gap, "m", optical={("", "gap"): 1.0})
         return self.derivative(Variation(self.mode.light, change, 0.0 * self.mode.light.mesh.points.T)) / self.power
 
     @cached_property
     def by_width(self) -> float:
-        """d ln(kappa^2)/d(width) in 1/m, the gap kept."""
+        """Derivative d ln(kappa^2)/d(width) in 1/m at fixed gap."""
         light = self.mode.light
         key = "width" if light.guide.inner_radius else "outer_radius"
         (one,) = variations(light, [f"part.{light.part}.{key}"])
         return self.derivative(one) / self.power
 
     def derivative(self, one: Variation, bus: str = "") -> float:
-        """d(kappa^2) per unit of a parameter of the section; the gap is kept where the guide moves.
+        """Derivative of kappa^2 with respect to a parameter of the section; the gap stays fixed where the guide moves.
 
         bus: name of the [[bus]], whose gap and straight section the parameter may be.
         """
@@ -162,7 +162,7 @@ def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
 
 
 def supermodes(mode: Mode, gap: float, straight: float, bend: float, window: Window, beyond: Array) -> Coupling:
-    """Solve the supermodes at the gaps of `WIDER` on a window that is stretched beyond the ring's wall."""
+    """Solve the supermodes at the gaps of `WIDER`, on a window that ``beyond`` stretches outside the ring's wall."""
 
     def supermode(wider: float, electric: bool) -> Mode:
         x, y = window.mesh.p
@@ -177,9 +177,9 @@ def supermodes(mode: Mode, gap: float, straight: float, bend: float, window: Win
 
 
 def _phase(*, splits: Array, n_eff: Any, wavelength: Any, straight: Any, bend: Any) -> Any:
-    """Phase of the power exchange, of real or complex numbers.
+    """Phase of the power exchange in one pass, for real or complex arguments.
 
-    ln(n_s - n_a) over the gap goes on along its tangent beyond the widest of `WIDER`.
+    splits: n_s - n_a at the gaps of `WIDER`; beyond the widest ln(n_s - n_a) continues along its tangent.
     """
     logs = np.polynomial.Polynomial(np.linalg.solve(np.vander(WIDER, increasing=True), np.log(splits)))
     k, last = math.pi / (wavelength * UM), WIDER[-1]

@@ -98,17 +98,17 @@ class Mode:
 
     @cached_property
     def _indices(self) -> tuple[Array, Array]:
-        """eps and n n_gm of every triangle, shape (triangles, 1)."""
+        """eps = n^2 and n n_gm of every triangle, shape (triangles, 1) each."""
         return self.window.indices(self.wavelength)
 
     @cached_property
     def matrices(self) -> tuple[Any, Any]:
-        """A and B of the eigenproblem."""
+        """Matrices A and B of the eigenproblem."""
         return self.space.matrices(self._indices[0], self.k0)
 
     @cached_property
     def bordered(self) -> Callable[[Array], Array]:
-        """Solves (A + beta^2 B) y = b, of rank one too low, for y that is free up to a multiple of x."""
+        """Solver of the singular system (A + beta^2 B) y = b; y is determined up to a multiple of x."""
         A, B = self.matrices
         kept = np.delete(self.space.free, np.argmax(np.abs(self.x[self.space.free])))
         solve = factorize((A + self.square * B)[kept][:, kept])
@@ -131,7 +131,7 @@ class Mode:
 
     @cached_property
     def intensity(self) -> Array:
-        """|E|^2 at the quadrature points."""
+        """|E|^2 at the quadrature points, shape (triangles, points)."""
         return np.asarray(sum(np.abs(f) ** 2 for f in self.fields))
 
     def integral(self, values: Array, within: str | None = None) -> float:
@@ -146,7 +146,7 @@ class Mode:
 
     @cached_property
     def te_fraction(self) -> float:
-        """int s |e_r|^2 / int s (|e_r|^2 + |e_z|^2)."""
+        """Fraction of the transverse |E|^2 along r: int s |e_r|^2 / int s (|e_r|^2 + |e_z|^2)."""
         r, z = (self.integral(np.abs(f) ** 2) for f in self.fields[:2])
         return r / (r + z)
 
@@ -162,7 +162,7 @@ class Mode:
 
     @cached_property
     def share(self) -> float:
-        """Share of n^2 |E|^2 in the core's material over the core's width."""
+        """Fraction of the mode's n^2 |E|^2 that lies in the core's material, over the width of the core."""
         x = self.space.mesh.p[0][self.space.mesh.t]
         own = x[:, self.window.inside(self.core)[:, 0]]
         column = (x.mean(axis=0) > own.min()) & (x.mean(axis=0) < own.max())
@@ -178,12 +178,12 @@ class Mode:
 
     @cached_property
     def _thermal_density(self) -> Array:
-        """n (dn/dT) |E|^2 at the quadrature points: what the temperature is weighted with, not normalised."""
+        """Weight n (dn/dT) |E|^2 of the temperature at the quadrature points, not normalised."""
         return np.sqrt(self._indices[0]) * self.window.of_materials(lambda m: m.thermo_optic) * self.intensity
 
     @property
     def thermo_optic(self) -> float:
-        """K = -d ln(w)/dT = (dn_eff/dT)/n_g in 1/K of an even temperature."""
+        """K = -d ln(w)/dT = (dn_eff/dT)/n_g in 1/K at a uniform temperature change."""
         return self.integral(self._thermal_density) / self.n_eff / self.n_g
 
     def light_integral(self, basis: Any, mesh: Any = None, shift: float = 0.0) -> Array:
@@ -234,7 +234,7 @@ class Mode:
         return float((stored**power / dense) ** (1 / (power - 1))) / UM**2 * length
 
     def core_fraction(self, power: int, *, spread_carriers: bool = False) -> float:
-        """Share of int n^(2 power) I^power in the core's material: Gamma_TPA (2) and Gamma_FC (3; 1 when spread)."""
+        """Fraction of int n^(2 power) I^power in the core's material: Gamma_TPA (2) and Gamma_FC (3; 1 when spread)."""
         checks.integer("power", power, 2, 3)
         if power == 3 and spread_carriers:
             return 1.0
@@ -258,9 +258,9 @@ class Mode:
         return [replace(self, square=square, x=x) for square, x in pairs]
 
     def nearest(self, space: Space, window: Window | None = None) -> Mode:
-        """The mode on a space over the same cross-section with about the same n_eff, and held by the core as well.
+        """Mode on another space over the same cross-section with about the same n_eff and core confinement.
 
-        Radiation modes of a bend may lie between: the best held of several is taken where the nearest is one of them.
+        Radiation modes of a bend may have a nearer n_eff: of several modes the most similar one is then taken.
         """
         start = replace(self, space=space, window=window or self.window)
         found = start.solved(1)
@@ -269,7 +269,7 @@ class Mode:
         return max(found, key=lambda mode: mode._likeness(self))
 
     def _likeness(self, like: Mode) -> float:
-        """Share of the energy in the core, times that of the same polarisation."""
+        """Similarity to another mode: fraction of the energy in the core times fraction of the same polarisation."""
         return self.share * (self.te_fraction if like.te_fraction > 0.5 else 1 - self.te_fraction)
 
     @cached_property
@@ -321,7 +321,7 @@ class Mode:
         return DECIBEL * self._damping((left, right, bottom, top), depths, math.inf, (bottom, top)) * 1e4
 
     def _damping(self, box: Box, depths: tuple[float, ...], radius: float, beyond: tuple[float, float]) -> float:
-        """Im beta in 1/um of the mode in a window with matched layers of these depths in m."""
+        """Im beta in 1/um of the mode in a window with matched layers of the given depths in m."""
         light, substrate = self.light, self.light.limits[0][2]
 
         def largest(z: float) -> float:

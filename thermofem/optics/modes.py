@@ -44,7 +44,7 @@ class Light:
 
     @classmethod
     def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
-        """Those on the mesh of a heat problem, see `fem.adaptive_mesh.light`."""
+        """Guided modes on the mesh of a heat problem; arguments as of `fem.adaptive_mesh.light`."""
         geometry, given = heat.geometry, heat.geometry.light
         parts = [one.name for one in geometry.parts]
         if given is not None:
@@ -66,7 +66,7 @@ class Light:
 
     @property
     def centre(self) -> float:
-        """r or x of the window's x = 0 in m: of the core's centre; of a full disc or its rim, of the edge."""
+        """r or x in m of the origin of windows: the core's centre, or the edge of a full disc or its rim."""
         p = self.guide
         if p.x is not None:
             return p.x
@@ -79,7 +79,7 @@ class Light:
 
     @property
     def at_edge(self) -> bool:
-        """Whether R is that of the edge, of a disc or its rim, and not of the core's centre."""
+        """Whether R is the radius of the edge (of a disc or its rim) and not that of the core's centre."""
         return self.centre == self.guide.outer_radius
 
     @property
@@ -111,11 +111,11 @@ class Light:
 
     @cached_property
     def limits(self) -> tuple[Box, dict[str, float]]:
-        """Where the window must end, and how far away in m what lies beyond is, see `window.limits`."""
+        """Box where the window must end, and distance in m to each region beyond it, as of `window.limits`."""
         return limits(self.geometry, self.guide, self.wavelength)
 
     def box(self, *asides: float) -> Box:
-        """Left, right, bottom and top in m at most ``asides`` beyond the part, within `limits`."""
+        """Box (left, right, bottom, top) in m that extends by ``asides`` beyond the part, cut to `limits`."""
         (left, bottom), (right, top) = self.outline.min(axis=0), self.outline.max(axis=0)
         wanted = (left - asides[0], right + asides[1], bottom - asides[2], top + asides[3])
         end = self.limits[0]
@@ -123,7 +123,7 @@ class Light:
 
     @cached_property
     def window(self) -> Window:
-        """The triangles of its modes: as far as one of an index near that of the cladding reaches."""
+        """Triangles on which modes are solved: up to where a mode of index near the cladding's has decayed."""
         weak = self.cladding_index + 0.25 * (self.core_index - self.cladding_index)
         box = self.box(*[self.reach(weak, TAIL)] * 4)
         return window(self.geometry, self.mesh, box, self.centre, self.accuracy)
@@ -135,7 +135,7 @@ class Light:
 
     @cached_property
     def _straight(self) -> dict[str, Mode]:
-        """Guided modes of the straight guide of this cross-section by their names, best first."""
+        """Guided modes of the straight guide of this cross-section by name, best guided first."""
         space, count = Space(self.window.mesh), 3
         start = Mode("", self.wavelength, self, self.window, space, 0.0, np.empty(0))
         while True:
@@ -158,12 +158,12 @@ class Light:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the modes that the straight guide holds, best first."""
+        """Names of the modes that the straight guide supports, best guided first."""
         return tuple(self._straight)
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """The guided modes, best first; those that leave the core in the bend are left out."""
+        """Guided modes, best guided first; modes that leave the core in the bend are left out."""
         return tuple(mode for mode in map(self._solved, self.names) if mode.share >= HELD)
 
     def mode(self, name: str | None = None) -> Mode:
@@ -185,7 +185,7 @@ class Light:
 
     @cached_property
     def _known(self) -> dict[str, Mode]:
-        """The modes that are solved so far."""
+        """Cache of the modes that are solved, by name."""
         return {}
 
     def _solved(self, name: str) -> Mode:
@@ -197,7 +197,7 @@ class Light:
         return self._known[name]
 
     def _report(self, mode: Mode) -> None:
-        """Log what within the mode's reach takes light from it, and a core that is only a part of the guide."""
+        """Log what absorbs or guides light within the mode's reach, and a core that is only a part of the guide."""
         share = mode.confinement[self.part] / mode.confinement[mode.core_material]
         if share < RIDGE:
             log.warning(

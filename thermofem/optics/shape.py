@@ -51,7 +51,7 @@ ABOUT = {
 
 
 def numbers(mode: Mode, *, dispersion: bool = False, spread_carriers: bool = False) -> dict[str, float]:
-    """What a ring takes from its mode, by the names in `ABOUT` but the resonance; for the rules see `Mode.volume`."""
+    """Numbers of a ring from its mode, by the names in `ABOUT` but the resonance; rules as of `Mode.volume`."""
     two, three = {"dispersion": dispersion}, {"spread_carriers": spread_carriers}
     values = (
         mode.n_eff, mode.n_g, mode.thermo_optic, mode.confinement[mode.core_material], mode.core_fraction(2),
@@ -92,9 +92,9 @@ def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]], **ru
 
 @dataclass(frozen=True, eq=False)
 class Variation:
-    """How a parameter changes what a mode is solved on, per unit of it.
+    """Change of a mode's geometry and materials per unit of one parameter.
 
-    heat [shape (2, vertices of the heat's mesh)]: velocity, in m.
+    heat [shape (2, vertices of the heat mesh)]: velocity of the vertices, m per unit.
     """
 
     light: Light
@@ -103,17 +103,17 @@ class Variation:
 
     @property
     def wavelength(self) -> float:
-        """d(wavelength)."""
+        """Change of the wavelength in m per unit of the parameter."""
         return self.change.optical.get((LIGHT, "wavelength"), 0.0)
 
     @property
     def centre(self) -> float:
-        """Velocity of r = R in m, from which windows count."""
+        """Velocity in m per unit of r = R, the origin of windows."""
         corners = self.change.outlines.get(self.light.part, np.zeros((4, 2)))
         return float((corners[1:3] if self.light.at_edge else corners)[:, 0].mean())
 
     def on(self, window: Window) -> Array:
-        """Velocity of a window's vertices against its origin in m, shape (2, vertices); air, without heat, rests."""
+        """Velocity of a window's vertices relative to its origin, m per unit, (2, vertices); air does not move."""
         grid, places = self.light.mesh.skfem, window.mesh.p / UM + np.array([[self.light.centre], [0.0]])
         turn = np.where(self.light.geometry.mirrored & (places[0] < 0), -1.0, 1.0)
         cells, (x, y) = locate(grid, np.stack([turn * places[0], places[1]], axis=1))
@@ -121,7 +121,7 @@ class Variation:
         return np.stack([turn * moved[0] - self.centre, moved[1]])
 
     def window(self, window: Window, velocity: Array, h: float) -> Window:
-        """A window after a step ``h`` of the parameter."""
+        """Window after a step ``h`` of the parameter."""
 
         def after(material: Material) -> Material:
             n, slope = (h * self.change.optical.get((material.name, key), 0.0) for key in ("index", "thermo_optic"))
@@ -132,9 +132,9 @@ class Variation:
         return replace(window, mesh=mesh, materials=tuple(map(after, window.materials)))
 
     def ends(self, mode: Mode, velocity: Array) -> tuple[float, tuple[Mode, Mode]]:
-        """A step h of the parameter, and the mode's x on its window moved ahead and behind by it.
+        """Step h of the parameter for central differences, and the mode's field x on the windows moved by +h and -h.
 
-        Where nothing changes h is 1 and both are the mode.
+        Where nothing changes h is 1 and both are the mode itself.
         """
         corners, moved = mode.window.mesh.p[:, mode.window.mesh.t], velocity[:, mode.window.mesh.t]
         sides, strains = (np.linalg.norm(one - np.roll(one, 1, axis=1), axis=0) for one in (corners, moved))
@@ -153,7 +153,7 @@ class Variation:
 
 
 def variations(light: Light, parameters: Sequence[str | Sequence[str]]) -> list[Variation]:
-    """How paths, as a campaign varies them, change the geometry of a light; a tuple changes together."""
+    """Changes of a mode's geometry with parameters given by paths; the paths in a tuple change together."""
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
     return _variations(light, [change(light.geometry, one) for one in each])
 
@@ -165,20 +165,20 @@ def _variations(light: Light, changes: Sequence[Change]) -> list[Variation]:
 
 
 def _pull(mode: Mode, h: float, ends: tuple[Mode, Mode]) -> tuple[float, Array]:
-    """d(beta^2), and (dA + beta^2 dB) x."""
+    """d(beta^2) per unit of the parameter, and the vector (dA + beta^2 dB) x."""
     ahead, behind = (A @ mode.x + mode.square * (B @ mode.x) for A, B in (each.matrices for each in ends))
     pull = (ahead - behind) / (2 * h)
     return -float(mode.x @ pull), pull
 
 
 def index_slope(mode: Mode, one: Variation, velocity: Array) -> float:
-    """dn_eff per unit of a parameter, without a solve; velocity of the mode's window as of `Variation.on`."""
+    """dn_eff per unit of a parameter, without a solve; ``velocity`` of the mode's window is that of `Variation.on`."""
     slope = _pull(mode, *one.ends(mode, velocity))[0]
     return (one.wavelength / mode.wavelength + slope / (2 * mode.square)) * mode.n_eff
 
 
 def varied(mode: Mode, one: Variation) -> tuple[float, Mode, Mode]:
-    """A step of the parameter, and the mode ahead and behind by it to first order; itself where it does not change."""
+    """Step h of the parameter, and the mode at +h and -h to first order; the mode itself where nothing changes."""
     h, ends = one.ends(mode, one.on(mode.window))
     if mode in ends:
         return h, *ends
@@ -193,7 +193,7 @@ def varied(mode: Mode, one: Variation) -> tuple[float, Mode, Mode]:
 
 
 def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:
-    """Derivatives of the `numbers` of a mode and of its resonance by one parameter."""
+    """Derivatives of the `numbers` of a mode and of its resonance with respect to one parameter."""
     h, ahead, behind = varied(mode, one)
     before = numbers(behind, **rules)
     row = {name: (value - before[name]) / (2 * h) for name, value in numbers(ahead, **rules).items()}
@@ -204,7 +204,7 @@ def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:
 def over_parameters(
     each: Sequence[Variation], rows: Sequence[Mapping[str, float]], about: Mapping[str, tuple[str, str]]
 ) -> xr.Dataset:
-    """Derivatives of some numbers, one row for each parameter; about: unit and words of each number."""
+    """Dataset of derivatives over parameters: one mapping in ``rows`` for each; about: unit and description by name."""
     import xarray as xr
 
     variables = {
@@ -224,7 +224,7 @@ def over_parameters(
 
 
 def light_slope(mode: Mode, basis: Any, one: Change) -> Array:
-    """Derivative of the mean that the mode reads, on the heat's unknowns; see `Mode.light_integral`."""
+    """Derivative of the mode's mean-temperature functional on the heat unknowns, see `Mode.light_integral`."""
     (variation,) = _variations(mode.light, [one])
     h, ahead, behind = varied(mode, variation)
     if ahead is behind:

@@ -58,7 +58,7 @@ class Space:
 
     @cached_property
     def functions(self) -> tuple[Array, Array, Array, Array]:
-        """e (functions, 2, triangles, points), curl e, p and grad p at the quadrature points."""
+        """Functions e, shape (functions, 2, triangles, points), curl e, p and grad p at the quadrature points."""
         e, p = (basis.basis for basis in self.bases)
         shape = self.dx.shape
 
@@ -105,7 +105,7 @@ class Space:
 
     @cached_property
     def arc(self) -> Array:
-        """r/R at the quadrature points, of the real r; 1 for a straight guide."""
+        """r/R at the quadrature points, with r real also in matched layers; 1 for a straight guide."""
         return 1 + self.points[0] / self.radius
 
     @cached_property
@@ -125,7 +125,7 @@ class Space:
         return s, 1 + factors[0] + factors[1], 1 + factors[2] + factors[3]
 
     def matrices(self, eps: Array, k0: float) -> tuple[Any, Any]:
-        """A and B for eps of every triangle, shape (triangles, 1), and k0 in 1/um."""
+        """A and B for the permittivity eps of every triangle, shape (triangles, 1), and k0 in 1/um."""
         s, s_r, s_z = self.stretch
         q = k0**2 * eps
         e, rot, p, grad = self.functions

@@ -29,7 +29,7 @@ Box = tuple[float, float, float, float]  # left, right, bottom, top in m
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Triangles about the core.
+    """Triangles about the core on which modes are solved.
 
     mesh: scikit-fem's, in um about (R, 0), corners of every triangle sorted as Nedelec elements need them.
     region [shape (triangles,)]: index into ``names`` and ``materials``.
@@ -44,7 +44,7 @@ class Window:
     def of(
         cls, geometry: CrossSection, mesh: Mesh, radius: float, keep: NDArray[np.bool_] | slice = slice(None)
     ) -> Window:
-        """Triangles of a mesh in m; points doubled along contacts are joined, and a half on x >= 0 is reflected."""
+        """Make a window of a mesh in m; doubled points are joined, and a mirrored half (x >= 0) is completed."""
         corners, of = mesh.points[mesh.triangles[keep]], mesh.region[keep]
         if geometry.mirrored and corners[..., 0].min() >= 0:
             corners, of = np.concatenate([corners, corners * [-1.0, 1.0]]) + 0.0, np.tile(of, 2)
@@ -61,7 +61,7 @@ class Window:
         return np.array([name in (own, material.name) for own, material in pairs])[self.region, None]
 
     def of_materials(self, value: Callable[[Material], float]) -> Array:
-        """A number of the material of every triangle, shape (triangles, 1)."""
+        """``value`` of the material of every triangle, shape (triangles, 1)."""
         return np.array([value(material) for material in self.materials])[self.region, None]
 
     def indices(self, wavelength: float) -> tuple[Array, Array]:
@@ -77,7 +77,7 @@ def material_of(geometry: CrossSection, region: str) -> Material:
 
 
 def window(geometry: CrossSection, mesh: Mesh, box: Box, radius: float, accuracy: float) -> Window:
-    """The heat mesh cut to a box by its centroids, or triangles drawn there where the heat mesh has gaps."""
+    """Heat mesh cut to a box, by the triangles' centroids; a new mesh of the box where the heat mesh has gaps."""
     if any(face.owner == AIR for face in _clipped(geometry, box)):
         return drawn(geometry, box, radius, accuracy)
     r, z = mesh.points[mesh.triangles].mean(axis=1).T
@@ -92,10 +92,10 @@ def drawn(
     largest: Callable[[float], float] = lambda z: np.inf,
     beyond: tuple[float, float] | None = None,
 ) -> Window:
-    """Triangles that fill a box with straight sides; air where nothing is meshed.
+    """Mesh a box with straight sides; air fills what has no material.
 
     largest [m]: of the triangles at a height z in m.
-    beyond [m]: z to which the bottom and the top of the box are then moved, with what lies there.
+    beyond [m]: z to which bottom and top of the box are then moved, together with the materials there.
     """
     size, faces = size_function(geometry, sizes(accuracy)), _clipped(geometry, box)
     if beyond is not None:
@@ -117,7 +117,7 @@ def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
 
 
 def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, dict[str, float]]:
-    """The box about a part that ends where something else guides or absorbs; distances in m of these things.
+    """Box about a part, up to the nearest regions that guide or absorb, and the distance in m to each of these.
 
     Left out are layers of at least the part's index that do not touch it (a substrate), and materials without an index.
 

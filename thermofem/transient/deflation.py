@@ -50,13 +50,13 @@ FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leav
 
 
 class FieldIntegrator:
-    """The full-order field of a heat problem, advanced window by window from any `FieldState`.
+    """Advances the full-order field of a heat problem, one window of time after another.
 
     basis: from `krylov.krylov`; it decides the work and nothing else.
     tolerance [K]: for every output.
     ledger: closes the energy balance.
-    direct [one for each input]: share of its power that enters at held unknowns.
-    factors: those of E and -A where the caller keeps them.
+    direct [one for each input]: fraction of its power that enters at held unknowns.
+    factors: factorizations of E and -A that the caller keeps; None makes them.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class FieldIntegrator:
         return self._outputs(fast, times), state, fields
 
     def _outputs(self, fast: FastPart, times: Array) -> Array:
-        """Outputs of the last window in K, with these amplitudes, shape (times, outputs)."""
+        """Outputs in K over the last window, with the amplitudes ``fast``, shape (times, outputs)."""
         C = self.linear.C
         outputs = fast.z(times) @ (C @ self.basis.vectors).T
         outputs[0] += C @ self._passed.begin.r
@@ -177,9 +177,9 @@ class FieldIntegrator:
     def revised(
         self, waves: Sequence[Waveform], times: ArrayLike, *, keep: ArrayLike = ()
     ) -> tuple[Array, FieldState, Array]:
-        """The last window under powers that differ little: new amplitudes z, the steps of r as `advance` took them.
+        """Solve the last window again for slightly different powers: new amplitudes z, but the same remainder r.
 
-        The result is off by |H - H_V| times the change of the power, which is the share of the rise that V leaves to r
+        The error is |H - H_V| times the change of the power, that is the part of the change that V leaves to r
         (`remainder`). Parameters and result are those of `advance`, without the state.
         """
         first, old, _, end, fields = self._passed
@@ -199,7 +199,7 @@ class FieldIntegrator:
     def _revised_end(
         self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float
     ) -> tuple[Array, Array, Array]:
-        """z, r and slope at the end of a revised window.
+        """z, r and slope at the end of a revised window; ``gained`` [J]: energy of each input beyond that before.
 
         The heat that V leaves to r follows the power; it spreads for the length of a step, as the outputs know none of
         it. With c_p(T) r changes, too, so that H(x) keeps the heat that the steps of r brought.
@@ -219,12 +219,12 @@ class FieldIntegrator:
 
     @property
     def remainder(self) -> float:
-        """Largest change of the outputs' part in r in the last window of `advance`, K."""
+        """Largest change of an output through the remainder r within the last window of `advance`, K."""
         begin = self.linear.C @ self._passed.begin.r
         return max(float(np.abs(inside(STAGE_TIMES) - begin).max()) for _, _, inside in self._passed.steps)
 
     def _holding(self, s: NewtonStepper, x: Array, target: Array) -> Array:
-        """The rise with the enthalpy H(x) = target in J, close to the one given."""
+        """Rise near x with the heat content H(x) = target in J."""
         for _ in range(ROUNDS):
             change = s.solve(0.0, target - s.system.content(x)) / s.nodal.slope(x)
             x = x + change
@@ -233,19 +233,19 @@ class FieldIntegrator:
         return x
 
     def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
-        """The amplitudes z in a window that starts from a state."""
+        """Amplitudes z in the window that begins at ``state``."""
         reach = np.abs(self.linear.C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
         left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
         return FastPart(self.basis, state.time, state.z, waves, times, self.curved if self.newton else None, left)
 
     def _drained(self, ledger: Ledger | NonlinearLedger, fast: FastPart, length: float, r: Array) -> float:
-        """Heat in J that leaves by the mean field and the change of a window."""
+        """Heat in J that leaves in a window of this length, from the mean field and its change."""
         begin, mean, end = np.stack([fast.values[0], fast.mean(), fast.values[-1]]) @ self.basis.vectors.T + r
         slopes = np.stack([0 * begin, (end - begin) / length, 0 * begin])
         return ledger.outflow(length, np.array([0.0, 1.0, 0.0]), np.stack([begin, mean, end]), slopes)
 
     def _steps(self, window: float, last: float) -> int:
-        """Initial number of steps of a window: each is the first window over a power of four, at most ``last``."""
+        """Initial number of steps of a window; a step is the first window over a power of four, at most ``last``."""
         octaves = np.log2(self.unit / window)
         count = 2 if round(octaves) % 2 and abs(octaves - round(octaves)) < 1e-6 else 1
         while last and window / count > 1.001 * last:
@@ -303,7 +303,7 @@ class FieldIntegrator:
     def _nonlinear(
         self, s: NewtonStepper, piece: Piece, z: Array, h: float, slope: Array, r: Array, correction: Array
     ) -> tuple[Array, Array] | None:
-        """Slopes in W and r at the stages with k(T) and c_p(T); None where one does not converge.
+        """Slopes in W and remainders r at the six stages with k(T), c_p(T), (6, n) each; None if one does not converge.
 
         The unknown is x = V z + r.
         """
@@ -326,16 +326,15 @@ class FieldIntegrator:
         return slopes, rests
 
     def _correction(self, fast: FastPart, z: Array, t: float, h: float) -> Array:
-        """Error of the stages in E V f - [F(V z) - K V z] in a step, W, shape (6, n), to second order in z.
+        """Error of E V f - [F(V z) - K V z] at the stages of a step, to second order in z; W, shape (6, n).
 
-        Its products z_j z_k enter by their best cubics, as the power does: else pulses of z between the stages would
-        leave their heat out.
+        The products z_j z_k enter as their best cubics, as the power does: heat of pulses between stages counts.
         """
         missed = self.flow(fast.products(t, h) - z[:, :, None] * z[:, None, :])
         return np.asarray(missed @ self.basis.vectors @ self.EV.T - missed)
 
     def _load(self, s: NewtonStepper, piece: Piece, z: Array, r: Array, slope: Array) -> Array:
-        """E dr/dt at the end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt, its inverse taken node by node."""
+        """E dr/dt at the end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt with H' inverted node by node."""
         x, curved, one = self.basis.vectors @ z + r, self.curved, z[None]
         moving = self.basis.heating @ piece.stages[-1, : piece.energy.size] - self.basis.rate * z - curved(one)[0][0]
         rate = moving
@@ -344,13 +343,13 @@ class FieldIntegrator:
         return (slope + self.EV @ moving - s.system.content.derivative(x)(self.basis.vectors @ rate)) / s.nodal.slope(x)
 
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:
-        """Errors of a step over the tolerance: outputs and field at its end, and outputs inside."""
+        """Errors of a step relative to the tolerance: of outputs and field at its end, and of outputs inside it."""
         C, allowed = self.linear.C, SHARE * self.tolerance
         worst = max(np.abs(C @ estimate).max(), self.stepper.norm(estimate) / self.per_kelvin)
         return float(worst) / allowed, float(np.abs(inside).max()) / allowed
 
     def missed(self, h: float) -> Array:
-        """|H - H_V| of the worst output by each input at the scale of a step and below, K/W, shape (inputs,)."""
+        """|H - H_V| of the worst output for each input, at time scales up to a step h; K/W, shape (inputs,)."""
         steps = [float(f"{step:.8e}") for step in GAMMA * h * FINER]
         for step in steps:
             if step not in self._missed:

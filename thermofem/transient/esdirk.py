@@ -58,7 +58,7 @@ EMBEDDED = np.array(
 
 
 def through(nodes: Array, x: float) -> Array:
-    """Weights of values at the nodes in the value at ``x`` of the polynomial through them."""
+    """Interpolation weights, shape (nodes,): weights @ values is the polynomial through the nodes at ``x``."""
     powers = np.arange(len(nodes))
     return np.linalg.solve(np.power.outer(nodes, powers).T, x**powers)
 
@@ -68,9 +68,9 @@ _EXTRAPOLATE = through(np.append(_THIRDS, 1), STAGE_TIMES[4])
 
 
 class Stepper:
-    """One linear system and its waveforms, with the factorizations of E - shift A and counts of solves and steps.
+    """Steps of one linear system under its waveforms, with factorizations of E - shift A and counts of solves.
 
-    ``factors``: those of E and -A where the caller keeps them.
+    factors: factorizations of E and -A that the caller keeps; None makes them.
     """
 
     def __init__(self, system: StateSpace, waves: Waveform | Sequence[Waveform], factors: Pencil | None = None) -> None:
@@ -102,16 +102,16 @@ class Stepper:
 
     @cached_property
     def steady(self) -> Array:
-        """Field in the steady state with one watt in every input, at small power."""
+        """Steady field with one watt in every input at small power, shape (n,)."""
         return self.static(self.B.sum(axis=1))
 
     @cached_property
     def far(self) -> Array:
-        """`FAR` of the steady outputs, relative to the norm of the steady field."""
+        """`FAR` times the steady outputs over the norm of the steady field, shape (outputs,)."""
         return np.asarray(FAR * np.abs(self.C @ self.steady) / max(self.norm(self.steady), np.finfo(float).tiny))
 
     def edges(self, stop: float, rtol: float) -> Array:
-        """0, every breakpoint of every waveform, ``stop``; finds the time scales of smooth powers (`resolves`)."""
+        """Ends of the smooth pieces up to ``stop`` in s: 0, all breakpoints, ``stop``; prepares `resolves`."""
         smooth = [wave for wave in self.waves if not wave.piecewise_linear]
         # 1e-8 of a smooth power by a cubic, relative to its peak
         fits = [wave.pieces(0.0, stop, tolerance=max(rtol, 1e-8)).edges for wave in smooth] if stop else []
@@ -150,7 +150,7 @@ class Stepper:
         return powers.T @ self.B.T
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
-        """dx/dt at the start of a smooth piece."""
+        """dx/dt at the start of a smooth piece, shape (n,)."""
         return self.solve(0.0, self.A @ x + self.sources(t, h, stop)[0])
 
     def rate(self, x: Array, slope: Array) -> Array:

@@ -45,7 +45,7 @@ _AT_STAGES = _legendre(STAGE_TIMES)
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Powers and fast part along one step, as its best cubic [P, z] sees them.
+    """Powers P and amplitudes z along one step, as their best cubic.
 
     stages [shape (6, inputs + k)]: the cubic at the stages of `esdirk`.
     leftover [shape (inputs,), W]: largest difference between power and cubic.
@@ -58,12 +58,12 @@ class Piece:
 
 
 class FastPart:
-    """z over one window.
+    """Amplitudes z over one window.
 
     start, z [float, array of shape (k,)]: time and z at the beginning.
     waves [one Waveform for each input]
     times [s]: wanted times, the last is the end of the window.
-    allowed [shape (k,)]: what may be left of the iteration of each amplitude.
+    allowed [shape (k,)]: tolerance of each amplitude in the iteration with k(T) and c_p(T).
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class FastPart:
             self._bend(curved, (h, gains, decay, forcing, heat), allowed)
 
     def _bend(self, curved: Curvature, linear: tuple[Array, ...], allowed: Array | float) -> None:
-        """Values and slopes with k(T) and c_p(T), from those without and what these were made of."""
+        """Iterate values and slopes of z with k(T) and c_p(T), from those of the ``linear`` solution."""
         h, gains, decay, forcing, heat = linear
         w0 = self.values[0] + curved(self.values[:1])[1][0]
         for _ in range(40):
@@ -116,7 +116,7 @@ class FastPart:
 
     @cached_property
     def _cubics(self) -> Array:
-        """Coefficients of u^m on every interval, shape (4, intervals, k)."""
+        """Coefficients of u^m of z on every grid interval, shape (4, intervals, k)."""
         return _coefficients(self.values, *(np.diff(self.grid)[:, None] * self.slopes))
 
     def z(self, t: ArrayLike) -> Array:
@@ -128,11 +128,11 @@ class FastPart:
         return np.asarray(c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i])))
 
     def mean(self) -> Array:
-        """z averaged over the window, shape (k,)."""
+        """Mean of z over the window, shape (k,)."""
         return np.tensordot(self.weights, self.z(self.nodes)) / self.weights.sum()
 
     def mean_products(self) -> Array:
-        """z_j z_k averaged over the window, shape (k, k)."""
+        """Mean of z_j z_k over the window, shape (k, k)."""
         z = self.z(self.nodes)
         return np.tensordot(z, self.weights[..., None] * z, ((0, 1), (0, 1))) / self.weights.sum()
 
@@ -158,7 +158,7 @@ class FastPart:
         return np.asarray((_AT_STAGES @ moments).reshape(len(_AT_STAGES), z.shape[1], z.shape[1]))
 
     def _nodes(self, t: float, h: float) -> tuple[Array, Array]:
-        """Gauss points of every grid interval of a step, as fractions of it, and their weights."""
+        """Gauss points of all grid intervals in a step, as fractions of the step, and their weights."""
         inside = self.grid[(self.grid > t + 1e-9 * h) & (self.grid < t + h * (1 - 1e-9))]
         edges = (np.concatenate([[t], inside, [t + h]]) - t) / h
         width = np.diff(edges)
@@ -166,7 +166,7 @@ class FastPart:
 
 
 def _followed(z: Array, decay: Array, forcing: Array) -> Array:
-    """z_0 = z, z_(k+1) = decay_k z_k + forcing_k, shape (intervals + 1, k)."""
+    """Solution of z_(k+1) = decay_k z_k + forcing_k from z_0 = z, shape (intervals + 1, k)."""
     values = np.empty((len(decay) + 1, z.size))
     values[0] = z
     for k in range(len(decay)):
@@ -175,18 +175,18 @@ def _followed(z: Array, decay: Array, forcing: Array) -> Array:
 
 
 def _coefficients(values: Array, d0: Array, d1: Array) -> Array:
-    """Coefficients of u^m, shape (4, intervals, k), of cubics through values and slopes times the interval."""
+    """Coefficients of u^m, shape (4, intervals, k), of cubics through values with slopes d0, d1 times the interval."""
     rise = np.diff(values, axis=0)
     return np.stack([values[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
 
 
 def _ends(values: Array) -> Array:
-    """Values at the start and at the end of every interval, shape (2, intervals, ...)."""
+    """Values at start and end of every interval, shape (2, intervals, ...)."""
     return np.stack([values[:-1], values[1:]])
 
 
 def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
-    """Wanted times, breakpoints, and a graded set of times behind each jump and the start."""
+    """Grid times in s: wanted times, breakpoints, and graded times behind the start and each jump of the power."""
     stop = float(times[-1])
     parts = [np.array([start]), times]
     for wave in waves:
@@ -231,10 +231,10 @@ class FieldState:
 
 
 class Inside(NamedTuple):
-    """The remainder r in a step, or its outputs: a cubic through both ends, the third stage and the slope at the end.
+    """Cubic of the remainder r or its outputs in a step: through both ends and the third stage, with the end slope.
 
-    The slope at the beginning has no part: it holds what the last step left of fast modes, and what the cubics of the
-    power differ by, which is gone after a small part of the step.
+    The slope at the beginning is not used: it contains fast modes and the difference of two cubics of the power, which
+    both decay within a small part of the step.
     """
 
     first: Array
@@ -249,7 +249,7 @@ class Inside(NamedTuple):
 
 
 class Advanced(NamedTuple):
-    """A window that was advanced, for `FieldIntegrator.revised`."""
+    """Record of an advanced window, from which `FieldIntegrator.revised` solves it again."""
 
     begin: FieldState
     fast: FastPart

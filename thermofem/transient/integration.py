@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Ledger:
-    """Closes the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt + direct P.
+    """Terms of the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt + direct P.
 
-    ``direct`` is the share of the power that enters at held unknowns, where a heated part touches a held boundary.
+    ``direct`` is the fraction of the power that enters at held unknowns, where a heated part touches a held boundary.
     """
 
     storage: Array
@@ -194,7 +194,7 @@ Plan = tuple[float, float, list[int]]
 
 
 def _crossed(control: _Control, record: _Record, x: Array, edges: Array) -> tuple[Array, list[Plan]]:
-    """Cross all smooth pieces with error control; the state at the end and the steps taken."""
+    """Integrate over all smooth pieces with error control; returns the state at the end and the steps taken."""
     plan = []
     for start, stop in pairwise(edges.tolist()):
         x, levels = _cross(control, record, x, start, stop)
@@ -203,7 +203,7 @@ def _crossed(control: _Control, record: _Record, x: Array, edges: Array) -> tupl
 
 
 def _cross(control: _Control, record: _Record, x: Array, start: float, stop: float) -> tuple[Array, list[int]]:
-    """Cross one smooth piece with error control."""
+    """Integrate over one smooth piece with error control; returns the state at its end and the level of each step."""
     stepper = control.stepper
     length = stop - start
     level = control.first_level(length, record.first_wanted(start, stop))
@@ -242,7 +242,7 @@ def _cross(control: _Control, record: _Record, x: Array, start: float, stop: flo
 
 
 def _march(plan: Sequence[Plan], x: Array, record: _Record) -> Array:
-    """Repeat planned steps from another state."""
+    """Integrate from another state with the steps of ``plan``; returns the state at the end."""
     stepper = record.stepper
     for start, stop, levels in plan:
         t, slope = start, stepper.start_slope(x, start, stop - start, stop)
@@ -259,7 +259,7 @@ def _march(plan: Sequence[Plan], x: Array, record: _Record) -> Array:
 
 
 class _Control:
-    """Error of a step in units of the tolerance, and the first step of a piece."""
+    """Error control: error of a step over the tolerance, and length of the first step of a piece."""
 
     def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
         self.stepper, self.rtol = stepper, rtol
@@ -280,7 +280,7 @@ class _Control:
         return float(max(field, ratios.max(initial=0.0)) / (SAFETY * self.rtol))
 
     def first_level(self, length: float, wanted: float) -> int:
-        """Level of the first step.
+        """Level k of the first step, whose length is length/4^k.
 
         At most the first wanted time, 16 times the first step of the last piece, and the shortest rise time. An
         L-stable step across a whole transient is accurate at its end only; its interior and its estimate are not.
@@ -290,7 +290,7 @@ class _Control:
 
 
 def _shortest_rise(stepper: Stepper) -> float:
-    """Shortest time in which the initial slope would reach the static rise: R_th times the part's heat capacity."""
+    """Shortest time in s in which an output or the field would reach its steady value with its initial slope."""
     static, slope = stepper.steady, stepper.solve(0.0, stepper.B.sum(axis=1))
     rises = np.append(np.abs(stepper.C @ static), stepper.norm(static))
     slopes = np.append(np.abs(stepper.C @ slope), stepper.norm(slope))
@@ -299,7 +299,7 @@ def _shortest_rise(stepper: Stepper) -> float:
 
 
 class _Record:
-    """Outputs at the wanted times by cubic Hermite interpolation, snapshots, and the energy balance."""
+    """Records outputs at the wanted times by cubic Hermite interpolation, snapshots, and the energy balance."""
 
     def __init__(
         self,
@@ -319,13 +319,13 @@ class _Record:
         self.heat_in = self.heat_out = 0.0 if ledger else np.nan
 
     def first_wanted(self, start: float, stop: float) -> float:
-        """Time from ``start`` to the first output or snapshot of the piece, or to its end."""
+        """Time in s from ``start`` to the first wanted output or snapshot of the piece, or to the end of the piece."""
         wanted = np.concatenate([self.times, self.kept])
         inside = wanted[(wanted > start * (1 + 1e-12)) & (wanted <= stop)]
         return max(float(inside.min()) if inside.size else stop, start + 1e-9 * (stop - start)) - start
 
     def add(self, t: float, h: float, slopes: Array, states: Array) -> None:
-        """Take in one step."""
+        """Record one step of length h from t: outputs, snapshots and heat that left."""
         C = self.stepper.C
         read, kept = between(self.times, t, t + h), between(self.kept, t, t + h)
         if read.size or kept.size:
@@ -340,7 +340,7 @@ class _Record:
             self.progress(self.before + t + h)
 
     def deliver(self, start: float, stop: float) -> None:
-        """Count the exact energy of one piece."""
+        """Add the exact energy that the powers deliver in one piece."""
         if self.ledger:
             energy = (stop - start) * sum(wave.mean(start, stop) for wave in self.stepper.waves)
             self.heat_in += energy

@@ -45,7 +45,7 @@ LOUDER = 10.0  # times all power before it: the heat before then hides nothing b
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The solution on one basis at every wanted time: z, shape (times, k), and the outputs."""
+    """Solution on one Krylov basis at every wanted time: z, shape (times, k), and outputs, shape (times, outputs)."""
 
     basis: Basis
     z: Array
@@ -53,10 +53,10 @@ class Answer:
 
 
 class Modal:
-    """Krylov spaces of one heated part, kept from run to run. Safe to share between threads.
+    """Closed-form transients of one heated part; its Krylov spaces are kept for further runs, safely between threads.
 
-    system: E and -A symmetric positive definite; of its outputs nothing is kept.
-    factors: of E and -A, where the caller keeps them.
+    system: E and -A symmetric positive definite; its outputs are not used.
+    factors: factorizations of E and -A that the caller keeps; None makes them.
     """
 
     def __init__(self, system: StateSpace, factors: Pencil | None = None) -> None:
@@ -66,7 +66,7 @@ class Modal:
         self._lock = threading.Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy makes its spaces again: the factors in them cannot be copied or sent to another process."""
+        """Pickle the matrices: factors cannot be sent to another process, which makes the spaces again."""
         return Modal, (self.system, self.factors)
 
     def run(
@@ -135,7 +135,7 @@ class Modal:
         )
 
     def _grown(self, rounds: int, first: float) -> tuple[Rounds, int]:
-        """The space with at least ``rounds`` rounds, for times from ``first`` in s on, and its size after them."""
+        """Krylov space for times from ``first`` s on with at least ``rounds`` rounds, and its size after them."""
         with self._lock:
             slow, fast = self._rates
             low, high = SLOWEST * slow, FASTEST * fast
@@ -152,17 +152,17 @@ class Modal:
 
     @cached_property
     def _rates(self) -> tuple[float, float]:
-        """As `krylov.rates`."""
+        """Slowest and fastest rate in 1/s, as of `krylov.rates`."""
         return rates(self.system, self.factors.keep(0.0, 1.0))
 
     @cached_property
     def _cell(self) -> float:
-        """About the rate of the fastest cell of the mesh."""
+        """Approximate rate in 1/s of the fastest cell of the mesh."""
         return float((-self.system.A.diagonal() / self.system.E.diagonal()).max())
 
 
 def _first(wave: Waveform, wanted: Array) -> float:
-    """Shortest time in s from a power `LOUDER` than all before it to the next wanted time."""
+    """Shortest time in s to a wanted time, counted from each power that is `LOUDER` than all before it."""
     if not wanted[-1]:
         return np.inf
     lines = wave.pieces(0.0, float(wanted[-1]))
@@ -174,9 +174,10 @@ def _first(wave: Waveform, wanted: Array) -> float:
 
 
 def _change(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
-    """Largest change of an output, or of a field ``shown``, since an older answer; `OTHERS` times but in the heat.
+    """Largest relative change between two solutions: of an output, or of fields at the times ``shown`` (indices).
 
-    Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
+    Relative to the largest value so far; for an output at least to `esdirk.FAR` of its value in a steady field.
+    Changes of fields, and of outputs that are not heated, count `OTHERS` times.
     """
     basis, tiny = new.basis, np.finfo(float).tiny
     size = np.maximum.accumulate(np.linalg.norm(new.z, axis=1))
@@ -193,7 +194,10 @@ def _change(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np
 
 
 def _balance(found: Answer, ledger: Ledger, wave: Waveform, end: float) -> tuple[float, float, float]:
-    """Heat in J that entered, is stored, and left: the integral of x is V (V^T B int P - change of z) / rate."""
+    """Heat in J that entered, that is stored and that left.
+
+    The integral of x over time is V (V^T B int P dt - change of z)/rate.
+    """
     basis, change = found.basis, found.z[-1] - found.z[0]
     entered = end * float(wave.mean(0.0, end)) if end else 0.0
     integral, gained = basis.vectors @ ((basis.heating[:, 0] * entered - change) / basis.rate), basis.vectors @ change

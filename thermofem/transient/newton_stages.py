@@ -42,12 +42,15 @@ for _i, (_at, _k) in THROUGH.items():
 
 
 def _predicted(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
-    """Guess for stage i from those before it; ``h`` times a slope is dx/dt times the step."""
+    """Starting guess of x at stage i, from the states and slopes of the stages before it."""
     return np.asarray(SLOPED[i, :i] @ states[:i] + SLOPED[i, 6] * h * slopes[THROUGH[i][1]])
 
 
 class NewtonStepper(Stepper):
-    """A `Stepper` whose stages are nonlinear; ``tolerance`` is the relative error allowed in a step."""
+    """A `Stepper` with k(T) and c_p(T), whose stages are solved by Newton's method.
+
+    tolerance: relative error of the iterations allowed in a step.
+    """
 
     def __init__(
         self,
@@ -76,7 +79,7 @@ class NewtonStepper(Stepper):
         return self.solve(0.0, self.sources(t, h, stop)[0] - self.system.flow(x))
 
     def rate(self, x: Array, slope: Array) -> Array:
-        """dx/dt from a slope: solves H'(x) dx/dt = E s by iteration with E, from the same node by node."""
+        """dx/dt from the slope s of a step: solves H'(x) dx/dt = E s by iteration, starting node by node."""
         if not self.system.content.laws:
             return slope
         nodal = self.nodal.slope(x)
@@ -118,7 +121,10 @@ class NewtonStepper(Stepper):
 
     @np.errstate(over="ignore", invalid="ignore")  # a size that is not finite ends the iteration
     def stage(self, x: Array, target: Array, shift: float) -> Array | None:
-        """Solve H(x) + shift F(x) = target from the guess ``x``; None where the iterations do not converge."""
+        """Solve one stage, H(x) + shift F(x) = target, for the rise x in K, by iteration from the guess ``x``.
+
+        None where the iterations do not converge.
+        """
         flow, content = self.system.flow, self.system.content
         rate, last = 0.0, np.inf
         for k in range(ITERATIONS):
@@ -147,16 +153,16 @@ class NewtonStepper(Stepper):
 
     @property
     def rise(self) -> float:
-        """Largest rise that an output has had, K."""
+        """Largest rise of any output so far, K."""
         return float(self._scale[:-1].max())
 
     def _measure(self, x: Array) -> Any:
-        """Sizes of the outputs and of the field, K."""
+        """Absolute outputs and the norm of the field in K, shape (outputs + 1,)."""
         return np.append(np.abs(self.C @ x), np.sqrt(self._weight @ (x * x)))
 
 
 class _Nodal:
-    """A `NodalOperator` at each node where the neighbours do the same: its laws, weighted by the diagonal."""
+    """Approximation of a `NodalOperator` by one law at each node: its laws there, weighted by the matrix diagonal."""
 
     def __init__(self, operator: NodalOperator, diagonal: Array) -> None:
         self.operator, self.size = operator, diagonal.size
@@ -164,14 +170,14 @@ class _Nodal:
         self.laws = [(at, np.asarray(weight).ravel() / diagonal[at]) for at, weight in own]
 
     def slope(self, x: Array) -> Array:
-        """Derivative at each node."""
+        """Derivative of the weighted law at each node, shape (n,)."""
         total = np.ones(self.size)
         for (at, weight), slope in zip(self.laws, self.operator.slopes(x), strict=True):
             total[at] += weight * (slope - 1)
         return total
 
     def integral(self, extended: Array) -> Array:
-        """Its integral from ambient in K, from what `NodalOperator.extended` gives."""
+        """Integral of the weighted law from ambient at each node in K, shape (n,), from `NodalOperator.extended`."""
         ends = np.cumsum([self.size, *(at.size for at, _ in self.laws)])
         x, *laws = np.split(extended, ends[:-1])
         total = x.copy()
@@ -196,12 +202,12 @@ class _Neighbour:
         self.slopes = [np.ones(at.size) for at, *_ in self.laws]
 
     def drift(self, x: Array) -> float:
-        """Largest relative change of a derivative since `at`; InputError for a law that is not positive."""
+        """Largest relative change of a law's derivative since `at`; InputError for a law that is not positive."""
         new = self.operator.slopes(x, positive=True)
         return max((float(np.abs(a / b - 1).max()) for a, b in zip(new, self.slopes, strict=True)), default=0.0)
 
     def at(self, x: Array) -> Array:
-        """The values at ``x``."""
+        """Matrix entries of the approximation at the rise ``x``, in the order of the pencil's pattern."""
         self.slopes = self.operator.slopes(x)
         total, (rows, columns) = self.rest.copy(), self.places
         for (at, where, values), slope in zip(self.laws, self.slopes, strict=True):

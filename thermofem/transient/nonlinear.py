@@ -38,7 +38,7 @@ from ..materials.material_laws import Law, check_positive
 
 @dataclass(frozen=True, eq=False)
 class NodalOperator:
-    """A nonlinear operator ``matrix @ [x, g_1(x), g_2(x), ...]``, every law at its own nodes.
+    """Nonlinear operator matrix @ [x, g_1(x), g_2(x), ...] with every law's integral g_l taken at its own nodes.
 
     matrix [sparse, shape (rows, n + sum of nodes)]: the first n columns hold the part that does not depend on
         temperature.
@@ -52,11 +52,11 @@ class NodalOperator:
 
     @cached_property
     def references(self) -> list[float]:
-        """Every law at the ambient temperature."""
+        """Value f(T0) of every law at the ambient temperature."""
         return [float(law.factor(self.ambient)) for law, _ in self.laws]
 
     def slopes(self, x: Array, *, positive: bool = False) -> list[Array]:
-        """Derivative of every g at its nodes, from x of shape (n,).
+        """Derivatives dg_l/dx of every law at its nodes, from the rise x of shape (n,).
 
         Raises InputError: where ``positive``, a law that is not.
         """
@@ -78,18 +78,18 @@ class NodalOperator:
         return np.asarray(self.matrix @ self.extended(x))
 
     def jacobian(self, x: Array) -> Any:
-        """d/dx at ``x``, sparse."""
+        """Jacobian matrix at the rise ``x``, sparse."""
         both = zip(self.laws, self.slopes(x), strict=True)
         blocks = [csr_matrix((slope, at, np.arange(at.size + 1)), shape=(at.size, x.size)) for (_, at), slope in both]
         return self.matrix @ vstack([identity(x.size), *blocks], format="csr")
 
     def derivative(self, x: Array) -> Callable[[Array], Array]:
-        """The derivative at ``x`` as a function of the direction, without its matrix."""
+        """Jacobian at the rise ``x`` as a function of a direction, without forming the matrix."""
         slopes = [(slope, at) for (_, at), slope in zip(self.laws, self.slopes(x), strict=True)]
         return lambda v: np.asarray(self.matrix @ np.concatenate([v, *(slope * v[at] for slope, at in slopes)]))
 
     def parts(self) -> Iterator[tuple[Law, NDArray[np.intp], Any]]:
-        """Every law with its nodes and its columns of the matrix."""
+        """Every law, the nodes where it is taken, and its columns of the matrix."""
         start = self.matrix.shape[1] - sum(at.size for _, at in self.laws)
         for law, at in self.laws:
             yield law, at, self.matrix[:, start : start + at.size]
@@ -131,12 +131,12 @@ def factorize_general(matrix: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearLedger:
-    """Closes the energy balance with enthalpies.
+    """Terms of the energy balance with enthalpies.
 
     stored, held [NodalOperator with one row; J]: enthalpy of everything, and the part of it that belongs to the held
         unknowns.
     drain [NodalOperator with one row; W]: heat that flows out through held unknowns and convective boundaries.
-    direct: share of the power that enters at held unknowns.
+    direct: fraction of the power that enters at held unknowns.
     """
 
     stored: NodalOperator
@@ -157,10 +157,10 @@ class NonlinearLedger:
 def nodal_operator(
     parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], ambient: float
 ) -> NodalOperator:
-    """All rows of an operator from its matrices: ``rest`` follows no law, every other its own.
+    """Make a NodalOperator, with rows for all unknowns, from one matrix for each law and a matrix ``rest`` without law.
 
     parts [sequence of (sparse matrix on all unknowns, law)]
-    rest [sparse matrix]: what is left when they are taken away from the whole.
+    rest [sparse matrix]: the total matrix minus those of the laws.
     free: unknowns that are not held; the operator acts on them.
     ambient [K]
     """
@@ -179,7 +179,7 @@ def nodal_operator(
 
 
 def rows(operator: NodalOperator, matrix: Any) -> NodalOperator:
-    """The operator with ``matrix`` in front: some rows or sums of them, with the laws at the nodes they need."""
+    """NodalOperator ``matrix`` @ operator, such as some rows or sums of them, with the nodes that it needs."""
     matrix = csr_matrix(matrix)
     total = (matrix @ operator.matrix).toarray()
     total[np.abs(total) <= 1e-12 * (abs(matrix) @ abs(operator.matrix)).toarray()] = 0.0  # what cancels inside
@@ -201,7 +201,7 @@ HOT = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """The forms of the module, each of shape (k, k, k) and symmetric in its last two indices.
+    """Quadratic forms flow, content and inverse of this module, (k, k, k), symmetric in the last two indices.
 
     flow [1/(K s) in amplitudes of K]
     content, inverse [1/K]
@@ -216,14 +216,14 @@ class Curvature:
         return self.along(z, z / 2)
 
     def along(self, z: Array, slope: Array) -> tuple[Array, Array]:
-        """Their derivatives where z moves with ``slope``."""
+        """Derivatives of f(z) and e(z) in the direction ``slope``, for z of shape (times, k); shape (times, k) each."""
         products = 2 * z[:, :, None] * slope[:, None, :]
         flow, content = (np.tensordot(products, form, ((1, 2), (1, 2))) for form in (self.flow, self.content))
         return flow, content
 
 
 def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
-    """Return the forms for the fields V of a basis, shape (n, k)."""
+    """Curvature for the k fields of a basis."""
     V = basis.vectors
     flow, content, inverse = (np.zeros((V.shape[1],) * 3) for _ in range(3))
     T0 = system.flow.ambient
@@ -251,7 +251,7 @@ def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
 
 
 def _chord(law: Law, T0: float) -> float:
-    """a of x + a x^2, which the integral of the law is at no rise and at `HOT`."""
+    """Coefficient a in 1/K of the parabola x + a x^2 through the law's integral at rise 0 and at rise `HOT`."""
     return float((law.integral(T0, HOT) / law.factor(T0) - HOT) / HOT**2)
 
 
