@@ -41,8 +41,8 @@ def solve(
     """Full-order transient from rest.
 
     Powers that are straight lines between their breakpoints are solved in closed form on a few fields of the mesh,
-    whose number grows until the solution converges (`transient.modal`); others, and conductivities or heat capacities that depend on
-    temperature, are stepped with error control (`transient.integration`).
+    whose number grows until the solution converges (`transient.modal`); others, and conductivities or heat capacities
+    that depend on temperature, are stepped with error control (`transient.integration`).
 
     Parameters
     ----------
