@@ -195,7 +195,7 @@ def text(name: str, value: Any) -> str:
 
 
 def flag(name: str, value: Any) -> bool:
-    """Return ``value`` as a bool, or raise InputError: the text "no" is true."""
+    """Return ``value`` as a bool, or raise InputError for anything else, such as the text "no"."""
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"{name} = {shown(value)} must be True or False")
     return bool(value)

@@ -34,7 +34,7 @@ class Pieces(NamedTuple):
 
     @classmethod
     def constant(cls, start: float, stop: float, value: float) -> Pieces:
-        """One value over [start, stop]."""
+        """A constant value over [start, stop]."""
         return cls(np.array([start, stop]), np.array([[value, 0.0, 0.0, 0.0]]))
 
     def __call__(self, t: ArrayLike, side: str = "right") -> Array:

@@ -110,7 +110,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
 
 
 def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
-    """All parts with their names above, the mesh around the first heated part below; the upper Axes."""
+    """Draw all parts with their names, and below the mesh around the first heated part; returns the upper Axes."""
     figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, 7.6), layout="constrained")
     for ax in (above, below):
         colours = _draw_materials(geometry, ax)

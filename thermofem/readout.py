@@ -66,7 +66,7 @@ class _Readout(ABC):
 
             |Z(f)| = R_th/2 (decibels of the optical power),    |Z(f)| = R_th/sqrt 2 (of the electrical power)
 
-        At small signals every bias with a slope reads Z itself.
+        At small signals the optical power follows Z at every bias with a slope.
 
         Raises
         ------

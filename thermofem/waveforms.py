@@ -144,7 +144,7 @@ class Constant(Steps):
 
     @property
     def words(self) -> str:
-        """Kind, power and times."""
+        """Text with the kind, the power and the times of the waveform."""
         return f"step {self.power * 1e3:g} mW"
 
     @property
@@ -182,7 +182,7 @@ class Pulse(Steps):
 
     @property
     def words(self) -> str:
-        """Kind, power and times."""
+        """Text with the kind, the power and the times of the waveform."""
         return f"pulse {self.power * 1e3:g} mW, {self.width * 1e6:g} us"
 
     @property
@@ -213,7 +213,7 @@ class SquareWave(Waveform):
 
     @property
     def words(self) -> str:
-        """Kind, power and times."""
+        """Text with the kind, the power and the times of the waveform."""
         return f"square wave {self.power * 1e3:g} mW, {self.period * 1e6:g} us, duty {self.duty:.3g}"
 
     @cached_property
@@ -250,7 +250,7 @@ class Telegraph(Steps):
 
     @property
     def words(self) -> str:
-        """Kind, power and times."""
+        """Text with the kind, the power and the times of the waveform."""
         return f"telegraph {self.power * 1e3:g} mW, {self.dwell * 1e6:.3g} us"
 
     @property
@@ -294,7 +294,7 @@ class Chirp(Steps):
 
     @property
     def words(self) -> str:
-        """Kind, power and times."""
+        """Text with the kind, the power and the times of the waveform."""
         return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"
 
     @property
@@ -439,7 +439,7 @@ class Sampled(Samples):
 
     @property
     def values(self) -> ArrayLike:  # type: ignore[override]
-        """The power."""
+        """The power in W at ``times``."""
         return self.power
 
 

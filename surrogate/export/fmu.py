@@ -269,7 +269,7 @@ def _host() -> str:
 def _compile(root: Path, name: str, fmi: int, platforms: Sequence[str]) -> None:
     """Compile the library of each platform, by default this one.
 
-    $CC or the system's compiler serves this platform, ziglang any; without a compiler the unit holds its source only.
+    This platform takes $CC or the system's compiler, others ziglang; without a compiler the FMU holds its source only.
     """
     zig = [sys.executable, "-m", "ziglang", "cc"] if importlib.util.find_spec("ziglang") else None
     found = [name for name in ("cc", "gcc", "clang") if shutil.which(name)]

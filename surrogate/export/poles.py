@@ -66,7 +66,7 @@ def poles_of(model: Any) -> Poles:
 
 
 def _of_state_space(model: StateSpace) -> Poles:
-    """The poles of a linear system, each scaled to a temperature."""
+    """`Poles` of a linear system, each state scaled to a temperature in K."""
     if model.order > LARGEST_ORDER:
         raise checks.InputError(
             f"model is a StateSpace of {model.order} states, too large for this format, which takes {LARGEST_ORDER}",

@@ -37,7 +37,7 @@ CHUNK = 512  # members at once
 def element_terms(basis: Any) -> tuple[Array, Array, Array]:
     """Matrices of every triangle: stiffness (4, t, b, b) as rr0, rr1, zz0, zz1; capacity (2, t, b, b); load (2, t, b).
 
-    Without the factor 2 pi; the weight is 1 or the radius.
+    Without the factor 2 pi; 0 and 1 stand for the weights 1 and rho, as in this module's formulas.
     """
     inverse, det, r = maps(basis.mesh)
     integrals, t, n = reference(basis), basis.nelems, basis.Nbfun

@@ -43,7 +43,7 @@ ARRAYS = "place", "along", "interval", "outward"  # fields of `SurfacePoints` th
 
 
 class NotAffineError(ValueError):
-    """The parameters do not move outlines along lines in a fixed order; the reason in words."""
+    """Raised where the parameters do not keep the outlines on lines in a fixed order; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,7 @@ FAR_CONTACT = 1e-8  # m^2 K/W; below it derivatives read at another part are wro
 
 
 class HeldOut(float):
-    """Error of a family over members that it was not trained on; as a number the worst one.
+    """Error of a family at members that it was not trained on; as a float the worst one.
 
     worst, median: relative, of R_th and of the step response from 1 ns on, against the members' own finer meshes.
     count: of those members.
@@ -129,7 +129,7 @@ class Family:
 
     @property
     def ports(self) -> tuple[str, ...]:
-        """Heated parts first, then what else is read."""
+        """Names of the ports: heated parts first, then further parts that are read."""
         return tuple(dict.fromkeys((*self.inputs, *self.outputs)))
 
     def channel(self, heated: str | None = None, read: str | None = None) -> tuple[int, int]:
@@ -268,9 +268,9 @@ class Family:
         )
 
     def modal_derivative(self, row: Array, channel: tuple[int, int] | None = None) -> ModalDerivative:
-        """The member in M-orthonormal modes, and derivatives of its matrices by central differences.
+        """One member in M-orthonormal modes, and derivatives of its matrices by central differences.
 
-        The step is in proportion to a contact resistance, whose 1/R bends, and to the range of any other parameter.
+        The step is in proportion to a contact resistance, as it enters as 1/R, and to the range of any other parameter.
         """
         contact, (a, b) = self.box.contact, channel or self.channel()
         # 1e-11 m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump

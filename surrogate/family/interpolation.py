@@ -120,8 +120,8 @@ class OutputMaps:
     power [W]: largest power, which the maps are made for.
     shares [shape (n, p)]: parameters of the solved members as fractions 0 to 1 of their ranges.
     coefficients [shape (n,), 1/K]
-    error: worst over held-out members and the hottest one, of steady rises, relative, and of a pulse, relative to its
-        peak.
+    error: largest relative error of steady rises, and of a pulse relative to its peak, at held-out members and the
+        hottest one.
     """
 
     power: float
@@ -163,7 +163,7 @@ def interpolate_output_maps(
     channel [(str, str)]: heated and read.
     power [W]: the largest of interest.
     member: Foster network of the family at parameters of shape (p,).
-    solver: nothing is kept in its folder.
+    solver: runs the tasks; its store is not used.
     Raises InputError: no material depends on temperature, or a member has no steady state at this power.
     """
     power = checks.power("power", power)
@@ -282,7 +282,7 @@ class OpticalNumbers:
 
     @classmethod
     def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
-        """The inverse of `content`."""
+        """The polynomials that `content` gave as JSON fields and arrays."""
         names = checks.check_names("optics", words["names"])
         powers, coefficients, errors = (arrays[f"optics_{name}"] for name in ("powers", "coefficients", "errors"))
         checks.shape("optics: coefficients", coefficients, (len(powers), len(names)))

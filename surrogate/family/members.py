@@ -31,7 +31,7 @@ from ..reduction.reduce import Projected, project
 
 @dataclass(frozen=True, eq=False)
 class MemberModes:
-    """A member in modes: Z_ab(s) = sum_i port_ai port_bi / (1 + s tau_i).
+    """A member in modal form; impedance between ports Z_ab(s) = sum_i port_ai port_bi / (1 + s tau_i).
 
     tau [shape (k,), s]
     ports [shape (ports, k)]: square root of K/W.
@@ -58,7 +58,7 @@ class MemberMatrices:
     ports: Array
 
     def modes(self) -> MemberModes:
-        """Solve M v = tau K v with v^T K v = 1: errors are relative to the largest time constant and to R_th."""
+        """Modal form, from M v = tau K v with v^T K v = 1: round-off is relative to the largest tau and to R_th."""
         tau, v = eigh(self.M, self.K, check_finite=False)
         return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
 
@@ -177,7 +177,7 @@ def certified_modes(heat: HeatProblem, ports: tuple[str, ...], tolerance: float)
 def certified(
     geometry: CrossSection, modes: MemberModes, ports: tuple[str, ...], tolerance: float, heated: int
 ) -> Certified:
-    """Compare a member with its own mesh, which is finer than the family's tolerance.
+    """Compare a member with the certified reduction on its own mesh, which is finer than the family's tolerance.
 
     The first ``heated`` of the ports carry heat.
     """

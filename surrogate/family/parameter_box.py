@@ -33,7 +33,7 @@ class Box:
 
     @classmethod
     def of(cls, campaign: Campaign) -> Box:
-        """The box of a campaign.
+        """Box of the parameters that a campaign varies.
 
         Raises InputError: nothing is varied, words are varied, a single value, or corners that are no geometry.
         """

@@ -281,7 +281,7 @@ class Training:
         check_explained(relative_residual**2, float(np.mean(spread**2)), "the power", "delta_T")
 
     def fit(self, model: Foster, parameters: Mapping[str, float], jacobian: Array, found: Optimum) -> Fit:
-        """Named parameters with standard errors and correlations by first-order propagation."""
+        """Make the Fit: named parameters, with standard errors and correlations by first-order propagation."""
         covariance = jacobian @ found.covariance @ jacobian.T
         deviation = np.sqrt(np.maximum(covariance.diagonal(), 0))
         safe = np.maximum(deviation, np.finfo(float).tiny)
@@ -303,7 +303,7 @@ class Training:
 
 
 def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
-    """Find starting rates of a fit by particle swarm: rates and amplitudes of least squared residual.
+    """Find rates and amplitudes with the least squared residual by particle swarm, to start a fit from.
 
     Returns log_rate [shape (order,)]: ln of the rates 1/tau of the best particle, in order.
     Returns residual [K]: rms of that particle, before least squares improve it.

@@ -64,12 +64,12 @@ class Optical:
         return found, columns @ found - self.target
 
     def misfit(self, logs: Array) -> Array:
-        """The residuals, and one more that grows where no light could be: V > 1 or P0 < 0."""
+        """Residuals of all samples, and one penalty that grows where V > 1 or P0 < 0, which no light can have."""
         (a, b, c), left = self.linear(logs)
         return np.append(left, np.sqrt(left.size) * max(float(np.hypot(b, c) - a), 0.0))
 
     def model(self, parameters: Array) -> Array:
-        """s at every sample for ln R_i, ln tau_i, V, phi_0 and a."""
+        """Light s at every sample, shape (samples,), for the parameters ln R_i, ln tau_i, V, phi_0 and a."""
         logs, (V, bias, a) = parameters[:-3], parameters[-3:]
         return np.asarray(a * (1 + V * np.cos(bias + self.phases(logs))))
 

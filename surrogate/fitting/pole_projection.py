@@ -61,7 +61,7 @@ def noise_along(
 
     residuals: of each trace, in the order of the rows of U.
     U [shape (rows, p)]: orthonormal columns that span those of the Jacobian.
-    variance: of all residuals together, that of a single trace and of rows that are no samples.
+    variance: of all residuals together; taken for a single trace, and for rows that are no samples.
     alike: whether every trace has this variance.
     rest: the trace to which each of the rows after the samples belongs; rows beyond them belong to none.
     """
@@ -81,7 +81,7 @@ def noise_along(
 
 
 def _own(left: Array, part: Array) -> tuple[Array, float, int]:
-    """Residuals of one trace without the part along the parameters, their variance, and their degrees of freedom."""
+    """Residuals of one trace without their part in the span of ``part``; their variance and degrees of freedom."""
     along, size, _ = np.linalg.svd(part, full_matrices=False)
     # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
     along = along[:, size > 1e-6]
@@ -109,7 +109,7 @@ ROUND_OFF, SIGMAS = 1e-9, 3.0  # of the swing; of the noise: below these a misfi
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Best rates and gains, rates increasing.
+    """Best rates and gains of a fit, in order of increasing rate.
 
     log_rate [shape (n,)]
     gain [shape (n,), K/J]
@@ -193,9 +193,9 @@ class FitProblem:
     def _rows(self, parts: Sequence[Array], gain: ArrayLike = 1.0) -> Array:
         """Complete the rows of `columns` from those of the samples of each response, which are overwritten.
 
-        From each column goes the multiple of every estimated baseline that explains it best.
+        The best multiple of each estimated baseline is subtracted from every column.
 
-        gain: static gains of the columns over that which is imposed.
+        gain: static gain of each column, relative to the one imposed.
         """
         rest = []
         for d, part in zip(self.responses, parts, strict=True):

@@ -83,7 +83,7 @@ def period_error(
 
 
 def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float, duty: float) -> xr.Dataset:
-    """`period_error` against swings of a reference that are known already."""
+    """`period_error` for given swings in K of the reference at the periods."""
     look = swing_over_period(model, periods, power, duty)
     found = np.array([period_of(look, s, t) for s, t in zip(swing, periods, strict=True)])
     error, own = periods - found, np.array([look(t) for t in periods])

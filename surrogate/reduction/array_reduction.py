@@ -187,8 +187,8 @@ class Sources:
     """Reduced fields of the heated parts of one kind of ring, and the read-out row that serves each pair of rings.
 
     pairs: the reduced field of the core, then of each kind of heater.
-    row [shape (N, N)]: the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring
-        j.
+    row [shape (N, N)]: index of the read-out row of `Pairs` by which ring i reads the field of a ring of this kind at
+        the centre of ring j.
     domain: largest relative error by the finite domain, of R_th and of the crosstalk to the farthest ring.
     """
 

@@ -77,7 +77,7 @@ class Projection:
 
     @property
     def modes(self) -> Array:
-        """V Z, shape (n, k)."""
+        """Modes V Z in the full space, shape (n, k)."""
         return np.asarray(self.fields @ self.vectors)
 
     @property
@@ -136,7 +136,7 @@ def certify_defect(
     holds for any basis; the second term, zero for an orthonormal one, is computed and added.
 
     parts [shape (n, p + k)]: Rhat and D = K V Z - M V Z diag(rate) side by side.
-    shifts [1/s]: 0 among them or not.
+    shifts [1/s]: may include 0.
     solutions [shape (n, p + k)]: (K + s_j M)^-1 times ``parts`` for each of ``shifts``; they make it dearer than
         `certify`, which needs none beyond those of the basis.
     pairs [two arrays of int, shape (c,)]
@@ -173,7 +173,7 @@ def leftover(projection: Projection, defect: Array, weight: Array) -> float:
 
 
 def _frequencies(projection: Projection, shifts: Array, per_decade: int) -> Array:
-    """Where the bound is sampled, rad/s."""
+    """Angular frequencies in rad/s at which the bound is sampled, shape (m,)."""
     low, high = projection.rate[0] / BEYOND, max(projection.rate[-1], *shifts) * BEYOND
     return np.geomspace(low, high, int(np.ceil(np.log10(high / low) * per_decade)))
 

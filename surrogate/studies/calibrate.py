@@ -179,7 +179,7 @@ def _rise(model: Foster | OutputMap, response: Response) -> Array:
 def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
     """InputError where data were heated or read in another part than the members are; a warning for two geometries.
 
-    A table that was read names its column alone, which is a part only where the geometry has one of that name.
+    A measured table states only the name of its column, which counts as a part only where the geometry has such a part.
     """
     every, parts = data if isinstance(data, list | tuple) else [data], family.box.base.region_names
     if len({one.attrs["geometry"] for one in every if "geometry" in one.attrs}) > 1:

@@ -162,7 +162,7 @@ class Property:
         return self(values), self.reason
 
     def __call__(self, values: Mapping[str, float]) -> Any:
-        """The property of the member with these values."""
+        """Value of the property for the member with the parameters ``values`` in SI; nan where it has none."""
         model = self.family.at(values)
         try:
             if isinstance(self.quantity, str):
@@ -264,7 +264,7 @@ def search_of(
 
 
 def wanted_of(target: Mapping[Quantity, float]) -> dict[str, float]:
-    """Targets by the name of their quantity; InputError for what is none."""
+    """Target values by the name of their quantity; InputError for a quantity or a value that cannot be a target."""
     checks.unique("target", list(map(word, target)), hint="name the functions")
     wanted = {word(quantity): checks.finite(f"target {word(quantity)}", value) for quantity, value in target.items()}
     if 0 in wanted.values():
@@ -275,7 +275,7 @@ def wanted_of(target: Mapping[Quantity, float]) -> dict[str, float]:
 def family_over(
     given: Family | CrossSection, free: Ranges | None, tolerance: float, executor: Executor | None = None
 ) -> Family:
-    """A family as it is, or one trained over ranges of the parameters of a geometry."""
+    """The given family, or one trained over the ranges ``free`` of the parameters of a cross-section."""
     if isinstance(given, Family):
         return given
     variations = tuple(

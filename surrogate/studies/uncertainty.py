@@ -122,7 +122,7 @@ def _check(family: Family, distributions: Mapping[str, Any], fixed: Mapping[str,
 
 @dataclass(frozen=True, eq=False)
 class _Study:
-    """A property, the distributions of the p parameters that vary, and the values of others."""
+    """A property, the distributions of the p parameters that vary, and the values of fixed parameters."""
 
     one: Property
     distributions: Mapping[str, Any]

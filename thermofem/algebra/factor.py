@@ -57,7 +57,7 @@ def _factors(upper: Any) -> Any:
 
 @contextmanager
 def singular_refused() -> Iterator[None]:
-    """Turn what qdldl and SuperLU raise at a pivot of zero into InputError."""
+    """Context in which errors of qdldl and SuperLU at a zero pivot become InputErrors."""
     try:
         yield
     except RuntimeError:
@@ -141,7 +141,7 @@ class Pencil:
         return _key(a, b) in self._factors
 
     def solve(self, a: float, b: float, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(a E + b K)^-1 rhs, with a and b rounded to 10 digits: nothing depends on which solve came first."""
+        """(a E + b K)^-1 rhs, with a and b rounded to 10 digits, so that it does not depend on earlier solves."""
         key = _key(a, b)
         with self._lock:
             if key not in self._factors:

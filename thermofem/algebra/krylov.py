@@ -54,7 +54,7 @@ class Basis:
         return np.asarray(self.fields @ self.rotation)
 
     def read(self, C: Array) -> Array:
-        """C V of functionals C (outputs, n), without the fields V."""
+        """C V for functionals C, shape (outputs, n), without forming V."""
         return np.asarray((C @ self.fields) @ self.rotation)
 
     def reduced(self, system: StateSpace) -> StateSpace:
@@ -185,8 +185,8 @@ def orthonormal(
     """M-orthonormal basis of the part of W outside the span of V, and M times it; shape (n, found) each.
 
     Gram-Schmidt column by column, the one that adds most first, each orthogonalised again after it was scaled: so
-    nearly equal columns give orthonormal ones to round-off (eigenvectors of their Gram matrix, which knows lengths to
-    1e-8 only, did not).
+    nearly equal columns give orthonormal ones to round-off (eigenvectors of their Gram matrix, exact to 1e-8
+    only, were not).
 
     W [shape (n, p)]
     M [sparse matrix, shape (n, n)]

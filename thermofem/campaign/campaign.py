@@ -268,7 +268,7 @@ def _assembled(campaign: Campaign, geometry: str) -> HeatProblem:
 def compute(campaign: Campaign, folder: Folder, case: Case) -> str:
     """Solve one geometry under every drive and write its file, in a worker; returns the reason of a failure, or "".
 
-    Raises MissingLibraryError: no other geometry would fare better.
+    Raises MissingLibraryError: a library is missing, which every other geometry needs as well.
     """
     try:
         _write(_solved(campaign, case), folder.store.path(case.key))

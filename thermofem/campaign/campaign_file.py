@@ -147,7 +147,7 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
 
 
 def _geometry(given: Any, folder: Path) -> str:
-    """Text of the base geometry, which must be a geometry itself."""
+    """Text of the base geometry, checked to be a valid geometry."""
     from ..geometry import CrossSection
 
     if isinstance(given, dict):

@@ -107,7 +107,7 @@ class Folder:
         files.write_whole(self.plan, lambda temporary: temporary.write_text(json.dumps(plan)))
 
     def read_plan(self) -> dict[str, Any]:
-        """The plan as `write_plan` stored it; InputError where the folder holds none, or keys that are none."""
+        """The plan as `write_plan` stored it; InputError where the folder holds none, or one with invalid keys."""
         if not self.plan.is_file():
             raise InputError(f"{self.directory} holds no campaign", "thermofem campaign makes one")
         plan = checks.mapping("plan", files.read_json(self.plan, "plan"))

@@ -79,7 +79,7 @@ def build(
     read: tuple[str, ...] = ("core",),
     attributes: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
-    """Dataset in the schema of this module.
+    """Make a Dataset in the schema of this module.
 
     times [shape (n,), s]
     delta_T [shape (n,) or (n, probes), K]
@@ -265,7 +265,7 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
 def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
     """Sentences on what differs between Datasets that train one model; an attribute that one lacks counts as equal.
 
-    A measured table states no heated part, and as what is read the name of its column, which need not be a part.
+    A measured table states no heated part, and its read part is the name of its column, which need not be a part.
 
     Raises InputError: another heated part, or another part that is read.
     """

@@ -73,7 +73,7 @@ def _points(data: xr.Dataset) -> np.ndarray:
 
 
 def _triangles(data: xr.Dataset) -> list[tuple[str, Any]]:
-    """Cells as meshio takes them, in a type that it knows."""
+    """Triangles in the form that meshio takes: a cell type and integer indices of corners."""
     return [("triangle", np.asarray(data["triangles"].values, dtype=np.int64))]
 
 

@@ -69,14 +69,14 @@ def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
 
 
 def read_json(path: str | Path, kind: str) -> Any:
-    """Tree of a JSON file, see `from_json`; the error begins with the file."""
+    """Tree of a JSON file, see `from_json`; errors begin with the name of the file."""
     text = read_text(path, kind)
     with checks.prefixed(f"{path} cannot be read"):
         return from_json(text)
 
 
 def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
-    """``read`` of the text of a TOML file; an InputError of it begins with the file."""
+    """Result of ``read`` for the text of a TOML file; its InputErrors begin with the name of the file."""
     text = read_text(path, kind)
     with checks.prefixed(str(path), text=True):
         return read(text)
@@ -183,7 +183,7 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
 
 
 def check_target(path: str | Path) -> Path:
-    """Where a file will be written, links followed; InputError without a folder, or where no file can be written."""
+    """Path at which a file will be written, links followed; InputError where no file can be written."""
     path = Path(os.path.realpath(checks.path("path", path)))
     folder, there = path.parent.is_dir(), path.exists()
     if not folder or (there and not path.is_file()) or not os.access(path if there else path.parent, os.W_OK):

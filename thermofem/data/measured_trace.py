@@ -188,7 +188,7 @@ def _named_unit(column: Column, name: str | None) -> str:
 
 
 def _units(units: str | Mapping[str, str] | None) -> dict[str, str]:
-    """Units by role."""
+    """Units by role ("time", "temperature") from either form of ``units``."""
     given = dict(zip(ROLES, units.split(","), strict=False)) if isinstance(units, str) else dict(units or {})
     for role in given:
         checks.choice("units", role, ROLES)

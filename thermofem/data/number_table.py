@@ -68,7 +68,7 @@ POWER, IMPEDANCE = "kilogram * meter ** 2 / second ** 3", "kelvin * second ** 3 
 
 @lru_cache(maxsize=256)
 def scale_of(text: str) -> Scale | None:
-    """The scale of a unit as a header writes it, a number before it included ("0.12 K"); None where it is no unit."""
+    """Scale of a unit as headers write it, also with a factor ("0.12 K"); None where it is no unit."""
     bare = (
         text.strip().strip("()[]").replace("°", "deg").replace("µ", "u").replace("μ", "u").replace("Ω", "ohm").strip()
     )
@@ -202,7 +202,7 @@ def cells_of(line: str, divider: str) -> list[str]:
 
 
 def is_number(cell: str, divider: str = " ") -> bool:
-    """Whether a cell is a number; with a decimal comma unless a comma divides the columns."""
+    """Whether a cell is a number; a decimal comma is allowed unless commas divide the columns."""
     return bool(_NUMBER.fullmatch(cell if divider == "," else cell.replace(",", ".")))
 
 
@@ -290,7 +290,7 @@ def _looks_broken(line: str) -> bool:
 def _header(head: list[str], divider: str, width: int, columns: list[int]) -> tuple[list[str], list[str], list[str]]:
     """Names and units of all columns, and the other lines above the table.
 
-    Raises InputError: below the names stands a line with a number first, a damaged row.
+    Raises InputError: a line below the names begins with a number, like a damaged row.
     """
     names, units = [""] * width, [""] * width
     for number in range(len(head), 0, -1):

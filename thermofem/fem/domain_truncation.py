@@ -164,11 +164,11 @@ _reported: set[tuple[str, str, float, float, int]] = set()
 
 
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
-    """Relative change of R_th if the stack continued beyond its bottom and outer side, see `beyond`.
+    """Relative change of R_th if the stack continued beyond its bottom and outer side, see `wider`.
 
-    Sides with convection are mounts, not cuts, and are not moved. Of open sides it is what 1/d does not describe,
-    such as heat that runs along a layer. Where much is left beyond the far ends they are moved outwards once more, and
-    what is left then counts as error, too: where heat leaves along a plate alone, no domain is wide enough. For a
+    Sides with convection are mounts, not cuts, and stay. For open sides it is what the 1/d law does not describe, such
+    as heat that flows along a layer. Where much of R_th comes from beyond the far ends they are moved outwards once
+    more, and what then remains counts as error, too: where heat leaves along a plate alone, no domain is wide enough. For a
     straight section it includes the heat that leaves through the ends of the guide.
     """
     if heat.wider is None:

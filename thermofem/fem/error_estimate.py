@@ -65,7 +65,7 @@ def saturation(exponent: float) -> float:
 
 
 def strong(d: Discretization, conductivity: Array, region: NDArray[np.int64]) -> dict[int, float]:
-    """Every vertex with lambda < `STRONG`, and lambda.
+    """Vertices with an exponent lambda < `STRONG`, and their lambda.
 
     conductivity [shape (2, triangles), W/(m K)]: k_r and k_z.
     region [shape (triangles,)]
@@ -91,7 +91,7 @@ def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.i
 
 
 def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray[np.int64]) -> float:
-    """lambda at a vertex, by quadratic functions of the angle on each of its triangles.
+    """Exponent lambda of the singularity at a vertex, by quadratic functions of the angle on each of its triangles.
 
     Where k_r and k_z differ, angles are those of r/sqrt(k_r), z/sqrt(k_z) and k is sqrt(k_r k_z): exact as lambda -> 0.
     """
@@ -237,7 +237,7 @@ class Estimate:
 
     shifts [shape (s,), 1/s]
     errors [dict from (heated, read) to array, shape (s,)]
-    shares [dict from (heated, read) to array, shape (s, triangles)]: the same in every triangle, absolute values.
+    shares [dict from (heated, read) to array, shape (s, triangles)]: contribution of every triangle, absolute value.
     weights [dict from (heated, read) to float]: what a channel counts when the mesh is judged: 1 where the heated part
         is read, else gain/(gain + `FAINT` R_th), as what is hardly felt is not worth a finer mesh.
     corners [dict from (r, z) in m to float]: where the field is strongly singular, with the exponent.

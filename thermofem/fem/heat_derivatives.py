@@ -211,7 +211,7 @@ def derivatives(
 def tangents_of(
     heat: HeatProblem, parameters: Parameter | Sequence[Parameter], channel: tuple[str, str]
 ) -> tuple[list[Change], list[Tangent]]:
-    """The `Change` of each parameter, and the derivative of the matrices with it."""
+    """The `Change` of each parameter, and the derivatives of the matrices with respect to it."""
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
     changes = [change(heat.geometry, one) for one in each]
     checks.unique("parameters", [one.name for one in changes])

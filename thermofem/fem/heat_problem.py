@@ -123,7 +123,7 @@ class HeatProblem:
 
     @cached_property
     def lit(self) -> HeatProblem:
-        """`with_light` of the mode that [light] of the geometry names; the problem itself where there is no [light]."""
+        """The problem with the mode of [light] as an output (`with_light`); unchanged without [light]."""
         return self if self.geometry.light is None or self.light else self.with_light(Light.of(self).mode())
 
     @property

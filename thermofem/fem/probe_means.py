@@ -47,8 +47,8 @@ def shell_integral(
     """Integral of 2 pi r times each basis function over a shell; the sum of the entries is its volume in m^3.
 
     Triangles well inside are integrated exactly, those near the edge by `FINENESS`^2 small triangles each, which count
-    by the share that lies inside. The nearest point of the part's outline moves with the share of the edge at which it
-    lies (envelope theorem).
+    by the share that lies inside. Where vertices move, the nearest point of the part's outline stays at
+    its fraction of the edge (envelope theorem).
 
     points [shape (2, vertices), m]: as of `weak_forms.maps`; the part's outline moves along.
     thicker [m]: added to the thickness of the probe.
@@ -138,7 +138,7 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
 
 
 def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Integral over what a probe reads, by which its mean temperature follows from the unknowns x.
+    """Integrals of the basis functions over the volume of a probe, which give its mean from the unknowns x.
 
         v_i = int 2 pi r u_i dA  in m^3, shape (n,),    mean = v . x / sum_i v_i
 

@@ -33,7 +33,7 @@ STEP = 1e-30  # of the parameter in SI: its square vanishes beside 1, and no pro
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """Derivatives per unit of one parameter, on all unknowns.
+    """Derivatives of matrices and means with respect to one parameter, on all unknowns.
 
     K, M [sparse]
     means [dict from what is heated or read to array]

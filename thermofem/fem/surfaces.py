@@ -119,10 +119,10 @@ def _none() -> Facets:
 class Surfaces:
     """Boundary conditions and contacts on facets, numbered as scikit-fem does on the same mesh.
 
-    held: at the ambient temperature; where a part with a resistance R lies there, `convection` has it with 1/R.
+    held: facets at the ambient temperature; those of a part with a resistance R are in `convection`, with h = 1/R.
     convection [dict from h in W/(m^2 K) to an array of int]
     open: beyond which the material goes on, see `section_parts.Boundary`.
-    source [shape (2,), m]: place (r, z) of the heat, from which the open sides are seen; r = 0 for a ring.
+    source [shape (2,), m]: position (r, z) of the heat, from which d of open sides counts; r = 0 for a ring.
     length [m]: of the line source in a straight section; None for 1/d.
     contacts [dict from resistance in m^2 K/W to two arrays of int]: facets that lie on each other, both in the same
         order.
@@ -147,7 +147,7 @@ def surfaces_of(
     resistance: dict[str, float],
     sides: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> Surfaces:
-    """Held, convective and open facets, and contacts.
+    """`Surfaces` of a mesh: held, convective and open facets, and contacts.
 
     resistance: of each part with a contact, in m^2 K/W (`resistances`).
     sides: which facets of the mesh's boundary lie on "bottom", "top" and "outer"; default by the geometry.
@@ -181,7 +181,7 @@ def surfaces_of(
 
 
 def source_of(geometry: CrossSection) -> tuple[float, float]:
-    """The place (r, z) in m from which open sides are seen: the middle of the first heated part, the axis of a ring."""
+    """Position (r, z) in m from which d of open sides counts: the middle of the first heated part, r = 0 for a ring."""
     heat = next(part for part in geometry.parts if part.heated)
     middle = heat.x if heat.x is not None and not geometry.mirrored else 0.0
     return middle, heat.bottom + heat.height / 2
@@ -259,8 +259,8 @@ def resistances(geometry: CrossSection) -> dict[str, float]:
 def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
     """The mesh with nodes doubled on the surface of every region in ``resistance`` (m^2 K/W), and where regions touch.
 
-    One node for each group of triangles around a vertex that edges of one side hold together. Those of one side follow
-    each other in the order that they had, those of further groups come last; the mesh itself where nothing is doubled.
+    At a vertex, each group of triangles of one side that are connected by edges gets a node of its own. Nodes of one
+    side keep their order, those of further groups come last; the same mesh is returned where nothing is doubled.
     """
     grid, side = mesh.skfem, _side(mesh, resistance)
     first, second = grid.f2t
@@ -288,7 +288,7 @@ def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp
 
 
 def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Facets of a mesh from `split` that lie on each other: for each total resistance both sides, in the same order."""
+    """Coinciding facets of a mesh from `split`, by total resistance in m^2 K/W: both sides in the same order."""
     side = _side(mesh, resistance)
     if not side.any():
         return {}

@@ -221,7 +221,7 @@ class ReferenceTriangle(NamedTuple):
 
 
 def reference(basis: Any) -> ReferenceTriangle:
-    """Integrals of the element of a basis."""
+    """Integrals on the reference triangle for the element of a basis."""
     kind: Any = type(basis.elem)
     return _integrals(kind)
 

@@ -221,7 +221,7 @@ class CrossSection:
         return self.subdivision.on_side(side, r, z)
 
     def opened(self) -> CrossSection:
-        """The stack continued beyond its bottom and outer side (`section_parts.Boundary`, "open").
+        """Copy with the stack continued beyond its bottom and outer side (`section_parts.Boundary`, "open").
 
         >>> strip_ring().opened().bottom.kind
         'open'

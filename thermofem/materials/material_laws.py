@@ -25,7 +25,7 @@ class Law(Protocol):
     """Interface of a temperature law; T in K."""
 
     def factor(self, T: ArrayLike) -> Array:
-        """f(T)."""
+        """Factor f(T) of the property, dimensionless, shape of ``T``."""
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """Integral of f from ``start`` to ``start + rise``, in K."""
@@ -48,7 +48,7 @@ class PowerLaw:
         checks.between("reference", self.reference, 1, 3000, unit="K")
 
     def factor(self, T: ArrayLike) -> Array:
-        """f(T)."""
+        """Factor f(T) of the property, dimensionless, shape of ``T``."""
         return np.asarray((np.maximum(_kelvins("T", T), COLDEST) / self.reference) ** self.exponent)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
@@ -96,7 +96,7 @@ class Polynomial:
         checks.between("reference", self.reference, 1, 3000, unit="K")
 
     def factor(self, T: ArrayLike) -> Array:
-        """f(T)."""
+        """Factor f(T) of the property, dimensionless, shape of ``T``."""
         return _polynomial(_kelvins("T", T) - self.reference, (1.0, *self.coefficients))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
@@ -157,7 +157,7 @@ class Table:
         return np.asarray(self._curve(np.clip(_kelvins("T", T), self.temperatures[0], self.temperatures[-1])))
 
     def factor(self, T: ArrayLike) -> Array:
-        """f(T)."""
+        """Factor f(T) of the property, dimensionless, shape of ``T``."""
         return np.asarray(_pieces(self, 0.0, integrated=False)(_kelvins("T", T)))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:

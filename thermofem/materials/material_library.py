@@ -348,7 +348,7 @@ def _list(given: Any, unit: str | None, name: str) -> tuple[float, ...]:
 def write_property(material: Material, key: str, unit: str) -> str | dict[str, Any]:
     """One property as the file's text or table; reading it back gives exactly the same property.
 
-    A `Table` whose values are not those of the property, but proportional to them, is read back in the property's.
+    A `Table` with values in proportion to those of the property is written with the property's own values.
     """
     value, law = getattr(material, key), getattr(material, f"{key}_law")
     items: dict[str, Any] = {"value": quantity.write(value, unit)}

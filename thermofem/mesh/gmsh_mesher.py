@@ -51,7 +51,7 @@ def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:
 
 
 def read_committed(path: Path) -> Mesh:
-    """A mesh that benchmarks/make_meshes.py wrote: the arrays of a `Mesh` under their names."""
+    """Read a mesh that benchmarks/make_meshes.py wrote: the arrays of a `Mesh` under their names."""
     with np.load(path) as found:
         return Mesh(found["points"], found["triangles"], found["region"], tuple(found["region_names"].tolist()))
 

@@ -138,7 +138,7 @@ def sampled(
 ) -> NDArray[np.float64]:
     """Sum over points (r, z) in m of weight times each function of a scalar basis, shape (functions,).
 
-    mesh: scikit-fem's mesh of the basis, where its vertices have moved.
+    mesh: scikit-fem mesh with moved vertices, in place of that of the basis.
     Raises InputError: a point that lies in no triangle.
     """
     cells, local = locate(basis.mesh if mesh is None else mesh, points)

@@ -136,7 +136,7 @@ def cauer(model: ThermalModel) -> Cauer:
 
 
 def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[Any, Any]:
-    """Z = top/bottom = sum_i R_i/(1 + s tau_i), coefficients of falling powers of s."""
+    """Numerator and denominator of Z(s) = sum_i R_i/(1 + s tau_i), as coefficients of falling powers of s."""
     top, bottom = np.array(R[:1]), np.array([tau[0], Decimal(1)])
     for r, t in zip(R[1:], tau[1:], strict=True):
         pole = np.array([t, Decimal(1)])

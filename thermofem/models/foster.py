@@ -101,7 +101,7 @@ class Foster:
         return np.asarray(self.R) / np.asarray(self.tau)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
-        """Rise in K from rest at t = 0, in closed form; a function of time as its piecewise cubic."""
+        """Rise in K from rest at t = 0, in closed form; a `waveforms.Function` enters as its piecewise cubic."""
         return at_times(lambda t: pole_responses(1 / np.asarray(self.tau), wave, t) @ self.gain, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
@@ -151,7 +151,7 @@ def check_residues(R: Array, *, round_off: float = 0.0) -> None:
 
 
 def linear_poles(model: Any, purpose: str) -> Foster:
-    """Return the poles of a linear model, or InputError that says which models ``purpose`` holds for."""
+    """Return the poles of a linear model as a Foster network; for other models an InputError that names ``purpose``."""
     found = model.dynamics
     if not isinstance(found, Foster):
         raise checks.InputError(

@@ -89,7 +89,7 @@ class Network(Delegates):
 
 
 def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:
-    """Pass a network dT/dt = A T + b P, read at its first state, as a Foster network, or refuse it.
+    """Check a network dT/dt = A T + b P, read at its first state, and return it as a Foster network.
 
     Parameters
     ----------

@@ -116,7 +116,7 @@ def load_model(path: str | Path) -> Any:
 
 
 def _check_static(stated: Any, found: float | None, kind: str) -> None:
-    """InputError where the file states another thermal resistance than the model made of it writes."""
+    """Raise InputError where the thermal resistance that the file states is not that of the model it describes."""
     if stated is None or found is None:
         return
     stated = checks.positive("thermal_resistance", stated, unit="K/W")

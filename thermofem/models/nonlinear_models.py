@@ -105,7 +105,7 @@ class Quadratic:
         return float(-self.C @ np.linalg.solve(self.A, self.B))
 
     def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, for equal poles, too."""
+        """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, also for equal poles."""
         t = np.maximum(checks.numbers("times", times), 0)
         n, read = self.order, np.linalg.solve(self.A.T, self.C)
         settled = 1e3 / np.abs(np.linalg.eigvals(self.A).real).min()  # s; expm of a longer time would overflow

@@ -139,7 +139,7 @@ class StateSpace:
         return np.asarray(z, dtype=complex).reshape(wanted.shape)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
-        """Rise in K from rest: in closed form (`transient.modal`) where the power is straight, else stepped.
+        """Rise in K from rest: in closed form (`transient.modal`) where the power is piecewise linear, else stepped.
 
         ``rtol`` is as of `transient.integrate`.
         """
@@ -167,7 +167,7 @@ class StateSpace:
     def to_json(self) -> dict[str, Any]:
         """Fields of the model file; InputError for a large system or one that does not decay.
 
-        Matrices are in full; E and A as their diagonals where a system of more than 500 states has no more of them.
+        Matrices are written in full; in a system of more than 500 states a diagonal E or A as its diagonal.
         """
         full = {name: self._sparse(name) for name in ("E", "A", "B", "C")}
         if self.order > LARGEST:

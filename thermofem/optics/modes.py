@@ -94,7 +94,7 @@ class Light:
 
     @cached_property
     def cladding_index(self) -> float:
-        """Largest index below that of the core among layers and parts with one."""
+        """Largest refractive index below that of the core among all layers and parts."""
         regions = [self.geometry.material_of(name) for name in self.geometry.region_names]
         known = [m.index.index(self.wavelength) for m in regions if m.index is not None]
         return max((n for n in known if n < 0.99 * self.core_index), default=1.0)

@@ -110,7 +110,7 @@ class Space:
 
     @cached_property
     def stretch(self) -> tuple[Any, Any, Any]:
-        """s = r/R of the stretched r, s_r and s_z at the quadrature points."""
+        """s = r/R with the stretched r, and the stretches s_r and s_z of matched layers, at the quadrature points."""
         x, y = self.points
         if not self.layers:
             return self.arc, np.ones_like(x), np.ones_like(x)
@@ -150,7 +150,7 @@ class Space:
 
 
 def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[tuple[complex, Array]]:
-    """beta^2 in 1/um^2 and x, with x.B x = 1, of the modes nearest to a beta^2, by shift and invert (ARPACK).
+    """beta^2 in 1/um^2 and x, with x.B x = 1, of the ``count`` modes with beta^2 nearest to ``shift``, by ARPACK.
 
     Real where no layer absorbs, and then without modes that carry no power forward; each value is the Rayleigh quotient
     of its vector.

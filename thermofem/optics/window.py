@@ -108,7 +108,7 @@ def drawn(
 
 
 def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
-    """The faces of a geometry, whole ones of a mirrored section, inside a box, and air in what is left of it."""
+    """Faces of a geometry inside a box (both halves of a mirrored section), and faces of air where there are none."""
     left, right, bottom, top = box
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     voids = {part.name for part in geometry.parts if part.material == VOID}

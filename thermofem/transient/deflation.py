@@ -201,8 +201,8 @@ class FieldIntegrator:
     ) -> tuple[Array, Array, Array]:
         """z, r and slope at the end of a revised window; ``gained`` [J]: energy of each input beyond that before.
 
-        The heat that V leaves to r follows the power; it spreads for the length of a step, as the outputs know none of
-        it. With c_p(T) r changes, too, so that H(x) keeps the heat that the steps of r brought.
+        r gains the heat of the changed powers that V does not represent, spread for the length of a step. With c_p(T) r
+        changes further, so that H(x) keeps the heat that the steps of r brought.
         """
         V, s, z, before = self.basis.vectors, self.stepper, new.values[-1], old.values[-1]
         left = self.forcing @ np.concatenate([gained, length * (new.mean() - old.mean())])

@@ -141,7 +141,7 @@ class FastPart:
         return np.tensordot(self.weights, self.powers(self.nodes))
 
     def piece(self, t: float, h: float) -> Piece:
-        """The step from ``t`` to ``t + h``."""
+        """The `Piece` of the step from ``t`` to ``t + h``."""
         u, weight = self._nodes(t, h)
         at = t + h * u
         power = self.powers(at)

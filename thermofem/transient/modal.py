@@ -87,7 +87,7 @@ class Modal:
         times, snapshots [s]: increasing, not negative; of one period where ``periodic``.
         rtol: as of `integration.integrate`.
         Returns: None where a power is not straight between its breakpoints, E or -A is not symmetric positive definite,
-            the space cannot grow, or the answer has not converged after `ROUNDS` rounds.
+            the space cannot grow, or the solution has not converged after `ROUNDS` rounds.
         Raises InputError: times not increasing or negative, rtol out of range.
         """
         times, kept = check_run(times, snapshots, rtol)

@@ -58,7 +58,7 @@ class NodalOperator:
     def slopes(self, x: Array, *, positive: bool = False) -> list[Array]:
         """Derivatives dg_l/dx of every law at its nodes, from the rise x of shape (n,).
 
-        Raises InputError: where ``positive``, a law that is not.
+        Raises InputError: a law that is not positive, if ``positive``.
         """
         factors = [law.factor(self.ambient + x[at]) for law, at in self.laws]
         if positive:
