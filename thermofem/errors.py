@@ -51,7 +51,7 @@ class Hint(str):
 class InputError(ValueError):
     """An argument cannot be used; the message names the argument, the value, the rule and a hint.
 
-    The message is one line of at most `MESSAGE` characters, whatever the value holds; rule, hint: its two halves.
+    The message is one line of at most `MESSAGE` characters, whatever the value holds; rule, hint: its two parts.
     """
 
     def __init__(self, rule: str, hint: str = "") -> None:

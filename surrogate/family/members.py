@@ -73,9 +73,8 @@ TIMES = np.geomspace(1e-9, 1e-3, 61)  # s; at which errors of step responses are
 def difference(modes: MemberModes, truth: MemberModes, heated: int = 1) -> float:
     """Largest relative difference of R_th and of the step response from 1 ns on, over all channels.
 
-    The first ``heated`` ports carry heat, all are read.
-
-    Relative to the value itself where a part reads its own heat, to the static value of the channel elsewhere.
+    The first ``heated`` ports carry heat, all are read. A difference is relative to the value itself where a part reads
+    its own heat, and to the static value of the channel elsewhere.
     """
     worst = 0.0
     for a in range(heated):

@@ -150,7 +150,7 @@ class Pencil:
             return self._factors[key].solve(rhs)
 
     def keep(self, a: float, b: float) -> Solve:
-        """Return the solver of (a E + b K), a and b rounded as in `solve`, with a factorization that is kept."""
+        """Return a solver of a E + b K whose factorization is kept for further calls; a, b rounded as in `solve`."""
         key = _key(a, b)
         with self._lock:
             if key not in self._factors:

@@ -50,7 +50,7 @@ class Basis:
 
     @cached_property
     def vectors(self) -> Array:
-        """V, shape (n, k)."""
+        """M-orthonormal modes V = fields rotation, shape (n, k)."""
         return np.asarray(self.fields @ self.rotation)
 
     def read(self, C: Array) -> Array:
@@ -171,7 +171,7 @@ def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
 def slopes(M: Any, B: Array) -> Array:
     """Initial slope b^T M^-1 b of the step response of each column b, in K/J; InputError where M is not definite.
 
-    Lower bound: (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
+    Computed as the lower bound (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
     """
     checks.positive("diagonal of E", M.diagonal().min(), unit="J/K", hint=REFUSAL)
     lumped = B / M.diagonal()[:, None]

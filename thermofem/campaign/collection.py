@@ -69,7 +69,7 @@ class Folder:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[None]:
-        """Make and lock the folder; InputError where another run is using it."""
+        """Make the folder, and lock it as long as the with-block runs; InputError where another run is using it."""
         with self.store.opened("failures"):
             yield
 

@@ -105,7 +105,7 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int 
 def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
     """Divide the triangles that carry too much of the error; None where they would be finer than `FINEST`.
 
-    mesh: of the estimate, without doubled nodes. target: wanted relative error.
+    mesh: that of the estimate, but without doubled nodes. target: wanted relative error.
 
     At a vertex where the field is strongly singular triangles are divided several times at once: so often that the
     error falls as it does at an ordinary corner.

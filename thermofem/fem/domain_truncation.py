@@ -168,8 +168,8 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
 
     Sides with convection are mounts, not cuts, and stay. For open sides it is what the 1/d law does not describe, such
     as heat that flows along a layer. Where much of R_th comes from beyond the far ends they are moved outwards once
-    more, and what then remains counts as error, too: where heat leaves along a plate alone, no domain is wide enough. For a
-    straight section it includes the heat that leaves through the ends of the guide.
+    more, and what then remains counts as error, too: where heat leaves along a plate alone, no domain is wide enough.
+    For a straight section it includes the heat that leaves through the ends of the guide.
     """
     if heat.wider is None:
         return 0.0

@@ -87,7 +87,7 @@ class Subdivision:
         return {side: self.corners[self.ends[self.side == side]] for side in SIDES}
 
     def volumes(self, depth: float | None = None) -> dict[str, float]:
-        """Volume of every owner in m^3, in the order of the faces."""
+        """Volume in m^3 of every layer and part, in the order of the faces."""
         total: dict[str, float] = {}
         for face in self.faces:
             total[face.owner] = total.get(face.owner, 0.0) + face.volume(depth)

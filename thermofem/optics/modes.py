@@ -89,7 +89,7 @@ class Light:
 
     @cached_property
     def core_index(self) -> float:
-        """Refractive index of the part."""
+        """Refractive index of the core."""
         return index_of(self.geometry.material_of(self.part), self.wavelength, self.part)
 
     @cached_property

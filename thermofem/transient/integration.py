@@ -46,7 +46,7 @@ class Ledger:
         return float(self.storage @ x)
 
     def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
-        """Heat in J that left during one step."""
+        """Heat in J that left during one step of length h, by the quadrature ``weights`` of its stages."""
         return h * float(weights @ (states @ self.drain_A + slopes @ self.drain_E))
 
 

@@ -149,7 +149,7 @@ class NonlinearLedger:
         return float(self.stored(x)[0])
 
     def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
-        """Heat in J that left during one step."""
+        """Heat in J that left during one step of length h, by the quadrature ``weights`` of its stages."""
         flow = float(weights @ (self.drain.extended(states) @ self.drain.matrix.toarray()[0]))
         return h * flow - float(self.held(states[-1])[0] - self.held(states[0])[0])
 
