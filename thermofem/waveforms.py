@@ -672,7 +672,7 @@ def to_json(wave: Waveform, duration: float | None = None) -> str:
 
 
 def from_json(text: str) -> Waveform:
-    """Rebuild a waveform from `to_json`; InputError where the text is none."""
+    """Rebuild a waveform from the text of `to_json`; InputError for any other text."""
     try:
         fields = json.loads(text)
         return KINDS[checks.choice("waveform kind", fields.pop("kind"), KINDS)](**fields)

@@ -200,7 +200,7 @@ class AffineMembers:
 
     @property
     def size(self) -> int:
-        """Number of functions."""
+        """Number of basis functions."""
         return int(self.ports.shape[2])
 
     def member(self, row: Array) -> MemberMatrices:

@@ -64,7 +64,7 @@ class MovedMeshMembers:
 
     @property
     def size(self) -> int:
-        """Number of functions."""
+        """Number of basis functions."""
         return int(self.basis.shape[1])
 
     def member(self, row: Array) -> MemberMatrices:

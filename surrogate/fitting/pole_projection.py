@@ -122,7 +122,7 @@ class Optimum:
     offset, offset_error [shape (responses,), K]: of the baseline, 0 where it is known.
     swarm_residual [K]: rms of the swarm's best particle that the search began with, if one did.
     noise: whether the misfit is noise, see `is_noise`.
-    independent: number of samples, less where their misfits follow each other.
+    independent: number of independent samples, fewer than all where their residuals are correlated.
     """
 
     log_rate: Array

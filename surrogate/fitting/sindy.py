@@ -184,7 +184,7 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
 
 
 def read_probes(data: xr.Dataset) -> Probed:
-    """The rises, drive and probes of a Dataset; InputError unless it is an evenly sampled transient of core and shells."""
+    """Rises, drive and probes of a Dataset; InputError unless it is an evenly sampled transient of core and shells."""
     if "delta_T" not in data or "probe" not in data["delta_T"].dims:
         raise checks.InputError(
             "data.delta_T has no probes: SINDy needs shells of oxide around the core beside it; describe them as "

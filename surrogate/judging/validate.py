@@ -167,7 +167,7 @@ def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Ca
 
 
 def _swing(model: ThermalModel, wave: SquareWave) -> float:
-    """Largest minus smallest rise of the periodic state; a passive network has them at the two edges.
+    """Largest minus smallest rise in K of the periodic state; in a passive network these lie at the two edges.
 
     swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
     """

@@ -185,7 +185,7 @@ class _Study:
         return self.one.many(members, self.executor)
 
     def per_deviation(self) -> Array:
-        """Half the change of the property from 16 to 84 % of one parameter, the others at their medians, shape (p,)."""
+        """Half the change of the property as one parameter goes from its 16 to its 84 % quantile, others at medians; (p,)."""
         ends, found = self.quantiles(np.tile(ONE_DEVIATION, (len(self.distributions), 1))), []
         for name, (low, high) in zip(self.distributions, ends.tolist(), strict=True):
             found.append((self.one(self.medians | {name: high}) - self.one(self.medians | {name: low})) / 2)

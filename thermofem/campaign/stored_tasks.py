@@ -98,8 +98,8 @@ def completed(
 ) -> Iterator[tuple[T, Future[Any]]]:
     """Yield each task with its finished future, in the order of completion.
 
-    executor: of the caller, left open; where it breaks, processes of our own go on. By default these alone.
-    workers: number of them; one for each CPU.
+    executor: the caller's, left open; where it breaks, worker processes go on. None takes worker processes alone.
+    workers: number of them; default one for each CPU.
     The future raises what ``function`` raised, or `WorkerDiedError` where a task killed two workers.
     """
     waiting = deque(tasks)

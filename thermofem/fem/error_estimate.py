@@ -174,7 +174,7 @@ class Functions:
 class Enrichment:
     """Cubic functions of a mesh: matrices among themselves and with the quadratic ones, each stored as K + i M.
 
-    across, own [sparse; W/K and J/K]: between the free cubic functions (rows) and the quadratic ones; among the former.
+    across, own [sparse; W/K and J/K]: of the free cubic functions (rows) with the quadratic ones, and with themselves.
     each [shape (triangles, 4, 4)]: between the cubic functions of each triangle, without the surfaces.
     cubic [shape (triangles, 4)]: numbers of the cubic functions, from 0.
     free: those that are not on edges at the ambient temperature.

@@ -235,7 +235,7 @@ def _numbers(geometry: CrossSection, at: Mapping[str, Any]) -> dict[str, dict[An
 
 
 def _meshed(geometry: CrossSection, part: Part, outline: Array) -> tuple[str, Array]:
-    """Part of the solved half that moves with ``part``, and the corners that it contributes.
+    """Name of the part of the solved half that moves with ``part``, and the corners (4, 2) in m that move it.
 
     In a mirrored section only the half x >= 0 is solved. The response is even in x, so that moving a part alone has
     half of the effect of moving it with its image: the solved half moves by the mean of both.

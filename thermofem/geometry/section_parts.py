@@ -306,7 +306,7 @@ class Bus:
 
 
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
-    """Inner and outer radius in m of a ring from the radius to its centre and its width; ``of`` opens the message."""
+    """Inner and outer radius in m of a ring with this centre-line radius and width; ``of`` begins the error message."""
     radius = length(f"{of}radius", radius, typical=8e-6)
     width = checks.between(f"{of}width", width, THINNEST, math.inf, unit="m", hint=slip(width, 450e-9, radius))
     if width > 2 * radius:

@@ -242,7 +242,7 @@ class Sellmeier:
     def index(self, wavelength: float) -> float:
         """Refractive index n at a wavelength in m.
 
-        Raises InputError: a wavelength out of range, or where n^2 is no square of a transparent material's index.
+        Raises InputError: a wavelength out of range, or one at which n^2 cannot be that of a transparent material.
         """
         _check_range(wavelength, *self.range)
         square = self.constant + sum(B * wavelength**2 / (wavelength**2 - C**2) for B, C in self.terms)

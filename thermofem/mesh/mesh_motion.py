@@ -126,7 +126,7 @@ class Motion:
         return np.array([moved[tuple(corner)] for corner in self.corners.tolist()])
 
     def velocity(self, corner_velocity: Array) -> Array:
-        """d(points)/dp, shape (vertices, 2), from d(corners)/dp, shape (c, 2)."""
+        """Velocity d(points)/dp of the vertices, shape (vertices, 2), from d(corners)/dp, shape (c, 2)."""
         return self._velocity(corner_velocity)[self._place]
 
     def _velocity(self, corner_velocity: Array) -> Array:

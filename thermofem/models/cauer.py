@@ -87,7 +87,7 @@ class Cauer(Delegates):
     @classmethod
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Cauer:
-        """The ladder of a model file."""
+        """The ladder that the content of a model file describes."""
         return cls(**columns(content, "ladder", R="K/W", C="J/K"), **parts(content))
 
 

@@ -229,7 +229,7 @@ def second_order(
 
 
 def second_order_poles(kappa: float, tau_f: float, tau_s: float, eta: float, heat_capacity: float) -> Foster:
-    """The two poles of Eq. 3 for any values: an R may be negative. `second_order` checks them first."""
+    """The two poles of Eq. 3, whose R may be negative here; `second_order` checks the values first."""
     fast, slow = 1 / tau_f, 1 / tau_s
     c_f = (eta * fast - kappa) / (fast - slow)
     c_s = (kappa - eta * slow) / (fast - slow)
@@ -340,5 +340,5 @@ class OutputMap(AtSmallPower):
     @classmethod
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> OutputMap:
-        """The model of a model file."""
+        """The model that the content of a model file describes."""
         return cls(Foster.from_json(content), content["coefficient"], content.get("largest_rise"))

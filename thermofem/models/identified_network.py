@@ -82,7 +82,7 @@ class Network(Delegates):
     @classmethod
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Network:
-        """The network of a model file; it passes the `gate` again."""
+        """The network that the content of a model file describes; it passes the `gate` again."""
         A, b, states = content["A"], content["b"], content["states"]
         poles = replace(gate(A, b, content["thermal_resistance"]), **parts(content))
         return cls(A, b, states, poles, content["largest_rise"])

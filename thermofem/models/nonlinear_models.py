@@ -261,7 +261,7 @@ class Quadratic:
     @classmethod
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Quadratic:
-        """The system of a model file."""
+        """The system that the content of a model file describes."""
         A, H, G, B, C = (content[name] for name in ("A", "H", "G", "B", "C"))
         model = cls(A, H, G, B, C, **parts(content), largest_rise=content.get("largest_rise"))
         model._check_gain()

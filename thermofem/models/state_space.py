@@ -188,7 +188,7 @@ class StateSpace:
     @classmethod
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> StateSpace:
-        """The system of a model file."""
+        """The system that the content of a model file describes."""
         E, A = (_square(content, name) for name in ("E", "A"))
         model = cls(E, A, content["B"], content["C"], **parts(content))
         model.check_passive()
@@ -208,7 +208,7 @@ class StateSpace:
 
 
 def _square(content: Mapping[str, Any], name: str) -> Array:
-    """E or A of a model file, which holds it in full or as its diagonal."""
+    """Matrix E or A from a model file, which holds it in full or as its diagonal."""
     found = checks.numbers(name, content[name])
     checks.integer(f"states of {name}", len(found), 1, SAVED)
     return np.diag(found) if found.ndim == 1 else found

@@ -242,7 +242,7 @@ class Mode:
         return self.integral(dense, self.core_material) / self.integral(dense)
 
     def derivatives(self, parameters: Sequence[str | Sequence[str]], **rules: bool) -> xr.Dataset:
-        """Derivatives by paths as a campaign varies them, see `shape.mode_derivatives`."""
+        """Derivatives of the mode with respect to parameters given by paths, see `shape.mode_derivatives`."""
         from .shape import mode_derivatives
 
         return mode_derivatives(self, parameters, **rules)

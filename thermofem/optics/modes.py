@@ -167,7 +167,7 @@ class Light:
         return tuple(mode for mode in map(self._solved, self.names) if mode.share >= HELD)
 
     def mode(self, name: str | None = None) -> Mode:
-        """The mode of a name; default that of the polarisation in [light] of the geometry, else TE0.
+        """The guided mode called ``name``; default that of the polarisation in [light] of the geometry, else TE0.
 
         Raises InputError: no such mode is guided; the bend is so tight that the mode leaves the core.
         """
@@ -189,7 +189,7 @@ class Light:
         return {}
 
     def _solved(self, name: str) -> Mode:
-        """The mode of a name in the bend."""
+        """The mode called ``name``, solved in the bend."""
         if name not in self._known:
             straight = self._straight[name]
             same = math.isinf(self.radius) and self.element_order == straight.space.order

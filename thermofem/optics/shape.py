@@ -62,9 +62,10 @@ def numbers(mode: Mode, *, dispersion: bool = False, spread_carriers: bool = Fal
 
 
 def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]], **rules: bool) -> xr.Dataset:
-    """Derivatives of a mode by paths as a campaign varies them, such as "part.core.width"; a tuple changes together.
+    """Derivatives of a mode with respect to parameters given by paths, such as "part.core.width".
 
-    Lengths, constant indices and thermo_optic of materials, and "light.wavelength".
+    Paths lead to lengths, constant indices and thermo_optic of materials, and "light.wavelength"; those of a tuple
+    change together.
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ class Stepper:
         return self.factors.solve(1.0, shift, rhs)
 
     def static(self, rhs: Array) -> Array:
-        """(-A)^-1 rhs."""
+        """Steady field (-A)^-1 rhs."""
         self.solves += 1
         return self.factors.solve(0.0, 1.0, rhs)
 
