@@ -296,7 +296,7 @@ def footprint(geometry: CrossSection) -> float:
 
 
 def check_uniform(geometry: CrossSection, who: str) -> None:
-    """Raise InputError where a void cuts the stack: a copy of the ring would add a void that the field does not know."""
+    """Raise InputError where a void cuts the stack: a copy of the ring would add a void that the field lacks."""
     if geometry.kind == "straight":
         raise checks.InputError(f"{who}: {geometry.name!r} is straight; put parallel guides in one section as parts")
     cut = next((part.name for part in geometry.parts if part.material == VOID and part.height), None)
