@@ -117,7 +117,7 @@ FINE = 4001  # samples of a period, between which a periodic state is a straight
 
 
 def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
-    """Data and model against time above, their difference below; samples in equal ratios on a logarithmic axis.
+    """Data and model against time above, their difference below; the time axis is logarithmic for log-spaced samples.
 
     fit [reduction or thermal model]
     data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_trace`.

@@ -286,7 +286,7 @@ class Solver:
 
         ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
 
-        Raises InputError: of a task, or all of them failed.
+        Raises InputError: one that a task raised, or all tasks failed.
         """
         content = f"{self.key} {function.__name__} {shared}".encode()
         keys = [digest(content + np.ascontiguousarray(mark).tobytes())[:24] for mark in marks]
@@ -311,7 +311,7 @@ class Solver:
         return kept
 
     def _results(self, work: Callable[[Job], Any], jobs: list[Job]) -> Generator[tuple[int, Callable[[], Any]]]:
-        """The number of each task, and what returns its result."""
+        """Index of each task, and a function that returns its result."""
         if self.executor is None:
             yield from ((job[0], partial(work, job)) for job in jobs)
         else:

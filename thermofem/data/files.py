@@ -83,7 +83,7 @@ def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
 
 
 def from_json(text: str) -> Any:
-    """The tree of a JSON text.
+    """Parse a JSON text to a tree of dicts, lists and plain values.
 
     Raises InputError: no JSON, nested deeper than `DEPTH`, a number that is not finite.
 

@@ -322,7 +322,7 @@ def length(name: str, value: float | None, *, typical: float) -> float:
 
 
 def slip(value: float | None, typical: float, at_most: float = _LONGEST) -> checks.Hint:
-    """Hint with the length in m that was probably meant."""
+    """Hint with the length in m that was probably meant, where a value is off by a unit."""
     if not (isinstance(value, int | float) and at_most < abs(value) < 1e300):  # 1e300 m; no hint repairs it
         return checks.Hint("lengths are in metres")
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))

@@ -193,7 +193,8 @@ class Mode:
 
             <T> = int n (dn/dT) T |E|^2 dV / int n (dn/dT) |E|^2 dV,      -dw/w = K <T>,    K = `thermo_optic`
 
-        mesh, shift: scikit-fem's mesh of the basis with its vertices moved, and by how many m the core's centre moved.
+        mesh: scikit-fem mesh with moved vertices, in place of that of the basis.
+        shift [m]: by which the core's centre has moved.
         """
         weight = self._thermal_density * self.space.arc * self.space.dx
         hot = np.flatnonzero(weight.any(axis=1))  # air has no heat and no triangles

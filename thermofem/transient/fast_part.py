@@ -120,7 +120,7 @@ class FastPart:
         return _coefficients(self.values, *(np.diff(self.grid)[:, None] * self.slopes))
 
     def z(self, t: ArrayLike) -> Array:
-        """z at any times of the window, shape (*t.shape, k)."""
+        """Amplitudes z at any times of the window, shape (*t.shape, k)."""
         t = np.asarray(t, dtype=float)
         i = np.clip(np.searchsorted(self.grid, t, side="right") - 1, 0, self.grid.size - 2)
         u = ((t - self.grid[i]) / (self.grid[i + 1] - self.grid[i]))[..., None]
