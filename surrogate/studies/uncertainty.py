@@ -185,7 +185,7 @@ class _Study:
         return self.one.many(members, self.executor)
 
     def per_deviation(self) -> Array:
-        """Half the change of the property from the 16 to the 84 % quantile of each parameter, others at medians; (p,)."""
+        """Half the change of the property from the 16 to the 84 % quantile of one parameter at a time, shape (p,)."""
         ends, found = self.quantiles(np.tile(ONE_DEVIATION, (len(self.distributions), 1))), []
         for name, (low, high) in zip(self.distributions, ends.tolist(), strict=True):
             found.append((self.one(self.medians | {name: high}) - self.one(self.medians | {name: low})) / 2)
