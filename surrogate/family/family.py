@@ -118,7 +118,7 @@ class Family:
     def engine(self) -> str:
         """How members are made: "affine" (sums of fixed matrices) or "moved mesh" (reassembled).
 
-        With k(T) followed by " and interpolation", of the output map.
+        With k(T) " and interpolation" (of the output map) is added.
         """
         return self.members.engine + ("" if self.output_maps is None else " and interpolation")
 
@@ -220,9 +220,9 @@ class Family:
 
             floor + factor * (difference between all functions and the first 70 % of them)
 
-        The floor is the error of the mesh and the factor the largest ratio over the held-out members, both with half as
-        much on top. It is an estimate from those few members and no bound; `certify` measures one member. It holds at
-        small power: with k(T) the error of the output map, ``output_maps.error``, comes on top.
+        The floor is the error of the mesh and the factor the largest ratio over the held-out members, both
+        increased by half. It is an estimate from those few members and no bound; `certify` measures one member. It
+        holds at small power: with k(T) the error of the output map, ``output_maps.error``, comes on top.
         """
         small = self.members.member(self.box.row(values))
         return self.floor + self.factor * coarse_difference(small, len(self.inputs))

@@ -102,7 +102,7 @@ def _light(data: xr.Dataset) -> xr.Dataset:
 
 
 def _search(problem: Optical, order: int) -> Array:
-    """ln R and ln tau of the least misfit from all starts."""
+    """ln R_i, then ln tau_i, of the smallest misfit from all starts, shape (2 order,)."""
     first = np.concatenate([one.times[one.times > 0][:1] for one in problem.responses]).min()
     last = max(float(one.times.max()) for one in problem.responses)
     ends = []

@@ -177,7 +177,7 @@ def _rise(model: Foster | OutputMap, response: Response) -> Array:
 
 
 def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
-    """InputError where data were heated or read in another part than the members are; a warning for two geometries.
+    """Raise InputError where data were heated or read in other parts than the members; warn of several geometries.
 
     A measured table states only the name of its column, which counts as a part only where the geometry has such a part.
     """

@@ -43,7 +43,7 @@ class Side:
     shape [shape (f, m, q)]: the functions at the points.
     at, weight [shape (q,)]: positions 0 to 1 and weights of the Gauss points.
     ends [shape (2, 2 ends, f), m]
-    outward [shape (f,)]: 1 or -1: (dz, -dr) of the facet times it points away from the triangle.
+    outward [shape (f,)]: 1 or -1, the sign with which (dz, -dr) of the facet points away from the triangle.
     """
 
     basis: Any

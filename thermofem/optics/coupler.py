@@ -119,7 +119,7 @@ class Coupling:
 
 
 def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | None = None) -> Coupling:
-    """kappa^2 of a bus at a gap, over a straight section between two bends of ``radius``, the mode's by default; in m.
+    """Coupling of a bus at a gap, over a straight section between two bends of ``radius``, by default the mode's; in m.
 
     Raises InputError: a gap that is not positive or in another unit; kappa^2 above `MOST`.
     """

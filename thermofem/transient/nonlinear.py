@@ -212,7 +212,7 @@ class Curvature:
     inverse: Array
 
     def __call__(self, z: Array) -> tuple[Array, Array]:
-        """f(z) and e(z) of amplitudes of shape (times, k)."""
+        """f(z) and e(z) for amplitudes z, all of shape (times, k)."""
         return self.along(z, z / 2)
 
     def along(self, z: Array, slope: Array) -> tuple[Array, Array]:
