@@ -81,7 +81,7 @@ def noise_along(
 
 
 def _own(left: Array, part: Array) -> tuple[Array, float, int]:
-    """Residuals of one trace without their part in the span of ``part``; their variance and degrees of freedom."""
+    """Residuals of one trace after what ``part`` explains is subtracted; their variance and degrees of freedom."""
     along, size, _ = np.linalg.svd(part, full_matrices=False)
     # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
     along = along[:, size > 1e-6]

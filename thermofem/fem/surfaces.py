@@ -283,7 +283,10 @@ def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
 
 
 def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Corner numbers 3 t + k of ``vertices`` in triangles t, one row for each given array of triangles."""
+    """Number the corners of triangles: 3 t + k, where corner k of triangle t is the vertex that is given for it.
+
+    triangles: arrays as long as ``vertices``; each makes one row of the result.
+    """
     return np.array([3 * t + (mesh.triangles[t] == vertices[:, None]).argmax(axis=1) for t in triangles])
 
 

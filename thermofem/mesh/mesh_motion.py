@@ -66,9 +66,9 @@ class Motion:
         self._held, self._shares, self._ends = self._outline()
 
     def _outline(self) -> tuple[NDArray[np.bool_], Array, NDArray[np.intp]]:
-        """Constraints of vertices on edges: which coordinates are given, weights of the corners, ends of the edge.
+        """For every vertex: which of r and z its edge prescribes, weights of the corners, and the corners of its edge.
 
-        Shapes (vertices, 2) for r and z, (vertices, c), (vertices, 2); zero where a vertex lies on no edge.
+        Shapes (vertices, 2), (vertices, c) and (vertices, 2); zero where a vertex lies on no edge.
         """
         points, slack = self._once.points, NEAR * float(np.abs(self.corners).max())
         shares = np.zeros((len(points), len(self.corners)))

@@ -107,7 +107,7 @@ class Grid(skfem.MeshTri):
 
 
 def radii(r: NDArray[np.float64], depth: float | None) -> NDArray[np.float64]:
-    """Radius in m whose circumference is the weight of points at r: r itself in a ring, depth/(2 pi) if straight."""
+    """Radius in m in the weight 2 pi radius of points at r: r itself in a ring, depth/(2 pi) in a straight section."""
     return r if depth is None else np.full_like(r, depth / (2 * np.pi))
 
 

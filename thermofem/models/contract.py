@@ -121,7 +121,7 @@ class Delegates(ABC):
 
 
 class AtSmallPower(Delegates):
-    """Base of nonlinear models: properties at small power are those of ``linear``; subclasses define responses."""
+    """Base class of nonlinear models; static gain, step response and impedance are those of ``linear``."""
 
     linear: Any
 
