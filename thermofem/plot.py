@@ -135,7 +135,7 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
 
 
 def _draw_materials(geometry: CrossSection, ax: Axes) -> dict[str, str]:
-    """Layers and parts in the colours of their materials, by name."""
+    """Draw layers and parts in the colours of their materials; returns the colour of each material by name."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

@@ -275,7 +275,10 @@ class MeshError:
 
     @cached_property
     def unseen(self) -> Array:
-        """Extra factor of each triangle's error share at strong singularities: saturation/`SATURATION` - 1."""
+        """Part to be added to each triangle's error share at strong singularities, relative to the share; (triangles,).
+
+        saturation(lambda)/`SATURATION` - 1, as cubic functions see less of the error there; 0 elsewhere.
+        """
         found = np.zeros(len(self.heat.mesh.triangles))
         for vertex, exponent in self.strong.items():
             at = (self.heat.mesh.triangles == vertex).any(axis=1)

@@ -48,11 +48,11 @@ class Sizes:
 def sizes(accuracy: float) -> Sizes:
     """Sizes for a relative error of R_th and of every value of the step response from 1 ns on.
 
-    For a core of 450 x 220 nm; `fitted` adapts them. A power law through 45 nm, .5, 10 nm at 1e-3 and 30 nm, .3, 2 nm
-    at 1e-4. Measured with quadratic triangles against meshes for 1e-5, the largest error at 1, 3 ns and of R_th over 18
-    cross-sections (wide, thick and small cores, rib, disc, heater, air-clad, trenches, undercuts, trapezoid, thin
-    oxide, thermal contact, nitride): 1.0e-2, 7.5e-4, 8.2e-5 for 1e-2, 1e-3, 1e-4. Against an independent high-order
-    solution R_th of the reference strip is off 3.1e-4 at 1e-3.
+    For a core of 450 x 220 nm; `fitted` adapts them. Power laws through (h, slope, h_c) = (45 nm, .5, 10 nm) at 1e-3
+    and (30 nm, .3, 2 nm) at 1e-4. Measured with quadratic triangles against meshes for 1e-5, the largest error at 1, 3
+    ns and of R_th over 18 cross-sections (wide, thick and small cores, rib, disc, heater, air-clad, trenches,
+    undercuts, trapezoid, thin oxide, thermal contact, nitride): 1.0e-2, 7.5e-4, 8.2e-5 for 1e-2, 1e-3, 1e-4. Against an
+    independent high-order solution R_th of the reference strip is off 3.1e-4 at 1e-3.
 
     Raises InputError: accuracy outside 1e-5 .. 0.05.
     """
