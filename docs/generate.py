@@ -19,6 +19,8 @@ from thermofem.geometry import geometry_file as geometry_file
 from thermofem.materials import material_library as materials
 
 DOCS = Path(__file__).resolve().parent
+COEFFICIENT = f"{{ {' or '.join(geometry_file._COEFFICIENT)} }}"
+EXCHANGE = " or ".join(f"`{{ {kind} = ... }}`" for kind in geometry_file._COEFFICIENT)
 
 # what each key means; the keys and their units come from the schema
 WORDS: dict[str, dict[str, str]] = {
@@ -69,9 +71,9 @@ WORDS: dict[str, dict[str, str]] = {
         "section from the part itself, along x",
     },
     "[boundary]": {
-        "bottom": "`isothermal` (default), `insulated`, `open` or `{ convection = ... }`",
-        "top": "`insulated` (default), `isothermal` or `{ convection = ... }`: whatever faces up, ridges included",
-        "outer": "`insulated` (default), `isothermal`, `open` or `{ convection = ... }`",
+        "bottom": f"`isothermal` (default), `insulated`, `open` or {EXCHANGE}",
+        "top": f"`insulated` (default), `isothermal` or {EXCHANGE}: whatever faces up, ridges included",
+        "outer": f"`insulated` (default), `isothermal`, `open` or {EXCHANGE}",
     },
     "[light]": {
         "wavelength": "**required**; in vacuum",
@@ -85,7 +87,7 @@ WORDS: dict[str, dict[str, str]] = {
         "straight": "length of the straight section over which a racetrack couples; default 0",
         "width": "default that of the ring's guide; another one is refused",
     },
-    "{ convection }": {"convection": "**required**; heat transfer coefficient"},
+    COEFFICIENT: dict.fromkeys(geometry_file._COEFFICIENT, "**required**; a side has one such key"),
     "[material.NAME]": {
         "conductivity": "text with a unit or a table, see below; required for a new material",
         "density": "required for a new material",
@@ -106,7 +108,7 @@ SCHEMA: dict[str, dict[str, str]] = {
     "[boundary]": geometry_file._BOUNDARY,
     "[light]": geometry_file._LIGHT,
     "[[bus]]": geometry_file._BUS,
-    "{ convection }": geometry_file._COEFFICIENT,
+    COEFFICIENT: geometry_file._COEFFICIENT,
     "[material.NAME]": geometry_file._MATERIAL,
 }
 

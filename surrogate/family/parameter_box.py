@@ -15,6 +15,7 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.campaign import Variation
 from thermofem.fem.surfaces import PERFECT, resistances
 from thermofem.geometry.parameter_paths import Change, change
+from thermofem.geometry.section_parts import Boundary
 from thermofem.materials.material_laws import PowerLaw
 
 APART = 7919  # added to a seed, so that two draws have no point in common
@@ -194,7 +195,7 @@ class Box:
                 elif kind == "interface":  # beside others of the same part
                     resistance[surface] = np.maximum(resistance[surface] - middle + column, PERFECT)
                 elif kind == "boundary":
-                    resistance[surface] = 1 / column
+                    resistance[surface] = 1 / Boundary.KINDS[path.rpartition(".")[2]].exchange(column)
         made = {name: _material(material, given[name], ambient) for name, material in self.materials.items()}
         k_r, k_z, capacity = ({name: one[k] for name, one in made.items()} for k in range(3))
         return Properties(k_r, k_z, capacity, resistance)
@@ -217,7 +218,8 @@ class Properties:
     """Material properties at the ambient temperature and surface resistances, each of shape (n,) or ().
 
     k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
-    resistance [dict from "interface.PART" and "boundary.SIDE" to array; m^2 K/W]: of contacts, and 1/h of convection.
+    resistance [dict from "interface.PART" and "boundary.SIDE" to array; m^2 K/W]: of contacts, and 1/h where
+        heat is exchanged.
     """
 
     k_r: dict[str, Array]

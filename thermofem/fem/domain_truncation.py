@@ -64,8 +64,8 @@ class Wider:
 
 
 def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
-    """Extend a heat problem beyond its bottom and outer side, unless they have convection; None where both have it."""
-    sides = [side for side in ("bottom", "outer") if getattr(heat.geometry, side).kind != "convection"]
+    """Extend a heat problem beyond its bottom and outer side, unless they exchange heat; None where both do."""
+    sides = [side for side in ("bottom", "outer") if not getattr(heat.geometry, side).exchange]
     if not sides:
         return None
     geometry = heat.geometry
@@ -166,10 +166,10 @@ _reported: set[tuple[str, str, float, float, int]] = set()
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     """Relative change of R_th if the stack continued beyond its bottom and outer side, see `wider`.
 
-    Sides with convection are mounts, not cuts, and stay. For open sides it is what the 1/d law does not describe, such
-    as heat that flows along a layer. Where much of R_th comes from beyond the far ends they are moved outwards once
-    more, and what then remains counts as error, too: where heat leaves along a plate alone, no domain is wide enough.
-    For a straight section it includes the heat that leaves through the ends of the guide.
+    Sides that exchange heat are mounts, not cuts, and stay. For open sides it is what the 1/d law does not describe,
+    such as heat that flows along a layer. Where much of R_th comes from beyond the far ends they are moved outwards
+    once more, and what then remains counts as error, too: where heat leaves along a plate alone, no domain is wide
+    enough. For a straight section it includes the heat that leaves through the ends of the guide.
     """
     if heat.wider is None:
         return 0.0

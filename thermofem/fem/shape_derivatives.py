@@ -83,7 +83,7 @@ def _resistance(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> 
     of_part = np.array([change.contact.get(name, 0.0) for name in heat.mesh.region_names])
     found = of_part[heat.mesh.region[grid.f2t[0, facets]]]
     r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-    for side, of_h in change.convection.items():
+    for side, of_h in change.exchange.items():
         h = getattr(geometry, side).exchange
         found[geometry.on_boundary(side, r, z)] -= of_h / h**2
     return found

@@ -60,7 +60,7 @@ _PROBE = {"name": TEXT, "part": TEXT, "shell": "m", "distance": "m"}
 _BOUNDARY = {"bottom": ANY, "top": ANY, "outer": ANY}
 _LIGHT = {"wavelength": "m", "part": TEXT, "polarisation": TEXT, "loss": "1/m"}
 _BUS = {"name": TEXT, "gap": "m", "straight": "m", "width": "m"}
-_COEFFICIENT = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
+_COEFFICIENT = {kind: law.unit for kind, law in Boundary.KINDS.items() if law.unit is not None}
 _OPTICAL = {"thermo_optic": "1/K", "two_photon": "m/W", "kerr": "m^2/W"}
 _MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT, "index": ANY, **_OPTICAL}
 
@@ -165,7 +165,9 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
     if value is None:
         return default
     if isinstance(value, dict):
-        values = read_table(value, _COEFFICIENT, f"boundary {side}", required=tuple(_COEFFICIENT))
+        values = read_table(value, _COEFFICIENT, f"boundary {side}")
+        if len(values) != 1:
+            raise checks.InputError(f"boundary {side}: give one of {', '.join(_COEFFICIENT)}")
         return Boundary(*values.popitem())
     hint = 'convection is written { convection = "1e4 W/m^2/K" }'
     return Boundary(checks.choice(f"boundary {side}", value, Boundary.KINDS.keys() - _COEFFICIENT.keys(), hint=hint))
@@ -230,7 +232,7 @@ def _texts(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _boundary_value(boundary: Boundary) -> Any:
-    if Boundary.KINDS[boundary.kind] is None:
+    if boundary.kind not in _COEFFICIENT:
         return boundary.kind
     return _texts({boundary.kind: boundary.coefficient})
 

@@ -13,6 +13,7 @@ of geometries that are read, but not checked as a whole: a step may leave a gap 
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -52,7 +53,8 @@ def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 def check_once(paths: Iterable[str]) -> None:
     """Raise InputError where two paths set one value, or give the radii of a part in two forms."""
-    places = [path.removesuffix(".value").removesuffix(".convection") for path in paths]
+    # a side has one value, whatever its kind
+    places = [re.sub(r"^(boundary\.\w+)\.\w+$", r"\1", path.removesuffix(".value")) for path in paths]
     checks.unique("list of paths", places, hint="both set one value")
     sizes: dict[str, str] = {}
     for part, _, key in (path.rpartition(".") for path in places if path.startswith("part.")):
@@ -127,8 +129,8 @@ class Change:
     outlines [dict from layer or part to array, shape (4, 2)]: velocity of its corners, in m per unit.
     conductivity, heat_capacity [dict from material to array (2,) or float]: of (k_r, k_z) in W/(m K) and of rho c_p
         in J/(m^3 K) at the ambient temperature, per unit.
-    contact, convection, shell [dict from part, side or probe to float]: of the contact resistance, the coefficient and
-        the thickness, per unit.
+    contact, exchange, shell [dict from part, side or probe to float]: of the contact resistance, the heat transfer
+        coefficient and the thickness, per unit.
     optical [dict from (material, bus or "light", key) to float]: of index, thermo_optic, gap, straight, loss and
         wavelength, per unit.
     """
@@ -140,7 +142,7 @@ class Change:
     conductivity: dict[str, Array] = field(default_factory=dict)
     heat_capacity: dict[str, float] = field(default_factory=dict)
     contact: dict[str, float] = field(default_factory=dict)
-    convection: dict[str, float] = field(default_factory=dict)
+    exchange: dict[str, float] = field(default_factory=dict)
     shell: dict[str, float] = field(default_factory=dict)
     optical: dict[tuple[str, str], float] = field(default_factory=dict)
 
@@ -228,7 +230,7 @@ def _numbers(geometry: CrossSection, at: Mapping[str, Any]) -> dict[str, dict[An
         "conductivity": {m.name: np.array(along(m)) * m.conductivity_law.factor(T0) for m in used},
         "heat_capacity": {m.name: m.heat_capacity * float(m.specific_heat_law.factor(T0)) for m in used},
         "contact": {interface.part: interface.resistance for interface in at["interfaces"]},
-        "convection": {side: at[side].coefficient for side in ("bottom", "top", "outer")},
+        "exchange": {side: at[side].exchange for side in ("bottom", "top", "outer")},
         "shell": {probe.name: probe.shell or 0.0 for probe in at["probes"]},
         "optical": optical,
     }

@@ -1,9 +1,9 @@
 """Elements of a cross-section: layers, parts, boundaries, interfaces, probes, guides and buses; all lengths in m."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,6 +137,16 @@ def images(one: Part, other: Part) -> bool:
     return sides and one.material == other.material == VOID and bool(np.abs(mirror - other.outline()).max() <= SAME)
 
 
+class BoundaryKind(NamedTuple):
+    """A kind of boundary: the unit of its coefficient, None where it has none, and h in W/(m^2 K) by the coefficient.
+
+    A side without a coefficient has h = 0: what crosses it is another weak form, or nothing.
+    """
+
+    unit: str | None = None
+    exchange: Callable[[Any], Any] = lambda _: 0.0
+
+
 @dataclass(frozen=True)
 class Boundary:
     """Boundary condition on one side: "isothermal" (held at ambient), "insulated", "convection" or "open".
@@ -154,24 +164,23 @@ class Boundary:
 
     kind: str
     coefficient: float = 0.0
-    KINDS: ClassVar[dict[str, str | None]] = {
-        "isothermal": None,
-        "insulated": None,
-        "convection": "W/m^2/K",
-        "open": None,
+    KINDS: ClassVar[dict[str, BoundaryKind]] = {
+        "isothermal": BoundaryKind(),
+        "insulated": BoundaryKind(),
+        "convection": BoundaryKind("W/m^2/K", lambda h: h),
+        "open": BoundaryKind(),
     }
-    """Unit of each kind's coefficient; None where it has none."""
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        unit = self.KINDS[checks.choice("boundary", self.kind, self.KINDS)]
+        unit = self.KINDS[checks.choice("boundary", self.kind, self.KINDS)].unit
         if unit is not None:
             checks.positive(self.kind, self.coefficient, unit=unit, at_most=1e12)
 
     @property
     def exchange(self) -> float:
         """h in W/(m^2 K) of the heat h (T - ambient) per area that leaves; 0 where the side has another weak form."""
-        return self.coefficient if self.kind == "convection" else 0.0
+        return float(self.KINDS[self.kind].exchange(self.coefficient))
 
     @property
     def holds(self) -> bool:
