@@ -27,11 +27,12 @@ eta_fca = "1e-13 m^3/s"          # eta_tpa ("1/s/J"), g_tpa ("1/m^3/s/J^2"), the
 ```
 """
 
+import dataclasses
 import json
 import logging
 import math
 from collections.abc import Callable, Container, Mapping
-from dataclasses import replace
+from dataclasses import MISSING, replace
 from typing import Any, NamedTuple, TypeVar
 
 from scipy.constants import c, e, k, pi
@@ -83,13 +84,12 @@ FIELDS = {
 RATES = {
     "eta_fca": "m^3/s", "eta_tpa": "1/s/J", "g_tpa": "1/m^3/s/J^2", "thermal_shift": "rad/s/K", "kerr_shift": "rad/s/J",
 }  # fmt: skip
-_SRH = {
-    "tau_n": "s", "tau_p": "s", "intrinsic_density": "1/m^3", "hole_density": "1/m^3", "trap_energy": "eV",
-    "temperature": "K",
+UNITS = {  # of every number of a ring that may vary, and of every field of its carriers
+    **{name: known.unit for name, known in FIELDS.items()}, "tau": "s", "tau0": "s", "tau_n": "s", "tau_p": "s",
+    "intrinsic_density": "1/m^3", "hole_density": "1/m^3", "trap_energy": "eV", "thermal_energy": "eV",
 }  # fmt: skip
-UNITS = {  # of every number of a ring that may vary
-    **{name: known.unit for name, known in FIELDS.items()}, **_SRH, "thermal_energy": "eV", "tau": "s", "tau0": "s",
-}  # fmt: skip
+# fields of the carriers that a file writes as another quantity: its key, its unit, and the field for one of it
+_OTHERWISE = {"tau": ("lifetime", "s", 1.0), "thermal_energy": ("temperature", "K", k / e)}
 _KEYS = {
     **{name: known.unit for name, known in FIELDS.items()},
     "wavelength": "m", "loaded_q": "", "intrinsic_q": "", "buses": "", "absorbed_fraction": "", "perimeter": "m",
@@ -242,12 +242,8 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
     for coefficient, exponent in ring.fcd:
         text += f"\n[[dispersion]]\n{line('coefficient', repr(coefficient), 'fcd')}exponent = {exponent!r}\n"
     text += "\n[carriers]\n"
-    if isinstance(ring.carriers, ConstantLifetime):
-        text += line("lifetime", json.dumps(quantity.write(ring.carriers.tau, "s")), "carriers")
-    else:
-        srh = {**vars(ring.carriers), "temperature": ring.carriers.thermal_energy * e / k}
-        for key, unit in _SRH.items():
-            text += line(key, json.dumps(quantity.write(srh[key], unit)), "carriers")
+    for name, (key, unit, one) in _carrier_keys(type(ring.carriers)).items():
+        text += line(key, json.dumps(quantity.write(getattr(ring.carriers, name) / one, unit)), "carriers")
     if ring.rates:
         text += "\n[rates]\n" + "".join(
             line(key, json.dumps(quantity.write(value, RATES[key])), "rates") for key, value in ring.rates
@@ -255,8 +251,15 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
     return text
 
 
-def _carriers(item: Any) -> ShockleyReadHall | ConstantLifetime:
-    if isinstance(item, dict) and "lifetime" in item:
-        return ConstantLifetime(read_table(item, {"lifetime": "s"}, "[carriers] with a constant lifetime")["lifetime"])
-    given = read_table(item, _SRH | {"lifetime": "s"}, "[carriers]", required=tuple(_SRH))
-    return ShockleyReadHall(thermal_energy=k * given.pop("temperature") / e, **given)
+def _carrier_keys(law: type[Any]) -> dict[str, tuple[str, str, float]]:
+    """By each field of carriers, its key in [carriers], the unit there, and the field for one of that unit."""
+    return {one.name: _OTHERWISE.get(one.name, (one.name, UNITS[one.name], 1.0)) for one in dataclasses.fields(law)}
+
+
+def _carriers(item: dict[str, Any]) -> ShockleyReadHall | ConstantLifetime:
+    constant = "lifetime" in item
+    law: type[Any] = ConstantLifetime if constant else ShockleyReadHall
+    keys, where = _carrier_keys(law), "[carriers] with a constant lifetime" if constant else "[carriers]"
+    needed = [keys[one.name][0] for one in dataclasses.fields(law) if one.default is MISSING]
+    given = read_table(item, {"lifetime": "s", **{key: unit for key, unit, _ in keys.values()}}, where, required=needed)
+    return law(**{name: given[key] * one for name, (key, _, one) in keys.items() if key in given})

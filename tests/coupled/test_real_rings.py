@@ -13,9 +13,10 @@ from support import ring_ode
 
 import coupled
 import thermofem as th
-from coupled import ConstantLifetime, RingResonator
+from coupled import ConstantLifetime, RingResonator, ring_toml
 from coupled.kernel import units as eq
 from coupled.kernel.tableaus import Method
+from thermofem.data import quantity
 
 REAL = replace(
     RING,
@@ -139,6 +140,20 @@ def test_a_ring_file():
     assert ring.carriers == ConstantLifetime(10e-9)
     assert ring.eta_fca == 1e-13
     assert ring.tpa_volume == pytest.approx(5e-18, rel=1e-14, abs=0)
+
+
+@pytest.mark.parametrize("carriers", [RING.carriers, ConstantLifetime(10e-9)], ids=lambda law: type(law).__name__)
+def test_every_number_of_a_ring_survives_its_file(carriers):
+    """A field that neither the file nor the reader knew was lost without a word."""
+    assert {*ring_toml.UNITS.values(), *ring_toml.RATES.values()} <= quantity.SI
+    numbers = {name: known.high for name, known in ring_toml.FIELDS.items() if name != "lumped_fcd"}
+    fields = {name: (1e-10 if name.startswith("tau") else 1e-3) + 1.01 * x for name, x in vars(carriers).items()}
+    ring = replace(RING, **numbers, lumped_fcd=-1e-26, carriers=replace(carriers, **fields))
+    assert vars(ring).keys() == {"name", "fcd", "carriers", "rates"} | ring_toml.FIELDS.keys()
+    again = RingResonator.from_text(ring_toml.write_text(ring, {}))
+    # k_B T is written as a temperature: two roundings
+    assert vars(again.carriers) == pytest.approx(vars(ring.carriers), rel=1e-15, abs=0)
+    assert replace(again, carriers=ring.carriers) == ring
 
 
 def test_a_ring_file_with_a_base(tmp_path):
