@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from scipy.constants import c
 
 from .carriers import ConstantLifetime, ShockleyReadHall
-from .resonator import RingResonator, published
+from .resonator import PUBLISHED, RingResonator, published
 
 
 @dataclass(frozen=True)
@@ -136,3 +136,13 @@ def vanvaerenbergh2012() -> RingResonator:
         fca_volume=2.36e-18,  # m^3
         carriers=ConstantLifetime(5.3e-9),  # s
     )
+
+
+def published_rings() -> dict[str, RingResonator]:
+    """Every published ring by the name of its function; as NAME-lumped, to go with Newton's law, where it has both."""
+    found = {}
+    for name, one in PUBLISHED.items():
+        found[name] = ring = one()
+        if ring.lumped_fcd is not None:
+            found[f"{name}-lumped"] = ring.with_lumped_fcd()
+    return found

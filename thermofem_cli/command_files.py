@@ -13,6 +13,7 @@ import h5py
 import coupled
 import surrogate
 from coupled import RingResonator
+from coupled.parameters import published_rings
 from thermofem import CrossSection, InputError, checks, strip_ring
 from thermofem.data import files
 from thermofem.models import ThermalModel
@@ -124,13 +125,9 @@ def section_of(path: Path | None) -> CrossSection:
 
 def ring_of(given: str) -> RingResonator:
     """Ring of a file, or one that comes with the package."""
-    named = {
-        "borghi2021": coupled.borghi2021,
-        "borghi2021-lumped": lambda: coupled.borghi2021().with_lumped_fcd(),
-        "vanvaerenbergh2012": coupled.vanvaerenbergh2012,
-    }
+    named = published_rings()
     if given in named:
-        return named[given]()
+        return named[given]
     if not Path(given).is_file():
         raise InputError(f"--ring = {given!r} is neither a file nor one of {', '.join(named)}")
     expect(Path(given), "ring")

@@ -18,7 +18,6 @@ from . import drive_texts, options
 from .command_files import check_outputs, expect, ring_of
 from .console import note, working, wrote
 
-RING = "Ring file (TOML), borghi2021, borghi2021-lumped or vanvaerenbergh2012: write its light and carriers, too."
 OUTPUT = "File to write; default: the model's name, with the ending of --to, if no other file has it."
 PLATFORMS = "Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm'; default: this platform."
 
@@ -27,7 +26,7 @@ def export(
     context: typer.Context,
     model: options.Model,
     to: Annotated[str, typer.Option(help="spice, verilog-a, fmu, mat or csv.")],
-    ring: Annotated[str | None, typer.Option(help=RING)] = None,
+    ring: Annotated[str | None, typer.Option(help=f"{options.RING}: write its light and carriers, too.")] = None,
     circuit: Annotated[Path | None, typer.Option(help="Circuit file (TOML) in place of --ring, for spice.")] = None,
     power: Annotated[str | None, typer.Option(help="Also write a run from cold with this power in the bus.")] = None,
     detuning: options.Detuning = "0 GHz",

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from coupled.parameters import published_rings
 from thermofem.campaign.stored_tasks import processes
 from thermofem.errors import InputError, MissingLibraryError
 
@@ -38,10 +39,8 @@ HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.
 VaryingHeater = Annotated[list[str] | None, typer.Option("--heater", help=HEATER)]
 
 REFERENCE_RING = "borghi2021"
-Ring = Annotated[
-    str,
-    typer.Option(help="Ring file (TOML), or borghi2021, borghi2021-lumped for Newton's law, or vanvaerenbergh2012."),
-]
+RING = f"Ring file (TOML), or one of {', '.join(published_rings())}"
+Ring = Annotated[str, typer.Option(help=f"{RING}; a lumped one goes with Newton's law.")]
 Power = Annotated[str, typer.Option(help="Power in the bus waveguide.")]
 Detuning = Annotated[
     str, typer.Option(help="Laser minus cold resonance: '-10 GHz', or in wavelength '80 pm' (to the red).")

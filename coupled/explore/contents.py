@@ -31,8 +31,8 @@ TRAINED_LAW = "second order, experiment (Borghi 2021)"
 NEWTON_LAW = "Newton's law, 275 ns (Borghi 2021)"
 SMALL_LAW = "Newton's law, 65 ns (Van Vaerenbergh 2012)"
 LUMPED = parameters.borghi2021().with_lumped_fcd()
-# rings of the papers, each with the window of its plane
-PUBLISHED = (parameters.borghi2021(), OF_MAPS), (LUMPED, OF_MAPS), (parameters.vanvaerenbergh2012(), OF_SMALL)
+# windows of planes that the papers show; another published ring gets that of `window_of`
+SHOWN = {"borghi2021": OF_MAPS, "borghi2021-lumped": OF_MAPS, "vanvaerenbergh2012": OF_SMALL}
 SERIES = 6  # models that a figure can tell apart by colour
 
 
@@ -183,7 +183,7 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     check_ring(ring)
     given, *known = (
         asdict(one) | {"python": repr(one), "window": window}
-        for one, window in ((ring, window_of(ring, resistance)), *PUBLISHED)
+        for one, window in ((ring, window_of(ring, resistance)), *published())
     )
     usual = 0.3 < resistance / RESISTANCE < 3
     others = [other for other in known if not same_numbers(given, other)]
@@ -192,6 +192,12 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     if ring.name in {other["name"] for other in others}:
         given["name"] = f"{ring.name} (changed)"
     return [given, *others]
+
+
+def published() -> list[tuple[RingResonator, Window]]:
+    """Return the rings of the papers, each with the window of its plane."""
+    rings = parameters.published_rings()
+    return [(ring, SHOWN.get(name) or window_of(ring, RESISTANCE)) for name, ring in rings.items()]
 
 
 def place_of(ring: RingResonator, rings: list[dict[str, Any]]) -> int:

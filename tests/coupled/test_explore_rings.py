@@ -9,7 +9,9 @@ import pytest
 
 import coupled
 import thermofem as th
-from coupled.explore.contents import PUBLISHED, same_numbers, window_of
+from coupled.explore.contents import RESISTANCE, published, same_numbers, window_of
+from coupled.resonator import PUBLISHED
+from thermofem_cli.command_files import ring_of
 
 MODEL = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 LOSSY = replace(coupled.borghi2021(), loss_rate=9e9).with_lumped_fcd()  # bears the name of the published ring
@@ -25,7 +27,7 @@ def data_of(ring, models):
 def ring_at(place, data):
     """The name of the published ring that stands at a place of the page, or None."""
     found = data["rings"][place["ring"]]
-    return next((ring.name for ring, _ in PUBLISHED if same_numbers(asdict(ring), found)), None)
+    return next((ring.name for ring, _ in published() if same_numbers(asdict(ring), found)), None)
 
 
 def test_a_changed_ring_under_a_published_name_is_a_ring_of_its_own():
@@ -37,16 +39,23 @@ def test_a_changed_ring_under_a_published_name_is_a_ring_of_its_own():
     assert [ring["name"] for ring in data["rings"][1:]] == NAMES
 
 
-@pytest.mark.parametrize("ring", [ring for ring, _ in PUBLISHED], ids=lambda ring: ring.name)
+@pytest.mark.parametrize("ring", [ring for ring, _ in published()], ids=lambda ring: ring.name)
 def test_a_published_ring_under_another_name_is_that_ring(ring):
     data = data_of(replace(ring, name="mine"), {"m": MODEL})
     others = [name for name in NAMES if name != ring.name]
     assert [one["name"] for one in data["rings"]] == ["mine", *others]
-    window = {one.name: window for one, window in PUBLISHED}[ring.name]
+    window = {one.name: window for one, window in published()}[ring.name]
     assert data["rings"][0]["window"] == {name: list(ends) for name, ends in window.items()}
     low, high = window["power"]
     assert data["start"]["power"] == min(8, high) >= low  # the laser stands at 8 dBm, or at the end of the plane
     assert {ring_at(preset["state"], data) for preset in data["presets"][1:]} == set(NAMES)
+
+
+def test_one_function_makes_a_ring_known_to_commands_and_to_the_page(monkeypatch):
+    mine = replace(coupled.borghi2021(), name="Mine 2030", lumped_fcd=None)
+    monkeypatch.setitem(PUBLISHED, "mine2030", lambda: mine)
+    assert ring_of("mine2030") is mine
+    assert (mine, window_of(mine, RESISTANCE)) in published()
 
 
 def test_the_last_digit_of_a_ring_file_is_no_other_ring():
