@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 
 from thermofem import (
     Chirp,
-    Constant,
     Foster,
     OutputMap,
     Pulse,
@@ -367,12 +366,9 @@ def _largest(drive: Waveform) -> float:
 
 
 def _length(drive: Waveform) -> float:
-    """Duration of a drive without a period, s."""
-    match drive:
-        case Pulse():
-            return drive.stop
-        case Telegraph() | Chirp():
-            return drive.duration
-        case Constant():
-            return 1e-4
-    raise checks.InputError(f"how long a {type(drive).__name__} lasts is not known; give one that repeats")
+    """Duration of a drive without a period, s: its own, or until it last changes; 100 us where it never does."""
+    whole = getattr(drive, "whole", None)
+    if whole is None or whole.edges[-1] < waveforms.ENDLESS:  # a function, or a record that ends
+        raise checks.InputError(f"how long a {type(drive).__name__} lasts is not known; give one that repeats")
+    changes = whole.edges[1:-1]
+    return float(getattr(drive, "duration", changes[-1] if changes.size else 1e-4))

@@ -125,7 +125,8 @@ _MAKERS = {
     "newton": lambda: surrogate.newton(tau_th=275e-9),
     "second order": lambda: surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31),
     "foster of five": lambda: th.Foster(R=[600, 1500, 2500, 2000, 1200], tau=[3e-9, 30e-9, 200e-9, 1.5e-6, 8e-6]),
-    "fem": coarse_fem,
+    "state space, small": lambda: state_space(reduced_fem()),
+    "fem": coarse_fem,  # after the small one: files of every kind are tested with its first
     "fem, reduced": reduced_fem,
     "foster, trained": lambda: fit_of_step().model,
     "fem, diagonalised": coarse_poles,
@@ -136,7 +137,6 @@ _MAKERS = {
         surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)
     ),
     "SINDy network": identified_network,
-    "state space, small": lambda: state_space(reduced_fem()),
     "a fit": fit_of_step,
     "a reduction": lambda: surrogate.reduce(coarse_fem(), tolerance=1e-4),
     "a truncation": lambda: surrogate.balanced_truncation(coarse_fem(), 5),

@@ -45,14 +45,10 @@ def test_provenance_travels_with_the_model(saved):
     assert th.models.load_provenance(saved) == {"training": ["square wave"], "power": 2e-3}
 
 
-ONE_OF_EACH = ("second order", "Cauer ladder", "SINDy network", "output map", "quadratic", "state space, small")
-
-
-@pytest.mark.parametrize("name", ONE_OF_EACH)
-def test_every_kind_reads_what_it_writes_and_refuses_all_else(name):
-    kind = type(MODELS[name]())
-    assert {type(MODELS[one]()) for one in ONE_OF_EACH} == set(KINDS.values())
-    written = MODELS[name]().to_json()
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_every_kind_reads_what_it_writes_and_refuses_all_else(kind):
+    of_kind = (model for model in (make() for make in MODELS.values()) if type(model) is kind)
+    written = next(of_kind).to_json()  # a kind without one stops here: it joins tests/support/models.py
     assert kind.from_json(written).to_json() == written
     for other in (3, None, [], {}, [1], "text", {**written, "units": 3, **dict.fromkeys(written)}):
         with pytest.raises(th.InputError):

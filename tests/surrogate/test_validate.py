@@ -193,6 +193,15 @@ def test_switched_waveforms_know_their_edges_and_their_mean(wave):
     assert np.array_equal(again.breakpoints(0.0, 1.0), edges)
 
 
+@pytest.mark.parametrize("wave", [th.Symbols([1, 0, 1], rate=1e6, power=2e-3), th.Pulse(2e-3, 5e-7, start=1e-6)])
+def test_a_drive_that_ends_in_a_constant_power_is_compared_until_half_as_long_again(wave):
+    """Symbols were refused: the kinds of waveforms stood in a list."""
+    last = wave.breakpoints(0.0, 1.0)[-1]
+    times = np.unique(np.concatenate([np.linspace(0, 1.5 * last, 4 * COMPARED), wave.breakpoints(0.0, last * 2)]))
+    expected = np.abs(SLOW.response(wave, times) - FAST.response(wave, times)).max()
+    assert surrogate.compare({"slow": SLOW}, FAST, [wave]).peak.item() == pytest.approx(expected, rel=1e-12)
+
+
 def test_chirp_sweeps_its_period_and_keeps_its_duty():
     wave = th.Chirp(2e-3, 1e-7, 1e-6, 1e-3, duty=0.25)
     edges = wave.breakpoints(0.0, 1.0)

@@ -15,8 +15,8 @@ Contract of a `ThermalModel`. Every function that takes a model takes any object
    `OutputMap` over a Foster network, or a `Quadratic` system. A model without such a form, such as the FEM itself,
    raises InputError there and says what to use instead.
 
-Adding a model: write a function that returns one of these kinds, and add it to the list in tests/models.py. A new kind
-is a class that satisfies the contract, one file in this folder with one line of `thermofem.models.KINDS`.
+Adding a model: write a function that returns one of these kinds, and add it to the list in tests/support/models.py. A
+new kind is a class that satisfies the contract, one file in this folder with one line of `thermofem.models.KINDS`.
 """
 
 import warnings
