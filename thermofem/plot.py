@@ -12,10 +12,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from . import CrossSection, checks
+from . import checks
 from .data.fields import check_field
 from .data.files import check_image, write_whole
 from .data.variables import contents
+from .geometry import CrossSection
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import InputError, checks
+from .. import checks
 from .files import check_target, write_whole
 from .variables import contents
 
@@ -57,7 +57,7 @@ def field_file(path: str | Path, count: int) -> Path:
     path = checks.path("path", path)
     kind = checks.choice("fields: ending", path.suffix, (".xdmf", ".vtu"), hint="ParaView opens these two")
     if kind == ".vtu" and count > 1:
-        raise InputError(f"{path.name} holds one time and the data {count}; take .xdmf, or select one")
+        raise checks.InputError(f"{path.name} holds one time and the data {count}; take .xdmf, or select one")
     return check_target(path)
 
 

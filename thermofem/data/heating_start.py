@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
-from .. import InputError, checks
+from .. import checks
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, independent
 from ..waveforms import Constant, Pulse, Sampled, Waveform
@@ -85,14 +85,16 @@ def rise_of(
     few = max(1, t.size // 10)
     drop = float(np.median(rows.y[:few]) - np.median(rows.y[-few:]))
     if not fall and isinstance(wave, Constant) and start is None and level is None and drop > 0.2 * rows.swing:
-        raise InputError("the rows fall: a fall after heating (--fall), or a diode (a negative --sensitivity)?")
+        raise checks.InputError("the rows fall: a fall after heating (--fall), or a diode (a negative --sensitivity)?")
     sign, length, what = 1.0, 0.0, "heating"
     if fall and isinstance(wave, Pulse):
         length = wave.width
         start = _start(replace(rows, y=-rows.y, wave=Constant(wave.power)), start, "fall")[0] - length
     elif fall:
         if not isinstance(wave, Constant):
-            raise InputError("--fall goes with a constant --power, or with --pulse and the length of the heating")
+            raise checks.InputError(
+                "--fall goes with a constant --power, or with --pulse and the length of the heating"
+            )
         sign, what = -1.0, "fall"
         rows = replace(rows, y=-rows.y)
     t0, rest = _start(rows, start, what)
@@ -215,7 +217,7 @@ def _baseline(rows: Rows, start: float, sampled: bool, what: str) -> tuple[float
     quiet = rows.noise < NOTHING * rows.swing and 0 <= t[first] - start < 1e-6 * rows.step
     level = float(y[first]) if quiet else _misfit(rows.thin(), start)[1]  # at its start a rise is zero
     if start < t[0] and wave(float(t[0] - start)) > 0 and abs(level - y[first]) > rows.swing:
-        raise InputError(
+        raise checks.InputError(
             f"the heating begins {quantity.rounded(t[0] - start, 's', 4)} before the first row, and the rise until "
             f"then, some {abs(level - y[first]):.2g} {unit}, is larger than the rows show",
             "give --baseline, or another --start",
