@@ -142,17 +142,16 @@ def _state_at(system: System, D: Array) -> Array:
     power, phase = system.lights.drive.power.coefficients[0, :, 0], system.lights.drive.phase.coefficients[0, :, 0]
     into = system.lights.drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
     between = system.light.between * eq.NS
-    loss, absorbed, fca, tpa, g = system.rings.modes[:, 0, :5].T
+    rates = eq.Mode(*system.rings.modes[:, 0].T)
     tau0, a, b = system.rings.carriers.T
     U, N = np.zeros(n), np.zeros(n)
     for _ in range(SWEEPS):
-        field = np.linalg.solve(np.diag(loss + fca * N + tpa * U - 1j * D) - between, 1j * into)
+        field = np.linalg.solve(np.diag(rates.loss + rates.fca * N + rates.tpa * U - 1j * D) - between, 1j * into)
         U = 0.5 * U + 0.5 * np.abs(field) ** 2
-        k = tau0 * g * U**2  # b N^2 + (1 - a k) N - k = 0
+        k = tau0 * rates.generation * U**2  # b N^2 + (1 - a k) N - k = 0
         half = 1 - a * k
         N = 0.5 * N + 0.5 * 2 * k / (half + np.sqrt(half**2 + 4 * b * k))
-    heating = 2 * (absorbed + fca * N + tpa * U) * U
-    x = system.heat.gain / system.heat.rate * eq.UW * heating[:, None]
+    x = system.heat.gain / system.heat.rate * eq.UW * eq.absorbed_power(U, N, rates)[:, None]
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
 
 

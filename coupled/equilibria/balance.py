@@ -31,7 +31,7 @@ from thermofem.models import ThermalModel
 
 from ..kernel import integrator as kernel
 from ..kernel.tableaus import Method
-from ..kernel.units import EPSILON, UW, Rates, internal_heat, internal_rates, single_ring
+from ..kernel.units import EPSILON, UW, Rates, absorbed_power, internal_heat, internal_rates, single_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
 from .zeros import newton, zeros
@@ -209,7 +209,7 @@ def balance(U: ArrayLike, ring: InternalRing) -> Balance:
     """Return the fixed points of the energies ``U``, any shape."""
     U, rates = np.asarray(U, dtype=float), ring.rates
     N, N_slope = carriers(U, rates)
-    P_abs = 2 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U
+    P_abs = absorbed_power(U, N, rates)
     P_slope = 2 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2 * rates.tpa * U)
     dT, by_P = ring.heat.rise(P_abs)
     S, S_slope = dispersion(N, ring.fcd)

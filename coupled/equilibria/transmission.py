@@ -13,7 +13,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
-from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
+from ..kernel.units import FJ, NS, UW, absorbed_power, internal_pump, internal_rates
 from ..resonator import RingResonator
 from ..thermal import check_geometry, trusted
 from .balance import (
@@ -148,8 +148,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     checks.positive("drop_rate of the ring", ring.drop_bus_rate, unit="1/s", hint="it has no drop port")
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / FJ
     rates, _ = internal_rates(ring)
-    N = carriers(U, rates)[0]
-    largest = float((2 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U).max()) * UW
+    largest = float(absorbed_power(U, carriers(U, rates)[0], rates).max()) * UW
     at = internal_ring(ring, model, largest)
     linear = at.model.thermal_resistance * largest
     trusted(model, linear if isinstance(at.model, Foster) else at.model.steady_rise(largest), linear)

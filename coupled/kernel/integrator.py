@@ -71,7 +71,7 @@ class Rings(NamedTuple):
     """R rings with F fields each."""
 
     modes: Array
-    """(R, F, 8): loss, absorbed, fca, tpa, generation, shift, turn, kerr."""
+    """(R, F, 8), by the last axis `units.Mode`."""
     carriers: Array
     """(R, 3): tau0, a, b."""
     dispersion: Array

@@ -41,6 +41,19 @@ class Rates(NamedTuple):
     kerr: float  # rad/ns/fJ
 
 
+class Mode(NamedTuple):
+    """What the kernel takes of a resonance, the columns of `Rings.modes`: `Mode` of equations.hpp."""
+
+    loss: Any
+    absorbed: Any
+    fca: Any
+    tpa: Any
+    generation: Any
+    shift: Any
+    turn: Any
+    kerr: Any
+
+
 @lru_cache(maxsize=1000)
 def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
     """Return the ring in internal units and its free-carrier dispersion, rows (c_k in rad/ns, p_k)."""
@@ -72,9 +85,9 @@ def internal_detuning(detuning: float) -> float:
     return 2 * math.pi * detuning * NS
 
 
-def absorbed_power(U: Array, N: Array, rates: Rates) -> Array:
-    """Return P_abs in uW of one ring with one field."""
-    return 2.0 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U
+def absorbed_power(U: Array, N: Array, rates: Rates | Mode, felt: Array | None = None) -> Array:
+    """Return P_abs in uW of a field of the energy U; ``felt`` is that of two-photon absorption, U of a field alone."""
+    return 2.0 * (rates.absorbed + rates.fca * N + rates.tpa * (U if felt is None else felt)) * U
 
 
 def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
@@ -101,9 +114,8 @@ def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
     R, F = rings.modes.shape[:2]
     states = rows[:, 1 : 1 + R * (2 * F + 2)].reshape(-1, R, 2 * F + 2).T
     fields, N, rise = states[0 : 2 * F : 2] + 1j * states[1 : 2 * F : 2], states[-2], states[-1]
-    absorbed, fca, tpa = rings.modes[:, :, 1:4].T[..., None]
     U = np.abs(fields) ** 2
-    heating = 2 * ((absorbed + fca * N + tpa * (2 * U.sum(axis=0) - U)) * U).sum(axis=0)
+    heating = absorbed_power(U, N, Mode(*rings.modes.T[..., None]), 2 * U.sum(axis=0) - U).sum(axis=0)
     return fields.swapaxes(0, 1).reshape(R * F, -1) * FJ**0.5, N * DENSITY, rise, heating * UW
 
 
@@ -116,7 +128,7 @@ def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_res
     (first, fcd), modes = internal_rates(own), []
     for one in resonances:
         r, turn = internal_rates(one)[0], one.index_rate / own.index_rate
-        modes.append([r.loss, r.absorbed, r.fca, r.tpa, r.g, r.thermal_shift, turn, r.kerr])
+        modes.append(Mode(r.loss, r.absorbed, r.fca, r.tpa, r.g, r.thermal_shift, turn, r.kerr))
     floor = floor_of(first, pump, thermal_resistance)
     return Rings(np.array([modes]), np.array([[first.tau0, first.a, first.b]]), fcd[None], floor[None])
 

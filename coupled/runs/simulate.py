@@ -149,7 +149,6 @@ def simulate(
             average=average, method=chosen, initial=initial, progress=progress,
         )  # fmt: skip
     check_ring(ring)
-    doubts = check_geometry(ring, model)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     others = [
         replace(one, power=power_in_time(one.power, duration), detuning=detuning_in_time(one.detuning, duration))
@@ -157,10 +156,11 @@ def simulate(
     ]
     picked = channels(model, heaters, heated, read)
     small, poles = picked.model, picked.poles
+    doubts, described = check_geometry(ring, model), attributes(small)
     heat = heating(poles, heaters, duration, rtol, np.zeros(small.order * len(poles)))
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
-    begin = starting_point(initial, small.order, attributes(small))
+    begin = starting_point(initial, small.order, described)
     asked, kept = dense_times(model, wanted, duration)
     run = advance(
         ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"], offset=heat.rises[0],
@@ -182,7 +182,7 @@ def simulate(
             **provenance(ring, light, duration),
             **doubts,
             "driven_until": max(run.lights.driven_until, heat.driven_until),
-            **attributes(small),
+            **described,
             **({} if initial is None else {"initial": "given"}),
             **(several if others else {"heater_rise": static} if static else {}),
             "rtol": rtol,
