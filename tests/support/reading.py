@@ -7,11 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from paths import ROOT
+
 import coupled
 import surrogate
 import thermofem as th
 from coupled import ring_toml
-from coupled.circuit import circuit as circuit_file
 from thermofem.campaign import Campaign
 from thermofem.waveforms import from_json, to_json
 from thermofem_cli.command_files import kind_of
@@ -30,9 +31,9 @@ def as_file(read: Callable[[Path], Any], name: str) -> Reader:
     return reader
 
 
-def described(module: Any) -> str:
-    """The file that the docstring of its reader shows."""
-    return (module.__doc__ or "").split("```toml\n")[1].split("```")[0]
+def described(text: str | None, begin: str = "```toml\n") -> str:
+    """The file that a docstring or a page of the docs shows."""
+    return (text or "").split(begin)[1].split("```")[0]
 
 
 READERS: dict[str, Reader] = {
@@ -71,8 +72,8 @@ def valid(folder: Path) -> dict[str, str]:
         "kind": model,
         "geometry": th.heated_ring().to_toml(),
         "campaign": CAMPAIGN,
-        "ring": described(ring_toml).replace('drop_rate = "40e9 1/s"', ""),
-        "circuit": described(circuit_file),
+        "ring": described(ring_toml.__doc__).replace('drop_rate = "40e9 1/s"', ""),
+        "circuit": described((ROOT / "docs/circuits.md").read_text(), '```toml title="bus.toml"\n'),
         "waveform": json.dumps(json.loads(to_json(th.SquareWave(2e-3, 1e-6, 0.3)))),
         "table": "time (us),T (K)\n" + "".join(f"{k},{1 - 0.5**k}\n" for k in range(12)),
     }
