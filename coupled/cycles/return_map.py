@@ -121,7 +121,7 @@ class Flow:
 
     def run(
         self, y: Array, duration: float, rtol: float = ROUGH, *, level: float | None = None, above: bool = False,
-        first_step: float = 0.0,
+        first_step: float = 0.0, per_step: int = 1,
     ) -> Run:  # fmt: skip
         """Integrate for ``duration`` ns, or until the quantity rises through ``level``."""
         problem = self.rough if rtol >= MIDDLE else self.fine
@@ -129,7 +129,7 @@ class Flow:
         event = None if level is None else Crossing(self.quantity, level, True, self.ring, above)
         return problem.integrate(
             y, rtol=rtol, event=event, keep_steps=level is not None, first_step=first_step,
-            per_step=1 if rtol > FINE else PER_STEP,
+            per_step=per_step,
         )  # fmt: skip
 
     @property
@@ -159,13 +159,13 @@ class Flow:
         """Range of the quantity."""
         return float(np.ptp(self.seen(orbit.trace.rows)))
 
-    def trace(self, y: Array, rtol: float, pulses: int, longest: float) -> Trace | None:
+    def trace(self, y: Array, rtol: float, pulses: int, longest: float, per_step: int = 1) -> Trace | None:
         """Follow a state through ``pulses`` returns to the section; None where one takes more than ``longest`` ns."""
         level, at, T = self.value(y), y, 0.0
         parts: list[tuple[Array, Array]] = []
         rows: list[Array] = []
         for _ in range(pulses):
-            run = self.run(at, longest, rtol, level=level, above=True)
+            run = self.run(at, longest, rtol, level=level, above=True, per_step=per_step)
             if run.crossings.size == 0:
                 return None
             run.rows[:, 0] += T
@@ -215,7 +215,8 @@ def close(
         before = 1.0
         A, row = _bordered(flow.projected(beside.V, beside.trace.end), flow.normal(beside.start))
     for _ in range(TURNS):
-        trace = flow.trace(y, tolerance, pulses, longest)
+        first = before == 1.0  # trace at this tolerance, which is hardly ever the last
+        trace = flow.trace(y, tolerance, pulses, longest, 1 if first or tolerance > FINE else PER_STEP)
         if trace is None or np.ptp(flow.seen(trace.rows)) <= FLAT * np.abs(flow.seen(trace.rows)).max():
             return None
         fresh = tolerance >= MIDDLE or before == np.inf
@@ -232,6 +233,8 @@ def close(
         if (size < CLOSED[tolerance] or (rounded and tolerance <= FINE)) and not tolerances:
             if tolerance > FINE:
                 return Orbit(trace, V, size, pulses)
+            if first and (again := flow.trace(y, tolerance, pulses, longest, PER_STEP)):
+                trace = again
             V, error = _followed(flow, trace, longest, A, row)
             orbit = Orbit(trace, V, size, pulses)
             if tolerance == FINE and error > ERROR:
