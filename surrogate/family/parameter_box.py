@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from thermofem import Campaign, CrossSection, Material, checks
+from thermofem import Boundary, Campaign, CrossSection, Material, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.campaign import Variation
 from thermofem.fem.surfaces import PERFECT, resistances
 from thermofem.geometry.parameter_paths import Change, change
-from thermofem.geometry.section_parts import Boundary
 from thermofem.materials.material_laws import PowerLaw
 
 APART = 7919  # added to a seed, so that two draws have no point in common
