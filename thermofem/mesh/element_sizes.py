@@ -2,7 +2,7 @@
 
 With d the distance to the outlines of the heated parts and d_c that to one of their corners,
 
-    size(r, z) = min(h + slope d, h_c + slope d_c, max(4 um, d/10))
+    size(r, z) = min(h + slope d, h_c + slope d_c, max(4 um, d/10))        (4 um and h grow in large domains: `fitted`)
 
 The heat flux is singular where conductivities meet at a corner, and so h_c decides the accuracy. Outlines and corners
 of other parts and of voids count in the same way with h and h_c multiplied by 1 + d/(0.3 um): what is far from the heat
@@ -34,15 +34,20 @@ if TYPE_CHECKING:
 LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
 THICKNESS, EXTENT = 450e-9 * 220e-9 / 1340e-9, math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
+THICK, WIDE = 60.0, 500e-6  # times the reference core, and m: sizes grow in proportion beyond both, see `fitted`
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes: ``h`` in m on an outline, ``h_c`` in m at a corner; both grow by ``slope`` per distance."""
+    """Element sizes: ``h`` in m on an outline, ``h_c`` in m at a corner; both grow by ``slope`` per distance.
+
+    largest: bound of the sizes near the heat, m.
+    """
 
     h: float
     slope: float
     h_c: float
+    largest: float = LARGEST
 
 
 def sizes(accuracy: float) -> Sizes:
@@ -66,14 +71,18 @@ def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
     """Sizes for the heated parts of a geometry, scaled from the sizes ``at`` of the reference core of 450 x 220 nm.
 
     The error of the early step response is made in the cold layer around a part and is in proportion to
-    h^4 perimeter/area; that of R_th is made at the corners and depends on h_c over the part's extent.
+    h^4 perimeter/area; that of R_th is made at the corners and depends on h_c over the part's extent. In domains beyond
+    `WIDE`, sizes grow with a core thicker than `THICK`: an unresolved layer as thin as h then holds too small a fraction
+    of the heat to matter.
     """
     faces = [face for face in geometry.subdivision.faces if face.owner in geometry.heated]
     areas = np.array([face.area for face in faces])
     perimeters = np.array([_perimeter(face.edges(), mirrored=geometry.mirrored) for face in faces])
     areas = areas * (2 if geometry.mirrored else 1)
     thickness, extent = float((areas / perimeters).min()) / THICKNESS, float(np.sqrt(areas).min()) / EXTENT
-    return Sizes(h=at.h * min(thickness, 16.0) ** 0.25, slope=at.slope, h_c=at.h_c * min(extent, 2.0))
+    grown = max(1.0, min(thickness / THICK, geometry.outer_radius / WIDE))
+    h = at.h * grown * min(thickness, 16.0) ** 0.25
+    return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST * grown)
 
 
 def _perimeter(edges: NDArray[np.float64], *, mirrored: bool) -> float:
@@ -95,7 +104,7 @@ def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float],
     def size(r: float, z: float) -> float:
         point = shapely.Point(r, z)
         d = heated.distance(point)
-        smallest = min(at.h + at.slope * d, far * max(LARGEST, d / 10))
+        smallest = min(at.h + at.slope * d, far * max(at.largest, d / 10))
         if other:
             smallest = min(smallest, at.h * (1 + d / REACH) + at.slope * other.distance(point))
         for inner, outer, middle in copies:
