@@ -59,7 +59,7 @@ def wrote(*paths: Path | None) -> None:
 
 
 def terminal(*, err: bool = True) -> Console:
-    """Console of rich that prints text as it stands, brackets included."""
+    """Return a console of rich that prints text unchanged, brackets included."""
     return Console(stderr=err, markup=False, highlight=False, soft_wrap=False)
 
 

@@ -76,7 +76,7 @@ def _kernel() -> tuple[str, str | None]:
 
 
 def _optional() -> tuple[str, str | None]:
-    """Return which optional packages and programs are there, in words; there is never a problem, None."""
+    """Return, in words, which optional packages and programs are installed, and None, as none is required."""
     words = [] if which("ffmpeg") else ["no ffmpeg (films as .mp4)"]
     for line in _requirements():
         extra = re.search(r"extra == .(\w+).", line)

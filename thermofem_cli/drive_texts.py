@@ -1,7 +1,7 @@
 """Drives as a person writes them: heating, detunings, heaters, sweeps, modulation and further lasers.
 
 AMOUNT                              constant
-AMOUNT square PERIOD [duty SHARE]   on for a share of every period, one half by default
+AMOUNT square PERIOD [duty SHARE]   on for a fraction of every period, one half by default
 AMOUNT pulse WIDTH [at START]       one pulse
 AMOUNT sine FREQUENCY               AMOUNT sin(2 pi FREQUENCY t)
 """
@@ -33,7 +33,7 @@ FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START
 
 @contextlib.contextmanager
 def reading(option: str, form: str = "") -> Iterator[None]:
-    """Put the parsed option before an InputError; a text that is not of the ``form`` raises one, too."""
+    """Put the option before an InputError of the block; a text that is not of the ``form`` raises one, too."""
     try:
         yield
     except ValueError as error:

@@ -37,7 +37,7 @@ SERIES = 6  # models that a figure can tell apart by colour
 
 
 class Parts(NamedTuple):
-    """Input of a model that the light heats (default: its first), and output that detunes the ring (default: same)."""
+    """Input of a model that the light heats (None: its first), and output that detunes the ring (None: the same)."""
 
     heated: str | None = None
     read: str | None = None
@@ -181,7 +181,7 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     """Return the rings of the page, fields in SI: the given one first, then the published ones that differ from it.
 
     A ring that has the name of a published one but other numbers is called "(changed)". resistance [K/W]: that of the
-    model that is shown first; within a factor of about 3 of the published one, a published ring gets the window of its paper.
+    model that is shown first; within a factor of 3 of the usual one, a published ring gets the window of its paper.
     """
     check_ring(ring)
     given, *known = (

@@ -96,6 +96,7 @@ class PoleHeat(NamedTuple):
 class QuadraticHeat(NamedTuple):
     """Quadratic thermal model of one ring with n states: dx/dt = A x + H[x, x] + (G x + B) P, z = C x.
 
+    H[x, x]_i = sum_jk H_ijk x_j x_k; P is the absorbed power in uW, z the temperature rise in K.
     weight [shape (n,)]: error of the temperature in K per unit error of each state, for the step-size control.
     """
 
@@ -397,7 +398,7 @@ class Problem:
         y [shape (n,)]: initial state. steps [shape (m,), ns]: from a run with ``keep_steps``.
         V [shape (n, directions)]: directions at the start; ``np.eye(n)`` for the whole derivative, no columns for the
             end alone (fixed steps make the end a smooth function of every parameter).
-        Returns the final state, shape (n,), and d(end)/d(y) V, shape (n, directions). One ring with one field only.
+        Returns the final state, shape (n,), and d(end)/d(y) V, shape (n, directions). Only for one field per ring.
         """
         y, steps = np.ascontiguousarray(y, dtype=float), np.ascontiguousarray(steps, dtype=float)
         V, end = np.array(V, dtype=float, order="C"), np.empty(self.size)

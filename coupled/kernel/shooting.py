@@ -136,7 +136,7 @@ class Turns:
         return found
 
     def closer(self, found: Closed, rtol: float) -> Closed | None:
-        """Solve for the same orbit with the relative tolerance ``rtol``; None where this does not converge."""
+        """Solve again for the orbit ``found`` with relative tolerance ``rtol``; None where this does not converge."""
         return self._close(found.start, found.T, found.pulses, found.slow, found, rtol, rtol)
 
     @staticmethod

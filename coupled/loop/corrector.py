@@ -133,13 +133,16 @@ class FEM:
         return outputs[:, 0]
 
     def revise(self, times: Array, power: Waveform) -> Array:
-        """Repeat the last `advance` for a slightly different power, without time steps (`FieldIntegrator.revised`)."""
+        """Return the rise as `advance` does, for a slightly different power and without new time steps.
+
+        The part of the rise outside the Krylov basis is kept from the last `advance` (`FieldIntegrator.revised`).
+        """
         outputs, *self._tried = self.field.revised([power, *self.heaters.values()], times, keep=self._kept(times))
         return outputs[:, 0]
 
     @property
     def remainder(self) -> float:
-        """Largest change in the window of the part of the rise outside the Krylov basis, which `revise` keeps, K."""
+        """Largest change in the last window, in K, of the part of the rise outside the Krylov basis."""
         return self.field.remainder
 
     def _kept(self, times: Array) -> Array:
@@ -169,7 +172,7 @@ class FEM:
 
     @cached_property
     def predictor(self) -> Foster | Quadratic:
-        """Krylov reduction of the heated part's own response; k(T) and c_p(T) enter to second order in the rise."""
+        """Krylov reduction with the heated part as input and output; k(T) and c_p(T) enter to second order."""
         curved, basis = self.field.curved, self.basis
         if self.nonlinear is None:
             return foster(basis.reduced(self.linear).channel(self.heated, self.heated))

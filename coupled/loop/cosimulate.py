@@ -52,8 +52,8 @@ def cosimulate(
 
     The equations are those of `simulate`; the thermal model only predicts. In each time window (`relaxation`) the
     corrector receives the absorbed power and returns the temperature. The difference from the predicted temperature is
-    fed back, and the window is repeated until the difference is below ``max_discrepancy``. The FEM's temperature is then
-    updated for the changed light, so that the times of the pulses converge, too.
+    fed back, and the window is repeated until the difference is below ``max_discrepancy``. The FEM's temperature is
+    then updated for the changed light, so that the times of the pulses converge, too.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def cosimulate(
     xarray.Dataset
         as of `simulate`, delta_T being the corrector's; passes and discrepancy (K) over window (its start in s); field
         over field_time and vertex where ``field_times`` asks for it. In attrs: passes, largest_discrepancy (K),
-        estimated_change (K, what a further pass would change within a window), what the FEM did (fem_steps,
+        estimated_change (K, change by one more pass within a window), counts of the FEM (fem_steps,
         fem_solves, fem_factorizations), its heat balance (J), and the CPU time of both sides.
 
     Raises

@@ -95,7 +95,7 @@ class Relaxation:
 
     @property
     def time(self) -> float:
-        """The accepted time in s."""
+        """Accepted time, where the next window starts, s."""
         return self.duration * self.index / 2**self.level
 
     def advance(self) -> Passed:
@@ -185,7 +185,7 @@ class Relaxation:
         return run
 
     def _asked(self, way: Callable[[Array, Waveform], Any], run: Window) -> Array:
-        """Return the corrector's rise in K at the times of ``run`` under its absorbed power; ``way`` computes it."""
+        """Return the corrector's rise in K at the times of ``run`` under its absorbed power, by the method ``way``."""
         clock = process_time()
         power = PiecewiseCubic.of_spline(CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope))
         rise = np.array(way(run.time.copy(), power), dtype=float)

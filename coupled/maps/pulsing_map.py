@@ -256,7 +256,7 @@ def _row(
     model: Compact, points: list[Point], fixed: list[Fixed | str], watch: Array, duration: float, rtol: float,
     follow: Follow | None,
 ) -> list[Cell]:  # fmt: skip
-    """Integrate and classify the points of a row, from cold or from the neighbour's end; errors become reasons."""
+    """Return the `Cell` of each point of a row, by integration from cold or (``follow``) from its neighbour's end."""
     cells: list[Cell] = []
     state = cold = State.cold(model.order)
     pairs = list(zip(points, fixed, strict=True))

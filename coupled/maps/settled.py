@@ -26,7 +26,7 @@ from .grid import Point
 
 
 class Cell(NamedTuple):
-    """Result at one point of a map: regime, numbers of the settled cycle or trace, and the reason in words."""
+    """Result at one point of a map: regime, period, duty cycle, temperature swing, reason and highest rise."""
 
     regime: str
     period: float = np.nan  # s
@@ -65,7 +65,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
 
 
 class _Row:
-    """Settled cycles of one ring at one power, for one detuning after another; a `cycles.settling.Shooting`."""
+    """Settled cycles of one ring at one power, detuning after detuning; implements `cycles.settling.Shooting`."""
 
     heat = 3  # index of the first of its states
 
@@ -85,7 +85,7 @@ class _Row:
             raise KeyboardInterrupt
 
     def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Cell, Closed | None]:
-        """Return the cell at a detuning (Hz) and its cycle; ``beside``: previous one-pulse cycles, the last first."""
+        """Return cell and cycle at a detuning (Hz); ``beside``: one-pulse cycles of the previous points, last first."""
         self.problem = replace(self.problem, detuning=detuning)
         self.turns.problem.set_detuning(internal_detuning(detuning))
         self.turns.near(fixed.every)

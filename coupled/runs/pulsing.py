@@ -93,8 +93,8 @@ def pulsing(run: xr.Dataset) -> Pulsing:
 
     A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
     cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
-    fall. It is a slow transient if the oscillation still decays, if the last change of the carriers grows, if the period
-    changes by more than a tenth from cycle to cycle (by more than 2 % where this change grows from cycle to cycle),
+    fall. It is a slow transient if the oscillation still decays, if the last change of the carriers grows, if the
+    period changes by more than a tenth from cycle to cycle (by more than 2 % where this change grows per cycle),
     or if the trace is shorter than two periods.
     It is stable if it rests, or its oscillation dies away, within 2 % of a stable fixed point of the ring, the heat and
     the light that its attributes name; farther away, or next to an unstable one, it is a slow transient. Traces without
@@ -102,8 +102,8 @@ def pulsing(run: xr.Dataset) -> Pulsing:
     starts pulses later: the reason says so; use `steady_states` or a longer run.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
     ``drift`` is its change, and the reason says where the mean rise is more than 2 % from its final value.
-    Samples chosen with ``times`` may miss the tops of the pulses: with fewer than 320 a cycle the reason says what they
-    leave open, and pulses that differ by no more than such samples can show count as equal.
+    Samples chosen with ``times`` may miss the tops of the pulses: with fewer than 320 a cycle the reason states the
+    errors that they may cause, and pulses that differ by no more than these count as equal.
 
     Parameters
     ----------

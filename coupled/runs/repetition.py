@@ -50,7 +50,7 @@ def alternate(heights: Array, close: float = SETTLED) -> bool:
 
 
 def blur(N: Array, edges: NDArray[np.int_], heights: Array) -> float:
-    """Return the relative height difference of equal pulses that sampling can cause: what is missed of their maxima.
+    """Return the relative height difference of equal pulses that sampling can cause by missing their maxima.
 
     N: carriers. edges [shape (n + 1,)]: first samples of the cycles. heights [shape (n,)]: range of N in each.
     """

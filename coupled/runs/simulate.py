@@ -95,7 +95,7 @@ def simulate(
         further lasers: a probe or a second channel on another resonance, or light that beats on the same one. The
         lasers of a circuit are its own.
     average : bool
-        of a circuit: whether ``mean_output``, what every detector shows, averaged from one time to the next, is kept.
+        for a circuit: whether to return ``mean_output``, the signal of each detector averaged between two times.
     progress : callable, optional
         called with the time in s that has been reached: about ten times a second in long runs, and at
         the end.

@@ -72,7 +72,7 @@ class Laser:
 
 
 class Window(NamedTuple):
-    """Result of `advance` in SI; rows are the accepted steps or the wanted times."""
+    """Result of `advance` in SI, at the accepted steps or at the output times."""
 
     time: Array
     fields: Complex
