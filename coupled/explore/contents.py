@@ -47,7 +47,7 @@ FIRST = Parts()
 
 
 def channels_of(model: ThermalModel, parts: Parts) -> Channels:
-    """Return the response of the read output to the light, and its responses to all other inputs (heaters) by name."""
+    """Return the model from the light's input to the read output, and those from all other inputs (heaters) to it."""
     system = bare(model)
     if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
         return channels(model)
@@ -181,7 +181,7 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     """Return the rings of the page, fields in SI: the given one first, then the published ones that differ from it.
 
     A ring that has the name of a published one but other numbers is called "(changed)". resistance [K/W]: that of the
-    model that is shown first; within a factor of 3 of the usual one, a published ring gets the window of its paper.
+    model that is shown first; within a factor of 3 of 8e3 K/W, a published ring gets the window of its paper.
     """
     check_ring(ring)
     given, *known = (

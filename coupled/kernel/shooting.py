@@ -141,7 +141,7 @@ class Turns:
 
     @staticmethod
     def _growth(found: Closed) -> float:
-        """Return the relative error of the period per relative error of a trace, by max |dT (1 - M)^-1|."""
+        """Return the relative error of the period per relative error of a trace, computed from dT (1 - M)^-1."""
         _, _, _, N, rise = found.rows.T
         by_heat = np.linalg.solve((np.eye(found.slow.size) - found.M[found.slow]).T, found.dT)
         return float(np.abs(by_heat).max() * np.abs(rise).max() / found.T * N.max() / max(np.ptp(N), 1e-300))

@@ -162,7 +162,7 @@ def _over(name: str, value: Any, duration: float) -> Any:
 
 
 def _background(corrector: Any, predictor: ThermalModel | None) -> Callable[[Array], Array] | None:
-    """Return the rise in K by the heaters as a function of time (s), from the predictor or the Krylov reduction."""
+    """Return a function of time (s): the rise in K by the heaters. None without heaters or without the FEM."""
     if not isinstance(corrector, FEM) or not corrector.heaters:
         return None
     if isinstance(predictor, StateSpace):

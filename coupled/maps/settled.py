@@ -26,7 +26,7 @@ from .grid import Point
 
 
 class Cell(NamedTuple):
-    """Result at one point of a map: regime, period, duty cycle, temperature swing, reason and highest rise."""
+    """Result at one point of a map: regime, period (s), duty cycle, swing (K), reason, and highest rise (K)."""
 
     regime: str
     period: float = np.nan  # s

@@ -12,9 +12,10 @@ LONGEST_PATTERN = 4  # unequal pulses that repeat together
 
 
 def miss(heights: Array, waits: Array, together: int) -> float:
-    """Return the largest relative change of heights and lengths from one group of ``together`` cycles to the next.
+    """Return the largest relative change of pulse heights and lengths from one group of cycles to the next.
 
-    It compares the last two of three groups, so that a drift is not taken for a pattern; infinity if there are fewer.
+    A group has ``together`` cycles. The last three groups are used, so that a drift is not taken for a pattern;
+    infinity if there are fewer.
     """
     if heights.size < 3 * together:
         return np.inf
