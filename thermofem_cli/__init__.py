@@ -125,7 +125,7 @@ def main() -> None:
 
 
 def _run() -> tuple[int, str]:
-    """Exit code and message of the error, if any."""
+    """Run the app; return the exit code and the message of an error, empty without one."""
     try:
         code = app(prog_name="thermofem", standalone_mode=False)
     except InputError as error:

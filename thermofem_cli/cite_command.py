@@ -26,14 +26,14 @@ _LATEX = str.maketrans(_SPECIAL)
 
 @dataclass(frozen=True)
 class Citation:
-    """One work: BibTeX kind, key and fields; the fields also make the line of text."""
+    """One work to cite: BibTeX kind, key and fields."""
 
     kind: str
     key: str
     fields: dict[str, str]
 
     def text(self) -> str:
-        """One line."""
+        """Return the citation as one line of text."""
         f = self.fields
         place = f.get("journal", f.get("note", ""))
         if "volume" in f:
@@ -42,7 +42,7 @@ class Citation:
         return ", ".join(part for part in parts if part) + (f" ({f['year']})" if "year" in f else "")
 
     def bibtex(self) -> str:
-        """A BibTeX entry."""
+        """Return the citation as a BibTeX entry."""
         foreign = self.kind == "misc"  # text of a file, which is no LaTeX
         fields = {name: value.translate(_LATEX) if foreign else value for name, value in self.fields.items()}
         body = "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items())
@@ -62,7 +62,7 @@ SOFTWARE = Citation(
 
 
 def articles() -> dict[str, Citation]:
-    """The articles of works.toml, by key."""
+    """Return the articles of works.toml by citation key."""
     found = files.from_toml((Path(__file__).parent / "works.toml").read_text(encoding="utf-8"))
     return {key: Citation("article", key, fields) for key, fields in found.items()}
 
@@ -83,7 +83,7 @@ def cite(
 
 
 def references(provenance: dict[str, Any]) -> list[Citation]:
-    """The works behind a result with this provenance."""
+    """Return the works to cite for a result with this provenance."""
     known = articles()
     works = [SOFTWARE, known["borghi2021"]]
     if provenance.get("geometry"):
@@ -97,7 +97,7 @@ def references(provenance: dict[str, Any]) -> list[Citation]:
 
 
 def _materials(provenance: dict[str, Any]) -> dict[str, str]:
-    """Source of every material: recorded in data, looked up in the geometry for models."""
+    """Return the source of every material by its name, as recorded in data or looked up in a model's geometry."""
     if provenance.get("materials"):
         hint = "the file's record of its materials is damaged; is it one of thermofem's?"
         found = checks.mapping("materials", files.from_json(str(provenance["materials"])), hint=hint)
@@ -110,7 +110,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
 
 
 def _provenance(file: Path) -> dict[str, Any]:
-    """Provenance that a file records."""
+    """Return the provenance that a file records: attributes of data, or the record and the kind of a model."""
     expect(file, "data", "result", "model")
     if file.suffix == ".json":
         return {**th.models.load_provenance(file), "kind": type(surrogate.load_model(file)).__name__}

@@ -50,7 +50,7 @@ TABLES = {
 
 
 def expect(path: Path | None, *wanted: str) -> None:
-    """Raise InputError where a file holds another kind of thing than wanted; what is unknown is left to its reader."""
+    """Raise InputError where a file is of another kind than ``wanted``; files of unknown kind pass."""
     found = kind_of(path) if path else None
     if path is None or found is None or found in wanted:
         return
@@ -62,7 +62,7 @@ def expect(path: Path | None, *wanted: str) -> None:
 
 
 def kind_of(path: Path) -> str | None:
-    """Kind of a file, one of `KINDS`; None where it is unreadable, damaged or of another kind."""
+    """Return the kind of a file, one of `KINDS`; None where it is unreadable, damaged or unknown."""
     ending = path.suffix.lower()
     if ending in files.IMAGES:
         return "image"
@@ -91,7 +91,7 @@ def check_outputs(
     images: Iterable[Path | None] = (),
     inputs: Iterable[Path | str | None] = (),
 ) -> None:
-    """InputError unless every output can be written, is no input and no other output, and images have an ending."""
+    """Raise InputError if an output cannot be written, or is an input or another output, or an image has no ending."""
     taken = {os.path.realpath(path): "read and written at once" for path in inputs if path}
     for path in filter(None, outputs):
         files.check_target(path)
@@ -105,7 +105,7 @@ def check_outputs(
 
 @contextlib.contextmanager
 def about(paths: Sequence[Path]) -> Iterator[None]:
-    """Put the file's name before an InputError without one; of several files, in place of ``data[0]``, ``data[1]``."""
+    """Put the file's name before an InputError that lacks it; of several, in place of ``data[0]``, ``data[1]``."""
     try:
         yield
     except InputError as error:
@@ -118,13 +118,13 @@ def about(paths: Sequence[Path]) -> Iterator[None]:
 
 
 def section_of(path: Path | None) -> CrossSection:
-    """Geometry of a file, or the reference strip."""
+    """Return the geometry in a file, without one the reference strip."""
     expect(path, "geometry")
     return CrossSection.from_toml(path) if path else strip_ring()
 
 
 def ring_of(given: str) -> RingResonator:
-    """Ring of a file, or one that comes with the package."""
+    """Return the ring in a file, or the published ring of that name."""
     named = published_rings()
     if given in named:
         return named[given]
@@ -135,7 +135,7 @@ def ring_of(given: str) -> RingResonator:
 
 
 def note_ring(ring: RingResonator, given: str) -> None:
-    """Name the ring whose optics and carriers were taken: a thermal model has none."""
+    """Print which ring the optics and carriers are taken from, as a thermal model has none."""
     hint = "; --ring RING.toml takes those of yours" if given == REFERENCE_RING else ""
     note(f"light and carriers are those of the ring {ring.name!r}{hint}")
 
@@ -148,7 +148,7 @@ def in_volts(assumed: Any) -> bool:
 def model_of(
     path: Path, heated: str | None = None, read: str | None = None, heaters: Iterable[str] = ()
 ) -> tuple[ThermalModel, dict[str, Any]]:
-    """Thermal model of a file, and its channel as keywords ``heated`` and ``read``.
+    """Return the thermal model in a file, and the keywords ``heated`` and ``read`` that select its input and output.
 
     Raises InputError: no model; several inputs or outputs and no choice, or a name that is none of them.
     """

@@ -59,7 +59,7 @@ def wrote(*paths: Path | None) -> None:
 
 
 def terminal(*, err: bool = True) -> Console:
-    """Console of rich that prints text as it stands, brackets included."""
+    """Return a console of rich that prints text unchanged, brackets included."""
     return Console(stderr=err, markup=False, highlight=False, soft_wrap=False)
 
 
@@ -80,13 +80,13 @@ def watched() -> bool:
 
 
 def working(what: str) -> contextlib.AbstractContextManager[Any]:
-    """Status line while a block of unknown length runs."""
+    """Show a status line while a block of unknown duration runs."""
     return terminal().status(Text(what)) if watched() else contextlib.nullcontext()
 
 
 @contextlib.contextmanager
 def bar(what: str) -> Iterator[Callable[..., None]]:
-    """Yield ``progress(done, total, words)``, which moves a bar with ``words`` beside it."""
+    """Yield ``progress(done, total, words)``, which advances a progress bar labelled with ``words``."""
     columns = TextColumn("{task.description}", markup=False), BarColumn(20), TextColumn("{task.fields[words]}")
     clocks = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
     with Progress(*columns, *clocks, console=terminal(), transient=True, disable=not watched()) as drawn:
@@ -100,7 +100,7 @@ def bar(what: str) -> Iterator[Callable[..., None]]:
 
 @contextlib.contextmanager
 def time_bar(what: str, duration: float) -> Iterator[Callable[[float], None]]:
-    """Yield ``progress(time)`` of a run of ``duration`` in s."""
+    """Yield ``progress(time)``, which advances the bar of a run; ``time`` and ``duration`` in s."""
     unit, size = ("ms", 1e-3) if duration >= 1e-3 else ("us", 1e-6)
     with bar(what) as progress:
 
@@ -111,7 +111,7 @@ def time_bar(what: str, duration: float) -> Iterator[Callable[[float], None]]:
 
 
 class Messages(logging.Handler):
-    """Records of the log as lines of `note`."""
+    """Log handler that prints each record by `note`."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one record."""
@@ -134,7 +134,7 @@ def configure(*, json: bool, quiet: bool, verbose: bool, threads: int | None) ->
 
 
 def written(value: float, unit: str, error: float | None = None) -> str:
-    """Number with its unit: four digits, or with a standard error up to the second digit of that (at most ten)."""
+    """Return a number with its unit as text: four digits, or up to the second digit of its standard error."""
     text = quantity.rounded(value, unit, 4) if unit in quantity.SI else f"{value:.4g} {unit}"
     if error is None:
         return text
@@ -150,6 +150,6 @@ def written(value: float, unit: str, error: float | None = None) -> str:
 
 
 def parameter_unit(name: str) -> str:
-    """The SI unit of a fitted parameter; a ratio has none."""
+    """Return the SI unit of a fitted parameter, empty for a ratio."""
     units = {"kappa": "1/s", "heat_capacity": "J/K", "tau": "s", "tau0": "s", "R": "K/W"}
     return units.get(name, "1/s" if name.endswith("_rate") else units.get(name.partition("_")[0], ""))

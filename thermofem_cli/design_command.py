@@ -166,7 +166,7 @@ def uncertainty(
 
 
 def _say(data: Any, unit: str, interpolate: int | None) -> dict[str, Any]:
-    """Print mean, quantiles and Sobol indices with the intervals that hold them with a probability of 95 %."""
+    """Print and return mean, quantiles, and Sobol indices with their intervals of 95 % probability."""
     names = ("mean", "standard_deviation", "quantile_05", "quantile_95")
     mean, deviation, low, high = (written(data.attrs[name], unit) for name in names)
     say(f"mean {mean}, standard deviation {deviation}; 5 to 95 %: {low} .. {high}")
@@ -188,7 +188,7 @@ def _say(data: Any, unit: str, interpolate: int | None) -> dict[str, Any]:
 
 
 def _change(row: Any, unit: str) -> str:
-    """Change of the quantity by one standard deviation of a parameter, and what of it is light and heat."""
+    """Return, as text, the change per standard deviation of a parameter, and its thermal and optical parts."""
     whole = row["per_deviation"].item()
     if "per_deviation_heat" not in row:
         return written(whole, unit)
@@ -197,18 +197,18 @@ def _change(row: Any, unit: str) -> str:
 
 
 def units_of(family: Family) -> dict[str, str]:
-    """SI unit of every parameter."""
+    """Return the SI unit of every parameter by its name."""
     return dict(zip(family.names, family.box.units, strict=True))
 
 
 def fixed_of(family: Family, given: list[str] | None) -> dict[str, float]:
-    """Parameters of --fix 'radius=7 um', in SI."""
+    """Return the parameters of --fix 'radius=7 um' by name, in SI."""
     texts = _of_parameters(family, "--fix", given, "radius=7 um")
     return {name: quantity.parse(text, unit, name=f"--fix {name}") for name, (unit, text) in texts.items()}
 
 
 def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
-    """Normal distributions of --spread 'width=450 nm,5 nm'."""
+    """Return the normal distributions of --spread 'width=450 nm,5 nm' by parameter, in SI."""
     spreads = {}
     for name, (unit, text) in _of_parameters(family, "--spread", given, "width=450 nm,5 nm").items():
         with reading(f"--spread '{name}={text}'", "PARAMETER=MEAN, STANDARD DEVIATION, such as 'width=450 nm,5 nm'"):
@@ -219,7 +219,7 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
 
 
 def ring_for(family: Family, given: str) -> RingResonator:
-    """The ring of --ring; without it that of the family's own geometry where this has [light] and [[bus]]."""
+    """Return the ring of --ring; by default that of the family's geometry, if this has [light] and [[bus]]."""
     own = family.optics
     if given == options.REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
         found = ring_at(family, family.box.nominal)
@@ -232,7 +232,7 @@ def ring_for(family: Family, given: str) -> RingResonator:
 
 
 def optics_of(family: Family, ring: RingResonator) -> MovingRing | None:
-    """How the ring follows the geometry: what the family knows of its light."""
+    """Return how the ring's optical numbers depend on the geometry; None where the family has no optics."""
     if family.optics is None:
         note(
             "the optics stand still, this is the thermal part alone; [light] and [[bus]] in the geometry of the "
@@ -247,7 +247,7 @@ def optics_of(family: Family, ring: RingResonator) -> MovingRing | None:
 
 
 def _of_parameters(family: Family, option: str, given: list[str] | None, example: str) -> dict[str, tuple[str, str]]:
-    """Unit and text of every parameter of a repeatable option 'PARAMETER=VALUE'."""
+    """Return unit and text of every parameter in a repeatable option 'PARAMETER=VALUE', by name."""
     units = units_of(family)
     texts = assigned(option, given or [], example)
     return {checks.choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
@@ -255,7 +255,7 @@ def _of_parameters(family: Family, option: str, given: list[str] | None, example
 
 @dataclass(frozen=True)
 class Settled:
-    """Period (s) of the settled cycle of a ring at one power (W) and detuning (Hz)."""
+    """Settled period (s) of a ring at one power (W) and detuning (Hz), as a function of its thermal model."""
 
     ring: RingResonator
     power: float
@@ -263,14 +263,14 @@ class Settled:
     __name__ = "settled_period"
 
     def __call__(self, model: Any, changes: Change | None = None) -> float:
-        """That of one member."""
+        """Return the period in s for a thermal model and changes of optical numbers."""
         moved, shift = _changed(self.ring, changes)
         found = coupled.limit_cycle(moved, model, power=self.power, detuning=self.detuning + shift)
         return float(found.attrs["period"])
 
 
 def settled_of(family: Family, ring: str, power: str, detuning: str) -> tuple[Settled, MovingRing | None]:
-    """The settled period under --ring, --power and --detuning, and how that ring follows the geometry."""
+    """Return the settled period as a function of the member, and how the ring's optics depend on the geometry."""
     resonator = ring_for(family, ring)
     watts = quantity.parse(power, "W", name="--power")
     return Settled(resonator, watts, detuning_of(detuning, resonator)), optics_of(family, resonator)
@@ -278,7 +278,7 @@ def settled_of(family: Family, ring: str, power: str, detuning: str) -> tuple[Se
 
 @dataclass(frozen=True, eq=False)
 class Pulsing:
-    """Where no state is stable, Boolean over power (W) and detuning (Hz)."""
+    """Map over power (W) and detuning (Hz), True where no fixed point is stable, as a function of the thermal model."""
 
     ring: RingResonator
     powers: Any
@@ -286,14 +286,14 @@ class Pulsing:
     __name__ = "pulses"
 
     def __call__(self, model: Any, changes: Change | None = None) -> Any:
-        """The map of one member."""
+        """Return the Boolean map for a thermal model and changes of optical numbers."""
         moved, shift = _changed(self.ring, changes)
         found = coupled.stability_map(moved, model, self.powers, self.detunings + shift).regime == "self-pulsing"
         return found.assign_coords(detuning=self.detunings)
 
 
 def _changed(ring: RingResonator, changes: Change | None) -> tuple[RingResonator, float]:
-    """The ring with changed numbers, and the change of the detuning in Hz."""
+    """Return the ring with changed optical numbers, and the change of the detuning in Hz."""
     if not changes:
         return ring, 0.0
     rest = {name: change for name, change in changes.items() if name != "detuning"}

@@ -37,14 +37,14 @@ def _python() -> tuple[str, str | None]:
 
 
 def _requirements() -> list[str]:
-    """What the installed package needs, as "NAME>=1; extra == 'EXTRA'"; nothing of a checkout that is not installed."""
+    """Return the requirements of the installed package, as "NAME>=1; extra == 'EXTRA'"; none if not installed."""
     with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         return importlib.metadata.requires("thermofem") or []
     return []
 
 
 def _version(line: str) -> tuple[str, str | None]:
-    """The name in a requirement, and the version that is there."""
+    """Return the package name in a requirement, and its installed version, None if it is missing."""
     name = re.split(r"[^\w.-]", line)[0]
     with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         return name, importlib.metadata.version(name)
@@ -76,7 +76,7 @@ def _kernel() -> tuple[str, str | None]:
 
 
 def _optional() -> tuple[str, str | None]:
-    """What clusters, searches by swarms, other programs' geometries and films alone need."""
+    """Return, in words, which optional packages and programs are installed, and None, as none is required."""
     words = [] if which("ffmpeg") else ["no ffmpeg (films as .mp4)"]
     for line in _requirements():
         extra = re.search(r"extra == .(\w+).", line)

@@ -1,7 +1,7 @@
 """Drives as a person writes them: heating, detunings, heaters, sweeps, modulation and further lasers.
 
 AMOUNT                              constant
-AMOUNT square PERIOD [duty SHARE]   on for a share of every period, one half by default
+AMOUNT square PERIOD [duty SHARE]   on for a fraction of every period, one half by default
 AMOUNT pulse WIDTH [at START]       one pulse
 AMOUNT sine FREQUENCY               AMOUNT sin(2 pi FREQUENCY t)
 """
@@ -33,7 +33,7 @@ FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START
 
 @contextlib.contextmanager
 def reading(option: str, form: str = "") -> Iterator[None]:
-    """Begin an InputError with the option that gave the text; a text that is not of the ``form`` raises one, too."""
+    """Put the option before an InputError of the block; a text that is not of the ``form`` raises one, too."""
     try:
         yield
     except ValueError as error:
@@ -42,7 +42,7 @@ def reading(option: str, form: str = "") -> Iterator[None]:
 
 
 def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
-    """Names and values of a repeatable option 'NAME=VALUE', each name once."""
+    """Return the values of a repeatable option 'NAME=VALUE' by name; a name must not be repeated."""
     found = []
     for text in texts:
         with reading(f"{option} {text!r}", f"NAME=VALUE, such as {example!r}"):
@@ -55,7 +55,7 @@ def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
 def heating(
     context: typer.Context, power: str, pulse: str | None, square: str | None, duty: float | None
 ) -> th.waveforms.Waveform:
-    """Waveform of --power, --pulse, --square and --duty: a step, unless one of the others is given."""
+    """Return the heating of --power, --pulse, --square and --duty: a step, unless --pulse or --square is given."""
     if pulse is not None:
         unused(context, "and --pulse exclude each other", "square")
     if square is None:
@@ -71,19 +71,19 @@ def heating(
 
 
 def times_of(texts: list[str] | None) -> tuple[float, ...]:
-    """Times in s of --field-times '1 us, 5 us', which may be repeated; in order."""
+    """Return the sorted times in s of --field-times '1 us, 5 us', an option that may be repeated."""
     given = [part.strip() for text in texts or [] for part in text.split(",")]
     return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
 
 
 def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> float:
-    """Laser minus cold resonance in Hz, of a frequency "-10 GHz" or a distance in wavelength "80 pm".
+    """Return the detuning in Hz of a text, a frequency such as "-10 GHz" or a difference in wavelength such as "80 pm".
 
         nu = c/(c/f + d) - f
 
-    with the ring's resonance f and the distance d in wavelength: a longer wavelength is a negative detuning.
+    with the ring's resonance f and the difference d in wavelength: a longer wavelength is a negative detuning.
 
-    Raises InputError: neither a frequency nor a length, or a wavelength that is no distance.
+    Raises InputError: neither a frequency nor a length, or an absolute wavelength.
     """
     try:
         distance = quantity.parse(text, "m", name=name)
@@ -99,7 +99,7 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
 
 
 def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[Any, Any]:
-    """Axes of a map: powers in W, evenly spaced in dBm, and detunings in Hz."""
+    """Return the axes of a map, shape (n,) and (m,): powers in W, evenly spaced in dBm, and detunings in Hz."""
     with reading(f"--power = {power!r}", f"{RANGE} '3 dBm, 10 dBm'"):
         low, high = sorted(quantity.positive(part.strip(), "W", name="--power") for part in power.split(","))
     with reading(f"--detuning = {detuning!r}", f"{RANGE} '-30 GHz, 30 GHz'"):
@@ -110,13 +110,13 @@ def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[A
 
 
 def heater_powers(texts: list[str] | None, duration: float = math.inf) -> dict[str, Any]:
-    """Powers of heaters by name in a run of some duration in s: numbers where constant, else waveforms."""
+    """Return the powers of heaters in W by name: numbers, or functions of time in a run of ``duration`` in s."""
     given = assigned("--heater", texts or [], "heater=5 mW")
     return {name: varying("--heater", power, "W", duration) for name, power in given.items()}
 
 
 def steady_heaters(texts: list[str] | None) -> dict[str, float]:
-    """Constant powers of heaters by name."""
+    """Return the constant powers of heaters in W by name."""
     given = assigned("--heater", texts or [], "heater=5 mW")
     return {name: quantity.not_negative(power, "W", name=f"--heater {name}") for name, power in given.items()}
 
@@ -124,7 +124,7 @@ def steady_heaters(texts: list[str] | None) -> dict[str, float]:
 def light(
     ring: RingResonator, power: str, detuning: str, sweep: str | None, modulate: list[str] | None, duration: float
 ) -> dict[str, Any]:
-    """``power`` and ``detuning`` of the laser in a run of ``duration`` in s."""
+    """Return ``power`` (W) and ``detuning`` (Hz) of the laser, each a number, a function of time, or a list of them."""
     found: dict[str, Any] = {
         "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": detuning_of(detuning, ring),
@@ -144,7 +144,7 @@ def light(
 
 
 def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.inf) -> list[coupled.Laser]:
-    """Further lasers, of constant or varying power, in a run of some duration in s."""
+    """Return the further lasers of --laser, of constant or varying power in a run of ``duration`` in s."""
     form = "POWER DETUNING [on OFFSET], such as '8 dBm 0 GHz' or '1 mW pulse 10 ns, -5 GHz on 1.5 THz'"
     found = []
     for text in texts or []:
@@ -159,7 +159,7 @@ def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.
 
 
 def begins_with(option: str, text: str) -> str:
-    """Whether a text begins with a "detuning" (a frequency) or a "power"."""
+    """Return "detuning" where a text begins with a frequency, "power" where it begins with a power."""
     amount = _split(text)[0]
     with contextlib.suppress(InputError):
         quantity.parse(amount, "Hz", name=option)
@@ -178,7 +178,7 @@ def _split(text: str) -> tuple[str, str, str]:
 
 
 def varying(option: str, text: str, unit: str, duration: float = math.inf) -> Any:
-    """A number, or a function of time, in W or Hz, in a run of ``duration`` in s.
+    """Return the number (W or Hz) or function of time of a text, for a run of ``duration`` in s.
 
     Raises InputError: a text of another form, a quantity with another unit or out of range, too many breakpoints, or a
         pulse that begins when the run is over.

@@ -109,7 +109,7 @@ def fit(
 
 
 def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None) -> xr.Dataset:
-    """Data of the part that --heated and --read name; a table, which names none, gets the names."""
+    """Return the data of the part that --heated and --read name; a table gets the names as attributes."""
     named = {name: part for name, part in (("heated", heated), ("read", read)) if part is not None}
     if kind_of(path) == "table":
         return data.assign_attrs(named)
@@ -129,7 +129,7 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
 
 
 def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI | None) -> Any:
-    """The fit of a kind of model; a SINDy network is that of the core and the shells around it."""
+    """Return the fit of a kind of model; "sindy" gives a network of the core and the shells around it."""
     if kind == "newton":
         return surrogate.fit_newton(training)
     if kind == "second-order":
@@ -143,7 +143,7 @@ def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI 
 
 
 def _training(context: typer.Context, paths: list[Path], read_as: dict[str, Any]) -> tuple[list[xr.Dataset], list[str]]:
-    """Training data of every file, and what was assumed for tables, which are read as ``read_as`` says."""
+    """Return the training data of every file, and the assumptions made for tables (read with ``read_as``)."""
     for path in paths:
         expect(files.regular(path), "data", "table")
     drive = [context.params[name] for name in DRIVE]

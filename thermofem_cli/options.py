@@ -84,7 +84,7 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
 
 
 def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command with the options that all commands have (`EVERYWHERE`: --json, --quiet, --verbose, --threads) added.
+    """Return the command with the options of all commands (`EVERYWHERE`: --json, --quiet, --verbose, --threads) added.
 
     They set up the console; ``command`` itself gets only those of them that are among its own arguments.
     """
@@ -107,7 +107,7 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextlib.contextmanager
 def executor_of(context: typer.Context, scheduler: str | None, workers: int = 1) -> Iterator[Executor | None]:
-    """Yield a Dask cluster at an address, or several worker processes, as an Executor; else None.
+    """Yield an Executor: a Dask cluster at the address ``scheduler``, or several worker processes; None for one worker.
 
     Raises InputError: --workers beside --scheduler, or one that does not answer. Raises MissingLibraryError: no Dask.
     """

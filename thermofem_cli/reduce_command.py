@@ -69,7 +69,7 @@ def reduce(
 
 
 def _over(rows: list[dict[str, Any]], inputs: list[str], outputs: list[str], name: str) -> float | list[list[float]]:
-    """The number of the only channel, or of several channels a list for each output."""
+    """Return the quantity ``name`` of all channels: a number if there is one, else a list (over inputs) per output."""
     values = [row[name] for row in rows]
     if len(values) == 1:
         return float(values[0])
@@ -79,7 +79,7 @@ def _over(rows: list[dict[str, Any]], inputs: list[str], outputs: list[str], nam
 def _array(
     heat: th.fem.HeatProblem, positions: Path, tolerance: float, heated: list[str], output: Path
 ) -> dict[str, Any]:
-    """Reduce an array of the ring at some places: one input and output for each, further inputs for its heaters."""
+    """Reduce an array of equal rings at given positions: one input and output for each, further inputs for heaters."""
     places = _places(positions)
     array = surrogate.reduce_array(heat, places, tolerance, heated=heated[0], heaters=heated[1:])
     surrogate.save_model(array.model, output, provenance=array.provenance)
@@ -100,7 +100,7 @@ def _array(
 
 
 def _places(path: Path) -> list[tuple[float, float]]:
-    """Positions (x, y) in m of a table with units in its header, 'x (um),y (um)', or at each number, '20 um, 0 um'."""
+    """Return positions (x, y) in m from a table, with units in its header 'x (um),y (um)' or in each cell, '20 um'."""
     rows = [line.split(",") for line in files.read_text(path, "positions").splitlines() if line.strip()]
     units = ["", ""]
     if rows and not any(char.isdigit() for char in rows[0][0]):

@@ -96,7 +96,7 @@ def _ring(path: Path) -> dict[str, Any]:
 
 
 def _card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """The numbers on the card of a model, and its lines: a label and a text each."""
+    """Return the numbers on the card of a model, and its lines: a label and a text each."""
     single = len(model.inputs) == len(model.outputs) == 1
     gain = [[float(model.thermal_resistance)]] if single else np.asarray(model.gain).tolist()
     steps, poles = channel_steps(model), _poles(model)
@@ -145,7 +145,7 @@ def _card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], list[
 
 
 def _poles(model: Any) -> list[dict[str, float]] | None:
-    """R and tau of each pole; of a model of several ports tau alone; None where the model has no independent poles."""
+    """Return R (K/W) and tau (s) of each pole, tau alone for several ports; None without independent poles."""
     try:
         found = poles_of(getattr(model, "linear", model))
     except InputError:
@@ -157,21 +157,21 @@ def _poles(model: Any) -> list[dict[str, float]] | None:
 
 
 def _numbers_of(provenance: dict[str, Any], key: str) -> dict[str, float]:
-    """The numbers of a table of the provenance."""
+    """Return the finite numbers in the table ``key`` of the provenance, by name."""
     table = provenance.get(key)
     items = table.items() if isinstance(table, dict) else ()
     return {name: value for name, value in items if isinstance(value, float) and math.isfinite(value)}
 
 
 def _number(key: str, value: Any, most: float) -> float | None:
-    """A number of the provenance; InputError where it is out of range, None where it is no number."""
+    """Return a number of the provenance, None where it is none. Raises InputError outside 0 to ``most``."""
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     return between(f"provenance.{key}", value, 0, most, hint="the model file is damaged")
 
 
 def _trusted(numbers: dict[str, Any]) -> str:
-    """Where the model may be trusted, in words."""
+    """Return in words for which frequencies, rises or drives the model is valid."""
     if numbers["error_bound"] is not None:
         ports = numbers["ports"]  # of the reduction, of which this model may be one channel
         one = len({*numbers["heated"], *numbers["read"]}) == 1 and not (isinstance(ports, list) and len(ports) > 1)

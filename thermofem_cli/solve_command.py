@@ -107,7 +107,7 @@ def solve(
 
 
 def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
-    """Print R_th of every part that is read, with the rise time (10 to 90 % of R_th ``power``) of a step in W."""
+    """Print and return R_th of every output and, for a step of ``power`` in W, its rise time from 10 to 90 %."""
     a, times = data.attrs, data["time"].values
     source, names = a["heated"], a["read"].split(", ")
     resistances = dict(zip(names, np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"])), strict=True))
@@ -135,7 +135,7 @@ def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
 
 
 def _note_domain(errors: ArrayLike, accuracy: float) -> int:
-    """Say of how many geometries the end of the domain moves R_th by more than the accuracy; returns their number."""
+    """Return of how many geometries the domain's finite size changes R_th by more than ``accuracy``, and print it."""
     errors = np.asarray(errors)
     cut = int((errors > accuracy).sum())
     if cut:

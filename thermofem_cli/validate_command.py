@@ -81,7 +81,7 @@ def validate(
 def _models(
     models: list[Path], reference: Path | None, heated: str | None, read: str | None, wave: dict[str, Any]
 ) -> dict[str, xr.Dataset]:
-    """Judge models from files by another one; of those with several parts the channel that is asked for."""
+    """Return the period errors of models from files against the reference; ``heated``, ``read`` select the channel."""
     if reference is None:
         raise InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
     names = [path.stem for path in models]
@@ -104,7 +104,7 @@ def _models(
 def _geometry(
     path: Path, accuracy: float, heated: str | None, read: str | None, wave: dict[str, Any]
 ) -> tuple[dict[str, xr.Dataset], str, dict[str, Any]]:
-    """Train the usual kinds of model on a geometry and judge them by its FEM, with k(T) at the power given."""
+    """Train the usual kinds of model on a geometry; return their period errors against its FEM, a title and advice."""
     from surrogate.judging.ladder import judge_geometry, verdict
 
     expect(path, "geometry")
@@ -125,7 +125,7 @@ def _geometry(
 
 
 def _against_power(system: Any) -> list[str]:
-    """Up to which power the steady rise of linear models and of an output map is within 1 and 10 % of k(T)."""
+    """Return in words up to which power the steady rise of a linear model and an output map agree with that of k(T)."""
     from surrogate.judging.ladder import linear_reach
 
     found, lines = linear_reach(system), []
@@ -142,7 +142,7 @@ def _against_power(system: Any) -> list[str]:
 
 
 def _judged(curve: xr.Dataset) -> dict[str, Any]:
-    """Largest error of a model, and the periods (s) over which it is within 1 and 10 %."""
+    """Return the largest period error of a model, and the periods (s) over which it is below 1 and 10 %."""
     error = np.abs(curve["relative_error"].values)
     ranges = {f"within_{share:g}": sorted(valid_range(curve, within=share)) for share in (0.01, 0.1)}
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
@@ -156,7 +156,7 @@ def _draw(curves: Mapping[str, xr.Dataset], figure: Path, title: str) -> None:
 
 
 def _table(curves: Mapping[str, xr.Dataset], refused: Mapping[str, str], title: str) -> Table:
-    """Models and the periods over which they can be trusted."""
+    """Return a table of the models with the periods over which their error is below 1 and 10 %."""
     table = Table("model", "states", "within 1 % (µs)", "within 10 % (µs)", "largest error", title=title)
     for name, curve in curves.items():
         found = _judged(curve)

@@ -1,4 +1,4 @@
-"""Write the page: one HTML file with its script, its style, the ring and the thermal models."""
+"""The HTML page that computes the dynamics of a ring: one file with its script, style, ring and thermal models."""
 
 import html
 import json
@@ -30,7 +30,7 @@ STEP_TIMES = np.geomspace(1e-9, 1e-4, 26)  # s, at which the FEM's own step resp
 
 @dataclass(frozen=True)
 class Page:
-    """A page that computes a ring; in a notebook it shows itself.
+    """HTML page that computes the dynamics of a ring; a notebook displays it.
 
     Attributes
     ----------
@@ -70,9 +70,9 @@ def explore(
 
     The page runs the kernel of `simulate`, compiled to WebAssembly; it finds fixed points, their stability, Hopf and
     fold curves as `steady_states`, `stability_map`, `hopf_curves` and `fold_curves` do, and settled cycles by Newton's
-    method on the return map. Curves of `cycle_fold_curves` are computed when the page is written, for the
-    ring and model that it opens with; it shows them as long as ring and model are these. The first reduction among the
-    models judges the period errors of the others.
+    method on the return map. Curves of `cycle_fold_curves` are computed when the page is written, and are shown for the
+    ring and model that it opens with. The first reduction among the models is the reference for the period errors of
+    the others.
 
     Parameters
     ----------
@@ -82,13 +82,13 @@ def explore(
     path : str or Path, optional
         the file to write; without it the page is only returned.
     power, detuning : float, W and Hz
-        where the laser stands when the page opens; by default at 8 dBm, or at the end of the plane that is next to it.
+        of the laser when the page opens; by default 8 dBm, or the end of the plotted range that is nearest to it.
     heat : HeatProblem, optional
-        draws the FEM's own step response, and with a result of `surrogate.reduce` among the models the cross-section.
+        adds the FEM's step response, and with a result of `surrogate.reduce` among the models the cross-section.
     family : surrogate.family.Family, optional
-        adds sliders for its first three parameters; the member that they pick is the first thermal model. Its step
+        adds sliders for its first three parameters, whose member is the thermal model shown first. Its step
         response is interpolated linearly between members on a grid of the parameters; the page states the error.
-        Without a reduction among the models the member judges their period errors.
+        Without a reduction among the models this member is the reference for their period errors.
     heaters : mapping of name to float, W, optional
         powers of heaters when the page opens. Every input of a model but the one that the light heats gets a slider.
     heated, read : str, optional
@@ -167,7 +167,7 @@ def explore(
 
 
 def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | None) -> dict[str, float]:
-    """The powers of heaters when the page opens, in mW."""
+    """Return the initial powers of the heaters in mW, with the keys "h0", "h1", ... of their sliders; default 0."""
     names, given = [slider["name"] for slider in sliders], checks.mapping("heaters", powers)
     for name in given:
         checks.choice("heaters", name, names)
@@ -175,7 +175,7 @@ def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | 
 
 
 def _step(heat: HeatProblem) -> dict[str, Any]:
-    """The FEM's own step response in K/W."""
+    """Return the FEM's step response: its name, times in s, and rise in K/W at each."""
     from thermofem import Constant, solve
 
     found = solve(heat, Constant(1e-3), times=STEP_TIMES, rtol=1e-4)
@@ -183,7 +183,7 @@ def _step(heat: HeatProblem) -> dict[str, Any]:
 
 
 def _filled(data: dict[str, Any]) -> str:
-    """The template with everything in its place; no text from outside can end a script or open a tag."""
+    """Return the text of the page: the template filled with ``data``, escaped so that no text can inject HTML."""
     safe = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     section = data["section"]
     parts = {

@@ -32,13 +32,13 @@ _EXPORTS = re.compile(r"^export \{[^}]*\};\n", re.MULTILINE)
 
 
 def text_of(name: str) -> str:
-    """Return a file of the page."""
+    """Return the text of a file, such as "page/page.css"."""
     return (HERE / name).read_text(encoding="utf-8")
 
 
 @cache
 def script() -> str:
-    """Return all modules as one script; names at the top of a module are unique, so that imports can be left out."""
+    """Return all JavaScript modules as one script without imports; their top-level names are unique."""
     parts = []
     for name in MODULES:
         text = _EXPORTS.sub("", _IMPORT.sub("", text_of(f"page/{name}.mjs")))
@@ -48,7 +48,7 @@ def script() -> str:
 
 
 def kernel() -> dict[str, Any]:
-    """Return the compiled kernel in base64, and the coefficients of its methods."""
+    """Return the compiled kernel in base64, and the coefficients of the Rosenbrock methods by name."""
     found = {}
     for method in Method:
         table = tableau(method)

@@ -37,7 +37,7 @@ SERIES = 6  # models that a figure can tell apart by colour
 
 
 class Parts(NamedTuple):
-    """Parts of a model that the light heats and that are read; by default its first input, and the same part."""
+    """Input of a model that the light heats (None: its first), and output that detunes the ring (None: the same)."""
 
     heated: str | None = None
     read: str | None = None
@@ -47,7 +47,7 @@ FIRST = Parts()
 
 
 def channels_of(model: ThermalModel, parts: Parts) -> Channels:
-    """Return the channel of the light, and those of all other inputs, which are heaters."""
+    """Return the model from the light's input to the read output, and those from all other inputs (heaters) to it."""
     system = bare(model)
     if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
         return channels(model)
@@ -57,7 +57,7 @@ def channels_of(model: ThermalModel, parts: Parts) -> Channels:
 
 
 def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, Any]:
-    """Return a thermal model as the page takes it; with heaters, residues R_i (K/W) for each of them.
+    """Return a thermal model as JSON data of the page; with heaters, also the residues R_i (K/W) of each of them.
 
     Raises InputError: a model of a kind that the page cannot run, too large, or not passive.
     """
@@ -87,7 +87,7 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
 
 
 def models_of(models: Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[dict[str, Any]]:
-    """Return the models that were given, each with its name."""
+    """Return the given thermal models, 1 to 6, as JSON data of the page, each with its name."""
     if not 1 <= len(models) <= SERIES:
         raise checks.InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
     for word, given, ports in zip(Parts._fields, parts, ("inputs", "outputs"), strict=True):
@@ -98,9 +98,9 @@ def models_of(models: Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[
 
 
 def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float) -> list[dict[str, Any]]:
-    """Return the heaters of all models, each with what its slider spans in mW: twice the window of detunings.
+    """Return the heaters of all models, each with the largest power of its slider in mW.
 
-    ``shift`` is d(omega)/d(dT) of the ring in rad/s/K.
+    That power shifts the resonance by twice the width of the detuning window. ``shift`` is d(omega)/d(dT) in rad/s/K.
     """
     found: dict[str, float] = {}
     for model in models:
@@ -115,7 +115,7 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
 
 
 def paper_models() -> list[dict[str, Any]]:
-    """Return the thermal laws of the papers, which belong to the presets."""
+    """Return the published thermal models, which the presets use, as JSON data of the page."""
     laws = {
         "second order, FEM-trained (Borghi 2021)": second_order(**asdict(parameters.SECOND_ORDER_FEM)),
         TRAINED_LAW: second_order(**asdict(parameters.SECOND_ORDER_EXPERIMENT)),
@@ -126,12 +126,12 @@ def paper_models() -> list[dict[str, Any]]:
 
 
 def place_of_law(name: str, models: list[dict[str, Any]]) -> int:
-    """Return the place of a law of the papers among the models; a model that was given may have the same name."""
+    """Return the index of a published thermal model among ``models``; given models of the same name are skipped."""
     return next(k for k, model in enumerate(models) if model.get("hidden") and model["name"] == name)
 
 
 def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the points worth seeing first: of the given ring, and of two papers."""
+    """Return the presets of the page, each with name, state and text: the given ring, and points of two papers."""
 
     def at(ring: RingResonator, law: str) -> dict[str, int]:
         return {"ring": place_of(ring, rings), "model": place_of_law(law, models)}
@@ -158,7 +158,10 @@ def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: di
 
 
 def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[list[list[float]]]:
-    """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
+    """Return the fold curves of cycles in a window of power (dBm) and detuning (GHz), if a Hopf curve is subcritical.
+
+    Each is a list of at most 80 points [power in W, detuning in Hz].
+    """
     axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
     try:
         if not any(np.any(c["leading"] & (c["lyapunov"] > 0)) for c in hopf_curves(ring, model, *axes)):
@@ -175,10 +178,10 @@ def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[
 
 
 def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
-    """Return the rings of the page, fields in SI: the given one first, then the published ones that it is not.
+    """Return the rings of the page, fields in SI: the given one first, then the published ones that differ from it.
 
-    A ring that bears the name of a published one but has other numbers is called "(changed)". resistance [K/W]: of the
-    model that is shown first; far from that of the papers, a published ring gets a window of its own.
+    A ring that has the name of a published one but other numbers is called "(changed)". resistance [K/W]: that of the
+    model that is shown first; within a factor of 3 of 8e3 K/W, a published ring gets the window of its paper.
     """
     check_ring(ring)
     given, *known = (
@@ -195,24 +198,24 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
 
 
 def published() -> list[tuple[RingResonator, Window]]:
-    """Return the rings of the papers, each with the window of its plane."""
+    """Return the published rings, each with its window of powers (dBm) and detunings (GHz)."""
     rings = parameters.published_rings()
     return [(ring, SHOWN.get(name) or window_of(ring, RESISTANCE)) for name, ring in rings.items()]
 
 
 def place_of(ring: RingResonator, rings: list[dict[str, Any]]) -> int:
-    """Return the place of a ring among those of the page."""
+    """Return the index of ``ring`` in the list of rings of the page."""
     return next(k for k, other in enumerate(rings) if same_numbers(asdict(ring), other))
 
 
 def same_numbers(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Whether the fields of two rings have the same values; names and windows do not count."""
+    """Whether two rings have equal numbers; name, window and Python text are not compared."""
     first, second = ({key: value for key, value in ring.items() if key not in LABELS} for ring in (one, other))
     return _same(first, second)
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Whether two values are equal; a ring file writes a temperature for kT and may change the last digit of that."""
+    """Whether two nested values are equal, floats to a relative 1e-12: a ring file may change the last digit of kT."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
     if isinstance(a, tuple | list) and isinstance(b, tuple | list):
@@ -223,10 +226,10 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def window_of(ring: RingResonator, resistance: float) -> Window:
-    """Return where the plane of an unknown ring is likely to be of interest, in dBm and GHz.
+    """Return a window of powers (dBm) and detunings (GHz) that is likely to contain the nonlinear regime of a ring.
 
-    From the power P1 at which its heat moves the resonance by half a width, to twenty times that;
-    from two and a half widths below the cold resonance to one above.
+    Powers: from P1, at which the heat shifts the resonance by half its width, to 20 P1.
+    Detunings: from two and a half widths below the cold resonance to one above.
     """
     width = ring.linear_rate / math.pi
     share = 4 * ring.bus_rate * max(ring.loss_rate, 1e-3 * ring.linear_rate) / ring.linear_rate**2

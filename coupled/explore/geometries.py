@@ -1,4 +1,4 @@
-"""A family of geometries for the page: members on a grid, on common time constants."""
+"""Family of geometries on the page: Foster networks of its members on a grid, with common time constants."""
 
 from itertools import product
 from typing import Any
@@ -16,12 +16,12 @@ TIMES = np.geomspace(2e-10, 1e-3, 90)  # s, at which steps are fitted
 
 
 def family_of(family: Any) -> dict[str, Any]:
-    """Return the grid of a `surrogate.family.Family`: R_i >= 0 on fixed time constants, linear between the points.
+    """Return Foster networks of a `surrogate.family.Family` on a grid of its parameters, and the interpolation error.
 
-    Every point is fitted to the step response of its member by nonnegative least squares with its R_th, so what lies
-    between is a mixture of steps: passive, and as far off as steps are from linear in the parameters. ``error`` is the
-    largest deviation found on 24 random members, relative to R_th; ``scale`` leads from SI to the displayed unit. More
-    than three parameters: the others stay at the middle of their range.
+    All members have the same time constants; R_i >= 0 is fitted to each member's step response by nonnegative least
+    squares, with its R_th. Between grid points R_i is interpolated linearly, so the model stays passive. ``error``: the
+    largest deviation of the step responses of 24 random members, relative to R_th; ``scale`` converts SI to the shown
+    unit. Only the first three parameters vary; the others are fixed at the middle of their range.
     """
     checks.has("family", family, "names", "box", "model", hint="surrogate.train_family or load_family makes one")
     low, high = (np.asarray(getattr(family.box, name), dtype=float) for name in ("low", "high"))
@@ -60,12 +60,12 @@ def family_of(family: Any) -> dict[str, Any]:
 
 
 def _at(share: float, low: float, high: float, log: bool) -> float:
-    """The value at a fraction of a range."""
+    """Return the value at the fraction ``share`` of the range from low to high, linear or logarithmic."""
     return float(low * (high / low) ** share if log else low + share * (high - low))
 
 
 def _shares(model: Any) -> Array:
-    """R_i >= 0 on the common time constants, with the member's R_th."""
+    """Return R_i >= 0 in K/W, shape (31,), on the time constants TAU, fitted to a member's step response; sum R_th."""
     total = model.thermal_resistance
     A = np.vstack([-np.expm1(-TIMES[:, None] / TAU), 100 * np.ones(TAU.size)])
     found, _ = nnls(A, np.append(model.step_response(TIMES), 100 * total) / total)

@@ -1,4 +1,4 @@
-"""The cross-section as the page draws it: outlines, and a few modes of the field on a grid of pixels, 8 bit each."""
+"""The cross-section on the page: outlines of the regions, and the leading thermal modes as images of 8 bits."""
 
 import base64
 from typing import Any
@@ -20,10 +20,12 @@ MODES = 14  # at most
 
 
 def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any]:
-    """Return outlines and modes: T(r, z, t) = sum_i x_i(t) mode_i + sum_h P_h rest_h, dx_i/dt = (R_i P - x_i)/tau_i.
+    """Return outlines and thermal modes of the cross-section; the page computes the temperature field from them.
+
+        T(r, z, t) = sum_i x_i(t) mode_i + sum_h P_h rest_h,     dx_i/dt = (R_i P - x_i)/tau_i
 
     reduction [surrogate.reduction.reduce.Reduction]: its basis holds one field for each state.
-    parts: what the light heats and what is read; every other input is a heater, of which the field at rest is kept.
+    parts: input of the light and output; every other input h is a heater with the steady field rest_h at 1 W.
     """
     R, tau, modes, heaters = _fields(reduction, parts)
     kept = np.sort(np.argsort(-R)[:MODES])
@@ -47,7 +49,10 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
 
 
 def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str, Array]]:
-    """R, tau and states of the poles, with the mean 1 where read, and states of the heaters at rest under 1 W."""
+    """Return R (K/W) and tau (s) of the K poles, their fields on n unknowns, and steady fields of the heaters at 1 W.
+
+    Shapes (K,), (K,), (K, n), and (1, n) for each heater; the field of a pole is scaled to 1 at the read output.
+    """
     model, basis = reduction.model, np.asarray(reduction.basis)
     if isinstance(model, Foster):
         return np.asarray(model.R), np.asarray(model.tau), basis.T, {}
@@ -65,13 +70,13 @@ def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str
 
 
 def _packed(image: Array) -> dict[str, Any]:
-    """An image as numbers of 8 bits in base64, and what 1 stands for."""
+    """Return an image as integers of 8 bits in base64, and the value ``scale`` of one unit."""
     scale = max(float(np.abs(image).max()), 1e-30) / 127
     return {"scale": scale, "values": base64.b64encode(np.rint(image / scale).astype(np.int8).tobytes()).decode()}
 
 
 def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The part of the cross-section that is drawn: around the heated parts, within the domain."""
+    """Return the drawn rectangle in m, (r_min, r_max), (z_min, z_max): around the heated parts, within the domain."""
     geometry = heat.geometry
     parts = [part for part in geometry.parts if part.name in geometry.heated]
     inner, outer = min(part.inner_radius for part in parts), max(part.outer_radius for part in parts)
@@ -86,7 +91,7 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
 
 
 def _within(heat: HeatProblem, grid: Array) -> NDArray[np.bool_]:
-    """Whether points lie in a material: in the layers or in a part that stands on them, not in a void or in the air."""
+    """Return whether each point (r, z) of ``grid``, shape (..., 2), lies in a material, not in a void or the air."""
     r, z = grid[..., 0], grid[..., 1]
     solid = z <= heat.geometry.top_z
     for part in heat.geometry.parts:  # a later part overwrites an earlier one
@@ -96,5 +101,5 @@ def _within(heat: HeatProblem, grid: Array) -> NDArray[np.bool_]:
 
 
 def _outlines(heat: HeatProblem) -> list[list[list[float]]]:
-    """The outlines of all regions, in m."""
+    """Return the boundary curves of all regions, each a list of points [r, z] in m."""
     return [[[float(r), float(z)] for r, z in ring] for face in heat.geometry.subdivision.faces for ring in face.rings]

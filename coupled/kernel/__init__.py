@@ -1,1 +1,1 @@
-"""Light, carriers and heat in time: the equations, the step and the loop in C++17, and what calls them."""
+"""Time integration of light, carriers and heat: the equations and the steps in C++17, and their Python interface."""

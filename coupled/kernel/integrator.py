@@ -1,16 +1,16 @@
 """Calls of the compiled kernel: `Problem.integrate`, `Problem.follow` and `Problem.slopes`.
 
 Everything is in the kernel's units (`units`). The state is y = [Re a, Im a (of every field), N] of every ring, then the
-states of heat of every ring:
+thermal states of every ring:
 
     problem = Problem(rings, heat, drive, Method.RODAS4)
     run = problem.integrate(problem.zero(), rtol=1e-6)              # run.rows: t, then fields, N, dT of every ring
-    turn = problem.integrate(y, rtol=1e-6, event=Crossing(CARRIERS, y[2], stop=True), keep_steps=True)
-    end, dy_end = problem.follow(y, turn.steps, np.eye(problem.size))     # d(flow)/dy of exactly these steps
-    rate, J = problem.slopes(end)                                   # dy/dt and d(dy/dt)/dy
+    orbit = problem.integrate(y, rtol=1e-6, event=Crossing(CARRIERS, y[2], stop=True), keep_steps=True)
+    end, dy_end = problem.follow(y, orbit.steps, np.eye(problem.size))    # d(flow)/dy of exactly these steps
+    rate, J = problem.slopes(end)                                   # dy/dt and its derivative with respect to y
 
-The kernel returns after some ten thousand steps, so Ctrl-C acts within a second. ctypes lets other threads run
-meanwhile; a `Problem` serves one thread.
+The kernel returns to Python about ten times a second, so that Ctrl-C acts within a second. ctypes releases the
+interpreter's lock meanwhile; two threads must not use the same `Problem`.
 """
 
 from __future__ import annotations
@@ -68,33 +68,37 @@ _Loop = _structure(
 
 
 class Rings(NamedTuple):
-    """R rings with F fields each."""
+    """Parameters of R rings with F optical fields (resonances) each, in the kernel's units."""
 
     modes: Array
-    """(R, F, 8), by the last axis `units.Mode`."""
+    """Shape (R, F, 8); the last axis has the fields of `units.Mode`."""
     carriers: Array
-    """(R, 3): tau0, a, b."""
+    """Shape (R, 3): tau0 (ns), a and b (m^3/1e23) of the lifetime tau(N) = tau0 (1 + a N)/(1 + b N)."""
     dispersion: Array
-    """(R, terms, 2): c_k and p_k; a term that a ring lacks is (0, 1)."""
+    """Shape (R, terms, 2): c_k and p_k of the dispersion sum_k c_k N^p_k in rad/ns; an unused term is (0, 1)."""
     floor: Array
-    """(R, 3), `units.floor_of`."""
+    """Shape (R, 3): sizes of field, N and dT below which errors are absolute (`units.floor_of`)."""
     bend: float = 0.0
-    """Curvature of the output map in 1/K."""
+    """Coefficient of the output map dT = z + bend z^2, 1/K."""
 
 
 class PoleHeat(NamedTuple):
-    """dx_k/dt = gain_k P - rate_k x_k for every ring; z = sum_k read_k x_k, which is sum_k x_k for a ring alone."""
+    """Linear thermal model of R rings with K poles each: dx_k/dt = gain_k P - rate_k x_k, z = sum_k read_k x_k."""
 
     gain: Array
-    """(R, K), as ``rate`` and ``read``."""
+    """Shape (R, K), K/fJ. ``rate`` (1/ns) and ``read`` (1 for a single ring, where it is None) have the same shape."""
     rate: Array
     read: Array | None = None
     cross: Array | None = None
-    """(R, R, K): what x_jk adds to the temperature of another ring i."""
+    """Shape (R, R, K): the temperature of ring i gains sum_jk cross_ijk x_jk from the other rings j."""
 
 
 class QuadraticHeat(NamedTuple):
-    """dx/dt = A x + H[x, x] + (G x + B) P, z = C x, of one ring; ``weight``: K of error a unit of error of x."""
+    """Quadratic thermal model of one ring with n states: dx/dt = A x + H[x, x] + (G x + B) P, z = C x.
+
+    H[x, x]_i = sum_jk H_ijk x_j x_k; P is the absorbed power in uW, z the temperature rise in K.
+    weight [shape (n,)]: error of the temperature in K per unit error of each state, for the step-size control.
+    """
 
     A: Array
     H: Array
@@ -105,53 +109,54 @@ class QuadraticHeat(NamedTuple):
 
 
 class Polynomials(NamedTuple):
-    """Functions of time, polynomials in t - edges[k] between edges[k] and edges[k + 1]."""
+    """Piecewise polynomials of time: a polynomial in t - edges[k] for edges[k] <= t < edges[k + 1]; times in ns."""
 
     edges: Array
     coefficients: Array
-    """(pieces, functions, terms), constant term first."""
+    """Shape (pieces, functions, terms), constant term first."""
 
 
 class Drive(NamedTuple):
-    """L lasers and the detunings of all fields."""
+    """Powers and phases of L lasers, and detunings of all R F fields, as piecewise polynomials of time."""
 
     edges: Array
-    """ns; a step ends at each."""
+    """Breakpoints of the drive, ns, increasing; a step ends at each."""
     power: Polynomials
-    """(pieces, L, 4)"""
+    """Power of each laser, coefficients of shape (pieces, L, 4); |entry|^2 power is in fJ/ns^2."""
     phase: Polynomials
-    """(pieces, L, terms), rad"""
+    """Phase of each laser in rad, coefficients of shape (pieces, L, terms)."""
     detuning: Polynomials
-    """(pieces, R F, 4), rad/ns"""
+    """Detuning of each field in rad/ns, coefficients of shape (pieces, R F, 4)."""
     entry: NDArray[np.complex128]
-    """(R F, L): amplitude in a field for each square root of a power."""
+    """Shape (R F, L): drive amplitude of each field per square root of the power of each laser."""
     brightest: Array
-    """(L,), largest power; above 0."""
+    """Shape (L,): largest power of each laser, above 0."""
 
     @classmethod
     def constant(cls, power: float, detuning: float, duration: float) -> Drive:
-        """One ring under constant light: ``power`` = 2 gamma_e P, fJ/ns^2, and detuning in rad/ns."""
+        """Return the drive of one ring under constant light: 2 gamma_e P (fJ/ns^2), detuning (rad/ns), length (ns)."""
         edges = np.array([0.0, duration])
         P, none, turn = (Polynomials(edges, np.array([[[value, 0.0, 0.0, 0.0]]])) for value in (power, 0.0, detuning))
         return cls(edges, P, none, turn, np.ones((1, 1), dtype=complex), np.array([max(power, 1e-300)]))
 
 
 class Network(NamedTuple):
-    """Light between the R rings of a circuit, its D delays and the Q waves that are observed; from L lasers.
+    """Optical coupling of the R rings of a circuit to each other, to L lasers, D delays and Q observed waves.
 
-    Equations: `network.hpp`.
+        da_i/dt = ... + sum_j M_ij a_j + i sum_d late_id u_d(t),     u_d(t) = wave_d(t - delay_d)
+        wave_q  = sum_j seen_ring_qj a_j + sum_l seen_laser_ql s_l + sum_d seen_late_qd u_d
 
-    light: BUS where light passes the rings in an order and M_ij = taken_i sent_j [(R,) each], LOOPS elsewhere.
-    own [shape (R,), 1/ns]: M_ii, light that a ring sends back to itself.
-    sequence [shape (R,)]: the rings in the order in which light passes them.
-    between [(R, R), 1/ns]: M_ij from ring j to i.
+    light: BUS where light passes the rings in one order and M_ij = taken_i sent_j [shape (R,) each], LOOPS elsewhere.
+    own [shape (R,), 1/ns]: M_ii, the coupling of each ring to itself.
+    sequence [shape (R,)]: ring numbers in the order in which light passes them.
+    between [shape (R, R), 1/ns]: M_ij, the coupling from ring j to ring i.
     delay [shape (D,), ns]
-    late [shape (R, D)]: what comes into a ring from the end of a delay.
-    seen_ring, seen_laser, seen_late [shapes (Q, R), (Q, L), (Q, D)]; the first D waves start the delays.
-    corner [shape (Q,), 1/ns]: 2 pi times the bandwidth of the detector of a wave, 0 for none; None where all have none.
-    energies: whether the energy of every wave since the start is kept.
-    hair [ns]: by which the time of a front may be off by round-off. Of delayed light that has a front so near to an end
-        of a step, the side that lies within the step is taken.
+    late [shape (R, D)]: coupling of the delayed waves u_d into each ring.
+    seen_ring, seen_laser, seen_late [shapes (Q, R), (Q, L), (Q, D)]; the first D waves are the inputs of the delays.
+    corner [shape (Q,), 1/ns]: 2 pi times the bandwidth of the detector of each wave, 0 for none; None if all have none.
+    energies: whether the energy of each wave, the integral of its power since the start, is computed.
+    hair [ns]: round-off tolerance of the arrival time of a wave front. If a front of delayed light arrives within it of
+        an end of a step, the value on the side inside the step is used.
     """
 
     light: int
@@ -171,9 +176,11 @@ class Network(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """An event: a quantity (ENERGY, CARRIERS, RISE) of a ring rises through a level; ``stop`` ends the run there.
+    """Event: a quantity of the ring number ``ring`` rises through ``level``.
 
-    above: whether the run begins at the level, and has to fall below it before it can rise through it.
+    quantity: ENERGY (U of the first field, fJ), CARRIERS (N, 1e23/m^3) or RISE (dT, K).
+    stop: whether the integration ends there.
+    above: whether the integration starts on the level, so that the quantity must first fall below it.
     """
 
     quantity: int
@@ -184,23 +191,23 @@ class Crossing(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What `Problem.integrate` returns."""
+    """Result of `Problem.integrate`: rows, final state ``y`` at the time ``t`` (ns), and times of the events (ns)."""
 
     rows: Array
-    """t, then fields, N and dT of every ring (then observed waves): at the wanted times or the accepted steps."""
+    """One row per output time or accepted step: t, then Re and Im of the fields, N and dT of each ring, then waves."""
     y: Array
     t: float
     step: float
-    """The step it would take next, ns."""
+    """Length of the step that would follow, ns."""
     crossings: Array
     accepted: int
     rejected: int
     steps: Array
-    """Lengths of the accepted steps, where they are kept."""
+    """Lengths of the accepted steps, ns; empty unless ``keep_steps``."""
 
 
 class Problem:
-    """A ring or a circuit under its light, as the kernel takes it."""
+    """Initial-value problem of a ring or a circuit under given light, as arrays that the compiled kernel reads."""
 
     def __init__(
         self,
@@ -210,7 +217,7 @@ class Problem:
         method: Method,
         network: Network | None = None,
     ) -> None:
-        """Point to all arrays; those given are copied where their type or order differs."""
+        """Store pointers to all arrays; an array is copied only where its type or memory order differs."""
         self.heat, self.edges = heat, np.ascontiguousarray(drive.edges, dtype=float)
         self._kept: list[Any] = [self.edges]
         self._c, m = _Problem(), tableau(method)
@@ -255,14 +262,14 @@ class Problem:
         self._memory: dict[str, Any] = {}
 
     def _at(self, values: Any, kind: Any = float) -> int | None:
-        """Address of an array, which is kept."""
+        """Return the memory address of an array, to which a reference is kept; None for None."""
         if values is None:
             return None
         self._kept.append(np.ascontiguousarray(values, dtype=kind))
         return int(self._kept[-1].ctypes.data)
 
     def _call(self, name: str, *arguments: Any) -> int:
-        """Call a function of `kernel.hpp`; the first time with no memory, when it returns how many bytes it needs."""
+        """Call a function of `kernel.hpp`; its first call returns the size of the work memory, which is kept."""
         function = getattr(library(), name)
         function.restype = _L
         if name not in self._memory:
@@ -272,16 +279,16 @@ class Problem:
         return int(function(c.byref(self._c), *arguments, _P(memory + -memory % 64)))
 
     def set_detuning(self, detuning: float) -> None:
-        """Change the detuning in rad/ns of one ring under constant light."""
+        """Set the detuning in rad/ns of a problem of one ring under constant light."""
         self._detunings[0, 0, 0] = detuning
 
     @property
     def address(self) -> int:
-        """Where the kernel finds it."""
+        """Memory address of the C structure of the problem."""
         return c.addressof(self._c)
 
     def zero(self) -> Array:
-        """A cold, empty state."""
+        """Return the state without light, carriers and temperature rise, shape (size,)."""
         return np.zeros(self.size)
 
     def integrate(
@@ -297,12 +304,12 @@ class Problem:
         keep_steps: bool = False,
         progress: Callable[[float], None] | None = None,
     ) -> Run:
-        """Integrate from ``y`` through the whole drive, on whose edges steps end.
+        """Integrate the state ``y`` over the whole drive; a step ends at every breakpoint of the drive.
 
-        times [ns]: wanted times; by default rows are the accepted steps, ``per_step`` rows each at equal distances.
-        first_step, longest [ns]: the first step tried, 0 for a cautious one; bound of all.
+        times [ns]: output times; by default each accepted step has ``per_step`` rows at equal distances.
+        first_step, longest [ns]: first trial step (0 for a cautious one), and upper bound of all steps.
         progress: called with the time reached in ns, some ten times a second.
-        Raises InputError: too many steps or rows, or no step small enough.
+        Raises InputError: too many steps or rows, or every step is rejected, however small.
         """
         y = np.array(y, dtype=float)
         wanted = 0 if times is None else len(times)
@@ -360,13 +367,13 @@ class Problem:
         )  # fmt: skip
 
     def _look(self, y: Array, loop: Any, looks: float) -> float:
-        """Where the state rests: bound the step by the fastest eigenvalue that grows there.
+        """Bound the step by the fastest growing eigenvalue, at a state that hardly changes.
 
             step <= CAP/max |lambda|   over the eigenvalues of the Jacobian with Re(lambda) > 0
 
-        A long step of an L-stable method damps what grows by the equations: it would stay on an unstable fixed point.
-        Eigenvalues of a circuit cost as much as hundreds of steps: it begins with ten such looks, and gains one every
-        4000 steps. ``looks`` are those left before; returns how many are left now.
+        A long step of an L-stable method damps growing modes, too, and would stay on an unstable fixed point.
+        Eigenvalues of a circuit cost as much as hundreds of steps: ten evaluations are allowed at first, and one more
+        every 4000 steps. ``looks`` is the number of evaluations left; returns the number left after this call.
         """
         if self.rings > 1:
             left = min(looks + (loop.accepted - max(loop.look_again - 20, 0)) / 4000, 10.0)
@@ -386,12 +393,12 @@ class Problem:
         return looks
 
     def follow(self, y: Array, steps: Array, V: Array) -> tuple[Array, Array]:
-        """The same steps again under the constant light of the first piece: the end, and the derivative of the flow.
+        """Repeat given steps under the constant light of the first piece; return the end and its derivative.
 
-        y [shape (n,)], steps [shape (m,), ns] of a run with ``keep_steps``.
+        y [shape (n,)]: initial state. steps [shape (m,), ns]: from a run with ``keep_steps``.
         V [shape (n, directions)]: directions at the start; ``np.eye(n)`` for the whole derivative, no columns for the
-            end alone (steps that are kept make the end a smooth function of every parameter).
-        Returns the state at the end and d(end)/d(y) V. One field only.
+            end alone (fixed steps make the end a smooth function of every parameter).
+        Returns the final state, shape (n,), and d(end)/d(y) V, shape (n, directions). Only for one field per ring.
         """
         y, steps = np.ascontiguousarray(y, dtype=float), np.ascontiguousarray(steps, dtype=float)
         V, end = np.array(V, dtype=float, order="C"), np.empty(self.size)
@@ -401,7 +408,7 @@ class Problem:
         return end, V
 
     def slopes(self, y: Array, piece: int = 0, t: float | None = None) -> tuple[Array, Array]:
-        """dy/dt and its derivative by y, shape (n, n), in a piece of the drive at a time in ns."""
+        """Return dy/dt, shape (n,), and its derivative with respect to y, (n, n), at t (ns) in a piece of the drive."""
         y, rate, J = np.ascontiguousarray(y, dtype=float), np.empty(self.size), np.empty((self.size, self.size))
         at = _D(self.edges[piece] if t is None else t)
         self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J))
@@ -409,7 +416,7 @@ class Problem:
 
 
 def no_step(t: float) -> InputError:
-    """The error of a run that ends at t in ns because no step is small enough."""
+    """Return the InputError of a run that stops at t in ns because every step is rejected, however small."""
     return InputError(
         f"model or power: found no step small enough at t = {t * 1e-9:g} s: light and heat run away, or the rise is at "
         "the top of an output map; look at the model's largest numbers"

@@ -1,4 +1,4 @@
-"""The compiled library: compiled again when a source is newer, with $CXX, ziglang or the machine's compiler."""
+"""Building and loading the compiled kernel; it is compiled again, by $CXX, ziglang or g++, when a source is newer."""
 
 import ctypes
 import importlib.util
@@ -22,9 +22,9 @@ NO_COMPILER = "coupled/kernel is not compiled, and there is no C++ compiler: pip
 
 
 def compiler() -> list[str]:
-    """The command of a C++17 compiler.
+    """Return the command of a C++17 compiler: $CXX, ziglang, c++, clang++ or g++, the first that is found.
 
-    Raises RuntimeError: none is there.
+    Raises RuntimeError: no compiler is found.
     """
     if os.environ.get("CXX"):
         return os.environ["CXX"].split()
@@ -37,9 +37,9 @@ def compiler() -> list[str]:
 
 
 def build(target: Path, flags: tuple[str, ...] = (), command: list[str] | None = None) -> Path:
-    """Compile the sources into the library ``target``, which is replaced at once when it is complete.
+    """Compile the sources into the shared library ``target``; an old file is replaced when the new one is complete.
 
-    flags: further ones, such as ``("-target", "x86_64-windows-gnu")`` of zig.
+    flags: additional compiler options, such as ``("-target", "x86_64-windows-gnu")`` of zig.
     """
     command = command or compiler()
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -68,7 +68,7 @@ def _run(command: list[str]) -> None:
 
 
 def path() -> Path:
-    """Where the library is: beside its sources, or in the user's cache where that folder is read-only."""
+    """Return the path of the library: beside its sources, or in the user's cache where that folder is read-only."""
     if os.access(SOURCES, os.W_OK) or (SOURCES / NAME).exists():
         return SOURCES / NAME
     from platformdirs import user_cache_path
@@ -78,7 +78,7 @@ def path() -> Path:
 
 @cache
 def library() -> ctypes.CDLL:
-    """The library, loaded; built before where a source is newer."""
+    """Return the loaded library; it is compiled first if it is missing or older than a source."""
     file = path()
     sources = [*SOURCES.glob("*.cpp"), *SOURCES.glob("*.hpp")]
     if sources and (not file.exists() or file.stat().st_mtime < max(s.stat().st_mtime for s in sources)):

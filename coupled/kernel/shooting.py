@@ -1,4 +1,4 @@
-"""Traces of one ring under constant light that return to a section, and closed orbits, as maps need them: `Turns`.
+"""Return map and periodic orbits of one ring under constant light on a Poincare section of constant N: `Turns`.
 
 Everything is in the kernel's units. `shooting.cpp` has the equations.
 """
@@ -33,7 +33,7 @@ class _Turns(c.Structure):
 
 
 class Trace(NamedTuple):
-    """Where a trace ends."""
+    """End of an integration: state y, time T and next step in ns, and whether N rose through the level (``met``)."""
 
     y: Array
     T: float  # ns
@@ -42,7 +42,16 @@ class Trace(NamedTuple):
 
 
 class Closed(NamedTuple):
-    """A closed orbit."""
+    """A periodic orbit and its return map on the Poincare section N = N(start), which N crosses upwards.
+
+        y(T) = start + M dx,     return time T + dT dx,     dx: deviation of the n slow thermal states at the start
+
+    start [shape (m,)]: state on the section, with the indices ``slow`` [shape (n,)] of the slow thermal states.
+    M, dT [shapes (m, n), (n,)]: derivatives of the returned state and of the return time in ns with respect to them.
+    worst: multiplier of largest modulus, the trivial one excluded.
+    pulses: upward crossings of the section in a period T.
+    rows [shape (k, 5)]: t, Re a, Im a, N and dT (temperature) along the orbit.
+    """
 
     start: Array  # in the section
     T: float  # ns
@@ -55,15 +64,15 @@ class Closed(NamedTuple):
 
     @property
     def size(self) -> float:
-        """By what a deviation grows in a period."""
+        """Modulus of the largest multiplier: the factor by which a small deviation grows in a period."""
         return abs(self.worst)
 
 
 class Turns:
-    """Traces of one ring under constant light, and closed orbits; a `Problem` whose drive is one piece."""
+    """Traces, return map and periodic orbits of one ring under constant light."""
 
     def __init__(self, problem: Problem) -> None:
-        """Take the memory."""
+        """Allocate the work memory for ``problem``, whose drive must consist of one piece."""
         heat = problem.heat
         self.problem, self._fixed = problem, np.empty((0, 4))
         self._rates = heat.rate[0] if isinstance(heat, PoleHeat) else np.zeros(problem.order)
@@ -82,20 +91,20 @@ class Turns:
         self._c.rows, self._c.steps, self._c.room = self._rows.ctypes.data, self._steps.ctypes.data, room
 
     def near(self, fixed: Array) -> None:
-        """Set the fixed points, rows U, N, dT and the longest step beside each."""
+        """Set the fixed points, shape (k, 4): rows U, N, dT, and the longest step in ns allowed near each."""
         self._fixed = np.ascontiguousarray(fixed)
         self._c.fixed, self._c.fixed_count = self._fixed.ctypes.data, len(fixed)
 
     @property
     def rows(self) -> Array:
-        """The rows of the last trace, t, field, N and dT, until the next one."""
+        """Rows of the last trace, shape (k, 5): t, Re a, Im a, N, dT; the next trace overwrites them."""
         return self._rows[: self._c.filled]
 
     def run(
         self, y: Array, duration: float, *, level: float = np.inf, above: bool = False, rtol: float = ROUGH,
         first_step: float = 0.0,
     ) -> Trace:  # fmt: skip
-        """Integrate for ``duration`` ns, or until the carriers rise through ``level``."""
+        """Integrate ``y`` for ``duration`` ns, or until N rises through ``level``; ``above``: N starts on the level."""
         h, T = c.c_double(), c.c_double()
         while True:
             end, h.value, T.value = y.copy(), first_step, 0.0
@@ -112,10 +121,11 @@ class Turns:
         return Trace(end, T.value, h.value, status == EVENT)
 
     def close(self, y: Array, T: float, pulses: int = 1, beside: Closed | None = None) -> Closed | None:
-        """The closed orbit near ``y``, which is in its section, of about the period ``T`` ns; None where there is none.
+        """Solve for the periodic orbit near ``y`` with a period of about ``T`` ns; None where there is none.
 
-        pulses: rises of the carriers in a period.
-        beside: an orbit whose M is about the same.
+        The Poincare section is N = N(y), crossed upwards.
+        pulses: upward crossings of the section in a period.
+        beside: a neighbouring orbit, whose M and dT are the first estimates of those of this one.
         """
         lasting = int(np.clip((self._rates * T < OUTLASTS).sum(), 1, self._most))
         slow = 3 + np.sort(np.argsort(self._rates, kind="stable")[:lasting]).astype(np.int32)
@@ -126,12 +136,12 @@ class Turns:
         return found
 
     def closer(self, found: Closed, rtol: float) -> Closed | None:
-        """The same orbit, closed by traces of another tolerance."""
+        """Solve again for the orbit ``found`` with relative tolerance ``rtol``; None where this does not converge."""
         return self._close(found.start, found.T, found.pulses, found.slow, found, rtol, rtol)
 
     @staticmethod
     def _growth(found: Closed) -> float:
-        """By how much an error of the slow heat, relative to the pulses, grows in the period: dT (1 - M)^-1."""
+        """Return the relative error of the period per relative error of a trace, computed from dT (1 - M)^-1."""
         _, _, _, N, rise = found.rows.T
         by_heat = np.linalg.solve((np.eye(found.slow.size) - found.M[found.slow]).T, found.dT)
         return float(np.abs(by_heat).max() * np.abs(rise).max() / found.T * N.max() / max(np.ptp(N), 1e-300))

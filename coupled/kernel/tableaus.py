@@ -14,18 +14,18 @@ Array = NDArray[np.float64]
 
 
 class Method(Words):
-    """Which Rosenbrock method integrates; both are L-stable, with error estimate and dense output."""
+    """Rosenbrock methods of the integration; both are L-stable, with error estimate and dense output."""
 
     RODAS4 = "rodas4"
-    """Order 4, 6 stages, dense output of order 3; the cheaper one down to rtol = 1e-6."""
+    """Order 4, 6 stages, dense output of order 3; the default for rtol >= 1e-6, where it is the faster one."""
     RODAS5P = "rodas5p"
-    """Order 5, 8 stages, dense output of order 4; keeps its order on stiff problems, so the better one below."""
+    """Order 5, 8 stages, dense output of order 4; keeps its order on stiff problems; the default for rtol < 1e-6."""
 
 
 class Tableau(NamedTuple):
-    """One method as the kernel takes it.
+    """Coefficients of one Rosenbrock method.
 
-    With s stages k_1 .. k_s,
+    With dy/dt = f(t, y), J = df/dy, the step h and s stages k_1 .. k_s,
 
         (1/(gamma h) - J) k_i = f(t + at_i h, y + sum_j a_ij k_j) + sum_j (c_ij/h) k_j + slope_i h df/dt,     j < i
         y(t + h) = y + sum_j a_sj k_j + k_s,    error estimate k_s
@@ -43,9 +43,9 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau(method: Method) -> Tableau:
-    """Return the coefficients of ``method``; arrays of shape (s, s), (s, s), (3, s), (s,) and (s,).
+    """Return the coefficients of ``method``: a and c of shape (s, s), dense (3, s), at (s,) and slope (s,).
 
-    With Gamma = (1/gamma - c)^-1, ``at`` are the row sums of a Gamma and ``slope`` those of Gamma (Hairer and Wanner,
+    With Gamma = (1/gamma - c)^-1, ``at`` is the row sums of a Gamma and ``slope`` those of Gamma (Hairer and Wanner,
     Section IV.7, Eq. 7.25).
     """
     table = json.loads(files(__package__).joinpath("tableaus.json").read_text())[method.value]

@@ -1,4 +1,4 @@
-"""Where SI becomes the kernel's units: ns, fJ, uW, K and 1e23 carriers per m^3, in which every state is of order one.
+"""Conversion of SI to the kernel's units: ns, fJ, uW, K and 1e23 carriers per m^3, in which states are of order one.
 
 1 uW is 1 fJ/ns. The equations, with these names, are in `equations.hpp`.
 """
@@ -27,7 +27,7 @@ EPSILON = 1e15 / DENSITY  # eps of S(N); 1e15 per m^3 is six orders below the de
 
 
 class Rates(NamedTuple):
-    """The ring in internal units."""
+    """Optical and carrier coefficients of one ring in the kernel's units (ns, fJ, uW, K, 1e23/m^3)."""
 
     loss: float  # 1/ns
     absorbed: float  # 1/ns
@@ -42,7 +42,7 @@ class Rates(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """What the kernel takes of a resonance, the columns of `Rings.modes`: `Mode` of equations.hpp."""
+    """Coefficients of one resonance in the kernel's units: last axis of `Rings.modes`, ``Mode`` of equations.hpp."""
 
     loss: Any
     absorbed: Any
@@ -56,7 +56,7 @@ class Mode(NamedTuple):
 
 @lru_cache(maxsize=1000)
 def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
-    """Return the ring in internal units and its free-carrier dispersion, rows (c_k in rad/ns, p_k)."""
+    """Return a ring in the kernel's units, and its free-carrier dispersion, shape (terms, 2): c_k in rad/ns, p_k."""
     rates = Rates(
         loss=ring.linear_rate * NS,
         absorbed=ring.loss_rate * NS,
@@ -86,16 +86,21 @@ def internal_detuning(detuning: float) -> float:
 
 
 def absorbed_power(U: Array, N: Array, rates: Rates | Mode, felt: Array | None = None) -> Array:
-    """Return P_abs in uW of a field of the energy U; ``felt`` is that of two-photon absorption, U of a field alone."""
+    """Return the power in uW that a field of energy U (fJ) loses to heat at carrier density N (1e23/m^3).
+
+        P_abs = 2 (absorbed + fca N + tpa W) U
+
+    felt: W, the energy that sets two-photon absorption; U by default, which holds for a single field.
+    """
     return 2.0 * (rates.absorbed + rates.fca * N + rates.tpa * (U if felt is None else felt)) * U
 
 
 def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
-    """Sizes of field, carriers and temperature, in internal units, below which errors are not relative to them.
+    """Return the sizes of field, N and dT, shape (3,), in the kernel's units, below which errors are absolute.
 
-    A thousandth of the values on resonance with the loss of the cold ring, but at most a thousandth of 1e23 carriers
-    per m^3, which is that of a ring whose light makes none, and of 10 K. These values are far below those that shift
-    the resonance by its width.
+    A thousandth of the values on resonance with the loss of the cold ring, but at most 1e20 carriers per m^3 (the value
+    where light generates none) and 0.01 K. These sizes are far below those that shift the resonance by its width.
+    pump [sqrt(fJ)/ns], thermal_resistance [K/uW]
     """
     U = (pump / rates.loss) ** 2
     N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2 if rates.g > 0 else 1.0
@@ -105,12 +110,15 @@ def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
 
 
 def units(order: int, rings: int = 1) -> Array:
-    """SI value of one internal unit of every state of rings with ``order`` states of heat each."""
+    """Return the SI value of one kernel unit of each state, shape (3 rings + order rings,): fields and N, then heat."""
     return np.concatenate([np.tile([FJ**0.5, FJ**0.5, DENSITY], rings), np.ones(rings * order)])
 
 
 def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
-    """Fields in sqrt(J), (R F, m), and carriers in 1/m^3, rise in K and absorbed power in W, (R, m), of kernel rows."""
+    """Convert m kernel rows of R rings with F fields each to SI.
+
+    Returns fields in sqrt(J), shape (R F, m); then carriers in 1/m^3, rise in K and absorbed power in W, shape (R, m).
+    """
     R, F = rings.modes.shape[:2]
     states = rows[:, 1 : 1 + R * (2 * F + 2)].reshape(-1, R, 2 * F + 2).T
     fields, N, rise = states[0 : 2 * F : 2] + 1j * states[1 : 2 * F : 2], states[-2], states[-1]
@@ -120,9 +128,9 @@ def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
 
 
 def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_resistance: float) -> Rings:
-    """One ring, as its ``resonances`` see it, the first of which has its carriers.
+    """Return the `Rings` of one ring with one field for each of ``resonances``; the first one gives the carriers.
 
-    pump: largest amplitude, sqrt(fJ)/ns; thermal_resistance [K/uW].
+    pump: largest drive amplitude, sqrt(fJ)/ns; thermal_resistance [K/uW].
     """
     own = resonances[0]
     (first, fcd), modes = internal_rates(own), []
@@ -134,7 +142,7 @@ def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_res
 
 
 def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
-    """Heat of one ring, and the curvature of its output map in 1/K."""
+    """Return a thermal model in the kernel's units, and the coefficient of its output map in 1/K, 0 without one."""
     if isinstance(model, OutputMap):
         return internal_heat(model.linear)[0], float(model.coefficient)
     if isinstance(model, Foster):
@@ -147,7 +155,7 @@ def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
 
 
 def slowest_rate(model: Compact) -> float:
-    """Rate of the slowest decay of heat in 1/s, at rest."""
+    """Return the slowest thermal decay rate in 1/s, at small temperature rise."""
     linear: Any = getattr(model, "linear", model)
     if isinstance(linear, Foster):
         return float(1 / np.max(np.asarray(linear.tau)[np.asarray(linear.R) != 0]))
@@ -157,7 +165,7 @@ def slowest_rate(model: Compact) -> float:
 def single_ring(
     ring: RingResonator, model: Compact, power: float, detuning: float, duration: float, method: Method
 ) -> Problem:
-    """The problem of one ring under constant light; power in W, detuning in Hz, duration in s."""
+    """Return the `Problem` of one ring under constant light; power in W, detuning in Hz, duration in s."""
     pump, (heat, bend) = internal_pump(ring, power), internal_heat(model)
     rings = internal_rings([ring], pump, model.thermal_resistance * UW)._replace(bend=bend)
     return Problem(rings, heat, Drive.constant(pump**2, internal_detuning(detuning), duration / NS), method)

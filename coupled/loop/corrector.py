@@ -1,4 +1,4 @@
-"""Correctors of a co-simulation: programs that compute the temperature of the core, the FEM among them.
+"""Correctors of a co-simulation: programs that compute the temperature of the core, such as the FEM.
 
 Contract of a `Corrector`. Any object that satisfies it can be used: COMSOL behind a socket, NGSolve, a measured device.
 
@@ -11,14 +11,14 @@ Contract of a `Corrector`. Any object that satisfies it can be used: COMSOL behi
 4. The corrector itself includes all other heat sources, such as a heater or a neighbouring ring.
 5. ``corrector.summary()`` returns numbers that are stored with the result; this method is optional.
 
-A co-simulation begins cold, where another one ended, or on the settled cycle of a compact model, lifted to the mesh:
-the field is periodic under the power that the cycle absorbs. In the fields V of the FEM's own reduction the periodic
-state is closed form; the full-order FEM advances all of it for a period, and
+A co-simulation begins cold, at the end of another one, or on the settled cycle of a compact model. In the last case the
+field on the mesh is the periodic one under the power that the cycle absorbs. In the basis V of the FEM's Krylov
+reduction it is known in closed form; the full-order FEM then integrates one period T, and
 
     x(0) <- x(T) + V diag(m/(1 - m)) V^T E [x(T) - x(0)],     m = exp(-rate T)
 
-takes the slow fields to where all later periods would. One period does for constant conductivities; with k(T) and
-c_p(T) the periods go on until the temperature repeats.
+extrapolates the slow fields to their limit after many periods. One period is enough for constant conductivities; with
+k(T) and c_p(T) this is repeated until the temperature is periodic.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's ow
 
 
 class Corrector(Protocol):
-    """Absorbed power in, temperature out, window by window; the docstring of the module has the numbered contract."""
+    """Interface of a program that computes the temperature under a given absorbed power; contract: see the module."""
 
     def advance(self, times: Array, power: Waveform) -> Array:
-        """Rise in K at ``times`` from the accepted state."""
+        """Return the rise in K at ``times`` in s, shape (n,), from the accepted state under ``power`` in W."""
 
     def accept(self) -> None:
-        """Keep the end of the last call."""
+        """Make the end of the last call of ``advance`` the accepted state."""
 
 
 class FEM:
@@ -71,15 +71,15 @@ class FEM:
     Parameters
     ----------
     heat : HeatProblem, StateSpace or NonlinearSystem
-        matrices from elsewhere do as well: E dx/dt = A x + B P, dT = C x with E and -A symmetric.
+        or matrices of another program: E dx/dt = A x + B P, dT = C x with E and -A symmetric.
     heated : str, optional
-        part that the light heats and whose mean detunes it; default: the first heated part.
+        part that absorbs the light and whose mean temperature shifts the resonance; default: the first heated part.
     heaters : mapping of name to Waveform
         other heated parts and their power in W.
     max_discrepancy : float, K
-        of the co-simulation; the FEM's steps keep to a third of it.
+        that of the co-simulation; the error tolerance of the FEM's time steps is 0.3 of it.
     field_times : array, s
-        when the whole temperature field is kept.
+        times at which the whole temperature field is stored.
     """
 
     def __init__(
@@ -126,50 +126,53 @@ class FEM:
         return f"FEM({self.problem!r})"
 
     def advance(self, times: Array, power: Waveform) -> Array:
-        """Rise of the heated part in K at ``times``."""
+        """Return the rise of the heated part in K at ``times`` in s, shape (n,), from the accepted state."""
         outputs, *self._tried = self.field.advance(
             self.state, [power, *self.heaters.values()], times, keep=self._kept(times)
         )
         return outputs[:, 0]
 
     def revise(self, times: Array, power: Waveform) -> Array:
-        """`advance` again under a power that differs little, without steps (`FieldIntegrator.revised`)."""
+        """Return the rise as `advance` does, for a slightly different power and without new time steps.
+
+        The part of the rise outside the Krylov basis is kept from the last `advance` (`FieldIntegrator.revised`).
+        """
         outputs, *self._tried = self.field.revised([power, *self.heaters.values()], times, keep=self._kept(times))
         return outputs[:, 0]
 
     @property
     def remainder(self) -> float:
-        """Largest change in the window of the part of the rise that `revise` keeps, outside the amplitudes, K."""
+        """Largest change in the last window, in K, of the part of the rise outside the Krylov basis."""
         return self.field.remainder
 
     def _kept(self, times: Array) -> Array:
-        """The field times of a window."""
+        """Return the ``field_times`` that lie in the window ``times``; its start counts only at t = 0."""
         wanted = self.field_times
         return wanted[((wanted > times[0]) | (times[0] == 0)) & (wanted <= times[-1] * (1 + 1e-12))]
 
     def begin(self, rise: Array) -> None:
-        """Start at t = 0 from a field, K."""
+        """Set the state at t = 0 to a temperature field ``rise`` in K, shape (unknowns,)."""
         self.state, self.fields = self.field.begin(rise), []
         self.stored_before = self.field.stored(self.state)
 
     @property
     def rise(self) -> float:
-        """Accepted rise of the heated part, K."""
+        """Rise of the heated part in the accepted state, K."""
         return float(self.linear.C[0] @ self.field.temperature(self.state))
 
     @property
     def tried(self) -> Array:
-        """Field at the end of the last call of `advance`, K."""
+        """Temperature field at the end of the last call of `advance`, K, shape (unknowns,)."""
         return self.field.temperature(self._tried[0])
 
     def accept(self) -> None:
-        """Keep the end of the last call, and its fields."""
+        """Make the end of the last call of `advance` or `revise` the accepted state, and store its fields."""
         self.state, fields = self._tried
         self.fields.extend(fields)
 
     @cached_property
     def predictor(self) -> Foster | Quadratic:
-        """The Krylov reduction from the heated part to itself, with k(T) and c_p(T) to second order in the rise."""
+        """Krylov reduction with the heated part as input and output; k(T) and c_p(T) enter to second order."""
         curved, basis = self.field.curved, self.basis
         if self.nonlinear is None:
             return foster(basis.reduced(self.linear).channel(self.heated, self.heated))
@@ -179,7 +182,7 @@ class FEM:
         return Quadratic(np.diag(-basis.rate), H, -(curved.inverse @ b), b, C, name, name)
 
     def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
-        """Rise in K caused by the heaters, from a reduced model with all inputs (default: the Krylov reduction)."""
+        """Return the rise in K at ``times`` (s), shape (n,), by those heaters that are inputs of ``reduced``."""
         reduced, rise = reduced or self.basis.reduced(self.linear), np.zeros(np.size(times))
         for name, wave in self.heaters.items():
             if name in reduced.inputs:
@@ -187,7 +190,7 @@ class FEM:
         return rise
 
     def summary(self) -> dict[str, Any]:
-        """Size of the FEM, number of steps and solves, and its heat balance in J."""
+        """Return the size of the FEM, the numbers of steps, solves and factorizations, and the heat balance in J."""
         s, state = self.field.stepper, self.state
         stored = self.field.stored(state) - self.stored_before
         scale = max(abs(state.heat_in), abs(stored), abs(state.heat_out))
@@ -217,7 +220,7 @@ class FEM:
 
 
 def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...]) -> StateSpace | NonlinearSystem:
-    """The system with some of its inputs, the first of which is also read."""
+    """Return the system with the given inputs only; its single output is the part of the first input."""
     linear = system.linear if isinstance(system, NonlinearSystem) else system
     checks.choice("heated", inputs[0], linear.outputs, hint="the part that the light heats must also be read")
     columns, row = [linear.inputs.index(name) for name in inputs], linear.outputs.index(inputs[0])
@@ -227,7 +230,7 @@ def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...]) -> 
 
 
 class Beginning(NamedTuple):
-    """State of light, carriers and predictor, and the temperature of the corrector in K."""
+    """Initial state of light, carriers and predictor, and the corrector's initial temperature rise in K."""
 
     state: State
     rise: float
@@ -239,7 +242,8 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
     Raises
     ------
     InputError
-        neither a run nor a cycle, one of another mesh, or a corrector that is not the FEM.
+        ``initial`` is neither a run nor a cycle, belongs to another mesh, or is given for a corrector that is not the
+        FEM; or it is missing for an FEM that has already made a run.
     """
     if not isinstance(corrector, FEM):
         if initial is not None:
@@ -270,7 +274,11 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
 
 
 def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:
-    """States of the predictor: the FEM's own reduction holds its fields, a model of the cycle's order the cycle's."""
+    """Return the initial thermal states of the predictor ``model``, shape (order,).
+
+    They are the FEM's where the predictor is its own reduction; else ``states``, those of the cycle, where their number
+    is the order of the predictor; else zero.
+    """
     if model is corrector.predictor:
         if isinstance(model, Quadratic):
             return np.asarray(corrector.state.z)
@@ -282,7 +290,11 @@ def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:
 
 
 def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
-    """The field at the start of a cycle, K."""
+    """Return the periodic temperature field of the FEM at the start of a given cycle, K, shape (unknowns,).
+
+    The FEM is integrated over at most 6 periods under the power that the cycle absorbs; after each the field is
+    extrapolated by the equation in the docstring of the module.
+    """
     time = checks.array("initial['time']", cycle["time"].values, increasing=True)
     power = np.array(checks.array("initial['absorbed']", cycle["absorbed"].values))
     power[-1] = power[0]

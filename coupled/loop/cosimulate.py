@@ -52,15 +52,15 @@ def cosimulate(
 
     The equations are those of `simulate`; the thermal model only predicts. In each time window (`relaxation`) the
     corrector receives the absorbed power and returns the temperature. The difference from the predicted temperature is
-    fed back, and the window is repeated until the difference is below ``max_discrepancy``. The FEM's temperature then
-    follows what this changes in the light, so that the shift of a pulse is small too.
+    fed back, and the window is repeated until the difference is below ``max_discrepancy``. The FEM's temperature is
+    then updated for the changed light, so that the times of the pulses converge, too.
 
     Parameters
     ----------
     ring : RingResonator
     heat : HeatProblem, StateSpace, NonlinearSystem or Corrector
-        the FEM, linear or with k(T) and c_p(T); its matrices, also from elsewhere; or anything that keeps the contract
-        of `coupled.loop.corrector`.
+        the FEM, linear or with k(T) and c_p(T); matrices, also of another program; or an object that satisfies the
+        contract in `coupled.loop.corrector`.
     power, detuning, duration : W, Hz, s
         as in `simulate`: numbers or waveforms.
     predictor : ThermalModel, optional
@@ -73,10 +73,10 @@ def cosimulate(
     heaters : mapping of name to float or Waveform, optional
         power in W of other heated parts of a HeatProblem.
     field_times : array, s, optional
-        when the temperature field of a HeatProblem is kept.
+        times at which the temperature field of a HeatProblem is stored.
     initial : Dataset, optional
-        where to begin: the end of another co-simulation of the same ``heat``, or a cycle of `limit_cycle` with a
-        reduction of it, lifted to the mesh: the FEM is then settled after a period or two.
+        initial state: the end of another co-simulation of the same ``heat``, or a cycle of `limit_cycle` with a
+        reduction of it, for which the periodic field on the mesh is computed; it settles within a period or two.
     progress : callable, optional
         called with the simulated time in s after every window.
 
@@ -85,7 +85,7 @@ def cosimulate(
     xarray.Dataset
         as of `simulate`, delta_T being the corrector's; passes and discrepancy (K) over window (its start in s); field
         over field_time and vertex where ``field_times`` asks for it. In attrs: passes, largest_discrepancy (K),
-        estimated_change (K, what a further pass would change within a window), what the FEM did (fem_steps,
+        estimated_change (K, change by one more pass within a window), counts of the FEM (fem_steps,
         fem_solves, fem_factorizations), its heat balance (J), and the CPU time of both sides.
 
     Raises
@@ -146,7 +146,7 @@ def cosimulate(
 
 
 def _read(model: Compact, state: State) -> float:
-    """The rise that a predictor's states stand for, K."""
+    """Return the temperature rise of the predictor in the given state, K."""
     x = np.asarray(state.thermal)
     if isinstance(model, Quadratic):
         return float(model.C @ x)
@@ -154,7 +154,7 @@ def _read(model: Compact, state: State) -> float:
 
 
 def _over(name: str, value: Any, duration: float) -> Any:
-    """The power of a heater, checked: a waveform, or a number, a function or a list as piecewise cubic."""
+    """Return the checked power of a heater: a waveform as it is; a number, function or list as a piecewise cubic."""
     power = power_of(name, value, duration)
     if type(value).__name__ in KINDS and not isinstance(value, Function):
         return value
@@ -162,7 +162,7 @@ def _over(name: str, value: Any, duration: float) -> Any:
 
 
 def _background(corrector: Any, predictor: ThermalModel | None) -> Callable[[Array], Array] | None:
-    """Rise caused by the heaters, from the predictor or from the corrector's own reduction."""
+    """Return a function of time (s): the rise in K by the heaters. None without heaters or without the FEM."""
     if not isinstance(corrector, FEM) or not corrector.heaters:
         return None
     if isinstance(predictor, StateSpace):
@@ -224,7 +224,7 @@ def _dataset(
 
 
 def _joined(parts: list[Passed], lights: Lights) -> Window:
-    """All windows as one, with the corrector's temperature; shared end points appear once."""
+    """Concatenate all windows, with the corrector's temperature; end points that two windows share appear once."""
 
     def together(name: str) -> Any:
         return np.concatenate([getattr(part.run, name)[..., (k > 0) :] for k, part in enumerate(parts)], axis=-1)

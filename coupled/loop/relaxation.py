@@ -37,18 +37,18 @@ KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy m
 
 
 class Passed(NamedTuple):
-    """One accepted window."""
+    """Result of one accepted window."""
 
     run: Window
     delta_T: Array
-    """Temperature of the corrector, K."""
+    """Temperature rise from the corrector, K, at the times of ``run``."""
     passes: int
     discrepancy: float
-    """Largest difference between the temperature that the light saw and the corrector's, K."""
+    """Largest difference between the temperature used for the light and the corrector's, K."""
     moved: float
-    """Change of the temperature by one more pass, K; estimated by the predictor."""
+    """Largest change of the temperature that one more pass would cause, K; estimated with the predictor."""
     rest: float
-    """The corrector's temperature less the predictor's at the end, K."""
+    """The corrector's temperature minus the predictor's at the end, K."""
 
 
 @dataclass
@@ -60,13 +60,14 @@ class Relaxation:
     ring, model, corrector
     power, detuning : as `window.advance` takes them
     duration, window : float, s
-        windows are ``duration`` over a power of two; ``window`` is the first.
+        length of the run and of the first window; every window is ``duration``/2^``level`` long.
     max_discrepancy : float, K
+        largest difference accepted between the temperature used for the light and the corrector's.
     rtol : float
     state : coupled State
-        of the optics at the accepted time.
+        of light, carriers and predictor at the accepted time.
     background : callable
-        part of the discrepancy that is known before, K at given times.
+        known part of the discrepancy, the rise by heaters: K as a function of an array of times in s.
     """
 
     ring: RingResonator
@@ -94,11 +95,11 @@ class Relaxation:
 
     @property
     def time(self) -> float:
-        """The accepted time in s."""
+        """Accepted time, where the next window starts, s."""
         return self.duration * self.index / 2**self.level
 
     def advance(self) -> Passed:
-        """Advance by one window, shortened until its relaxation converges."""
+        """Advance by one window, halved until its relaxation converges."""
         while True:
             start, stop = self.time, self.duration * (self.index + 1) / 2**self.level
             found, reason = self._window(start, stop)
@@ -115,7 +116,7 @@ class Relaxation:
             self.index, self.level = 2 * self.index, self.level + 1
 
     def _window(self, start: float, stop: float) -> tuple[Passed | None, str]:
-        """Relax one window; None and the reason if it does not converge."""
+        """Iterate one window from ``start`` to ``stop`` in s; return None and the reason if it does not converge."""
         offset: Any = self._guess(start, stop)
         run, last = self._light(start, stop, offset), np.inf
         for passes in range(1, MOST_PASSES + 1):
@@ -144,12 +145,12 @@ class Relaxation:
     def _settled(
         self, run: Window, rise: Array, passes: int, offset: Any, span: tuple[float, float]
     ) -> tuple[Passed | None, Any, Window]:
-        """The window if a pass was the last, None otherwise; offset and light of the next pass.
+        """Feed the discrepancy of a pass back into the light, and test whether the window has converged.
 
-        A discrepancy shifts the pulses, whose edges turn it into up to a hundred times as much. So light is integrated
-        with the discrepancy fed back. Where its temperature moves, the FEM's fields follow without another pass
-        (`FEM.revise`). What this leaves out is the share of the rise outside them (`FEM.remainder`); where the
-        predictor is not the FEM's own, the share that it misses.
+        A discrepancy shifts the pulses, whose steep edges amplify it up to a hundredfold. So the light is integrated
+        again with the discrepancy included. The FEM's temperature under the changed power follows without another pass
+        (`FEM.revise`), except for the part of the rise outside the Krylov basis (`FEM.remainder`). Returns the accepted
+        window, or None if another pass is needed; then offset (K) and light of that next pass.
         """
         revise, moved = getattr(self.corrector, "revise", None), np.inf
         close = CLOSE * self.max_discrepancy if revise else self.max_discrepancy
@@ -174,7 +175,7 @@ class Relaxation:
             rise = self._asked(revise, run)
 
     def _light(self, start: float, stop: float, offset: Any) -> Window:
-        """Light, carriers and predictor over one window."""
+        """Integrate light, carriers and predictor over one window with the discrepancy ``offset`` in K."""
         clock = process_time()
         run = advance(
             self.ring, self.model, self.state, start, stop, power=self.power, detuning=self.detuning,
@@ -184,7 +185,7 @@ class Relaxation:
         return run
 
     def _asked(self, way: Callable[[Array, Waveform], Any], run: Window) -> Array:
-        """The corrector's temperature under the absorbed power of a run."""
+        """Return the corrector's rise in K at the times of ``run`` under its absorbed power, by the method ``way``."""
         clock = process_time()
         power = PiecewiseCubic.of_spline(CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope))
         rise = np.array(way(run.time.copy(), power), dtype=float)
@@ -192,7 +193,7 @@ class Relaxation:
         return rise
 
     def _check_start(self, start: float, first: float) -> None:
-        """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
+        """Raise InputError if the corrector's first value is more than 10 max_discrepancy off its last accepted one."""
         if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan has its own error
             return
         raise checks.InputError(
@@ -202,14 +203,14 @@ class Relaxation:
         )
 
     def _guess(self, start: float, stop: float) -> Any:
-        """Initial discrepancy of a window: constant, plus the known rise by heaters."""
+        """Return the first discrepancy of a window in K: a constant, plus the rise by heaters as a spline."""
         if self.background is None:
             return self.rest
         times = np.linspace(start, stop, 33)
         return _spline(times, self.background(times) + self.rest, KNOTS * self.max_discrepancy)
 
     def _fed_back(self, run: Window, offset: Any, change: Array) -> Any:
-        """The discrepancy after a pass."""
+        """Return the discrepancy after a pass in K, ``offset`` plus ``change`` at the times of ``run``, as a spline."""
         old = offset(run.time) if callable(offset) else offset
         return _spline(run.time, old + change, KNOTS * self.max_discrepancy)
 
@@ -228,12 +229,12 @@ class Relaxation:
 
 
 def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
-    """Whether the remaining passes suffice at the present rate of convergence."""
+    """Whether ``left`` passes reach the tolerance if each reduces the discrepancy by the factor change/last."""
     return change < last and np.log(tolerance / change) / np.log(change / last) <= left
 
 
 def _spline(times: Array, values: Array, allowed: float) -> Any:
-    """A cubic spline through a few of the samples, with an error below ``allowed`` at the others."""
+    """Return a cubic Hermite spline through some of the samples, with an error below ``allowed`` at all others."""
     slope = np.gradient(values, times, edge_order=2 if times.size > 2 else 1)
     knots, open_ = {0, times.size - 1}, [(0, times.size - 1)]
     while open_:

@@ -1,4 +1,4 @@
-"""The points of a map: power and detuning, or what of the ring is varied instead, and the fixed points there."""
+"""The points of a map over power, detuning or numbers of the ring, and the fixed points at each."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Two axes, and the ring, power and detuning of every point.
+    """The two axes of a map, and the ring, power (W) and detuning (Hz) at every point.
 
     rows: a list of points for each value of the first axis.
-    fixed: power and detuning where they are no axes.
+    fixed: power and detuning by name where they are no axes.
     """
 
     names: tuple[str, str]
@@ -39,7 +39,7 @@ class Grid:
     fixed: dict[str, float]
 
     def coordinates(self) -> dict[str, Any]:
-        """Coordinates of the Dataset."""
+        """Return the coordinates of the map's Dataset, with units."""
         about = {"power": describe("input_power"), "detuning": describe("detuning")}
         return {
             name: (name, axis, about.get(name, {"units": UNITS.get(name) or "1", "long_name": name.replace("_", " ")}))
@@ -48,11 +48,11 @@ class Grid:
 
     @property
     def points(self) -> list[Point]:
-        """All points, row by row."""
+        """All points, row after row."""
         return [point for row in self.rows for point in row]
 
     def warmed(self, heaters: ConstantHeating) -> Grid:
-        """The points with the resonances shifted by constant heaters."""
+        """Return the grid with the detunings shifted by the resonance shift that constant heaters cause."""
         moved = [[(ring, power, nu + heaters.turned(ring)) for ring, power, nu in row] for row in self.rows]
         return replace(self, rows=moved) if heaters.rise else self
 
@@ -60,7 +60,7 @@ class Grid:
 def grid_of(
     ring: RingResonator, powers: ArrayLike, detunings: ArrayLike, vary: Mapping[str, ArrayLike] | None
 ) -> Grid:  # fmt: skip
-    """Resolve the axes of a map.
+    """Return the grid of a map over two of power, detuning and the ring's numbers in ``vary``.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def grid_of(
 
 
 def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
-    """The fixed points of every point of a map, or why there are none."""
+    """Return the fixed points at every point of a map, or the error message where they cannot be computed."""
     out: list[Fixed | str] = [""] * len(points)
     of_rings: dict[RingResonator, list[int]] = {}
     for k, (ring, _, _) in enumerate(points):

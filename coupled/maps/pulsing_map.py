@@ -39,7 +39,7 @@ REGIMES = {FAILED, "bistable", *map(str, Regime)}
 
 
 class Follow(Words):
-    """Which way a laser is stepped along the second axis of a map, each point from where the last one ended."""
+    """Direction in which the laser is stepped along the second axis; each point starts at the previous one's end."""
 
     UP = "up"
     DOWN = "down"
@@ -88,17 +88,17 @@ def pulsing_map(
         ``heated`` and ``read``.
     settled : bool, optional
         whether the numbers are those of settled cycles; by default True unless ``duration`` or ``follow`` is given, or
-        the ring has no two-photon absorption: settled cycles are told by their carriers.
+        the ring has no two-photon absorption: settled cycles are detected by their carriers.
     duration : float, s, optional
         of the traces, where they are not settled; 20 us by default.
     rtol : float
         of `simulate`, for traces. At 1e-5 errors of the steps count two cycles as one in one cell of 600.
     follow : "up" or "down", optional
-        begin each point of the second axis where the one before, or after, ended, as a laser does that is stepped up or
-        down; the two maps differ where there is hysteresis. By default every point begins cold.
+        start each point of the second axis from the end state of its lower or upper neighbour, as if the laser were
+        stepped; the two maps differ where there is hysteresis. By default every point begins cold.
     file : path, optional
-        fills up with the rows (of the first axis) as they are done. A map that was interrupted, however, goes on from
-        it; a file of another map is refused.
+        stores each row (of the first axis) when it is finished. An interrupted map continues from it; a file of
+        another map is refused.
     executor : concurrent.futures.Executor, optional
         takes one row at a time; by default one thread for each processor.
     show_bar : bool
@@ -119,7 +119,7 @@ def pulsing_map(
         integrated, an unknown name, not two axes, or a file of another map.
 
     Near a fold that has just vanished the first pulse can take longer than any duration chosen. So a trace that seems
-    to rest next to a fixed point that is unstable reads "slow transient", with the reason.
+    to rest next to an unstable fixed point is classified as "slow transient", with the reason.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Figs. 4 and 6; cold start, as the paper's shutter does.
     """
@@ -211,7 +211,7 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
 
 
 def _identity(attrs: dict[str, Any], grid: Grid, model: Compact) -> dict[str, Any]:
-    """Everything that the rows of a map depend on, as JSON."""
+    """Return everything that determines the rows of a map, as JSON data."""
     numbers = {name: np.asarray(value).tolist() for name, value in attrs.items()}
     numbers |= {f"axis {name}": axis.tolist() for name, axis in zip(grid.names, grid.axes, strict=True)}
     if isinstance(model, Quadratic):
@@ -235,8 +235,8 @@ def pulse(
 
     The arguments are not checked, and no Dataset is made.
 
-    rest: the fixed points; a trace that ends near an unstable one is no rest.
-    watch: its first entry is above 0 where another thread asks the integration to stop, by KeyboardInterrupt.
+    rest: the fixed points; a trace that ends near an unstable one is not classified as stable.
+    watch: another thread sets its first entry above 0 to stop the integration by KeyboardInterrupt.
     """
 
     def look(_: float) -> None:
@@ -256,7 +256,7 @@ def _row(
     model: Compact, points: list[Point], fixed: list[Fixed | str], watch: Array, duration: float, rtol: float,
     follow: Follow | None,
 ) -> list[Cell]:  # fmt: skip
-    """All points of one row, each on its own or from where its neighbour ended; what stops one becomes its reason."""
+    """Return the `Cell` of each point of a row, by integration from cold or (``follow``) from its neighbour's end."""
     cells: list[Cell] = []
     state = cold = State.cold(model.order)
     pairs = list(zip(points, fixed, strict=True))
@@ -277,12 +277,12 @@ def _row(
 
 
 class Journal:
-    """The finished rows of a map, and the file that keeps them, None where none does.
+    """The finished rows of a map, stored in a file unless ``path`` is None.
 
     The file has one JSON line that identifies the map, then one for each finished row with its hash, in the order of
-    completion. A line that is damaged, as a kill leaves it, counts for nothing: its row is computed again.
+    completion. A damaged line, as an interrupted run leaves it, is ignored: its row is computed again.
 
-    Raises InputError: the file is of another map, or of something else, which is left as it was; it cannot be read or
+    Raises InputError: the file is of another map, or of something else (it is not changed); it cannot be read or
         written.
     """
 
@@ -328,7 +328,7 @@ class Journal:
 
 
 def _parsed(line: str) -> Any:
-    """What a line of a file holds, None where it is no JSON."""
+    """Return the content of a JSON line, None where it is not valid JSON."""
     with contextlib.suppress(checks.InputError):
         return files.from_json(line)
     return None
@@ -336,7 +336,7 @@ def _parsed(line: str) -> Any:
 
 @contextlib.contextmanager
 def journal_of(file: str | Path | None, identity: dict[str, Any]) -> Iterator[Journal]:
-    """The rows of a map, in a file that no other run may use meanwhile; ``identity`` is all that they depend on."""
+    """Yield the journal of a map, whose file is locked meanwhile; ``identity``: everything that the rows depend on."""
     if file is None:
         yield Journal(None, identity)
         return

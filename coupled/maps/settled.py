@@ -1,7 +1,7 @@
-"""The settled cycles of a row of a map: every point from its neighbours' cycles where no fixed point is stable.
+"""The settled cycles along a row of a map: continued from point to point where no fixed point is stable.
 
-Where one is, the ring may rest there or pulse beside it; a transient from a cold ring decides which. A cycle that a
-transient leads to is accepted if the transient comes nearer to it, and a trace from beside it, too.
+Where a fixed point is stable, the ring may rest there or pulse; a transient from a cold ring decides. A cycle is
+accepted if this transient approaches it, and a trace that starts next to it does so, too.
 """
 
 from dataclasses import replace
@@ -26,7 +26,7 @@ from .grid import Point
 
 
 class Cell(NamedTuple):
-    """What a ring does at a point of a map."""
+    """Result at one point of a map: regime, period (s), duty cycle, swing (K), reason, and highest rise (K)."""
 
     regime: str
     period: float = np.nan  # s
@@ -45,7 +45,7 @@ AHEAD = ([1.0], [2.0, -1.0], [3.0, -3.0, 1.0])  # the polynomial through one to 
 
 
 def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch: Array) -> list[Cell]:
-    """Return regime, period (s), duty, swing (K) and the reason at every point of a row."""
+    """Return a `Cell` for every point of a row; ``fixed`` are its fixed points, and ``watch[0]`` > 0 stops the work."""
     out: list[Cell] = []
     for (ring, power), group in groupby(zip(points, fixed, strict=True), key=lambda pair: pair[0][:2]):
         row = _Row(ring, model, power, watch)
@@ -65,7 +65,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
 
 
 class _Row:
-    """Points of one ring under one power."""
+    """Settled cycles of one ring at one power, detuning after detuning; implements `cycles.settling.Shooting`."""
 
     heat = 3  # index of the first of its states
 
@@ -76,16 +76,16 @@ class _Row:
 
     @cached_property
     def precise(self) -> Turns:
-        """The same by the method that is better at small tolerances."""
+        """The same return map by Rodas5P, which is faster at small tolerances."""
         return Turns(self.problem.kernel(Method.RODAS5P))
 
     def look(self) -> None:
-        """Raise KeyboardInterrupt where another thread asks for it."""
+        """Raise KeyboardInterrupt where another thread has set ``watch[0]`` above 0."""
         if self.watch[0] > 0:
             raise KeyboardInterrupt
 
     def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Cell, Closed | None]:
-        """What the ring does, and its cycle; ``beside`` are those just before, of one pulse, the last first."""
+        """Return cell and cycle at a detuning (Hz); ``beside``: one-pulse cycles of the previous points, last first."""
         self.problem = replace(self.problem, detuning=detuning)
         self.turns.problem.set_detuning(internal_detuning(detuning))
         self.turns.near(fixed.every)
@@ -93,7 +93,7 @@ class _Row:
         return self._from_cold(fixed.stable) if found is None else (self._words(found), found)
 
     def _words(self, found: Closed) -> Cell:
-        """A cycle as a map tells it; one of many steps is closed precisely, as their errors add up."""
+        """Return the cell of a cycle; a cycle of more than 800 steps is first solved again with a small tolerance."""
         closer = None
         if len(found.rows) > LONG:
             self.precise.problem.set_detuning(internal_detuning(self.problem.detuning))
@@ -102,7 +102,7 @@ class _Row:
         return _pulsing(told.T, told.size, told.pulses, told.rows)
 
     def _continued(self, beside: list[Closed]) -> Closed | None:
-        """The stable cycle that continues those ``beside``."""
+        """Return the stable cycle near the polynomial extrapolation of those at the points before; None without one."""
         ahead, last = AHEAD[len(beside) - 1], beside[0]
         y = np.sum([a * one.start for a, one in zip(ahead, beside, strict=True)], axis=0)
         T = sum(a * one.T for a, one in zip(ahead, beside, strict=True))
@@ -114,7 +114,7 @@ class _Row:
         return found if len(found.rows) < LONG or self._attracts(found) else None
 
     def _from_cold(self, points: Array) -> tuple[Cell, Closed | None]:
-        """What a cold ring comes to; ``points`` are the stable fixed points."""
+        """Return the cell and the cycle reached from a cold ring; ``points``: stable fixed points, rows (U, N, dT)."""
         try:
             found = settled(
                 self, self.turns.problem.zero(), lambda: points, self.longest, where=self.problem.where,
@@ -127,37 +127,37 @@ class _Row:
         return self._words(found), found
 
     def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        """As of `settling.Shooting`; so are the next four."""
+        """Integrate for ``duration`` ns; return final state, next step, rows (t, Re a, Im a, N, dT), and their N."""
         end, rows = self.turns.run(y, duration, first_step=first_step), self.turns.rows
         return end.y, end.step, rows, rows[:, 3]
 
     def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
-        """Where the carriers next rise through a level."""
+        """Return the state where N next rises through ``level`` (default: N of ``y``), None after ``longest`` ns."""
         end = self.turns.run(y, longest, level=float(y[2]) if level is None else level, above=level is None)
         return end.y if end.met else None
 
     def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> Closed | None:
-        """The orbit near a state."""
+        """Return the periodic orbit near ``y`` with ``pulses`` pulses of about ``wait`` ns each; None without one."""
         found = (self.precise if precisely else self.turns).close(y, pulses * wait, pulses)
         return found if found is not None and self._moves(found) else None
 
     def _moves(self, orbit: Closed) -> bool:
-        """Whether it is more than a fixed point."""
+        """Whether the orbit is no fixed point: the range of N along it exceeds a small fraction of its maximum."""
         return self.swing(orbit) > FLAT * float(orbit.rows[:, 3].max())
 
     def confirmed(self, orbit: Closed, wait: float) -> Closed | None:
-        """The orbit, where a trace says that it attracts, or the multipliers along precise steps."""
+        """Return the orbit if a trace approaches it, or precise multipliers are below 1 in modulus; else None."""
         if self._attracts(orbit):
             return orbit
         found = self.problem.flow.cycle(orbit.start, orbit.pulses, wait, precisely=True)
         return orbit if found is not None and found.size < 1 else None
 
     def swing(self, orbit: Closed) -> float:
-        """Range of the carriers."""
+        """Return the range of the carrier density N along the orbit, in 1e23/m^3."""
         return float(np.ptp(orbit.rows[:, 3]))
 
     def _attracts(self, found: Closed) -> bool:
-        """Whether a trace from beside the cycle comes nearer as the return map says: among bursts it may err."""
+        """Whether a trace that starts off the cycle approaches it as the return map predicts, within 3 periods."""
         slow, M = found.slow, found.M[found.slow]
         aside = ASIDE * np.abs(found.start[3:]).max()
         y, off = found.start.copy(), np.full(slow.size, aside)
@@ -172,7 +172,7 @@ class _Row:
 
 
 def _pulsing(T: float, size: float, pulses: int, rows: Array) -> Cell:
-    """A settled cycle of the period T in ns, with ``rows`` as of the kernel."""
+    """Return the cell of a cycle of period ``T`` (ns), largest multiplier ``size``, rows (t, Re a, Im a, N, dT)."""
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
     if pulses > 1:
         words += f"; {pulses} pulses in a period"

@@ -86,7 +86,7 @@ def stability_map(
 
 
 def _survey(model: Compact, grid: Grid) -> Array:
-    """Numbers of fixed and of stable points, growth rate (1/s), frequency (Hz) and highest rise (K) of each cell."""
+    """Return numbers of fixed and stable points, growth (1/s), frequency (Hz), highest rise (K), shape (5, n, m)."""
     points = grid.points
     largest = max(absorbable(ring, power) for ring, power, _ in points)
     if isinstance(model, OutputMap) and 2 * model.coefficient * model.thermal_resistance * largest <= -1:

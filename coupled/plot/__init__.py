@@ -31,7 +31,7 @@ RUN = "a Dataset of coupled.simulate of a circuit"
 
 
 def plot_identification(found: Identification, axes: Sequence[Axes] | None = None) -> np.ndarray:
-    """Draw the measured mean cycle of every trace and the model's over it, each with its drive and the two periods.
+    """Draw the measured mean cycle of every trace and that of the model; the titles have drive and both periods.
 
     found: from `identify`.
     axes: one for each trace; a new column of them by default.
@@ -70,7 +70,7 @@ def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes:
-    """A line against time (us) for every ring or port, in panels of one scale, of which the first is returned."""
+    """Draw a line against time (us) for every ring or port, in panels with a common scale; return the first panel."""
     names = values[over].values
     if ax is None:
         every = np.atleast_1d(new_axes(None, (WIDTH, 0.9 + 1.1 * names.size), names.size, sharex=True, sharey=True))

@@ -18,18 +18,18 @@ BRANCH = "a Dataset of coupled.continue_cycle"
 
 
 def dbm(power: np.ndarray) -> np.ndarray:
-    """Power in W as dBm."""
+    """Return a power in W as dBm."""
     return 10 * np.log10(power * 1e3)
 
 
 def curves_over(name: str, given: Any, needed: Sequence[str], *, what: str) -> list[Any]:
-    """Curves that are drawn over a figure, in SI, each with the needed variables; one alone counts as a list of one."""
+    """Return the curves drawn over a figure as a list, in SI, with the needed variables; one alone is accepted."""
     several = [given] if hasattr(given, "variables") else given
     return [contents(f"{name}[{k}]", curve, needed, what=what) for k, curve in enumerate(several)]
 
 
 def joined(part: np.ndarray) -> np.ndarray:
-    """Extend each true stretch of a mask by the next point, so that lines of different styles meet."""
+    """Extend each True stretch of a mask by one point, so that lines of different styles meet."""
     return part | np.concatenate([part[:1], part[:-1]])
 
 
@@ -87,7 +87,7 @@ def plot_transmission(
 
 
 def _swept(name: str, run: Any, by: str, show: str) -> tuple[np.ndarray, np.ndarray]:
-    """Power or detuning (``by``) of a run and what is shown of it, in SI; `simulate` calls the power input_power."""
+    """Return the swept power (W) or detuning (Hz), ``by``, of a run and its output ``show`` in SI, over time."""
     what = f"a Dataset of `sweep` or `simulate` whose {by} varies, as that of the curve does"
     own = [one for one in (by, f"input_{by}") if one in run.variables]
     run = contents(name, run, ((own or [by])[0], show), what=what)
@@ -95,10 +95,10 @@ def _swept(name: str, run: Any, by: str, show: str) -> tuple[np.ndarray, np.ndar
 
 
 def _leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Where a curve leaves the range of x and comes back at the same edge: indices to break its line before.
+    """Return the indices before which a line is broken: a curve leaves the range of x and re-enters at the same edge.
 
-    The points of a curve lie at equal distances along it; a step of ten times the usual height, at an edge, is no part
-    of the curve.
+    The points of a curve have equal distances along it; a step in y of ten times the usual height, at an edge, is not
+    part of the curve.
     """
     steps, span = np.abs(np.diff(y)), np.ptp(x)
     middle = (x[1:] + x[:-1]) / 2
@@ -142,7 +142,7 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
 
 
 def _axis(branch: xr.Dataset, name: str) -> tuple[float, str]:
-    """Factor and label of the parameter's axis."""
+    """Return the factor from SI to the drawn unit, and the axis label, of the parameter ``name`` of a branch."""
     if name == "detuning":
         return 1e-9, "detuning (GHz)"
     if name == "power":

@@ -59,7 +59,7 @@ def plot_map(
     show: "regime", "period", "duty", "swing", "growth_rate", or "frequency", which is 1/period where there is a period.
     ax: drawn into; a new figure by default.
     hopf, folds: from `hopf_curves` (solid where supercritical, dashed where subcritical, thinly dotted where another
-        mode grows already), and `fold_curves` (blue, dotted) or `cycle_fold_curves` (purple, dash-dotted).
+        mode is already unstable), and `fold_curves` (blue, dotted) or `cycle_fold_curves` (purple, dash-dotted).
     limits [(float, float)]: ends of the colour scale, in the units that are drawn; by default those of the data.
     key: whether to draw the legend or the colour bar.
     Raises InputError: an unknown name, a curve of another kind, or curves over other axes than power and detuning.
@@ -144,13 +144,13 @@ def plot_maps(
 
 
 def _shown(data: xr.Dataset, name: str) -> np.ndarray:
-    """The values of a variable in the unit that is drawn."""
+    """Return a variable of a map in the drawn unit; "frequency" is 1/period where the map has a period."""
     values = 1 / data["period"] if name == "frequency" and "period" in data else data[name]
     return np.asarray(values) * _SCALED[name][0]
 
 
 def _draw_regimes(data: xr.Dataset, ax: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """Cells in the colour of their regime."""
+    """Draw the cells of a map, each in the colour of its regime."""
     names, regime = list(REGIMES), data["regime"].values
     index = np.select([regime == name for name in names], list(range(len(names))), default=len(names) - 1)
     colours, norm = ListedColormap(list(REGIMES.values())), BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
@@ -158,14 +158,14 @@ def _draw_regimes(data: xr.Dataset, ax: Axes, x: np.ndarray, y: np.ndarray) -> N
 
 
 def _regime_key(maps: Sequence[xr.Dataset]) -> dict[str, Any]:
-    """Names of the regimes that occur, with a patch of their colour."""
+    """Return a patch in the colour of each regime that occurs, by the regime's name."""
     look: dict[str, Any] = {"edgecolor": "#555555", "linewidth": 0.5}
     seen = {str(name) for data in maps for name in np.unique(data["regime"].values)}
     return {name: plt.Rectangle((0, 0), 1, 1, facecolor=REGIMES[name], **look) for name in REGIMES if name in seen}
 
 
 def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
-    """Values of a map's axis in the drawn unit, and the label."""
+    """Return the values of an axis of a map in the drawn unit, and the axis label."""
     values = data[name].values
     if name == "detuning":
         return values * 1e-9, "detuning (GHz)"
@@ -176,7 +176,7 @@ def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
 
 
 def _edges(centres: np.ndarray) -> np.ndarray:
-    """Edges of cells around increasing centres."""
+    """Return the edges, shape (n + 1,), of n cells around increasing centres."""
     if centres.size == 1:
         return centres[0] + np.array([-0.5, 0.5])
     middle = (centres[1:] + centres[:-1]) / 2

@@ -32,7 +32,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
     run: from `simulate` or `cosimulate`.
     ax: drawn into, without panels below; a new figure by default.
-    Returns: the one with the drop power.
+    Returns: the Axes with the drop power.
     """
     run = contents("run", run, ("time", "drop", "delta_T"), what=RUN)
     t, time_unit = readable(run["time"].values, "s")
@@ -67,7 +67,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def _title(run: xr.Dataset) -> str:
-    """Name of the ring, and the power and detuning that are constant."""
+    """Return the title: name of the ring, and power and detuning where they are constant."""
     held = ((name, unit) for name, unit in (("input_power", "W"), ("detuning", "Hz")) if name in run.attrs)
     return ", ".join(
         [str(run.attrs.get("ring", "")), *(quantity.rounded(run.attrs[name], unit) for name, unit in held)]
@@ -75,14 +75,14 @@ def _title(run: xr.Dataset) -> str:
 
 
 def _switched(t: np.ndarray) -> int:
-    """Number of the first sample after the light has been switched on; 0 of samples that are too coarse to show it."""
+    """Return the index after the transient of the switch-on, a thousandth of the run; 0 if sampled coarsely."""
     with np.errstate(invalid="ignore"):  # times of any origin: at least two samples are left
         # in the first thousandth of a run the light that was switched on rings
         return max(int(np.argmax(t - t[0] >= 1e-3 * (t[-1] - t[0]))) - 1, 0)
 
 
 def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
-    """Other resonances, and inputs that vary in time: a label and curves for each panel."""
+    """Return label and curves (SI, by name) of each further panel: other resonances, and inputs that vary in time."""
     powers: dict[str, np.ndarray] = {}
     if "input_power" in run and np.ptp(run["input_power"].values) > 0:
         powers["laser"] = run["input_power"].values
@@ -103,7 +103,7 @@ def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
 
 
 def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarray]) -> None:
-    """One panel of what drives a run."""
+    """Draw one panel of inputs that vary in time, or of the drop power of other resonances."""
     unit = "Hz" if label == "detuning" else "W"
     together, shown = readable(np.concatenate(list(curves.values())), unit)
     colours = (LIGHT, *OTHERS)

@@ -42,7 +42,7 @@ class Regime(Words):
     STABLE = "stable"
     SLOW_TRANSIENT = "slow transient"
     DRIVEN = "driven"
-    """Power, detuning or a heater varies in the half of the trace that is judged: what is seen is the answer to it."""
+    """Power, detuning or a heater varies in the second half of the trace, which is the response to it."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ class Pulsing:
         largest to smallest drop power of the last cycle; nan unless it pulses.
     pattern : int
         pulses in a period: 1, or more where large and small ones alternate. Two that differ by 0.1 to 2 % count as a
-        pattern where the difference has not decayed over five cycles; below 0.1 % a trace does not tell, and the
-        multipliers of `limit_cycle` do.
+        pattern where the difference has not decayed over five cycles; below 0.1 % only the multipliers of
+        `limit_cycle` can show it.
     drift : float
-        relative change of the period from the last one to the one before; nan unless it pulses. `limit_cycle` has the
-        period that it leads to.
+        relative change of the period in the last cycle, T_n/T_(n-1) - 1; nan unless it pulses. `limit_cycle` computes
+        the settled period.
     suggested_duration : float, s
-        how long a run should be that is to show what becomes of a slow transient; nan for others.
+        length of a run that should show how a slow transient ends; nan for others.
     """
 
     regime: Regime
@@ -93,17 +93,17 @@ def pulsing(run: xr.Dataset) -> Pulsing:
 
     A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
     cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
-    fall. It is a slow transient if the oscillation still decays, if the last movement of the carriers grows, if a cycle
-    differs from the last in length by more than a tenth (by more than 2 % where that change grows from cycle to cycle),
+    fall. It is a slow transient if the oscillation still decays, if the last change of the carriers grows, if the
+    period changes by more than a tenth from cycle to cycle (by more than 2 % where this change grows per cycle),
     or if the trace is shorter than two periods.
     It is stable if it rests, or its oscillation dies away, within 2 % of a stable fixed point of the ring, the heat and
     the light that its attributes name; farther away, or next to an unstable one, it is a slow transient. Traces without
-    these attributes (measured ones, co-simulations, several lasers, quadratic models) do not tell whether slow heat
-    starts pulses later: the reason says so, and `steady_states` or a longer run tells.
+    these attributes (measured ones, co-simulations, several lasers, quadratic models) do not show whether slow heat
+    starts pulses later: the reason says so; use `steady_states` or a longer run.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
-    ``drift`` says by how much it still moves, and the reason where the mean rise is more than 2 % from its final value.
-    Samples chosen with ``times`` may miss the tops of the pulses: with fewer than 320 a cycle the reason says what they
-    leave open, and pulses that differ by no more than such samples can show count as equal.
+    ``drift`` is its change, and the reason says where the mean rise is more than 2 % from its final value.
+    Samples chosen with ``times`` may miss the tops of the pulses: with fewer than 320 a cycle the reason states the
+    errors that they may cause, and pulses that differ by no more than these count as equal.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def pulsing(run: xr.Dataset) -> Pulsing:
 
 
 def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
-    """A stable trace, unless the fixed point at its end is unstable or still far; ``rest`` is None if unknown."""
+    """Return the stable trace ``found``; a slow transient if its fixed point is unstable or not yet reached."""
     if rest is None:
         return replace(found, reason=f"{found.reason}, as far as the trace alone tells: slow heat may start pulses yet")
     passed = float(t[-1] - t[0])
@@ -175,9 +175,9 @@ def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | Non
 
 
 def warming(found: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
-    """A self-pulsing trace, with a note where the mean rise of its last cycle is not yet that of the absorbed power.
+    """Return a self-pulsing result, with a note where the mean rise of the last cycle has not reached its final value.
 
-    A linear model settles to <dT> = R_th <P> over a cycle, whatever its time constants.
+    The final value for a linear model is <dT> = R_th <P> over a cycle, whatever its time constants; tolerance 2 %.
     """
     several = {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}
     if several or "model_R" not in run.attrs or "absorbed" not in run.variables:
@@ -192,10 +192,10 @@ def warming(found: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
 
 
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
-    """`pulsing` for arrays: time (s), carriers, drop power and temperature rise (K).
+    """Classify a trace given as arrays of time (s), carriers, drop power and temperature rise (K), as `pulsing` does.
 
-    A ring without carriers is judged by its drop power. ``rtol`` is the tolerance behind the arrays; ``every_step``
-    says that they are the accepted steps of an integration, which are as dense as the trace needs.
+    A ring without carriers is judged by its drop power. ``rtol``: tolerance with which the arrays were computed;
+    ``every_step``: whether they are the accepted steps of an integration, which are as dense as the trace needs.
     """
     N, what = (N, "carriers") if N.any() else (drop, "photons")
     swing = float(np.ptp(dT[t >= (t[0] + t[-1]) / 2]))
@@ -264,7 +264,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
 
 
 def _sampled(samples: float) -> str:
-    """What so many samples a cycle leave open, the largest errors of six rings; empty if it is little."""
+    """Return a note on the largest errors that so many samples per cycle cause; empty above 320 samples."""
     if samples > CLEAR:
         return ""
     known = f"period within {50 / samples:.1g} %, duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
@@ -272,7 +272,7 @@ def _sampled(samples: float) -> str:
 
 
 def _until_settled(tops: Array, passed: float) -> float:
-    """Suggested duration in s where amplitudes change by a constant factor; 2 to 50 times that of the run."""
+    """Suggest a duration in s after which geometrically converging amplitudes are settled: 2 to 50 ``passed``."""
     steps = np.abs(np.diff(tops[-3:]))
     ratio = steps[-1] / steps[0] if steps.size == 2 and steps[0] > 0 else 1.0
     if not 0 < ratio < 1:
@@ -282,7 +282,7 @@ def _until_settled(tops: Array, passed: float) -> float:
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:
-    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each, by bisection.
+    """Return the times at which ``x`` rises through ``level``, by bisection on the cubic through four samples.
 
     t, x [shape (n,), n >= 4]: times, increasing, and values.
     """
@@ -301,7 +301,7 @@ def crossings(t: Array, x: Array, level: float) -> Array:
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
-    """Fraction of [begin, end] with the drop power above min + 0.45 (max - min)."""
+    """Return the fraction of [begin, end] with the drop power above min + 0.45 (max - min)."""
     first, last = np.searchsorted(t, [begin, end])
     level = drop[first:last].min() + DUTY_LEVEL * np.ptp(drop[first:last])
     near = slice(max(first - 3, 0), last + 3)
@@ -334,7 +334,7 @@ def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
 
 
 def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
-    """A slow transient, and how long a run is ``wanted``, s; none is longer than `arguments.LONGEST`."""
+    """Return a slow transient with the suggested duration ``wanted`` in s, at most `arguments.LONGEST`."""
     wanted = min(wanted, LONGEST)
     found = replace(_rests(reason + _advice(wanted), swing, cycles), suggested_duration=wanted)
     return replace(found, regime=Regime.SLOW_TRANSIENT)
@@ -345,7 +345,7 @@ def _advice(wanted: float) -> str:
 
 
 def _values(run: xr.Dataset, name: str) -> Array:
-    """One variable as an array."""
+    """Return one variable of a run as a checked array."""
     if name not in getattr(run, "variables", {}):
         raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")
     values = checks.array(f"run.{name}", run[name].values, increasing=name == "time")

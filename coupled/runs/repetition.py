@@ -12,9 +12,10 @@ LONGEST_PATTERN = 4  # unequal pulses that repeat together
 
 
 def miss(heights: Array, waits: Array, together: int) -> float:
-    """Largest relative change of heights and lengths over ``together`` cycles; infinity where there are too few.
+    """Return the largest relative change of pulse heights and lengths from one group of cycles to the next.
 
-    Three repetitions are needed, so that a drift is no pattern.
+    A group has ``together`` cycles. The last three groups are used, so that a drift is not taken for a pattern;
+    infinity if there are fewer.
     """
     if heights.size < 3 * together:
         return np.inf
@@ -23,11 +24,11 @@ def miss(heights: Array, waits: Array, together: int) -> float:
 
 
 def amplitude_limit(heights: Array) -> float:
-    """Where a sequence of amplitudes is heading: C for ``C + A r^k``, from the means of three blocks of equal length.
+    """Return the limit C of a sequence of amplitudes C + A r^k, from the means of three blocks of equal length.
 
-    The blocks cover the last two thirds, so the cold start does not count. The last amplitude where nothing is lost, or
-    so little that it says nothing about the end; nan where the fall does not slow down as one towards rest does, which
-    is so past an unstable cycle, and may end at rest or in a smaller cycle.
+    The blocks cover the last two thirds, so that the cold start has no influence. Returns the last amplitude where the
+    loss is below 2 %, or too small to extrapolate; nan where the fall does not slow down, as after an unstable cycle:
+    the trace may then end at rest or in a smaller cycle.
     """
     length = max(2 * heights.size // 9, 1)
     if heights.size < 3:
@@ -43,16 +44,16 @@ def amplitude_limit(heights: Array) -> float:
 
 
 def alternate(heights: Array, close: float = SETTLED) -> bool:
-    """Whether large and small pulses alternate at the end with a difference above ``close`` that does not decay."""
+    """Whether the last large and small pulses differ alternately by more than ``close`` (relative) without decay."""
     steps = np.diff(heights[-4:])
     turned = steps.size >= 2 and bool(np.all(steps[1:] * steps[:-1] < 0))
     return turned and abs(steps[-1]) > close * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
 
 
 def blur(N: Array, edges: NDArray[np.int_], heights: Array) -> float:
-    """Relative difference of equal pulses that samples may show: what a sample beside the top of a pulse misses of it.
+    """Return the relative height difference of equal pulses that sampling can cause by missing their maxima.
 
-    edges [shape (n + 1,)]: first samples of the cycles.
+    N: carriers. edges [shape (n + 1,)]: first samples of the cycles. heights [shape (n,)]: range of N in each.
     """
     tops = [i + int(np.argmax(N[i:j])) for i, j in pairwise(edges)][-2 * LONGEST_PATTERN :]
     beside = [min(N[k] - N[k - 1], N[k] - N[k + 1]) for k in tops if 0 < k < N.size - 1]
@@ -60,9 +61,9 @@ def blur(N: Array, edges: NDArray[np.int_], heights: Array) -> float:
 
 
 def doubled(heights: Array, least: float) -> bool:
-    """Whether large and small pulses have alternated by more than ``least`` for five cycles without decay.
+    """Whether large and small pulses have alternated by more than ``least`` (relative) for five cycles without decay.
 
-    A difference that decays belongs to a cycle of one pulse; within 2 % from cycle to cycle it stays or grows.
+    A decaying difference belongs to a cycle of one pulse; a decrease below 2 % per cycle does not count as decay.
     """
     steps = np.diff(heights[-5:])
     alternate = steps.size == 4 and bool(np.all(steps[1:] * steps[:-1] < 0))
@@ -71,9 +72,10 @@ def doubled(heights: Array, least: float) -> bool:
 
 
 def longest_change(earlier: float, drift: float, enough: bool) -> float:
-    """Largest relative change of the period of a cycle that goes on; ``enough`` cycles prove more than the fewest.
+    """Return the largest relative change of the period per cycle with which a trace counts as self-pulsing.
 
-    Heat that settles moves the period less from cycle to cycle; a change that grows may end the pulses.
+    earlier, drift: the last two changes. enough: whether there are more cycles than necessary. While heat settles, the
+    change gets smaller from cycle to cycle; one that grows may end the pulses.
     """
     if not enough:
         return SETTLED

@@ -1,7 +1,7 @@
-"""The fixed points that a run can come to rest at: those of its own ring, heat and light.
+"""The fixed points at which a run can come to rest, from the ring, thermal model and light in its attributes.
 
-A trace ends near one of them. Slow modes may outlast the trace, so a fixed point that is unstable can look like rest
-for long, and the trace alone does not tell.
+Slow modes may outlast a trace, so that a trace near an unstable fixed point may look like rest for long. Only the
+eigenvalues at the fixed point decide whether it is stable.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ TINY = 1e-99  # J and K, of a dark ring
 
 
 class Rest(NamedTuple):
-    """Every fixed point of a ring under one light."""
+    """All fixed points of a ring under one light; the arrays have an entry for each."""
 
     energy: Array
-    """J"""
+    """Light energy, J."""
     delta_T: Array
-    """K"""
+    """Temperature rise, K."""
     growth: Array
-    """1/s, the largest real part of the eigenvalues."""
+    """Largest real part of the eigenvalues, 1/s."""
 
     def nearest(self, energy: float, delta_T: float) -> tuple[int, float]:
-        """Index of the fixed point that is nearest to a state, and how far it is, relative to the larger values."""
+        """Return the index of the fixed point nearest to a state, and the larger relative error of energy and rise."""
         off = [
             np.abs(at - here) / np.maximum(np.abs(at), abs(here) + TINY)
             for at, here in ((self.energy, energy), (self.delta_T, delta_T))
@@ -46,9 +46,9 @@ class Rest(NamedTuple):
 
 
 def rest_of_run(run: xr.Dataset) -> Rest | None:
-    """Return the fixed points under the light at the end of a run; None where its attributes do not tell them.
+    """Return the fixed points under the light at the end of a run; None where its attributes do not determine them.
 
-    They do not for traces that are not of `simulate`, for quadratic models, and for several lasers.
+    This is so for traces that are not of `simulate`, for quadratic models, and for several lasers.
     """
     attrs = run.attrs
     try:
@@ -68,7 +68,7 @@ def rest_of_run(run: xr.Dataset) -> Rest | None:
 
 
 def ring_in(text: str) -> RingResonator:
-    """The ring that `resonator.origin` wrote."""
+    """Return the ring from the JSON text that `resonator.origin` wrote."""
     fields = json.loads(text)
     kind = ShockleyReadHall if "tau_n" in fields["carriers"] else ConstantLifetime
     pairs = {name: tuple(tuple(pair) for pair in fields[name]) for name in ("fcd", "rates")}
@@ -76,5 +76,5 @@ def ring_in(text: str) -> RingResonator:
 
 
 def _last(run: xr.Dataset, name: str) -> float:
-    """Value of an input, such as the power, at the end of a run."""
+    """Return the value of an input, such as the power, at the end of a run."""
     return float(run[name].values[-1] if name in run.variables else run.attrs[name])

@@ -68,7 +68,7 @@ def simulate(
         laser that is left out is dark.
     detuning : float, Waveform, or a list of both; Hz
         laser minus cold resonance: positive on the blue side; heat moves the resonance to the red, the negative one.
-        ``coupled.Sweep`` is a laser that sweeps. For a circuit laser minus its place there (the reference frequency
+        ``coupled.Sweep`` is a swept laser. For a circuit laser minus its nominal frequency (the reference frequency
         plus its offset): of all lasers together, or a mapping from their names.
     duration : float, s
     rtol : float
@@ -79,15 +79,15 @@ def simulate(
     method : Method or its name, optional
         by default Rodas4 down to rtol = 1e-6 and Rodas5P below, which are the faster ones there.
     initial : State or Dataset, optional
-        what the ring holds at t = 0; a Dataset stands for the end of that run, with the heat that its heaters left.
-        Waveforms and the beat of several lasers begin anew, and detectors with a bandwidth are dark. Not for circuits
+        state at t = 0; of a Dataset, the state at the end of that run, with the heat from its heaters.
+        Waveforms and the beat of several lasers start again, and detectors with a bandwidth are dark. Not for circuits
         with delays.
     event : Event, optional
         a level that "energy", "carriers" or "delta_T" rises through: the times are in ``attrs["crossings"]``, and the
         run ends at the first unless ``stop=False``.
     heaters : mapping of name to float, Waveform, or a list of both; W, optional
-        power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on; beside a circuit a
-        number is a power that was on for ever, but after another run (``initial``).
+        power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on; for a circuit a
+        number is a power that has been on for long, unless the run continues another (``initial``).
     heated, read : str, optional
         the input of such a model that the light heats and the output that detunes it; with ``heaters`` by default the
         first input that is no heater, and the output of the same name.
@@ -95,7 +95,7 @@ def simulate(
         further lasers: a probe or a second channel on another resonance, or light that beats on the same one. The
         lasers of a circuit are its own.
     average : bool
-        of a circuit: whether ``mean_output``, what every detector shows, averaged from one time to the next, is kept.
+        for a circuit: whether to return ``mean_output``, the signal of each detector averaged between two times.
     progress : callable, optional
         called with the time in s that has been reached: about ten times a second in long runs, and at
         the end.
@@ -197,9 +197,9 @@ def simulate(
 
 
 def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
-    """Re and Im in sqrt(J) of the light where a run ended, by the frequency of each other resonance in Hz.
+    """Return Re and Im (sqrt(J)) of the other resonances' fields at the end of a run, by resonance frequency in Hz.
 
-    A resonance that no laser is on any more loses it within some lifetimes of its light, and is left out.
+    `advance` leaves out a resonance that no laser drives any more: its light decays within some photon lifetimes.
     """
     attrs = getattr(initial, "attrs", {})
     if "final_fields" not in attrs:

@@ -72,7 +72,7 @@ class Laser:
 
 
 class Window(NamedTuple):
-    """Result of `advance` in SI; rows are the accepted steps or the wanted times."""
+    """Result of `advance` in SI, at the accepted steps or at the output times."""
 
     time: Array
     fields: Complex
@@ -81,13 +81,13 @@ class Window(NamedTuple):
     delta_T: Array
     absorbed: Array
     absorbed_slope: Array
-    """dP_abs/dt in W/s: with ``absorbed`` a cubic Hermite spline as good as the steps."""
+    """dP_abs/dt in W/s; with ``absorbed`` it gives a cubic Hermite spline as accurate as the steps."""
     final: State
     further: Array
     """Re and Im of the final fields of all resonances but the first, sqrt(J)."""
     reached: float
     step: float
-    """The step that the integration would take next, s; give it as ``first_step`` of the window that follows."""
+    """Length of the step that would follow, s: the ``first_step`` of the next window."""
     crossings: Array
     counts: NDArray[np.int64]
     """Accepted and rejected steps."""
@@ -123,18 +123,18 @@ def advance(
     ring, model, state: the model as `thermal.compact` returns it.
     start, stop [s]
     power, detuning, offset [W, Hz, K]: a number, a Waveform, `Pieces`, a SciPy PPoly of degree 3 or less, or a list of
-        them, which add. The integration lands on every edge. The returned delta_T contains the offset.
-    lasers: further ones.
+        them, which add. A step ends at every breakpoint. The returned delta_T contains the offset.
+    lasers: further lasers.
     fields: Re and Im in sqrt(J) of the light on other resonances at ``start``, by their frequency in Hz.
     rtol, method: as in `simulate`.
     times [s]: wanted times; empty for the accepted steps.
     slopes: whether absorbed_slope is computed, of a ring with one laser; it is empty otherwise.
-    first_step [s]: 0 for a cautious one.
+    first_step [s]: first trial step; 0 for a cautious one.
     progress: as in `simulate`.
     Raises InputError: inputs that do not cover the window, or too many steps.
 
     Measured on the self-pulsing ring at (8 dBm, 0 GHz) with Rodas4 at rtol 1e-6 against 1e-11: the spline through
-    (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.
+    (absorbed, absorbed_slope) with one row per step is as accurate as the steps themselves.
     """
     resonances = resonances_of(ring, lasers)
     light = lights_of(ring, [Laser(power, detuning), *lasers], start, stop, offset)
@@ -173,7 +173,7 @@ def advance(
 
 
 def _event(event: Event | None) -> Crossing | None:
-    """The event in internal units."""
+    """Return the event in the kernel's units."""
     if event is None:
         return None
     checks.instance("event", event, Event, hint="give coupled.Event('delta_T', 5.0) or another")
@@ -183,15 +183,15 @@ def _event(event: Event | None) -> Crossing | None:
 
 
 def resonances_of(ring: RingResonator, lasers: Sequence[Laser]) -> list[RingResonator]:
-    """The resonances that lasers are on, each once, that of the ring itself first."""
+    """Return the resonances that the lasers drive, each once, that of the ring itself first."""
     return list(dict.fromkeys([ring, *(one.resonance or ring for one in lasers)]))
 
 
 def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: float, offset: Any = 0.0) -> Lights:
-    """Convert lasers to what the kernel takes between two times in s.
+    """Convert lasers to the kernel's drive between two times in s.
 
-    The first laser drives the ring's own resonance. offset [K]: a temperature that other sources add, a number or a
-    function of time. It acts as a detuning of thermal_shift x offset, and is added as one.
+    The first laser drives the ring's own resonance. offset [K]: a temperature rise by other sources, a number or a
+    function of time; it is added to the detuning as thermal_shift x offset.
     """
     resonances = resonances_of(ring, lasers)
     at = [resonances.index(one.resonance or ring) for one in lasers]
@@ -213,7 +213,7 @@ def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: 
 
 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
-    """dP_abs/dt in W/s at the rows, from the equations themselves: dU/dt = 2 (pump Im a - gamma U)."""
+    """Return dP_abs/dt in W/s at the rows, shape (rows,), with dU/dt = 2 (pump Im a - gamma U) and dN/dt."""
     t, ar, ai, N, _ = rows.T
     pump = float(drive.entry[0, 0].real) * np.sqrt(np.maximum(values(drive.power, t * eq.NS)[0], 0))
     U = ar**2 + ai**2
@@ -226,13 +226,13 @@ def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
 
 
 def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> dict[str, Any]:
-    """Attributes of every run: ring and laser."""
+    """Return the attributes of a run: the ring, constant power and detuning, and the duration in s."""
     constant = {name: value for name, value in light.items() if isinstance(value, float)}
     return origin("coupled", ring) | constant | {"duration": float(duration)}
 
 
 def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
-    """Variables of a Dataset, in SI: those of the first resonance, and as probe_* those of all others.
+    """Return the variables of a run's Dataset in SI: of the first resonance, and as probe_* of all others.
 
     light: power and detuning of the first laser, floats or functions of time.
     """

@@ -74,7 +74,7 @@ def explore(
 
 
 def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str, th.models.ThermalModel]:
-    """Models of files, named after them."""
+    """Return the thermal models in files, by file name."""
     for path in paths:
         expect(path, "model", "geometry")
     names = [path.stem for path in paths]
@@ -88,7 +88,7 @@ def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str
 
 
 def _beside(family: Any) -> dict[str, Any]:
-    """The paper's two laws for a family, trained on the member in the middle of its box."""
+    """Return the second-order model and Newton's law, trained on the family's member in the middle of its ranges."""
     from surrogate.judging.ladder import fit_usual
 
     middle = dict(zip(family.names, (family.box.low + family.box.high) / 2, strict=True))
@@ -99,7 +99,7 @@ def _beside(family: Any) -> dict[str, Any]:
 def models_of_geometry(
     path: Path | None, accuracy: float = 1e-3, heated: str | None = None
 ) -> tuple[dict[str, Any], th.fem.HeatProblem]:
-    """The certified reduction of a geometry, and the usual models trained on that reduction."""
+    """Return the certified reduction of a geometry and models trained on it, by name, and the heat problem."""
     from coupled.explore.contents import HEATERS
     from surrogate.judging.ladder import fit_usual
 

@@ -96,7 +96,7 @@ def identify(
 
 
 def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
-    """Drop power over time (s) of a table, in W, or in an arbitrary unit where the table states another."""
+    """Return the drop power over time (s) in a table, in W, or in the arbitrary unit that the table states."""
     from thermofem.data.number_table import number_table
 
     table = number_table(path.read_bytes())

@@ -74,7 +74,7 @@ def _written(
     model: th.models.ThermalModel,
     parts: dict[str, Any],
 ) -> dict[str, Any]:
-    """Write a map, and print its regimes, thresholds and tuning."""
+    """Write a map to a file; print and return its regimes, thresholds and thermal tuning."""
     th.save(found, output)
     names, counts = np.unique(found["regime"].values, return_counts=True)
     points = dict(zip(map(str, names), map(int, counts), strict=True))
@@ -85,7 +85,7 @@ def _written(
 
 
 def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str | None) -> dict[str, float]:
-    """Print and return pm/K, nm per mW absorbed, and the power for half a free spectral range where it is known."""
+    """Print and return the thermal tuning: pm/K, nm per mW, and if known the power for half a free spectral range."""
     found = tuning(ring, model, **parts)
     kelvin, watt = f"{found['shift_per_kelvin'] * 1e12:.3g} pm/K", f"{found['shift_per_watt'] * 1e6:.3g} nm"
     pi = f", pi power {written(found['pi_power'], 'W')}" if "pi_power" in found else ""
@@ -94,7 +94,7 @@ def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str 
 
 
 def say_thresholds(found: xr.Dataset) -> dict[str, float | None]:
-    """Print the lowest power of a map (W) at which some detuning self-pulses, or is bistable; None without."""
+    """Print and return the lowest power of a map (W) with self-pulsing, and with bistability; None without."""
     thresholds: dict[str, float | None] = {}
     for regime in ("self-pulsing", "bistable"):
         rows = (found["regime"] == regime).transpose("power", "detuning").values

@@ -60,14 +60,14 @@ def modes(
 
 
 def wavelength_of(section: th.CrossSection, given: str | None) -> float:
-    """Wavelength in m of --wavelength, or of [light]."""
+    """Return the wavelength in m of --wavelength; by default that of [light], or 1550 nm."""
     if given is None and section.light is not None:
         return section.light.wavelength
     return quantity.positive(given or "1550 nm", "m", name="--wavelength")
 
 
 def _numbers(mode: th.optics.Mode) -> dict[str, Any]:
-    """Numbers of a mode in SI."""
+    """Return the numbers of a mode by name, in SI."""
     ring = not math.isinf(mode.radius)
     quality = mode.q_radiation if ring else math.inf
     return {
@@ -86,7 +86,7 @@ def _numbers(mode: th.optics.Mode) -> dict[str, Any]:
 
 
 def _words(mode: th.optics.Mode) -> str:
-    """One line about a mode."""
+    """Return a line of text with the numbers of a mode."""
     quality = mode.q_radiation
     told = "" if math.isinf(mode.radius) else f", Q_rad {'> 1e11' if math.isinf(quality) else f'{quality:.3g}'}"
     shift = mode.thermo_optic * mode.wavelength / 1e-12

@@ -75,7 +75,7 @@ def simulate(
 
 
 def _probes(run: xr.Dataset) -> list[dict[str, float]]:
-    """Frequency (Hz) of the other resonances, and their drop power (W) in the second half of a run."""
+    """Print and return frequency (Hz) and range of drop power (W) of other resonances, in the second half of a run."""
     if "resonance" not in run.variables:
         return []
     late = run["time"].values >= run["time"].values[-1] / 2
@@ -88,7 +88,7 @@ def _probes(run: xr.Dataset) -> list[dict[str, float]]:
 
 
 def say_pulsing(found: Pulsing, run: xr.Dataset) -> dict[str, Any]:
-    """Print regime and cycle of a trace, or where it ended; returns them."""
+    """Print and return regime, period, duty and swing of a trace; if it does not pulse, print its last values."""
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3g}, swing {found.swing:.2f} K")
