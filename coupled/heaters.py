@@ -28,7 +28,7 @@ LARGEST_POWER = 10.0  # W
 
 
 class Poles(NamedTuple):
-    """The poles of one heater, dx/dt = P - rate x, and the temperature rise of each of N rings, gain x."""
+    """Poles of one heater, dx/dt = P - rate x with states x in J; gain x is the temperature rise of each of N rings."""
 
     rate: Array
     """(n,), 1/s"""

@@ -70,7 +70,9 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
 
 
 def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed: int = 0) -> PiecewiseCubic:
-    """Return the frequency noise of a finite linewidth in Hz; it adds to a detuning, ``[2e9, frequency_noise(...)]``.
+    """Return the frequency noise (Hz) of a laser of given linewidth. It adds to a detuning.
+
+    A list adds inputs: ``detuning=[2e9, frequency_noise(...)]``.
 
     Parameters
     ----------

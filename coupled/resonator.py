@@ -283,7 +283,7 @@ class RingResonator:
         return replace(self, name=f"{self.name}, lumped FCD", fcd=((coefficient, 1.0),))
 
     def with_swapped_srh(self) -> RingResonator:
-        """Return the ring with the electron and the hole lifetime exchanged."""
+        """Return the ring with the lifetimes tau_n of electrons and tau_p of holes exchanged."""
         own: Any = self.carriers  # a ShockleyReadHall: one constant lifetime has nothing to exchange
         swapped = replace(own, tau_n=own.tau_p, tau_p=own.tau_n)
         return replace(self, name=f"{self.name}, swapped SRH", carriers=swapped)

@@ -21,12 +21,12 @@ SAME = 1e-6  # relative difference of time constants that were computed twice
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Field, carriers and thermal states at one moment.
+    """State of a ring at one time: field, carriers and thermal states.
 
     Parameters
     ----------
     field : complex, sqrt(J)
-        a, with |a|^2 the stored energy, in the phase of the light that comes in.
+        a, with |a|^2 the stored energy; its phase is relative to that of the incoming light.
     carriers : float, 1/m^3
         N.
     thermal : array, shape (n,), K

@@ -1,11 +1,11 @@
-"""A circuit of rings, its waveguides, splitters, lasers and detectors, and the file that describes it.
+"""A circuit of rings, waveguides, splitters, lasers and detectors, and the file that describes it.
 
-Every ring has two couplers. Light enters the one at the terminal "in" and leaves at "through", and the other at "add"
-and "drop":
+Every ring has two couplers, the first with the terminals "in" and "through", the second with "add" and "drop"; light
+enters at "in" and "add":
 
     s_through = s_in + i sqrt(2 gamma_e) a,    s_drop = s_add + i sqrt(2 gamma_d) a
 
-"ring 2.through" is that terminal of the ring called "ring 2". A splitter has "in 1", "in 2", "out 1" and "out 2".
+"ring 2.through" is the terminal "through" of "ring 2". A splitter has "in 1", "in 2", "out 1" and "out 2".
 docs/circuits.md shows a file with every key.
 """
 

@@ -12,7 +12,7 @@ from .circuit import Circuit, Detector, LaserPort, Waveguide
 def bus(
     rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
 ) -> Circuit:
-    """Rings one after the other on one bus, each with a drop port of its own: a filter bank.
+    """Return a circuit of rings in series on one bus, each with its own drop port: a filter bank.
 
     Laser "in"; detectors "through", and "drop 1" to "drop N" for rings with a second coupler.
 
@@ -43,7 +43,7 @@ def bus(
 def scissor(
     rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
 ) -> Circuit:
-    """Rings side by side between two buses, the second of which runs back: a SCISSOR.
+    """Return a SCISSOR: rings in parallel between two buses, with light in the second bus running backwards.
 
     The drop output of a ring feeds "add" of the previous ring. Rings with one coupler give a chain of all-pass filters.
     Laser "in"; detectors "through" at the far end of the first bus, "drop" at the near end of the second.
@@ -75,7 +75,7 @@ def scissor(
 
 
 def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
-    """Rings coupled directly, one to the next: a CROW (coupled-resonator optical waveguide).
+    """Return a CROW (coupled-resonator optical waveguide): a chain of directly coupled rings.
 
     Neighbouring rings share a coupler. It is modelled by the second coupler of the one and the first of the other with
     a quarter-wave waveguide each way, so da_1/dt = ... - i mu a_2 with mu = sqrt(gamma_d1 gamma_e2), and the losses

@@ -47,7 +47,7 @@ def run_circuit(
     initial: Any,
     progress: Callable[[float], None] | None,
 ) -> xr.Dataset:
-    """Simulate a circuit; arguments and result are those of `simulate`, which has checked duration, rtol and times."""
+    """Simulate a circuit: `simulate` calls it with its arguments, duration, rtol and times checked, for its result."""
     shortest = SHORTEST / max(ring.linear_rate for ring in circuit.resonators)
     for w in circuit.waveguides:
         hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"

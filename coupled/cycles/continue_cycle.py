@@ -39,7 +39,7 @@ def continue_cycle(
 ) -> xr.Dataset:
     """Continue a cycle, stable or unstable, in one parameter, through its folds (pseudo-arclength).
 
-        cycle equations (y_0, T, p) = 0,     tangent . (y_0 - y_p, T - T_p, p - p_p) = 0
+        cycle equations (y_0, T, p) = 0,     tangent . (y_0 - y_p, T - T_p, p - p_p) = 0,     index p: predicted values
 
     Parameters
     ----------

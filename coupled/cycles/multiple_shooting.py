@@ -113,7 +113,7 @@ def extent_of(rows: Array) -> float:
 
 
 class Linear(NamedTuple):
-    """The linearisation of the shooting equations at an approximate orbit: arcs integrated from each node."""
+    """The shooting equations at an approximate orbit: its integrated arcs (runs) and their derivatives V and P."""
 
     problem: Problem
     runs: list[Run]

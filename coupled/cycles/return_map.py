@@ -61,7 +61,7 @@ class Orbit(NamedTuple):
 
     @property
     def T(self) -> float:
-        """Period in ns."""
+        """Period of the orbit in ns."""
         return self.trace.T
 
     @property

@@ -122,7 +122,7 @@ def heat_of(model: Compact, largest: float) -> Heat:
 
 
 def _series(model: Any, largest: float) -> Array:
-    """Chebyshev coefficients of f in K/W over [0, largest], shape (terms, n)."""
+    """Chebyshev coefficients of f(P) = x/P (K/W) over P in [0, largest] W, x the steady states; shape (terms, n)."""
     for terms in TERMS:
         x = chebyshev.chebpts1(terms)
         powers = (1 + x) / 2 * largest
@@ -186,7 +186,7 @@ def absorbable(ring: RingResonator, power: float) -> float:
 
 
 def dispersion(N: ArrayLike, fcd: Array) -> tuple[Array, Array]:
-    """Return S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) in rad/ns and dS/dN."""
+    """Return the free-carrier dispersion S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) in rad/ns, and dS/dN."""
     N = np.asarray(N)
     square, S, slope = N * N + EPSILON**2, np.zeros(N.shape), np.zeros(N.shape)
     for c, p in fcd:

@@ -265,7 +265,7 @@ def _folded(plane: Plane) -> list[tuple[float, float]]:
 
 
 def _laser(plane: Plane, U: Array, D: Array) -> tuple[Array, Array]:
-    """Power in W and detuning in rad/ns of the fixed points (U, D)."""
+    """Power (W) and detuning (rad/ns) of the laser at which (U, D) are fixed points; both of their shape."""
     here = balance(U, plane.at)
     return U * (here.gamma**2 + D**2) / (2 * plane.ring.bus_rate * NS) * UW, here.shift - D
 

@@ -250,7 +250,7 @@ class Target:
 
     @property
     def cold(self) -> bool:
-        """Whether the trace begins where the light was switched on."""
+        """Whether the first sample is taken when the light is switched on, to two sampling steps."""
         return not self.settled and self.times[0] <= 2 * float(np.median(np.diff(self.times)))
 
     def window(self, model: Compact) -> tuple[float, float]:
