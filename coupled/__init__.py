@@ -1,4 +1,4 @@
-"""Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
+"""Simulation of silicon rings with light, free carriers and heat: time traces, self-pulsing and its bifurcations."""
 
 from . import noise, ring_family  # noqa: F401 - as coupled.noise, coupled.ring_family
 from .carriers import ConstantLifetime, ShockleyReadHall

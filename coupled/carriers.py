@@ -1,4 +1,4 @@
-"""Free-carrier recombination, with one lifetime or through one trap level; decays after a pump pulse and their fit."""
+"""Free-carrier recombination, with a constant lifetime or through one trap level; decay curves and their fit."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ GRID, SEARCHES = 24, 4  # lifetimes on each axis where searches may begin; how m
 
 @dataclass(frozen=True)
 class ConstantLifetime:
-    """dN/dt = -N/tau: the usual model, accurate at low carrier density and where carriers are swept out.
+    """Recombination with a constant lifetime, dN/dt = -N/tau, as at low density or when carriers are swept out.
 
     Parameters
     ----------
@@ -40,11 +40,11 @@ class ConstantLifetime:
 
     @property
     def tau0(self) -> float:
-        """The lifetime in s."""
+        """The lifetime tau in s."""
         return self.tau
 
     def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
-        """Tau in s, shape of ``density``."""
+        """The lifetime tau in s, as an array of the shape of ``density``."""
         return np.full(checks.numbers("density", density).shape, float(self.tau))
 
 
@@ -100,7 +100,7 @@ class ShockleyReadHall:
 
     @property
     def _weighted(self) -> tuple[float, float]:
-        """tau_p (n0 + n1) + tau_n (p0 + p1) in s/m^3, and n0 + p0 in 1/m^3."""
+        """The terms tau_p (n0 + n1) + tau_n (p0 + p1) in s/m^3, and n0 + p0 in 1/m^3."""
         n0, p0 = self.intrinsic_density**2 / self.hole_density, self.hole_density
         boltzmann = math.exp(self.trap_energy / self.thermal_energy)
         n1, p1 = self.intrinsic_density * boltzmann, self.intrinsic_density / boltzmann
@@ -114,12 +114,12 @@ class ShockleyReadHall:
 
     @property
     def a(self) -> float:
-        """Coefficient of N in the numerator in m^3."""
+        """Coefficient a in tau(N) = tau0 (1 + a N)/(1 + b N), in m^3."""
         return (self.tau_p + self.tau_n) / self._weighted[0]
 
     @property
     def b(self) -> float:
-        """Coefficient of N in the denominator in m^3."""
+        """Coefficient b in tau(N) = tau0 (1 + a N)/(1 + b N), in m^3."""
         return 1 / self._weighted[1]
 
     def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
@@ -186,8 +186,8 @@ class CarrierFit:
     carriers : ShockleyReadHall
         with the fitted lifetimes.
     parameters, standard_errors : dict of str to float
-        "tau0" and "tau_high" (s), the lifetimes at vanishing and at high density, which a decay determines; "tau_n" and
-        "tau_p" (s) that follow from them at the given trap energy; and "initial_density" (1/m^3).
+        of the fitted "tau0" and "tau_high" (s), the lifetimes at vanishing and at high density, and "initial_density"
+        (1/m^3); and of "tau_n" and "tau_p" (s), which follow from these lifetimes at the given trap energy.
     residual : float
         rms of ln(N/N_fit).
     """
@@ -201,17 +201,17 @@ class CarrierFit:
 def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFit:
     """Fit the lifetimes of Shockley-Read-Hall recombination to a measured decay, by least squares in ln N.
 
-    The lifetime runs from tau0 = [tau_p (n0 + n1) + tau_n (p0 + p1)]/(n0 + p0) to tau_n + tau_p, and turns where
-    N = n0 + p0, which the doping fixes. So a decay determines two numbers, and (tau_n, tau_p, E_t) are three: every
-    trap energy in a range fits equally well. It is taken from ``material``. The searches begin at the best of a grid of
-    lifetimes.
+    The lifetime changes from tau0 = [tau_p (n0 + n1) + tau_n (p0 + p1)]/(n0 + p0) to tau_n + tau_p around N = n0 + p0,
+    which the doping fixes. So a decay determines two numbers, and not the three (tau_n, tau_p, E_t): every trap energy
+    in a range fits equally well. E_t is therefore taken from ``material``. The searches start from the best points of a
+    grid of lifetimes.
 
     Parameters
     ----------
     data : xarray.Dataset
         carriers (1/m^3, larger than 0) over time (s).
     material : ShockleyReadHall
-        n_i, p0, kT and the trap energy to hold; its lifetimes do not matter.
+        n_i, p0, kT and the fixed trap energy; its lifetimes do not matter.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
 
 def _least_squares(t: Array, N: Array, b: float) -> Any:
-    """The best search for ln(N0, tau0, tau_high) of those that begin at the smallest misfits on a grid of lifetimes."""
+    """The least-squares result for ln(N0, tau0, tau_high) of lowest cost, of searches from a grid of lifetimes."""
 
     def misfit(x: Array) -> Array:
         N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
@@ -271,7 +271,7 @@ def _least_squares(t: Array, N: Array, b: float) -> Any:
 
 
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:
-    """N(t), by Newton's method in u = ln(N/N0), whose iterates are monotone."""
+    """Density N (1/m^3) at times t after N(0) = N0, by Newton's method in u = ln(N/N0), which is monotone."""
 
     def slower(N: Any) -> Any:  # (a - b)/b ln(1 + b N), whose limit for b = 0 is a N
         return (a - b) / b * np.log1p(b * N) if b else a * N

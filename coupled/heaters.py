@@ -1,9 +1,9 @@
-"""Heaters beside a ring: thermal models of several inputs, one of which the light heats.
+"""Heaters near a ring: thermal models with several inputs, one of which is the power absorbed by the ring.
 
     dT(t) = dT_model(t) + sum_h dT_h(t),       dT_h = sum_i x_i,     dx_i/dt = (R_ih P_h - x_i)/tau_i
 
-A linear model adds the rises by the heaters to the rise by the light, so the light sees one channel of the model and a
-temperature that is known beforehand. The residues R_ih of a transfer channel have either sign.
+By linearity the temperature rises by the heaters add to that by the light. They do not depend on the light, so they are
+computed before a run. The residues R_ih of a transfer function from a heater can have either sign.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ LARGEST_POWER = 10.0  # W
 
 
 class Poles(NamedTuple):
-    """The poles that a heater heats, dx/dt = P - rate x, and the rise of each of N rings, gain x."""
+    """Poles of one heater, dx/dt = P - rate x with states x in J; gain x is the temperature rise of each of N rings."""
 
     rate: Array
     """(n,), 1/s"""
@@ -37,7 +37,7 @@ class Poles(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """The model of the light's channel, and the transfers from the heaters to it."""
+    """The thermal model from absorbed light to the ring, and the transfer functions from the heaters to it."""
 
     model: Compact
     transfers: dict[str, Foster]
@@ -45,19 +45,19 @@ class Channels(NamedTuple):
 
     @property
     def poles(self) -> dict[str, Poles]:
-        """The transfers as `heating` takes them."""
+        """The transfer functions as `Poles` by heater, for `heating`."""
         return {name: Poles(1 / np.asarray(each.tau), each.gain[None]) for name, each in self.transfers.items()}
 
 
 def channels(
     model: ThermalModel, heaters: Mapping[str, Any] | None = None, heated: str | None = None, read: str | None = None
 ) -> Channels:
-    """Pick the channel of the light and those of the heaters.
+    """Select the transfer functions of a thermal model from the absorbed light and from the heaters.
 
     model: a StateSpace (or a reduction that holds one) may have several inputs and outputs, any other model has one.
     heaters [mapping of an input's name to its power]
-    heated, read: the input of the light and the output that detunes it; by default the first input that is no heater,
-        where heaters are given, and the output of the same name.
+    heated, read: input that the light heats, and output whose rise detunes it; by default the first input that is not
+        a heater, where heaters are given, and the output of the same name.
     Raises InputError: several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
     """
     names, system = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}"), bare(model)
@@ -86,13 +86,13 @@ def channels(
 
 
 def check_unlit(heaters: Mapping[str, Any], lit: str) -> None:
-    """InputError where the part that the light heats is among the heaters."""
+    """Raise InputError if ``lit``, the part that the light heats, is among the heaters."""
     if lit in heaters:
         raise checks.InputError(f"heaters holds {lit!r}, which the light heats; give the power of other parts")
 
 
 class Heating(NamedTuple):
-    """Effect of the heaters in a run."""
+    """Powers of the heaters in a run and the temperature rises that they cause."""
 
     powers: dict[str, Pieces]
     """Of those that are given, W."""
@@ -104,11 +104,11 @@ class Heating(NamedTuple):
 
     @property
     def driven_until(self) -> float:
-        """When a heater last changes, s."""
+        """Time in s of the last change of a heater power; 0 for constant powers."""
         return max(map(last_change, self.powers.values()), default=0.0)
 
     def states(self, time: float) -> list[Array]:
-        """The states of every heater at a time in s, J."""
+        """States of the poles of every heater (J) at a time in s, one array of shape (n,) per heater."""
         powers = [self.powers.get(name, Pieces.constant(0.0, time, 0.0)) for name in self.poles]
         every = zip(self.poles.values(), powers, self.begin, strict=True)
         return [states_of(poles.rate, power, np.array([time]), begin)[0] for poles, power, begin in every]
@@ -118,11 +118,11 @@ def heating(
     poles: Mapping[str, Poles], heaters: Mapping[str, Any] | None, duration: float, rtol: float,
     before: Array | None, rings: int = 1,
 ) -> Heating:  # fmt: skip
-    """The rises that heaters cause in every ring, as cubics to a hundredth of ``rtol``.
+    """Compute the temperature rises that heaters cause in every ring, to a tolerance of ``rtol``/100.
 
     heaters [mapping of name to number, waveform, or list of them, which add; W]
-    before [J]: states of all heaters at t = 0, one after the other; those that are not given cool from there. None
-        where a number is a power that was on for ever, and all else is switched on at t = 0.
+    before [J]: states of all heaters at t = 0, concatenated; heaters that are not given cool down from there. None: a
+        number is a power that was constant for all t < 0, any other input is 0 for t < 0.
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given:
@@ -145,27 +145,27 @@ def heating(
 
 
 def power_of(name: str, value: Any, duration: float) -> Pieces:
-    """The power of a heater in W; InputError where it is negative or too large."""
+    """Power of a heater (W) as a piecewise cubic over [0, duration]; InputError where it is negative or too large."""
     hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
     found = power_in_time(value, duration, f"heaters[{name!r}]", LARGEST_POWER, hint)
     return Pieces.constant(0.0, float(duration), found) if isinstance(found, float) else found
 
 
 def states_of(rate: Array, power: Pieces, times: Array, begin: Array | None = None) -> Array:
-    """States of poles dx/dt = P - rate x, J, shape (times, n), that begin with ``begin``, by default at rest."""
+    """States of the poles dx/dt = P - rate x at ``times``, J, shape (times, n), from ``begin`` (default 0)."""
     x = cubic_pole_responses(rate, *power, times)
     return x if begin is None else x + begin * np.exp(np.multiply.outer(times - power.edges[0], -rate))
 
 
 def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | None = None) -> list[Pieces]:
-    """The rises of m parts by one heater as cubic Hermite pieces on the same edges, to a hundredth of ``rtol``.
+    """Temperature rises (K) of m parts by one heater, as cubic Hermite pieces on common edges, to rtol/100.
 
-    Between edges of the power a rise is a cubic and sum_i a_i exp(-u rate_i); a piece of length h is off by at most
-    h^4/384 sum_i |a_i| rate_i^4 exp(-u rate_i), u at its left end.
+    Between edges of the power a rise is a cubic plus sum_i a_i exp(-u rate_i), with u the time from the edge. The error
+    of a piece of length h is at most h^4/384 sum_i |a_i| rate_i^4 exp(-u rate_i), u at its left end.
 
     rate [shape (n,), 1/s]
     gain [shape (m, n), K/J]: of the poles, in each part.
-    begin [shape (n,), J]: as of `states_of`.
+    begin [shape (n,), J]: initial states, as in `states_of`.
     """
     edges = power.edges
     x = states_of(rate, power, edges, begin)
@@ -186,9 +186,9 @@ def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | N
 
 
 def _nodes(start: float, length: float, bend: Array, rate: Array) -> Array:
-    """Left ends of the pieces between two edges of the power.
+    """Left ends (s) of the Hermite pieces between two edges of the power, shape (k,).
 
-    bend [shape (m, n), 1/s^4]: sizes of the exponentials in the fourth derivatives, relative to what is allowed.
+    bend [shape (m, n), 1/s^4]: coefficients of exp(-u rate) in the fourth derivatives, over the allowed value.
     """
     u, out = 0.0, []
     while u < length * (1 - 1e-9):
@@ -199,24 +199,24 @@ def _nodes(start: float, length: float, bend: Array, rate: Array) -> Array:
 
 
 def turned_by(rise: float, ring: RingResonator) -> float:
-    """Shift of the resonance by a rise in K, as a detuning in Hz."""
+    """Shift of the resonance frequency by a temperature rise in K, as an equivalent detuning in Hz."""
     return float(ring.thermal_shift * rise / (2 * np.pi))
 
 
 class ConstantHeating(NamedTuple):
-    """A model under constant heaters: the light's channel, and the rise by the heaters in K."""
+    """A thermal model under constant heaters: the response to the light, and the rise by the heaters in K."""
 
     model: Compact
     rise: float
     powers: dict[str, float]
 
     def turned(self, ring: RingResonator) -> float:
-        """Shift of the resonance by the rise, as a detuning in Hz."""
+        """Shift of the resonance frequency by the heaters, as an equivalent detuning in Hz."""
         return turned_by(self.rise, ring)
 
     @property
     def attributes(self) -> dict[str, float]:
-        """Powers of the heaters, and their rise, for a Dataset."""
+        """Powers of the heaters (W) and their temperature rise (K) as attributes of a Dataset."""
         if not self.powers:
             return {}
         return {f"power_in_{name}": power for name, power in self.powers.items()} | {"heater_rise": self.rise}
@@ -225,7 +225,7 @@ class ConstantHeating(NamedTuple):
 def constant(
     model: ThermalModel, heaters: Mapping[str, Any] | None, heated: str | None = None, read: str | None = None
 ) -> ConstantHeating:
-    """The model and the steady rise under heaters of constant power in W.
+    """Select the light's channel of a model and compute the steady temperature rise under constant heaters (W).
 
         dT = dT_model + sum_h R_h P_h
 
@@ -238,13 +238,13 @@ def constant(
 
 
 def heater_power(name: str, value: Any) -> float:
-    """A constant power of a heater in W; InputError where it is no number or out of range."""
+    """Check the constant power of a heater (W); InputError if it is no number or out of range."""
     hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
     return checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
 
 
 def heater_powers(powers: Mapping[str, Any], time: Array) -> dict[str, Any]:
-    """The variable heater_power over heater and time, and its coordinate; ``powers`` are functions of time."""
+    """The variable heater_power (W) over heater and time, with its coordinate; ``powers`` are functions of time."""
     if not powers:
         return {}
     about = {"units": "W", "long_name": "power of a heater"}

@@ -1,4 +1,4 @@
-"""Lasers over time: powers and detunings as piecewise cubics, and when they vary; a step ends at every breakpoint.
+"""Laser powers and detunings as functions of time: piecewise cubics, at whose breakpoints an integration step ends.
 
 An input of a ring is a number, a waveform (`th.Function` for any function of time), a piecewise polynomial, or a
 list of these, which add: a bias with a pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
@@ -27,14 +27,14 @@ FIT_TOLERANCE = 1e-9  # of the largest value: what a fit of cubics to a constant
 
 @dataclass(frozen=True, eq=False)
 class Sweep(Samples, stored=False):
-    """A detuning (or another signed quantity) that is linear between given samples, such as a swept laser.
+    """A detuning (or another signed quantity) interpolated linearly between samples, such as a swept laser.
 
     Two samples at one time make a jump.
 
     Parameters
     ----------
     times : array, s
-        increasing; a time may stand twice.
+        increasing; a time may occur twice.
     values : array, same length
         Hz for a detuning, W for a power.
 
@@ -52,7 +52,7 @@ class Sweep(Samples, stored=False):
 
 
 def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
-    """Turn an input into a piecewise cubic over [start, stop] in s.
+    """Convert an input to a piecewise cubic over [start, stop] in s.
 
     name: name of the input in error messages.
     value [float, Waveform, Pieces, scipy.interpolate.PPoly of degree 3 or less, or a list of these, which add]
@@ -76,7 +76,7 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
 
 
 def add(parts: list[Pieces]) -> Pieces:
-    """The sum of functions on one window."""
+    """Sum of piecewise cubics over the same window."""
     if len(parts) == 1:
         return parts[0]
     edges = joint(*parts)
@@ -84,7 +84,7 @@ def add(parts: list[Pieces]) -> Pieces:
 
 
 def joint(*parts: Pieces) -> Array:
-    """The union of all edges; edges closer than round-off of the window are merged."""
+    """Union of the breakpoints of piecewise cubics, shape (n,), increasing; those equal up to round-off are merged."""
     if all(np.array_equal(part.edges, parts[0].edges) for part in parts[1:]):
         return parts[0].edges
     edges = np.unique(np.concatenate([part.edges for part in parts]))
@@ -94,7 +94,7 @@ def joint(*parts: Pieces) -> Array:
 
 
 def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
-    """The part of a piecewise cubic between two times, which it must cover."""
+    """Restrict a piecewise cubic to [start, stop] in s; InputError if it does not cover that interval."""
     edges, slack = function.edges, 1e-9 * (stop - start)
     if start < edges[0] - slack or stop > edges[-1] + slack:
         raise checks.InputError(
@@ -108,8 +108,9 @@ class Lights(NamedTuple):
     """L lasers over one time window.
 
     powers [W]
-    frequencies [Hz]: against a reference that lasers of one frame share.
-    frame: for every laser the one with which its fields turn, and whose phase its own is relative to.
+    frequencies [Hz]: relative to a reference frequency common to the lasers of a frame.
+    frame: for each laser, the index of the laser in whose rotating frame its field is written.
+    drive: the same in the kernel's units.
     """
 
     powers: list[Pieces]
@@ -119,19 +120,19 @@ class Lights(NamedTuple):
 
     @property
     def apart(self) -> list[Pieces]:
-        """Frequency of every laser minus that of its frame in Hz, one piece where it is zero."""
+        """Frequency of each laser minus that of the laser of its frame, in Hz; L piecewise cubics."""
         pairs = zip(self.frequencies, [self.frequencies[k] for k in self.frame], strict=True)
         found = [add([own, frame.times(-1.0)]) if own is not frame else own.times(0.0) for own, frame in pairs]
         return [one if one.coefficients.any() else Pieces.constant(one.edges[0], one.edges[-1], 0.0) for one in found]
 
     @property
     def turning(self) -> Array:
-        """How fast every laser turns in its frame, where that is fastest, rad/ns."""
+        """Angular frequency of each laser in its frame where its modulus is largest, rad/ns, shape (L,)."""
         return 2 * np.pi * NS * np.array([max(bounds(one), key=abs) for one in self.apart])
 
     @property
     def driven_until(self) -> float:
-        """When a laser last changes, or lasers of one frame last beat, s."""
+        """Time in s of the last change of a laser, or of the last beat between lasers of one frame."""
         last = [last_change(one) for one in (*self.powers, *self.frequencies)]
         for frame in {*self.frame}:
             here = [k for k, own in enumerate(self.frame) if own == frame]
@@ -139,12 +140,12 @@ class Lights(NamedTuple):
         return max(last)
 
     def amplitudes(self, times: Array) -> Complex:
-        """sqrt(W) of every laser in its frame at times in s, shape (L, n)."""
+        """Complex amplitudes of the lasers in their frames, sqrt(W), at n times in s; shape (L, n)."""
         power = np.array([np.maximum(one(times), 0) for one in self.powers])
         return np.asarray(np.sqrt(power) * np.exp(1j * values(self.drive.phase, times)))
 
     def incoming(self, times: Array) -> Complex:
-        """sqrt(W) of the light in every frame at times in s."""
+        """Sum of the amplitudes of the lasers of each frame, sqrt(W), at n times in s; shape (frames, n)."""
         waves = self.amplitudes(times)
         return np.array([waves[np.equal(self.frame, k)].sum(axis=0) for k in dict.fromkeys(self.frame)])
 
@@ -153,12 +154,12 @@ def lights(
     powers: list[Pieces], frequencies: list[Pieces], frame: list[int], *, detunings: list[Pieces], entry: Complex,
     phases: Sequence[float] = (), echoes: Callable[[Array], Array] = np.asarray,
 ) -> Lights:  # fmt: skip
-    """Lasers, and what they are to the fields of the rings.
+    """Collect lasers with their coupling to the fields of the rings, and convert them to the kernel's units.
 
     frame: as of `Lights`; phases [rad] of the lasers at the start.
-    detunings [rad/s]: of every field, its frame minus its resonance.
-    entry [(fields, L), 1/sqrt(s)]: amplitude in a field for each square root of a power.
-    echoes: all times at which jumps at given times are felt, s.
+    detunings [rad/s]: of every field, angular frequency of its frame minus that of its resonance.
+    entry [(fields, L), 1/sqrt(s)]: coupling of each laser amplitude to each field.
+    echoes: maps times of discontinuities to all times (s) at which they arrive, delays included.
     """
     found = Lights(powers, frequencies, frame, Drive.constant(0.0, 0.0, 1.0))
     phase = integral(table(found.apart, 2 * np.pi * NS))
@@ -173,7 +174,7 @@ def lights(
 
 
 def apart_in_time(times: Array, window: Array) -> Array:
-    """Times of a window in increasing order, its ends included, without those within `SAME_TIME` of one before."""
+    """Sorted times in a window, with both its ends; times within `SAME_TIME` of the previous one are removed."""
     every = np.sort(times)
     every = every[np.diff(every, prepend=-np.inf) > SAME_TIME * window[1]]
     every[[0, -1]] = window
@@ -181,7 +182,7 @@ def apart_in_time(times: Array, window: Array) -> Array:
 
 
 def values(functions: Polynomials, times: Array) -> Array:
-    """Values of the kernel's functions at times in s, shape (functions, m)."""
+    """Values of piecewise polynomials in the kernel's format at m times in s, shape (functions, m)."""
     t = times / NS
     k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
     u, found = t - functions.edges[k], np.zeros((functions.coefficients.shape[1], t.size))
@@ -191,7 +192,7 @@ def values(functions: Polynomials, times: Array) -> Array:
 
 
 def integral(rates: Polynomials) -> Polynomials:
-    """The integrals of functions from the first edge on."""
+    """Antiderivatives of piecewise polynomials, zero at the first edge."""
     c, h = rates.coefficients, np.diff(rates.edges)
     n = np.arange(1, c.shape[2] + 1)
     ends = np.cumsum((c / n * h[:, None, None] ** n).sum(axis=2), axis=0)
@@ -200,19 +201,19 @@ def integral(rates: Polynomials) -> Polynomials:
 
 
 def largest(power: Pieces) -> float:
-    """Largest power at the breakpoints; above 0 in the dark, too."""
+    """Largest modulus of a power at its breakpoints in W, at least 1e-300."""
     return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power(power.edges[-1]))), 1e-300)
 
 
 def table(functions: Sequence[Pieces], factor: float) -> Polynomials:
-    """Functions of time in s, times a factor, as the kernel's polynomials of time in ns on their joint edges."""
+    """Convert piecewise cubics of time in s, times ``factor``, to kernel polynomials of time in ns on common edges."""
     edges = joint(*functions)
     coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
     return Polynomials(edges / NS, coefficients * factor * NS ** np.arange(coefficients.shape[2]))
 
 
 def last_change(function: Pieces) -> float:
-    """When a piecewise cubic last changes, s; 0 for a constant."""
+    """Time in s after which a piecewise cubic is constant; 0 for a constant."""
     if len(function.coefficients) == 1 and not function.coefficients[0, 1:].any():
         return 0.0
     sizes = np.abs(function.coefficients) * np.diff(function.edges)[:, None] ** np.arange(DEGREE + 1)
@@ -223,7 +224,7 @@ def last_change(function: Pieces) -> float:
 
 
 def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
-    """Until when two lasers are on that beat, s; 0 where all have the same frequency."""
+    """Time in s up to which two lasers are on and beat; 0 where all have the same frequency."""
     apart = [add([one, frequencies[0].times(-1.0)]) for one in frequencies[1:]]
     if not any(np.any(one.coefficients) for one in apart):
         return 0.0

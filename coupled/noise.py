@@ -8,9 +8,9 @@ are the Fourier series of a record of length L, a little longer than the run, wi
 
     x(t) = sqrt(S/2L) z_0 + sqrt(S/L) sum_k=1^K (z_k cos 2 pi k t/L + z'_k sin 2 pi k t/L),      K <= L bandwidth
 
-The constant is noise slower than the run. With it the phase diffuses as it should, <(phi(t) - phi(0))^2> =
-2 pi linewidth t up to the end, and the mean power of runs has the variance S P_0^2/2T. The last line has what is left
-of the variance S bandwidth. What is drawn is the same for every run of one seed, bandwidth and duration.
+The constant term represents noise slower than the run. With it the phase diffuses by <(phi(t) - phi(0))^2> =
+2 pi linewidth t up to the end, and the mean power of runs has the variance S P_0^2/2T. The last term K is scaled so
+that the total variance is S bandwidth. The amplitudes are the same for all runs of one seed, bandwidth and duration.
 
 Sources: Petermann, Laser Diode Modulation and Noise (1988) (RIN); Di Domenico, Schilt and Thomann, Appl.
 Opt. 49, 4801 (2010) (linewidth of white frequency noise: pi times its density).
@@ -43,7 +43,7 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
     rin : float, dB/Hz
         one-sided density of the relative power: -130 for a common diode laser.
     bandwidth : float, Hz
-        above it there is none; light in a ring follows up to its linewidth.
+        cutoff of the noise; the field in a ring follows up to the linewidth of the resonance.
     duration : float, s
     seed : int
         two lasers need two; intensity and frequency of one laser are independent for one seed.
@@ -70,7 +70,9 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
 
 
 def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed: int = 0) -> PiecewiseCubic:
-    """Return the frequency noise of a finite linewidth in Hz; it adds to a detuning, ``[2e9, frequency_noise(...)]``.
+    """Return the frequency noise (Hz) of a laser of given linewidth. It adds to a detuning.
+
+    A list adds inputs: ``detuning=[2e9, frequency_noise(...)]``.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed
 
 
 def _white(density: float, bandwidth: float, duration: float, seed: int, source: int) -> tuple[Array, Array]:
-    """Times and samples of noise of a one-sided density below a bandwidth; each ``source`` has series of its own."""
+    """Times (s) and samples, both (n + 1,), of white noise below ``bandwidth``; ``source`` gives independent noise."""
     duration = checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
     seed, length = checks.seed(seed), LONGER * duration
     most, hint = MOST / (OVERSAMPLED * length), f"{duration:g} s hold one period at least and {MOST} samples at most"
@@ -115,7 +117,7 @@ def _white(density: float, bandwidth: float, duration: float, seed: int, source:
 
 
 def _wave(times: Array, values: Array) -> Any:
-    """The cubic spline through the samples, as a waveform."""
+    """Periodic cubic spline through samples as a waveform."""
     from scipy.interpolate import CubicSpline
 
     return PiecewiseCubic.of_spline(CubicSpline(times, values, bc_type="periodic"))

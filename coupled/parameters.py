@@ -5,11 +5,11 @@ nonlinearities in silicon-on-insulator microring resonators", Opt. Express 29, 4
 those of its Appendices A and B; "Exp.", "Fit" and "FEM" are the origins that the tables give.
 
 Van Vaerenbergh: T. Van Vaerenbergh et al., "Cascadable excitability in microrings", Opt. Express 20, 20292 (2012).
-Every number stands in the check of that paper by J. Lamo (github.com/JohannesLamo/Master_thesis_MRR_simulation_final,
-check_simulation_against_Thomas_paper.m), whose "same as in paper" is taken at its word: the print itself was not at
-hand. With them the ring pulses as in the paper's Fig. 3, whose points that check holds too, to 1 % in period,
-temperature and carriers. The check counts a thousandth of the light that two-photon absorption takes, but all of its
-heat; that is a slip (2 to 3 % off the figure) and not here.
+The paper itself was not available: every number is from a script that reproduces it, by J. Lamo
+(github.com/JohannesLamo/Master_thesis_MRR_simulation_final, check_simulation_against_Thomas_paper.m), which marks them
+"same as in paper". With them the ring pulses as in the paper's Fig. 3, whose points the script contains, to 1 % in
+period, temperature and carriers. The script counts a thousandth of the light lost by two-photon absorption, but all of
+its heat: an error of 2 to 3 % in the figure that is corrected here.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from .resonator import PUBLISHED, RingResonator, published
 
 @dataclass(frozen=True)
 class NewtonParameters:
-    """dT/dt = -dT/tau_th + P_abs/(m c_p), Eq. 2.3."""
+    """Parameters of Newton's law, dT/dt = -dT/tau_th + P_abs/(m c_p) (Borghi, Eq. 2.3)."""
 
     tau_th: float
     """s"""
@@ -32,9 +32,11 @@ class NewtonParameters:
 
 @dataclass(frozen=True)
 class SecondOrderParameters:
-    """Eq. 3, dT'' + (1/tau_f + 1/tau_s) dT' + dT/(tau_f tau_s) = (kappa P_abs + eta P_abs')/(m c_p).
+    """Parameters of the second-order thermal equation (Borghi, Eq. 3).
 
-    The print leaves m c_p out of the last term; with it eta is the dimensionless number that the text quotes.
+        dT'' + (1/tau_f + 1/tau_s) dT' + dT/(tau_f tau_s) = (kappa P_abs + eta P_abs')/(m c_p)
+
+    The printed equation omits m c_p in the last term; with it eta is the dimensionless number that the text quotes.
     """
 
     kappa: float
@@ -139,7 +141,7 @@ def vanvaerenbergh2012() -> RingResonator:
 
 
 def published_rings() -> dict[str, RingResonator]:
-    """Every published ring by the name of its function; as NAME-lumped, to go with Newton's law, where it has both."""
+    """All published rings by name; a ring with a variant for Newton's law also as "NAME-lumped"."""
     found = {}
     for name, one in PUBLISHED.items():
         found[name] = ring = one()

@@ -30,13 +30,13 @@ class RingResonator:
         P_abs = 2 (gamma_i + eta_FCA N + eta_TPA U) U
 
     with g = 1/n0, the printed rule, or G/n_g of the mode where ``index_confinement`` G is given.
-    ``dataclasses.replace`` varies a field and the derived rates follow; `with_rates` sets a derived rate itself;
-    `from_quality_factors` and `from_toml` make one from what is measured.
+    ``dataclasses.replace`` changes a field, and the derived rates with it; `with_rates` sets a derived rate itself;
+    `from_quality_factors` and `from_toml` construct a ring from measured quantities.
 
     Parameters
     ----------
     name : str
-        what the results are labelled with.
+        label of the ring in results.
     frequency : float, Hz
         cold resonance w0 / 2 pi.
     bus_rate : float, 1/s
@@ -61,17 +61,17 @@ class RingResonator:
     carriers : ShockleyReadHall or ConstantLifetime
         recombination, tau(N).
     lumped_fcd : float, m^3, optional
-        the one coefficient that stands for both carrier kinds where heat follows Newton's law (`with_lumped_fcd`).
+        coefficient of a single linear dispersion term for both carrier types, for Newton's law (`with_lumped_fcd`).
     drop_rate : float, 1/s, optional
         gamma_d, amplitude decay rate into the other bus; by default that of the first one, and 0 for a ring on one bus.
     scattering_rate : float, 1/s
-        gamma_s, amplitude decay rate by scattering and radiation, which heats nothing.
+        gamma_s, amplitude decay rate by scattering and radiation, without heating.
     kerr_coefficient : float, m^2/W
         n_2 of the Kerr effect, with the confinement and volume of two-photon absorption; silicon has 4.5e-18.
     index_confinement : float, optional
-        G = dn_eff/dn of the mode (`thermofem.light`). The resonance then moves by G/n_g and free carriers absorb
-        G c sigma_FCA/n_g; None for the printed rules 1/n0 and c sigma_FCA/n_g. The printed sigmas of Borghi et al. were
-        fitted under the printed rules.
+        G = dn_eff/dn of the mode (`thermofem.light`). The relative shift per index change is then G/n_g and eta_FCA is
+        G c sigma_FCA/n_g; None for the printed rules 1/n0 and c sigma_FCA/n_g, with which Borghi et al. fitted their
+        printed sigma_FCA.
     rates : tuple of (name, value)
         derived rates that are given instead of computed (`with_rates`).
 
@@ -121,84 +121,84 @@ class RingResonator:
 
     @property
     def omega(self) -> float:
-        """w0 = 2 pi frequency in rad/s."""
+        """Angular frequency w0 = 2 pi frequency of the cold resonance, rad/s."""
         return 2 * math.pi * self.frequency
 
     @property
     def linear_rate(self) -> float:
-        """gamma_e + gamma_d + gamma_i + gamma_s in 1/s: the amplitude decay rate of the cold ring."""
+        """Total linear amplitude decay rate gamma_e + gamma_d + gamma_i + gamma_s, 1/s."""
         return self.bus_rate + self.drop_bus_rate + self.loss_rate + self.scattering_rate
 
     @property
     def drop_bus_rate(self) -> float:
-        """gamma_d in 1/s: that of the other bus, 0 for a ring on one bus."""
+        """Amplitude decay rate gamma_d into the drop bus, 1/s; 0 for a ring on one bus."""
         return self.bus_rate if self.drop_rate is None else self.drop_rate
 
     @property
     def loaded_q(self) -> float:
-        """w0 / (2 (gamma_e + gamma_d + gamma_i + gamma_s))."""
+        """Loaded Q of the cold ring, w0 / (2 (gamma_e + gamma_d + gamma_i + gamma_s))."""
         return self.omega / (2 * self.linear_rate)
 
     @property
     def intrinsic_q(self) -> float:
-        """w0 / (2 (gamma_i + gamma_s)); infinite without loss."""
+        """Intrinsic Q of the cold ring, w0 / (2 (gamma_i + gamma_s)); infinite without loss."""
         own = self.loss_rate + self.scattering_rate
         return self.omega / (2 * own) if own else math.inf
 
     @property
     def index_rate(self) -> float:
-        """w0 / n0, or w0 G/n_g, in rad/s: minus the shift of the resonance for a unit change of refractive index."""
+        """Decrease of the resonance frequency per unit increase of refractive index: w0/n0 or w0 G/n_g, rad/s."""
         if self.index_confinement is None:
             return self.omega / self.refractive_index
         return self.omega * self.index_confinement / self.group_index
 
     @property
     def thermal_shift(self) -> float:
-        """`index_rate` dn/dT in rad/s/K: how far the resonance moves down for one kelvin."""
+        """Decrease of the resonance frequency per kelvin, `index_rate` dn/dT, rad/s/K."""
         return self._given("thermal_shift", self.index_rate * self.thermo_optic)
 
     @property
     def shift_per_kelvin(self) -> float:
-        """Wavelength of the resonance over temperature in m/K: lambda thermal_shift / omega."""
+        """Increase of the resonance wavelength per kelvin, lambda thermal_shift / omega, m/K."""
         return c / self.frequency * self.thermal_shift / self.omega
 
     @property
     def eta_fca(self) -> float:
-        """c sigma_FCA/n_g, times G where it is given, in m^3/s: amplitude loss rate for a unit carrier density."""
+        """Free-carrier amplitude loss rate per carrier density, c sigma_FCA/n_g, times G if given; m^3/s."""
         share = 1.0 if self.index_confinement is None else self.index_confinement
         return self._given("eta_fca", share * c * self.fca_cross_section / self.group_index)
 
     @property
     def eta_tpa(self) -> float:
-        """Gamma_TPA c^2 beta / (2 n0^2 V_TPA) in 1/(s J): amplitude loss rate for a unit energy."""
+        """Two-photon amplitude loss rate per energy, Gamma_TPA c^2 beta / (2 n0^2 V_TPA), 1/(s J)."""
         return self._given("eta_tpa", self.tpa_confinement * self._two_photon / self.tpa_volume)
 
     @property
     def g_tpa(self) -> float:
-        """Gamma_FC c^2 beta / (2 n0^2 hbar w0 V_FCA^2) in 1/(m^3 s J^2): carriers made by a unit energy squared."""
+        """Carrier generation rate per squared energy, Gamma_FC c^2 beta / (2 n0^2 hbar w0 V_FCA^2), 1/(m^3 s J^2)."""
         made = self.fca_confinement * self._two_photon / (hbar * self.omega * self.fca_volume**2)
         return self._given("g_tpa", made)
 
     @property
     def kerr_shift(self) -> float:
-        """Gamma_TPA w0 c n_2 / (n0^2 V_TPA) in rad/(s J): how far the resonance moves down for a unit energy."""
+        """Decrease of the resonance frequency per energy, Gamma_TPA w0 c n_2 / (n0^2 V_TPA), rad/(s J)."""
         each = c * self.kerr_coefficient / (self.refractive_index**2 * self.tpa_volume)
         return self._given("kerr_shift", self.tpa_confinement * self.omega * each)
 
     @property
     def _two_photon(self) -> float:
-        """c^2 beta / (2 n0^2) in m^3/(s J)."""
+        """Common factor of the two-photon rates, c^2 beta / (2 n0^2), m^3/(s J)."""
         return c**2 * self.tpa_coefficient / (2 * self.refractive_index**2)
 
     def _given(self, name: str, computed: float) -> float:
-        """A derived rate: the one that was given, or the one that follows from the fields."""
+        """Value of a derived rate: as set by `with_rates`, else ``computed``."""
         return dict(self.rates).get(name, computed)
 
     def with_rates(self, **values: float) -> RingResonator:
         """Return the ring with derived rates set: eta_fca, eta_tpa, g_tpa, thermal_shift, kerr_shift, in their units.
 
-        A rate that is set stays as it is whatever field changes later; ``dataclasses.replace(ring, rates=())`` lets all
-        of them follow the fields again.
+        A rate that is set does not change with the fields; ``dataclasses.replace(ring, rates=())`` makes all rates
+        depend on the fields again.
 
         >>> from coupled import borghi2021
         >>> borghi2021().with_rates(eta_fca=2e-13).eta_fca
@@ -220,7 +220,7 @@ class RingResonator:
         perimeter: float | None = None,
         mode_area: float | None = None,
     ) -> RingResonator:
-        """Return a ring from quantities that a transmission spectrum and a layout give.
+        """Return a ring from measured quality factors and layout dimensions.
 
             gamma = w0/(2 Q_L),   gamma_i + gamma_s = w0/(2 Q_i),   V = perimeter x mode_area
 
@@ -232,9 +232,9 @@ class RingResonator:
         loaded_q, intrinsic_q : float
             Q_L below Q_i.
         buses : int
-            1 or 2; they carry the rest of the loss, in equal parts.
+            1 or 2; the coupling loss gamma - gamma_i - gamma_s is divided equally among them.
         absorbed_fraction : float
-            of the intrinsic loss, the part that heats; the rest scatters.
+            fraction of the intrinsic loss that is absorbed and heats; the rest is scattered.
         perimeter, mode_area : float, m and m^2, optional
             both or none: the volume of two-photon absorption and of the carriers.
 
@@ -263,7 +263,7 @@ class RingResonator:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> RingResonator:
-        """Read a ring from a TOML file with units in its text; the keys stand in `ring_toml`.
+        """Read a ring from a TOML file with units in its text; `ring_toml` lists the keys.
 
         Raises
         ------
@@ -274,23 +274,23 @@ class RingResonator:
 
     @classmethod
     def from_text(cls, text: str) -> RingResonator:
-        """Read a ring from the text of such a file."""
+        """Read a ring from the text of a ring file, as `from_toml`."""
         return ring_toml.read_text(text, cls, PUBLISHED)
 
     def with_lumped_fcd(self) -> RingResonator:
-        """Return the ring with free-carrier dispersion lumped into one linear term, as it belongs to Newton's law."""
+        """Return the ring with a single linear dispersion term, ``lumped_fcd``, as fitted with Newton's law."""
         coefficient = checks.finite("lumped_fcd", self.lumped_fcd, unit="m^3", hint="or set fcd itself with replace")
         return replace(self, name=f"{self.name}, lumped FCD", fcd=((coefficient, 1.0),))
 
     def with_swapped_srh(self) -> RingResonator:
-        """Return the ring with the electron and the hole lifetime exchanged."""
+        """Return the ring with the lifetimes tau_n of electrons and tau_p of holes exchanged."""
         own: Any = self.carriers  # a ShockleyReadHall: one constant lifetime has nothing to exchange
         swapped = replace(own, tau_n=own.tau_p, tau_p=own.tau_n)
         return replace(self, name=f"{self.name}, swapped SRH", carriers=swapped)
 
 
 def _check_dispersion(terms: Any) -> None:
-    """Raise InputError unless every term is (coefficient <= 0, exponent) and small at 1e23 carriers per m^3."""
+    """Raise InputError unless every free-carrier term (c_k, p_k) has c_k <= 0 and is small at 1e23 carriers per m^3."""
     if not isinstance(terms, tuple | list) or not terms or any(np.shape(term) != (2,) for term in terms):
         said = f"fcd = {checks.shown(terms)} is empty, or no sequence of (coefficient, exponent)"
         raise checks.InputError(said, "for no free-carrier dispersion give ((0.0, 1.0),)")
@@ -306,16 +306,16 @@ PUBLISHED: dict[str, Callable[[], RingResonator]] = {}
 
 
 def published(ring: Callable[[], RingResonator]) -> Callable[[], RingResonator]:
-    """Decorate the function of a published ring: a ring file may then take it as its base."""
+    """Decorator that registers a function returning a published ring, so that ring files can name it as "base"."""
     PUBLISHED[ring.__name__] = ring
     return ring
 
 
 def origin(kind: str, ring: RingResonator) -> dict[str, Any]:
-    """Attributes of every Dataset of the package: its kind and its ring."""
+    """Attributes common to all Datasets of the package: kind of the Dataset, name and parameters of the ring."""
     return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": parameters(ring)}
 
 
 def parameters(made: Any) -> str:
-    """The fields of a ring or circuit, and of the dataclasses in it, as JSON."""
+    """The fields of a ring or circuit, and of the dataclasses in it, as JSON text."""
     return json.dumps(made, default=lambda one: {field.name: getattr(one, field.name) for field in fields(one)})

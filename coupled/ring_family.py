@@ -1,8 +1,8 @@
-"""The rings of a family of geometries: optical numbers from its polynomials, heat from its members.
+"""Rings for the members of a geometry family: optical parameters from polynomials, heat from the member's model.
 
     ring of a member = `ring_from` of its geometry, within `family.optics.error`
 
-A ring that was given follows the geometry in proportion: number(p) = number(p_0) computed(p)/computed(p_0).
+A given ring is scaled with the geometry: parameter(p) = parameter(p_0) computed(p)/computed(p_0).
 """
 
 import math
@@ -36,7 +36,7 @@ def ring_at(
     family : surrogate.family.Family
     values : dict from parameter to float, SI
     base : RingResonator
-        what is no geometry; default as in `ring_from`.
+        parameters that do not follow from the geometry; default as in `ring_from`.
     loss, coupling : float, 1/m and 1
         power loss of the guide, and kappa^2 of two buses; default those of [light] and of the [[bus]] tables.
     order : int
@@ -63,9 +63,9 @@ def ring_at(
 
 @dataclass(frozen=True, eq=False)
 class MovingRing:
-    """How a ring follows the geometry of a family: ``optics`` of `surrogate.uncertainty` and `surrogate.design`.
+    """A ring that depends on the geometry of a family: ``optics`` of `surrogate.uncertainty` and `surrogate.design`.
 
-    ring: at the values of the family's own geometry file, or the middle of the box where that lies outside.
+    ring: at the values of the family's own geometry file, or at the middle of the box if these lie outside.
     """
 
     family: Any
@@ -81,7 +81,7 @@ class MovingRing:
 
     @cached_property
     def at(self) -> dict[str, float]:
-        """Parameters at which the ring is as given."""
+        """Family parameters (SI, by name) at which the ring is the given one."""
         found: dict[str, float] = self.family.box.nominal
         return found
 
@@ -93,12 +93,12 @@ class MovingRing:
         return STILL | _numbers(self.family, values)
 
     def check(self, family: Any) -> None:
-        """Raise InputError for another family than that of the optics."""
+        """Raise InputError if ``family`` is not the family of this ring."""
         if family is not self.family:
             raise InputError("optics: they are those of another family")
 
     def changes(self, family: Any, values: Mapping[str, float]) -> dict[str, float]:
-        """Change of every number of the ring at a member; the order of the resonance is held."""
+        """Difference of each ring parameter (SI, by name) at a member from the given ring; same resonance order."""
         order = _order(self._start)
         n = self._numbers(values)
         begin, end = (fields_of(one, order) for one in (self._start, n))
@@ -116,7 +116,7 @@ def _order(n: Mapping[str, float]) -> int:
 
 
 def _numbers(family: Any, values: Mapping[str, float]) -> dict[str, float]:
-    """The optical numbers of a member."""
+    """Optical parameters of a member of a family by name, from the polynomials of ``family.optics``."""
     if family.optics is None:
         raise InputError("the family has no optics", "train it on a geometry with [light], and [[bus]] tables")
     found: dict[str, float] = family.optics.at(family.box.share(family.box.row(values)))

@@ -1,9 +1,9 @@
-"""A ring from its cross-section: the optics computed, each number with its origin.
+"""Parameters of a ring from its cross-section, by mode calculation, each with its origin.
 
     gamma_e = -(v_g/2L) ln(1 - kappa^2),     gamma_i = loss v_g/2,     v_g = c/n_g,     L = 2 pi R
-    w0: where nu = n_eff R w/c is whole, next to the given wavelength
+    w0: frequency nearest to the given wavelength at which n_eff R w/c is an integer
 
-Heat: (dn/dT) G = dn_eff/dT, so that w0 G/n_g (dn/dT) T is the shift by the temperature read as "light".
+Heat: (dn/dT) G = dn_eff/dT, so that w0 G/n_g (dn/dT) T is the shift by the temperature of the output "light".
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 class Origin(NamedTuple):
-    """Where a number of a ring comes from.
+    """Value of a ring parameter, its origin and its error.
 
     value: as in the ring.
     origin: "computed: ...", "given" or "base ...".
@@ -56,10 +56,10 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MadeRing:
-    """A ring and the origin of its numbers, as `ring_from` returns them.
+    """A ring computed from a cross-section, with the origin of its parameters: result of `ring_from`.
 
     origins [dict from field to Origin]
-    mode: the mode that it is made from.
+    mode: the optical mode of the ring.
     """
 
     ring: RingResonator
@@ -70,17 +70,17 @@ class MadeRing:
     _rules: dict[str, bool] = field(repr=False)
 
     def to_toml(self) -> str:
-        """The text of a ring file, with the origin beside each number."""
+        """The text of a ring file, with the origin of each parameter as a comment."""
         return ring_toml.write_text(self.ring, {key: str(origin) for key, origin in self.origins.items()})
 
     def derivatives(self, parameters: Sequence[str | Sequence[str]]) -> xr.Dataset:
-        """Derivatives of every computed number of the ring by paths as a campaign varies them.
+        """Derivatives of every computed parameter of the ring by ``parameters``, geometry paths as in a campaign.
 
-        The lengths of the section (the gap is kept where the guide moves), indices and thermo_optic of materials,
-        "light.loss", "light.wavelength", and gap and straight of a [[bus]]. The order of the resonance is held, and
-        what the bend radiates. With derivatives of a cycle by these numbers (`cycle_derivatives`) and of the poles
-        (`pole_derivatives`) they give d(period)/d(width) with heat and light moving: `chain` in this module. Against
-        differences on the same moved mesh: 1e-6 (measured).
+        Paths: the lengths of the section (at constant gap), indices and thermo_optic of materials, "light.loss",
+        "light.wavelength", and gap and straight of a [[bus]]. The order of the resonance and the radiation loss of
+        the bend are constant. With derivatives of a cycle by these numbers (`cycle_derivatives`) and of the poles
+        (`pole_derivatives`), `chain` gives d(period)/d(width) including optics and heat. Error against finite
+        differences on the same deformed mesh: 1e-6 (measured).
 
         Returns
         -------
@@ -107,7 +107,7 @@ class MadeRing:
 
 
 class _Bus(NamedTuple):
-    """A bus: its name, kappa^2, how that was found, and the computed coupling."""
+    """A bus: name, kappa^2, origin and relative error of kappa^2, and the coupling if it was computed."""
 
     name: str
     power: float
@@ -137,10 +137,10 @@ def ring_from(
     geometry : CrossSection or HeatProblem
         a ring; its perimeter is 2 pi R.
     wavelength : float, m
-        the resonance next to it is taken; default that of [light] in the geometry.
+        the resonance nearest to it is taken; default that of [light] in the geometry.
     loss : float, 1/m, or text such as "7 dB/cm"
-        power loss of the guide, all of it absorbed; default that of [light]. What a tight bend radiates is added as
-        scattering.
+        power loss of the waveguide, all of it absorbed; default that of [light]. Bend radiation is added as
+        scattering_rate.
     gap, coupling : float, m and 1
         of each bus, one of the two: its gap, from which kappa^2 is computed (within 20 %), or kappa^2; default the
         [[bus]] tables of the geometry.
@@ -149,8 +149,8 @@ def ring_from(
     buses : int
         1 or 2; default 2, or as many as [[bus]] tables.
     base : RingResonator
-        what is no geometry: carriers, sigmas, two-photon coefficient. Default `borghi2021` for a core of silicon;
-        another core has no carriers, and the two-photon coefficient and n_2 of its material.
+        parameters not computed: carriers, sigma_FCA, two-photon absorption. Default `borghi2021` for silicon; another
+        core has no carriers, and the two-photon coefficient and n_2 of its material.
     mode : str
         such as "TM0"; default that of [light], or TE0.
     dispersion, spread_carriers : bool
@@ -187,13 +187,13 @@ def ring_from(
 
 
 def _numbers(mode: Mode, loss: float, buses: Sequence[_Bus], rules: dict[str, bool]) -> dict[str, float]:
-    """The numbers of a mode, the loss of its guide, and kappa^2 of every bus."""
+    """Optical parameters of a mode (`shape.numbers`), the loss (1/m), and kappa^2 of every bus, by name."""
     kappas = {f"kappa {k}": bus.power for k, bus in enumerate(buses)}
     return shape.numbers(mode, **rules) | {"loss": loss} | kappas
 
 
 def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
-    """Fields of a ring of this order, as real or complex functions of the numbers of its mode, its loss and its buses.
+    """Fields of a ring by name, at resonance order ``order``, from mode, loss and buses; real or complex (derivatives).
 
     n: as `thermofem.optics.shape.numbers`, and loss [1/m], "kappa 0" and "kappa 1" (kappa^2).
     """
@@ -216,7 +216,7 @@ def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
 
 
 def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Sequence[_Bus]) -> dict[str, Origin]:
-    """Origin and error of every field."""
+    """Origin and relative error of every field of the ring, by name."""
     error, computed, material = found.error / found.n_eff, f"computed: mode {found.name}", found.core_material
     away = (ring.frequency - c / found.wavelength) / 1e9
     drop = (buses[1].origin, buses[1].error) if len(buses) > 1 else ("given", 0.0)
@@ -238,12 +238,12 @@ def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Seque
 
 
 def _name(base: RingResonator) -> str:
-    """Name of a base ring, of a published one as files have it."""
+    """Name of a base ring; for a published ring the one used in ring files."""
     return next((name for name, one in PUBLISHED.items() if one() == base), base.name)
 
 
 def base_of(base: RingResonator | None, material: Any, wavelength: float) -> RingResonator:
-    """The ring that gives what no geometry gives."""
+    """The ring whose parameters are used for all that does not follow from the geometry: ``base`` or the default."""
     low, high = ring_toml.SILICON
     silicon = low < material.index.index(wavelength) < high
     if base is not None:
@@ -269,7 +269,7 @@ def base_of(base: RingResonator | None, material: Any, wavelength: float) -> Rin
 
 
 def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, count: int | None) -> tuple[_Bus, ...]:
-    """kappa^2 of every bus, from the arguments or else from the [[bus]] tables."""
+    """The buses with kappa^2, given (``given``), computed from ``gap``, or from the [[bus]] tables of the geometry."""
     section = mode.light.geometry
     own = gap is None and given is None
     if (gap is None) == (given is None) and not (own and section.buses):
@@ -292,7 +292,7 @@ def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, 
 
 
 def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]:
-    """d(period, duty, swing, extinction)/d(parameter) from the derivatives of a cycle and of the numbers in it.
+    """Chain rule for the derivatives of period (s), duty, swing (K) and extinction (dB) by one geometry parameter p.
 
         d(period)/d(p) = sum over numbers x of d(period)/dx dx/dp
 
@@ -301,7 +301,7 @@ def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]
     of_cycle : Dataset
         of `cycles.derivatives.cycle_derivatives`.
     slopes : dict from number to float
-        of the ring (`MadeRing.derivatives`) and of the poles "R1", "tau1", ... (`pole_derivatives` of surrogate).
+        dx/dp of the ring (`MadeRing.derivatives`) and the poles "R1", "tau1", ... (`pole_derivatives` of surrogate).
     """
     names = [name for name in map(str, of_cycle.parameter.values) if name in slopes]
     weights = [slopes[name] for name in names]
@@ -310,12 +310,12 @@ def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]
 
 
 def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str | None = None) -> dict[str, float]:
-    """Thermal tuning of a ring by one channel of a thermal model.
+    """Thermal tuning of a ring by one channel of a thermal model: a dict of floats.
 
         shift_per_kelvin (m/K),   shift_per_watt = shift_per_kelvin R_th (m/W)
         pi_power = pi c/(n_g L thermal_shift R_th) (W), where the model's file records the geometry
 
-    pi_power moves the resonance by half a free spectral range c/(n_g L), with the round trip L of the heated part.
+    pi_power shifts the resonance by half a free spectral range c/(n_g L), with the round trip L of the heated part.
     """
     part = heated or model.inputs[0]
     several = len(model.inputs) > 1 or len(model.outputs) > 1

@@ -53,7 +53,7 @@ _VOLUME = "volumes are in m^3 (1 um^3 is 1e-18)"
 
 
 class Number(NamedTuple):
-    """A number of a ring: its unit, the range that excludes slips of units, and whether it may be 0 besides."""
+    """A ring parameter: its unit, its allowed range (which excludes unit errors), and whether it may also be 0."""
 
     unit: str
     low: float
@@ -104,7 +104,7 @@ _NEEDED = (
 
 
 def checked(name: str, value: Any) -> float:
-    """A field of a ring, or InputError where it is out of its range."""
+    """Check a field of a ring: return it as a float, or raise InputError if it is out of its range."""
     known = FIELDS[name]
     if known.zero and value == 0:
         return float(value)
@@ -112,10 +112,10 @@ def checked(name: str, value: Any) -> float:
 
 
 def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], Ring]]) -> Ring:
-    """Read the text of a ring file.
+    """Parse the text of a ring file and return the ring.
 
     ring [type]: `RingResonator`.
-    published: the rings that "base" may name.
+    published: functions returning the rings that "base" may name.
     """
     table = files.from_toml(text)
     found = read_table(table, _KEYS, "the ring file")
@@ -150,9 +150,9 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
 
 
 def _resolve(values: dict[str, Any], rates: dict[str, float], frequency: float | None) -> None:
-    """Replace wavelength, quality factors, perimeter and measured shift by the fields and rates that they determine.
+    """Replace wavelength, quality factors, perimeter and measured shift, in place, by the fields that they determine.
 
-    ``frequency`` is that of the base ring.
+    ``frequency`` is that of the base ring in Hz.
     """
     check_determined(values, ("wavelength",), ("frequency",))
     check_determined(values, ("loaded_q", "intrinsic_q"), ("bus_rate", "drop_rate", "loss_rate", "scattering_rate"))
@@ -181,7 +181,7 @@ def _resolve(values: dict[str, Any], rates: dict[str, float], frequency: float |
 
 
 def check_determined(values: Container[str], given: tuple[str, ...], fields: tuple[str, ...]) -> None:
-    """Raise InputError where keys that belong together are not all there, or stand beside what they determine."""
+    """Raise InputError if some but not all keys ``given`` are in ``values``, or if one of the ``fields`` is too."""
     there = [key for key in given if key in values]
     if there and len(there) < len(given):
         raise InputError(f"{' and '.join(given)} belong together; give both or none")
@@ -193,7 +193,7 @@ def check_determined(values: Container[str], given: tuple[str, ...], fields: tup
 def rates_of(
     frequency: float, loaded_q: float, intrinsic_q: float, buses: int, absorbed_fraction: float
 ) -> dict[str, float]:
-    """The frequency and the amplitude rates of a ring with these quality factors, by field."""
+    """Frequency (Hz) and amplitude decay rates (1/s) of a ring from its quality factors, by field."""
     frequency = checked("frequency", frequency)
     intrinsic_q = checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
     hint = "it is below intrinsic_q: coupling to the bus adds loss"
@@ -212,7 +212,7 @@ def rates_of(
 
 
 def _shift(given: Any, frequency: float) -> float:
-    """rad/s/K of a measured shift of the resonance, as a length or a frequency per kelvin."""
+    """Convert a measured resonance shift, text with unit m/K or Hz/K, to a thermal shift in rad/s/K."""
     try:
         return 2 * pi * quantity.parse(given, "Hz/K", name="resonance_shift")
     except InputError:
@@ -221,13 +221,13 @@ def _shift(given: Any, frequency: float) -> float:
 
 
 def tell_base(name: str, base: Any, own: Container[str]) -> None:
-    """Log what a ring takes from a base: all fields but its own."""
+    """Log the names of the fields that a ring takes from its base, all but ``own``."""
     taken = [key for key in (*FIELDS, "fcd", "carriers") if key not in own and getattr(base, key) is not None]
     log.warning("ring: taken from base %s: %s", name, ", ".join(taken))
 
 
 def write_text(ring: Any, comments: Mapping[str, str]) -> str:
-    """The text of a ring file, each number with its comment; reading it back gives the ring."""
+    """The text of a ring file, with a comment on each field; reading the text returns the ring."""
 
     def line(key: str, value: Any, of: str) -> str:
         comment = one_line(comments.get(of, ""))
@@ -252,7 +252,7 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
 
 
 def _carrier_keys(law: type[Any]) -> dict[str, tuple[str, str, float]]:
-    """By each field of carriers, its key in [carriers], the unit there, and the field for one of that unit."""
+    """By field of a carrier law: its key in [carriers], the unit of the key, and the field's value for one unit."""
     return {one.name: _OTHERWISE.get(one.name, (one.name, UNITS[one.name], 1.0)) for one in dataclasses.fields(law)}
 
 

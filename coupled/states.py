@@ -1,4 +1,4 @@
-"""The state of a ring at one time (field, carriers, heat), from which a run can continue."""
+"""State of a ring (field, carriers, heat) from which a run can continue."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ SAME = 1e-6  # relative difference of time constants that were computed twice
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Field, carriers and thermal states at one moment.
+    """State of a ring at one time: field, carriers and thermal states.
 
     Parameters
     ----------
     field : complex, sqrt(J)
-        a, with |a|^2 the stored energy, in the phase of the light that comes in.
+        a, with |a|^2 the stored energy; its phase is relative to that of the incoming light.
     carriers : float, 1/m^3
         N.
     thermal : array, shape (n,), K
@@ -49,31 +49,31 @@ class State:
 
     @classmethod
     def cold(cls, order: int) -> State:
-        """No light, no carriers and no heat, for a thermal model of ``order`` states."""
+        """The state without light, carriers and heat, for a thermal model of ``order`` states."""
         return cls(0.0, 0.0, np.zeros(order))
 
     @classmethod
     def end_of(cls, run: xr.Dataset) -> State:
-        """Where a run of `simulate` ended."""
+        """The final state of a run of `simulate`."""
         return cls.from_array(final_state(run))
 
     @classmethod
     def from_array(cls, values: Array) -> State:
-        """Inverse of `as_array`; a carrier density that round-off left below 0 becomes 0."""
+        """Construct a State from the array of `as_array`; negative carrier densities (round-off) become 0."""
         return cls(complex(values[0], values[1]), max(float(values[2]), 0.0), values[3:])
 
     @property
     def energy(self) -> float:
-        """|a|^2 in J."""
+        """Stored energy |a|^2 in J."""
         return abs(self.field) ** 2
 
     def as_array(self) -> Array:
-        """[Re a, Im a, N, x_1 .. x_n] in SI."""
+        """The state as an array [Re a, Im a, N, x_1 .. x_n], shape (3 + n,), in SI."""
         return np.array([self.field.real, self.field.imag, self.carriers, *np.asarray(self.thermal)])
 
 
 def starting_point(initial: State | xr.Dataset | None, order: int, known: Mapping[str, Any] | None = None) -> State:
-    """The state a run begins with: cold, given, or where another run ended.
+    """Initial state of a run: zero by default, a given State, or the final state of a Dataset.
 
     known: as of `final_state`.
     """
@@ -86,11 +86,11 @@ def starting_point(initial: State | xr.Dataset | None, order: int, known: Mappin
 
 
 def final_state(run: xr.Dataset, size: int | None = None, known: Mapping[str, Any] | None = None) -> Array:
-    """The state at the end of a run in SI.
+    """State at the end of a run, [Re a, Im a, N, x_1 .. x_n] in SI, shape (3 + n,).
 
-    size, known: number of states and `thermal.attributes` of the model that goes on from there; None for any.
+    size, known: number of states and `thermal.attributes` of the model that continues the run; None for any.
     Raises InputError: no state, or another number of them; other time constants or another output map than those of
-        the model, whose temperature would jump.
+        the model, whose temperature would be discontinuous.
     """
     attrs, hint = getattr(run, "attrs", {}), "give a Dataset from coupled.simulate, or a coupled.State"
     values = checks.array("initial.attrs['final_state']", attrs.get("final_state", ()), hint=hint)

@@ -1,4 +1,4 @@
-"""Thermal models in the form that is integrated with the optics, and whether their geometry is that of the ring."""
+"""Conversion of thermal models to the forms integrated with the optics; comparison of their geometry with a ring."""
 
 import functools
 import logging
@@ -33,9 +33,9 @@ GIVEN = (0.3, 4.0)  # the same, where it was given: a slot or a rib is far from 
 
 
 def compact(model: ThermalModel) -> Compact:
-    """Return ``model.dynamics``, checked: a Foster network, an output map over one, or a quadratic system.
+    """Return the dynamics of a thermal model: a Foster network, an output map after one, or a quadratic system.
 
-    model: of any kind that has such a form, or a fit or reduction that holds one.
+    model: of any kind that has ``dynamics``, or a fit or reduction that holds one.
     Raises InputError: a model without that form (the FEM itself), one with too many states, one that is not passive, or
         numbers that are not finite or beyond `HIGHEST`.
     """
@@ -62,7 +62,7 @@ def compact(model: ThermalModel) -> Compact:
 
 
 def linear(model: ThermalModel, purpose: str) -> Foster:
-    """The Foster network of a linear thermal model (`compact`).
+    """Return the Foster network of a linear thermal model (`compact`).
 
     purpose: a verb phrase for the error, "to PURPOSE, a linear one is needed".
     Raises InputError: a model that is not linear, such as an output map or a quadratic model.
@@ -75,24 +75,24 @@ def linear(model: ThermalModel, purpose: str) -> Foster:
 
 
 def check_order(order: int, most: int) -> None:
-    """Raise InputError for more states than can be integrated with the optics: a step takes n or n^3."""
+    """Raise InputError if the number of thermal states exceeds ``most``; a step costs O(n) or O(n^3)."""
     hint = "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
     checks.integer("the number of states of the model", order, 1, most, hint=hint)
 
 
 def check_resistance(value: float) -> None:
-    """Raise InputError for a resistance that no ring has; a run would take steps without end."""
+    """Raise InputError for a thermal resistance (K/W) above `HIGHEST`, for which steps would become too small."""
     hint = "resistances are in K/W (2 K/mW is 2e3)"
     checks.between("R_th of the model", value, -HIGHEST, HIGHEST, unit="K/W", hint=hint)
 
 
 def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
-    """Compare what a run or a fixed point of a ring asked of a thermal model with what the model describes.
+    """Check that temperature rises in a run or at fixed points lie within the range of validity of a thermal model.
 
     rise [K]: all temperature rises by the light.
     linear [K]: rises before an output map, as many as are known.
-    Warns OutsideTrainingWarning: rises far above those of the training, or at the top of an output map.
-    Raises InputError: linear rises beyond the top of an output map, where more heat would mean less temperature.
+    Warns OutsideTrainingWarning: rises far above those of the training, or near the maximum of an output map.
+    Raises InputError: linear rises beyond the maximum of an output map, where more heat would lower the temperature.
     """
     inner = bare(model)
     if isinstance(inner, OutputMap):
@@ -104,9 +104,9 @@ def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
 
 
 def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Times at which a run is computed, and which of them are the wanted ``times``, s.
+    """Times (s) at which a run is computed, shape (n,), and a mask of those that are the requested ``times``.
 
-    Those of a model whose rise is watched are dense enough that its heat does not pass between them.
+    4001 times are added for a model whose temperature rise is checked (`trusted`), so that no short peak is missed.
     """
     inner = bare(model)
     falls = isinstance(inner, OutputMap) and inner.coefficient < 0
@@ -119,13 +119,13 @@ def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArr
 
 
 def warn_at_top(model: OutputMap, said: str) -> None:
-    """OutsideTrainingWarning that heat may go beyond the top of an output map."""
+    """Warn (OutsideTrainingWarning) that a rise may exceed the maximum of an output map; ``said`` is the reason."""
     text = f"the output map ends at {-0.25 / model.coefficient:.4g} K, where more heat would mean less temperature"
     warnings.warn(f"{text}; {said}: take less power, or a Quadratic model", OutsideTrainingWarning, stacklevel=3)
 
 
 def attributes(model: Compact) -> dict[str, Any]:
-    """The poles of a compact model, and its output map, as attributes of a Dataset."""
+    """Attributes of a Dataset for a thermal model: R and tau of its poles, and the coefficient of its output map."""
     if isinstance(model, Quadratic):
         return {}
     if isinstance(model, OutputMap):
@@ -134,17 +134,17 @@ def attributes(model: Compact) -> dict[str, Any]:
 
 
 def provenance(kind: str, ring: RingResonator, model: Compact) -> dict[str, Any]:
-    """Attributes of a Dataset: its kind, the ring and the thermal network."""
+    """Attributes of a Dataset: its kind, the ring and the poles of the thermal model."""
     return origin(kind, ring) | attributes(model)
 
 
 def long_enough(model: ThermalModel) -> float:
-    """Duration in s of a run from cold that is long enough to tell whether the ring pulses.
+    """Duration in s of a run from cold after which one can decide whether the ring pulses.
 
     Ten times the time in which the step response reaches 95 % of its static value, rounded to two digits. Measured on
-    54 points (powers of 3 to 10 dBm and a fifth of them; the rings of 2021 and 2012 with the second-order equation,
-    also ten and a hundred times slower, and reductions of two geometries): with this duration no point was a slow
-    transient, with half of it up to two were. For the ring over a cavity 30 points were after 20 us.
+    54 settings (powers of 3 to 10 dBm and a fifth of them; the rings of 2021 and 2012 with the second-order equation,
+    also ten and a hundred times slower, and reductions of two geometries): with this duration no setting was still in
+    a slow transient, with half of it up to two were. For the ring over a cavity, 30 were after 20 us.
     """
     small, times = compact(model), np.geomspace(1e-10, 1.0, 10_001)
     left = np.flatnonzero(small.step_response(times) < 0.95 * small.thermal_resistance)
@@ -152,12 +152,12 @@ def long_enough(model: ThermalModel) -> float:
 
 
 def check_geometry(ring: RingResonator, model: Any) -> dict[str, str]:
-    """Compare the volume and the material of a ring with the geometry of a thermal model, and log what contradicts.
+    """Compare volume and material of a ring with the geometry of a thermal model; log a warning if they disagree.
 
     model: a thermal model with the text of its geometry in ``origin``, a HeatProblem, or a family.
 
-    Returns the attribute "warning" of a result, or nothing.
-    Raises InputError: the numbers of a silicon ring for a core of another material.
+    Returns {"warning": text} for the attributes of a result, or an empty dict.
+    Raises InputError: parameters of a silicon ring for a core of another material.
     """
     text = _geometry(model)
     found = _contradiction(ring, text) if text else ""
@@ -167,7 +167,7 @@ def check_geometry(ring: RingResonator, model: Any) -> dict[str, str]:
 
 
 def _geometry(model: Any) -> str:
-    """The text of a model's geometry; empty where it is not known."""
+    """Text of the geometry of a model; empty where it is not known."""
     section = getattr(model, "geometry", None) or getattr(getattr(model, "box", None), "base", None)
     if isinstance(section, CrossSection):
         return section.to_toml()
@@ -176,13 +176,13 @@ def _geometry(model: Any) -> str:
 
 
 def without_origin(model: Any) -> Any:
-    """The model without its geometry, for the many runs of a search."""
+    """Copy of the model without its geometry, for the many runs of a search."""
     return replace(model, origin=None) if getattr(model, "origin", None) else model
 
 
 @functools.lru_cache(256)
 def _contradiction(ring: RingResonator, text: str) -> str:
-    """A sentence on the volume of a ring that is not that of its geometry, or nothing."""
+    """A sentence stating that the volume of the ring differs from that of the geometry, or an empty string."""
     section = CrossSection.from_toml_text(text)
     core = "core" if "core" in section.heated else section.heated[0]
     material, (low, high) = section.material_of(core), SILICON

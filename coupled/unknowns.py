@@ -1,4 +1,4 @@
-"""Free parameters of `identify`: fields of the ring, of its carriers and of the thermal law, as logarithms."""
+"""Free parameters of `identify`: fields of the ring, its carriers and its thermal model, as logarithms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -27,27 +27,28 @@ SPAN = 4.0  # how far a value may go from its start, as a factor, where no bound
 
 @runtime_checkable
 class ThermalFamily(Protocol):
-    """Thermal models that depend on parameters in ranges, such as `surrogate.family.Family`."""
+    """A family of thermal models with parameters in given ranges, such as `surrogate.family.Family`."""
 
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """Both ends of each parameter by name, SI."""
+        """Lower and upper end of each parameter by name, in SI."""
         ...
 
     def at(self, values: Mapping[str, float]) -> Any:
-        """The thermal model with these parameters."""
+        """The thermal model at the given parameter values (SI, by name)."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The free parameters of a ring with a thermal law.
+    """The free parameters of a ring with its thermal model, their starts and bounds.
 
-    thermal: the parameters of the law, free or not; empty where ``model`` is taken as it is.
-    model: the model that is taken as it is, or the Foster network whose poles are free.
-    names: one for each number: "R" and "tau" of n poles become "R1" .. "Rn" and "tau1" .. "taun".
-    start, low, high: logarithms.
-    family: whose parameters are among the names.
+    ring: source of the parameters that are not free.
+    thermal: values of a thermal law's parameters, free or not; empty if ``model`` is given instead.
+    model: a fixed thermal model, or the Foster network whose poles are free; None for a thermal law.
+    names: one for each unknown: "R" and "tau" of n poles become "R1" .. "Rn" and "tau1" .. "taun".
+    start, low, high [shape (unknowns,)]: logarithms of start and bounds in SI.
+    family: the family of thermal models whose parameters are among the names.
     """
 
     ring: RingResonator
@@ -60,7 +61,7 @@ class Unknowns:
     family: ThermalFamily | None = None
 
     def build(self, x: Array) -> tuple[RingResonator, Compact]:
-        """The ring and the thermal model at the logarithms ``x``; raises InputError where they are not physical."""
+        """Ring and thermal model at the logarithms ``x`` of the parameters; InputError if they are not physical."""
         values = dict(zip(self.names, np.exp(x).tolist(), strict=True))
         if self.family is not None:
             inside = {n: min(max(values.pop(n), low), high) for n, (low, high) in self.family.ranges.items()}
@@ -75,7 +76,7 @@ def unknowns(
     model: ThermalModel | ThermalFamily | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> Unknowns:
-    """Resolve the names of the free parameters.
+    """Set up the free parameters of a fit from their names, with starts and bounds.
 
     Raises InputError: a parameter of a family that is not free; an unknown, repeated or fixed name, or one of another
         thermal law than the others; a start that is not positive; bounds that are not positive and in order.
@@ -117,7 +118,7 @@ def unknowns(
 def span_of(
     name: str, bounds: Mapping[str, Any], default: tuple[float, float], within: tuple[float, float] | None = None
 ) -> tuple[float, float]:
-    """Both ends of the search for a number, given or by default; InputError where they are not in order, or outside."""
+    """Bounds (low, high) of a parameter: given or default; InputError unless 0 < low < high, inside ``within``."""
     low, high = checks.array(f"bounds[{name!r}]", bounds.get(name, default))
     least, most = within or (0.0, np.inf)
     if not (0 < low < high and least <= low and high <= most):
@@ -128,7 +129,7 @@ def span_of(
 
 
 def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Compact | None]:
-    """Start values of the thermal law that the names belong to, or the network."""
+    """Start values of the thermal law to which the free names belong, and None; else {} and the thermal model."""
     if {*free} & {*SECOND_ORDER}:
         law = asdict(parameters.SECOND_ORDER_FEM)
         if model is not None:
@@ -148,18 +149,21 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
 
 
 def number_of(ring: RingResonator, name: str) -> float:
-    """Value of a field of the ring or of its carriers; AttributeError where neither has it."""
+    """Value of a field of the ring or of its carriers by name; AttributeError if neither has it."""
     return float(getattr(ring if hasattr(ring, name) else ring.carriers, name))
 
 
 def optical_names(ring: RingResonator) -> set[str]:
-    """Every number of the ring and of its carriers that may be varied."""
+    """Names of all numeric fields of the ring and its carriers, and "tau0"."""
     own = {f.name for f in fields(ring) if isinstance(getattr(ring, f.name), float)}
     return own | {f.name for f in fields(ring.carriers)} | {"tau0"}
 
 
 def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
-    """The ring with new fields; "tau0" scales all lifetimes, "lumped_fcd" is the dispersion where that is lumped."""
+    """Return a copy of the ring with the fields in ``values`` (SI, by name) replaced, carriers' fields included.
+
+    "tau0" scales all lifetimes by one factor; "lumped_fcd" also sets ``fcd`` if that is the lumped term.
+    """
     names = {f.name for f in fields(ring)}
     own: dict[str, Any] = {name: v for name, v in values.items() if name in names}
     if "lumped_fcd" in own and ring.fcd == ((ring.lumped_fcd, 1.0),):
@@ -178,7 +182,7 @@ def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
 
 
 def _model(law: Mapping[str, float], poles: Compact | None, values: Mapping[str, float]) -> Compact:
-    """The thermal model of a law, or the given one, with new poles where they are free."""
+    """The thermal model of the parameters ``law``, or else ``poles`` with the R and tau that ``values`` contains."""
     if poles is None:
         if "kappa" in law:
             return second_order_poles(**law)

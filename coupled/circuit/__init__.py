@@ -1,4 +1,4 @@
-"""Several rings on one chip: light along waveguides and heat between neighbours."""
+"""Circuits of several rings on one chip, coupled by light in waveguides and by heat."""
 
 from .circuit import Circuit, Detector, LaserPort, Splitter, Waveguide
 from .ready import bus, crow, scissor

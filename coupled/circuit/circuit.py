@@ -1,11 +1,11 @@
-"""A circuit of rings, its waveguides, splitters, lasers and detectors, and the file that describes it.
+"""A circuit of rings, waveguides, splitters, lasers and detectors, and the file that describes it.
 
-Every ring has two couplers. Light enters the one at the terminal "in" and leaves at "through", and the other at "add"
-and "drop":
+Every ring has two couplers, the first with the terminals "in" and "through", the second with "add" and "drop"; light
+enters at "in" and "add":
 
     s_through = s_in + i sqrt(2 gamma_e) a,    s_drop = s_add + i sqrt(2 gamma_d) a
 
-"ring 2.through" is that terminal of the ring called "ring 2". A splitter has "in 1", "in 2", "out 1" and "out 2".
+"ring 2.through" is the terminal "through" of "ring 2". A splitter has "in 1", "in 2", "out 1" and "out 2".
 docs/circuits.md shows a file with every key.
 """
 
@@ -31,25 +31,25 @@ SPLITTER_IN, SPLITTER_OUT = ("in 1", "in 2"), ("out 1", "out 2")
 
 
 def _transmission(self: Waveguide | LaserPort) -> complex:
-    """Amplitude at the terminal that the light enters by, per amplitude before it, at the reference frequency."""
+    """Complex amplitude transmission of a waveguide or laser port at the reference frequency."""
     return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
 
 
 @dataclass(frozen=True)
 class Waveguide:
-    """Light from one terminal to another.
+    """A one-way waveguide from an output terminal of a ring or splitter to an input terminal.
 
         s_stop(t) = 10^(-loss/20) exp(-i phase) s_start(t - delay)
 
     Parameters
     ----------
     start, stop : str
-        a terminal that light leaves by, and one that it enters by: "ring 1.through", "ring 2.in".
+        an output terminal and an input terminal: "ring 1.through", "ring 2.in".
     loss : float, dB
     phase : float, rad
-        whole phase of the light at the circuit's reference frequency.
+        total propagation phase at the circuit's reference frequency.
     delay : float, s
-        0 for a waveguide that is short against all that happens; then the phase does not depend on the frequency.
+        0 neglects the propagation time; then the phase does not depend on the frequency.
     """
 
     start: str
@@ -78,7 +78,7 @@ class Splitter:
     ----------
     name : str
     cross : float
-        share of the power that changes the waveguide, 0 to 1.
+        fraction of the power coupled to the other waveguide, 0 to 1.
     """
 
     name: str
@@ -92,17 +92,17 @@ class Splitter:
 
 @dataclass(frozen=True)
 class LaserPort:
-    """Where light comes in; its power is given to `simulate` under its name.
+    """A laser input of a circuit; `simulate` takes the laser's power under its name.
 
     Parameters
     ----------
     name, stop : str
-        the terminal that it enters by.
+        name of the laser, and the input terminal of a ring or splitter that it feeds.
     loss : float, dB
-        on the way there.
+        between laser and terminal.
     phase : float, rad
     offset : float, Hz
-        its frequency minus that of the circuit's reference; several lasers may have different ones.
+        frequency of the laser minus the circuit's reference frequency; it may differ between lasers.
     """
 
     name: str
@@ -123,12 +123,12 @@ class LaserPort:
 
 @dataclass(frozen=True)
 class Detector:
-    """Where light is read; a terminal without a waveguide has a detector of its own name anyway.
+    """A detector at an output terminal; a terminal without waveguide or detector gets a detector of its own name.
 
     Parameters
     ----------
     name, start : str
-        the terminal that light leaves by.
+        name of the detector, and the output terminal of a ring or splitter.
     bandwidth : float, Hz
         of a single-pole low pass, dz/dt = 2 pi bandwidth (|s|^2 - z); 0 for a detector without limit.
     """
@@ -223,17 +223,17 @@ class Circuit:
 
     @property
     def resonators(self) -> tuple[RingResonator, ...]:
-        """The rings themselves, in the order of their names."""
+        """The rings of the circuit, in the order of `names`."""
         return tuple(self.rings.values())
 
     @cached_property
     def entries(self) -> tuple[str, ...]:
-        """Terminals that light enters by."""
+        """Input terminals of all rings and splitters, such as "ring 1.in"."""
         return self._terminals(IN, SPLITTER_IN)
 
     @cached_property
     def exits(self) -> tuple[str, ...]:
-        """Terminals that light leaves by, in the order of `entries`."""
+        """Output terminals of all rings and splitters, in the order of `entries`."""
         return self._terminals(OUT, SPLITTER_OUT)
 
     def _terminals(self, of_ring: Sequence[str], of_splitter: Sequence[str]) -> tuple[str, ...]:
@@ -242,14 +242,14 @@ class Circuit:
 
     @cached_property
     def outputs(self) -> dict[str, str]:
-        """Terminal of every detector by name, and of every free terminal; drop ports that stay dark are left out."""
+        """Output terminal of each detector by name, free terminals included, but not drop ports without light."""
         used = {w.start for w in self.waveguides} | {d.start for d in self.detectors}
         known = {d.name: d.start for d in self.detectors}
         return known | {exit: exit for exit in self.exits if exit not in used and not self._dark(exit)}
 
     @property
     def ports(self) -> tuple[str, ...]:
-        """Names of all detectors."""
+        """Names of all detectors, in the order of the port coordinate of results."""
         return tuple(self.outputs)
 
     @property
@@ -259,19 +259,19 @@ class Circuit:
         return tuple(known.get(port, 0.0) for port in self.ports)
 
     def _dark(self, exit: str) -> bool:
-        """Whether an exit stays dark: a drop port of a ring without a second coupler, whose add port gets no light."""
+        """Whether a terminal gets no light: the drop port of a ring with one coupler and nothing at "add"."""
         entry = self.entries[self.exits.index(exit)]
         ring = self.rings.get(exit.rpartition(".")[0])
         fed = entry in [*(w.stop for w in self.waveguides), *(laser.stop for laser in self.lasers)]
         return ring is not None and exit.endswith(".drop") and ring.drop_bus_rate == 0 and not fed
 
     def scattered(self, sigma: float, seed: int = 0) -> Circuit:
-        """The circuit with cold resonances that scatter, as fabrication leaves them.
+        """The circuit with random shifts of its cold resonances, as fabrication causes them.
 
         Parameters
         ----------
         sigma : float, Hz
-            standard deviation of a normal distribution; the reference frequency stays.
+            standard deviation of the normal distribution of shifts; the reference frequency is unchanged.
         seed : int
         """
         sigma = checks.between("sigma", sigma, 0, 1e13, unit="Hz", hint="1 nm of wavelength is about 125e9 Hz")
@@ -304,7 +304,7 @@ _KINDS: dict[str, tuple[type, dict[str, str]]] = {
 
 
 def _fields(text: str, folder: Path | None = None) -> dict[str, Any]:
-    """The fields of the `Circuit` that the text of a circuit file describes; ring files are in ``folder``."""
+    """Parse a circuit file into the fields of `Circuit`; paths of ring files are relative to ``folder``."""
     keys = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *_KINDS], TABLES)}
     top = read_table(files.from_toml(text), keys, "the circuit file")
 
@@ -322,7 +322,7 @@ def _fields(text: str, folder: Path | None = None) -> dict[str, Any]:
 
 
 def _ring(values: dict[str, Any], folder: Path | None) -> RingResonator:
-    """The ring of a table: a published set or a file, its resonance shifted."""
+    """The ring that a [[ring]] table names, a published set or a ring file, with its resonance shifted."""
     where = f"ring {values['name']!r}"
     if ("base" in values) == ("file" in values):
         raise checks.InputError(f"{where}: give base (one of {', '.join(PUBLISHED)}) or file")

@@ -1,15 +1,15 @@
-"""What joins the rings of a circuit: light along waveguides, which are eliminated, and heat between neighbours.
+"""Coupling of the rings of a circuit: light through waveguides, which are eliminated, and heat from ring to ring.
 
-With K the amplitude rates sqrt(2 gamma) of the couplers, S what passes rings and splitters, C the waveguides without
-delay, D those with delay, E the lasers, all at the frequency of the common frame,
+With K the amplitude rates sqrt(2 gamma) of the couplers, S the direct transmission of rings and splitters, C the
+waveguides without delay, D those with delay, E the lasers, all in the frame of one frequency,
 
     s_out = S s_in + i K a,    s_in = C s_out + D u + E l,    u(t) = s_out(t - delay)
     s_in  = G (C i K a + D u + E l),    G = (1 - C S)^-1
     da/dt = ... + M a + i K^T G (E l + D u),    M = i K^T G C i K
 
-Heat is one model for all rings, or one with an input and an output for each ring. A mode of an N x N model that several
-rings heat becomes one state for each of them; as the model is linear their sum is what the mode was. A model that
-`surrogate.reduce_array` made has no such modes and keeps its states.
+The thermal model is one for all rings, or one with an input and an output for each ring. A mode of an N x N model that
+several rings heat is replaced by one state per heating ring; as the model is linear, their sum is the state of that
+mode. A model of `surrogate.reduce_array` has no such modes and keeps its states.
 
 Source: W. Suh, Z. Wang and S. Fan, IEEE J. Quantum Electron. 40, 1511 (2004).
 """
@@ -43,14 +43,14 @@ NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """The matrices of a circuit in SI: rates in 1/s, waves in sqrt(W), fields in sqrt(J).
+    """The matrices of a circuit of N rings, L lasers, D delays and Q observed waves in SI (sqrt(W), fields in sqrt(J)).
 
     between [shape (N, N), 1/s]: M.
     from_laser, from_delay [shape (N, L) and (N, D), 1/sqrt(s)]: K^T G E and K^T G D.
-    seen_ring, seen_laser, seen_delay [shape (Q, N), (Q, L) and (Q, D)]: the waves at ``terminals``.
+    seen_ring, seen_laser, seen_delay [shape (Q, N), (Q, L) and (Q, D)]: coefficients of the waves at ``terminals``.
     terminals: starts of the delayed waveguides, then the detectors, then the starts of the waveguides that lose light.
     delay [shape (D,), s]
-    lost [shape (Q,)]: share of the power at each terminal that its waveguide loses.
+    lost [shape (Q,)]: fraction of the power at each terminal that its waveguide loses.
     """
 
     between: Complex
@@ -64,7 +64,7 @@ class Light:
     lost: Array
 
     def at(self, offset: float) -> "Light":
-        """The same in a frame that turns faster by ``offset`` in Hz: the phases of the delays are others."""
+        """The matrices in a frame whose frequency is higher by ``offset`` (Hz): only the phases of delays change."""
         turn = np.exp(-2j * np.pi * offset * self.delay)
         return replace(self, from_delay=self.from_delay * turn, seen_delay=self.seen_delay * turn)
 
@@ -72,7 +72,7 @@ class Light:
 def light_of(circuit: Circuit) -> Light:
     """Eliminate the waveguides of a circuit, in the frame of its reference frequency.
 
-    Raises InputError: a loop of waveguides without delay and without loss, in which light would pile up.
+    Raises InputError: a resonant loop of waveguides without delay and without loss, for which 1 - C S is singular.
     """
     entry = {name: k for k, name in enumerate(circuit.entries)}
     exit = {name: k for k, name in enumerate(circuit.exits)}
@@ -119,7 +119,7 @@ def light_of(circuit: Circuit) -> Light:
 
 
 def order_of_rings(feeds: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Topological order of rings of which ``feeds[i, j]`` says whether j lights i; empty where light runs in loops."""
+    """Topological order of the rings, shape (N,), if ring j feeds ring i where ``feeds[i, j]``; empty for a loop."""
     sorter = TopologicalSorter({i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)})
     try:
         return np.fromiter(sorter.static_order(), np.int32)
@@ -128,9 +128,10 @@ def order_of_rings(feeds: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
-    """The waveguides in the kernel's units; entries of M that are round-off become 0.
+    """Convert the matrices of a circuit to the kernel's units; entries of M at round-off become 0.
 
-    corner [shape (Q,), 1/ns]: 2 pi times the bandwidths of the detectors, 0 for none; hair [ns].
+    corner [shape (Q,), 1/ns]: 2 pi times the bandwidths of the detectors, 0 for none.
+    energies: whether to integrate the output powers. hair [ns]: round-off error of times.
     """
     M, root = light.between * eq.NS, np.sqrt(eq.NS)
     feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
@@ -157,7 +158,7 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
 
 
 def _one_waveguide(M: Complex, order: NDArray[np.int32]) -> tuple[Complex | None, Complex | None]:
-    """The vectors of M_ij = taken_i sent_j below its diagonal, as along one bus, or None where M has no such form."""
+    """Vectors t and s with M_ij = t_i s_j below the diagonal (rings on one bus); (None, None) if M has another form."""
     taken, sent = np.zeros(len(M), dtype=complex), np.zeros(len(M), dtype=complex)
     if not M.any():
         return taken, sent
@@ -174,14 +175,14 @@ def _one_waveguide(M: Complex, order: NDArray[np.int32]) -> tuple[Complex | None
 
 @dataclass(frozen=True, eq=False)
 class RingHeat:
-    """Heat of N rings in SI with K states each; a ring with fewer has the others at zero gain.
+    """Thermal model of N rings in SI with K states for each ring; unused states have gain 0.
 
         dx_jk/dt = gain_jk P_j - rate_jk x_jk,    dT_i = sum_jk read_ijk x_jk
 
     gain, rate [shape (N, K); K/J and 1/s]
     read [shape (N, N, K)]
-    curvature [1/K]: of the output map of a ring alone.
-    crossed: whether heat goes from ring to ring.
+    curvature [1/K]: of an output map, if each ring has its own model.
+    crossed: whether rings heat each other. heaters: `Poles` by heater.
     """
 
     gain: Array
@@ -193,17 +194,17 @@ class RingHeat:
 
     @property
     def thermal_resistance(self) -> Array:
-        """R_th of each ring by its own heat, shape (N,), K/W."""
+        """R_th of each ring under its own absorbed power, shape (N,), K/W."""
         own = np.einsum("iik->ik", self.read)
         return np.asarray((own * self.gain / self.rate).sum(axis=1))
 
 
 def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
-    """Heat of the rings of these names under a thermal model.
+    """The thermal states of the rings ``names`` under a thermal model.
 
-    thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: with one input and output, it serves every
-        ring and no heat goes between them; a StateSpace with as many outputs as rings has the rings first among its
-        inputs, then heaters. Rings that it names belong to those of the same names, and others in their order.
+    thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: a model with one input and output applies
+        to every ring separately; a StateSpace with one output per ring has the rings as its first inputs, then heaters.
+        Its rings are matched by name if the names agree, else by order.
     Raises InputError: another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
     """
     model, rings = bare(thermal), len(names)
@@ -254,7 +255,7 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
 
 
 def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
-    """Rates, and B and C in the modes of a small symmetric system."""
+    """Decay rates (1/s), input matrix B and output matrix C in the eigenmodes of a small symmetric system."""
     checks.integer("states of thermal", model.order, 1, MOST, hint="reduce it first (surrogate.reduce_array)")
     E, A = (m.toarray() if hasattr(m, "toarray") else np.asarray(m, dtype=float) for m in (model.E, model.A))
     if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))) and np.diag(A).max() < 0:

@@ -12,7 +12,7 @@ from .circuit import Circuit, Detector, LaserPort, Waveguide
 def bus(
     rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
 ) -> Circuit:
-    """Rings one after the other on one bus, each with a drop port of its own: a filter bank.
+    """Return a circuit of rings in series on one bus, each with its own drop port: a filter bank.
 
     Laser "in"; detectors "through", and "drop 1" to "drop N" for rings with a second coupler.
 
@@ -43,9 +43,9 @@ def bus(
 def scissor(
     rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
 ) -> Circuit:
-    """Rings side by side between two buses, the second of which runs back: a SCISSOR.
+    """Return a SCISSOR: rings in parallel between two buses, with light in the second bus running backwards.
 
-    What a ring drops reaches the ring before it by "add". With rings on one bus only, a chain of all-pass filters.
+    The drop output of a ring feeds "add" of the previous ring. Rings with one coupler give a chain of all-pass filters.
     Laser "in"; detectors "through" at the far end of the first bus, "drop" at the near end of the second.
 
     Parameters
@@ -75,11 +75,11 @@ def scissor(
 
 
 def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
-    """Rings coupled directly, one to the next: a CROW (coupled-resonator optical waveguide).
+    """Return a CROW (coupled-resonator optical waveguide): a chain of directly coupled rings.
 
-    The second coupler of a ring and the first of the next one are one coupler: light that goes round both, a quarter
-    wave each way, makes da_1/dt = ... - i mu a_2 with mu = sqrt(gamma_d1 gamma_e2), and the losses into that coupler
-    cancel. Laser "in" on the first ring; detectors "through" there, "drop" on the last ring.
+    Neighbouring rings share a coupler. It is modelled by the second coupler of the one and the first of the other with
+    a quarter-wave waveguide each way, so da_1/dt = ... - i mu a_2 with mu = sqrt(gamma_d1 gamma_e2), and the losses
+    into these two couplers cancel. Laser "in" on the first ring; detectors "through" there, "drop" on the last ring.
 
     Parameters
     ----------
@@ -109,6 +109,6 @@ def _several(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonat
 
 
 def _chain(rings: int, start: str, stop: str, *of: float, back: bool = False) -> list[Waveguide]:
-    """Waveguides from each ring to the next, or to the one before; ``of`` are loss, phase and delay."""
+    """Waveguides from each ring to the next, or with ``back`` to the previous one; ``of`` are loss, phase and delay."""
     pairs = [(k + 1, k) if back else (k, k + 1) for k in range(1, rings)]
     return [Waveguide(f"ring {a}.{start}", f"ring {b}.{stop}", *of) for a, b in pairs]

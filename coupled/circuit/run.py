@@ -1,4 +1,4 @@
-"""Light, carriers and heat of all rings of a circuit in time: what `simulate` does for a circuit."""
+"""Time integration of a circuit: light, carriers and heat of all its rings, as `simulate` calls it."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -47,7 +47,7 @@ def run_circuit(
     initial: Any,
     progress: Callable[[float], None] | None,
 ) -> xr.Dataset:
-    """Simulate a circuit; arguments and result are those of `simulate`, which has checked duration, rtol and times."""
+    """Simulate a circuit: `simulate` calls it with its arguments, duration, rtol and times checked, for its result."""
     shortest = SHORTEST / max(ring.linear_rate for ring in circuit.resonators)
     for w in circuit.waveguides:
         hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"
@@ -88,7 +88,7 @@ def run_circuit(
 
 
 def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
-    """The state that a run begins with, in the kernel's units."""
+    """Initial state vector of a run in the kernel's units: zero, or the final state of an earlier run."""
     n, K = heat.gain.shape
     if initial is None:
         return np.zeros(n * (3 + K))
@@ -98,7 +98,7 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
 
 
 def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
-    """The rows of the kernel as a Dataset, in SI."""
+    """Convert the rows of the kernel to a Dataset over time, ring, port and laser, in SI."""
     circuit, light = system.circuit, system.light
     time, further = rows[:, 0] * eq.NS, rows[:, 1 + 4 * len(circuit.names) :].T
     fields, N, rise, absorbed = eq.in_si(system.rings, rows)
@@ -148,5 +148,5 @@ def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
 
 
 def described(name: str) -> dict[str, str]:
-    """Unit and long name of a variable."""
+    """Attributes of a variable by its name: units and long_name."""
     return dict(zip(("units", "long_name"), NAMES[name], strict=True)) if name in NAMES else dataset.describe(name)

@@ -1,4 +1,4 @@
-"""Circuits at rest: fixed points under constant light and their stability, and the transmission at low power."""
+"""Steady states of circuits: fixed points under constant light with their stability, and low-power transmission."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -38,11 +38,11 @@ def circuit_steady_states(
 ) -> xr.Dataset:
     """Fixed points of a circuit that Newton's method finds, with the eigenvalues of the Jacobian.
 
-        0 = f(y),    growth_rate = max Re eig(df/dy),    y = (Re a, Im a, N of each ring, states of heat)
+        0 = f(y),    growth_rate = max Re eig(df/dy),    y = (Re a, Im a, N of each ring, thermal states)
 
-    Newton's method starts on the branch of low power, followed from 0 to the whole power, and from ``starts`` random
-    detunings of the hot rings, with the light, carriers and heat that belong to them. No method is known that finds all
-    fixed points of several rings: some may be missed.
+    Newton's method starts on the low-power branch, continued from zero to full power, and from ``starts`` random
+    detunings of the hot rings with matching light, carriers and heat. No method is known that finds all fixed points of
+    several coupled rings: some may be missed.
     """
     starts = checks.integer("starts", starts, 0, 100_000)
     system = autonomous(circuit, thermal, power, heaters, detuning)
@@ -63,7 +63,7 @@ def circuit_steady_states(
 def autonomous(
     circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
-    """The system of a circuit under constant light of one frequency; InputError for any other."""
+    """The system of a circuit under constant light of one frequency; InputError for varying light or with delays."""
     given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
     numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
     for name, value in numbers.items():
@@ -84,9 +84,9 @@ def autonomous(
 
 
 def at_rest(problem: Problem, y: Array, least: Array) -> Array | None:
-    """The fixed point that Newton's method finds from ``y``, damped until the next correction is smaller, or None.
+    """The fixed point to which damped Newton's method converges from ``y``; None without convergence.
 
-    least: sizes of the states below which corrections are not relative.
+    least [shape of y]: scales of the states; corrections are relative to the larger of |y| and these.
     """
     try:
         for _ in range(ITERATIONS):
@@ -110,7 +110,7 @@ def at_rest(problem: Problem, y: Array, least: Array) -> Array | None:
 
 
 def _newton(system: System, problem: Problem, y: Array) -> Array | None:
-    """The fixed point of a circuit near a state, with no carriers below 0."""
+    """The fixed point of a circuit near a state, by `at_rest`; None also if its carrier density is negative."""
     n = problem.rings
     least = np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
     found = at_rest(problem, y, least)
@@ -118,7 +118,7 @@ def _newton(system: System, problem: Problem, y: Array) -> Array | None:
 
 
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
-    """States to start from: the branch of low power, then random detunings of the hot rings."""
+    """Start states for Newton's method: the low-power branch at full power, then random detunings of the hot rings."""
     n, drive = len(system.circuit.names), system.lights.drive
     y = system.problem(Method.RODAS5P).zero()
     for share in np.geomspace(1e-3, 1.0, RAMP):
@@ -137,7 +137,7 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
 
 
 def _state_at(system: System, D: Array) -> Array:
-    """State with given detunings D in rad/ns: light and carriers of the coupled rings, heat of each ring alone."""
+    """State vector at the resonance detunings D (rad/ns) of the hot rings; without heat flow between the rings."""
     n = len(D)
     power, phase = system.lights.drive.power.coefficients[0, :, 0], system.lights.drive.phase.coefficients[0, :, 0]
     into = system.lights.drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
@@ -156,7 +156,7 @@ def _state_at(system: System, D: Array) -> Array:
 
 
 def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
-    """The fixed points as a Dataset, in SI."""
+    """The fixed points as a Dataset over state, ring and port, in SI."""
     circuit, heat = system.circuit, system.heat
     n, K = heat.gain.shape
     y = np.array(found).reshape(-1, 3 * n + n * K)
@@ -187,7 +187,7 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
 
 
 def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:
-    """Transmission from one laser to every port at low power.
+    """Linear transmission from one laser to every port as a Dataset over detuning, with phase and energies.
 
     [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
     """
@@ -219,9 +219,9 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
 
 
 def _response(circuit: Circuit, light: Light, detuning: float, k: int) -> tuple[Complex, Complex]:
-    """Waves at the ports and fields of the rings for a unit wave of laser ``k``, at low power.
+    """Linear response to laser ``k`` with unit amplitude: waves at the ports and fields of the rings (sqrt(s)).
 
-    Waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u.
+    The waves u at the starts of the delayed waveguides solve u = A a + B l + P u.
     """
     late = slice(0, light.delay.size)
     A, B, around = light.seen_ring[late], light.seen_laser[late, k], np.eye(late.stop) - light.seen_delay[late]

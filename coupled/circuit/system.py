@@ -1,4 +1,4 @@
-"""A circuit, its heat and its drive, in SI and as the kernel takes them; the breakpoints that delays bring back."""
+"""The equations of a circuit with thermal model and drive, in SI and in the kernel's units; breakpoints from delays."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,9 +23,10 @@ MOST_EDGES = 5_000_000  # 40 MB
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A circuit under its drive.
+    """A circuit with its thermal model, lasers and heaters over one time window.
 
-    detuning [Hz]: of the first laser.
+    light: the matrices of the circuit, in the frame of the first laser at constant detuning.
+    detuning [Hz]: of the first laser. rings: in the kernel's units.
     """
 
     circuit: Circuit
@@ -38,13 +39,13 @@ class System:
 
     @property
     def corner(self) -> Array:
-        """2 pi times the bandwidth of the detector of every observed wave in 1/ns; 0 for none."""
+        """2 pi times the detector bandwidth (1/ns) of each observed wave, shape (Q,); 0 for none."""
         found, first = np.zeros(len(self.light.terminals)), self.light.delay.size
         found[first : first + len(self.circuit.ports)] = 2 * np.pi * eq.NS * np.array(self.circuit.bandwidths)
         return found
 
     def problem(self, method: Method, *, detected: bool = False, energies: bool = False) -> Problem:
-        """The problem for the kernel, which keeps what detectors show where it is ``detected``, and the energies."""
+        """The equations for the kernel; ``detected`` adds detector low passes, ``energies`` the integrated powers."""
         heat, n = self.heat, len(self.circuit.names)
         own, cross = np.einsum("iik->ik", heat.read), None
         if heat.crossed:
@@ -59,7 +60,7 @@ class System:
         return Problem(self.rings, poles, self.lights.drive, method, network)
 
     def waves(self, fields: Complex, times: Array) -> Complex:
-        """Observed waves in sqrt(W), (Q, m), of fields in sqrt(J), (N, m), at times in s, without delays."""
+        """Observed waves (sqrt(W), shape (Q, m)) from fields (sqrt(J), (N, m)) at times in s; no delays."""
         return np.asarray(self.light.seen_ring @ fields + self.light.seen_laser @ self.lights.amplitudes(times))
 
 
@@ -74,9 +75,9 @@ def system_of(
     rtol: float = 1e-6,
     before: Array | None = None,
 ) -> System:
-    """Convert a circuit and its drive; arguments and errors as of `simulate`.
+    """Convert a circuit, its thermal model and its drive to a `System`; arguments and errors as of `simulate`.
 
-    before: states of the heaters at the end of a run that this one goes on from.
+    before: states of the heaters at the end of the run that is continued.
     """
     heat = ring_heat(thermal, circuit.names)
     powers, detunings = inputs_of(circuit, power, detuning, duration)
@@ -89,9 +90,9 @@ def system_of(
 
 
 def _rings(circuit: Circuit, heat: RingHeat, drive: Drive) -> Rings:
-    """The rings in the kernel's units, and the sizes below which their errors are not relative.
+    """Convert the rings to the kernel's units, with the absolute tolerances (floors) of their states.
 
-    A ring that no laser reaches gets its light from other rings or delays.
+    The floor of a ring that no laser reaches directly is computed from the total laser power.
     """
     coupler = np.sqrt([2 * ring.bus_rate * eq.NS for ring in circuit.resonators])
     whole, reaching = np.sqrt(drive.brightest.sum()) * coupler, np.abs(drive.entry) @ np.sqrt(drive.brightest)
@@ -110,7 +111,7 @@ def _rings(circuit: Circuit, heat: RingHeat, drive: Drive) -> Rings:
 def inputs_of(
     circuit: Circuit, power: Mapping[str, Any], detuning: Any, duration: float
 ) -> tuple[list[Pieces], list[Pieces]]:
-    """Power in W and detuning in Hz of every laser as piecewise cubics; those that are not named are 0.
+    """Power in W and detuning in Hz of every laser as piecewise cubics; 0 for lasers that are not named.
 
     detuning: for all lasers alike, or a mapping from their names.
     Raises InputError: no mapping, a name that is no laser, a value out of range, or a detuning that varies in a circuit
@@ -131,10 +132,10 @@ def inputs_of(
 
 
 def echoes(edges: Array, light: Light, duration: float) -> Array:
-    """Times at which a jump of a laser is felt: at once, and after each further sum of delays, until it is too weak.
+    """Times at which a discontinuity of a laser arrives: ``edges``, and these plus all sums of delays (breakpoints).
 
-    gain: largest factor of the amplitude from one delay to the next by ways past the rings. An echo after n delays is
-    kept while gain^(n - 1) > 1e-7: light through a ring changes without a jump, and one passage is allowed for.
+    With gain the largest amplitude factor from one delay to the next without passing through a ring, those after n
+    delays are kept while gain^(n - 1) > 1e-7: a ring smooths a discontinuity, and one passage is allowed for.
     Returns times in s, increasing, below ``duration``. Raises InputError: more than `MOST_EDGES` of them.
     """
     delays = np.unique(light.delay)
@@ -155,7 +156,7 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
 def lights_of(
     circuit: Circuit, light: Light, powers: list[Pieces], detunings: list[Pieces], rises: list[Pieces]
 ) -> Lights:
-    """Lasers in W, their detunings in Hz, and what the heaters add to each ring in K; fields turn with the first."""
+    """Combine laser powers (W), detunings (Hz) and temperature rises by heaters (K) in the frame of the first laser."""
     duration = powers[0].edges[-1]
 
     def moved(detuning: Pieces, by: float) -> Pieces:
@@ -176,6 +177,6 @@ def lights_of(
 
 
 def beat_of(lights: Lights) -> float:
-    """Fastest beat of the lit lasers with each other and with the light of rings and delays, rad/ns."""
+    """Largest difference of the angular frequencies of the lit lasers and of the frame, rad/ns."""
     lit = [bool(np.any(power.coefficients)) for power in lights.powers]
     return float(np.ptp(np.append(lights.turning[lit], 0.0)))

@@ -1,1 +1,1 @@
-"""Settled cycles of a ring: solved for, followed, and differentiated."""
+"""Periodic orbits of a self-pulsing ring: shooting, continuation in a parameter, and derivatives by parameters."""

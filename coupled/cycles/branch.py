@@ -1,12 +1,14 @@
-"""A branch of cycles, followed by its length around its folds, and the Hopf points where it begins and ends.
+"""Continuation of periodic orbits (cycles) in one parameter by pseudo-arclength, from one Hopf point to another.
 
-    fold of cycles: d(parameter)/d(length) = 0,     period doubling: prod (1 + mu_i) = 0,
-    torus: prod_(i<j) (1 - mu_i mu_j) = 0 with a pair of complex mu,     mu: the multipliers but the trivial one
-    beside a Hopf point:  x = x_0 + r Re(q exp(i w t)),     J q = i w q,     dr/dt = growth r + g r^3
+Bifurcations on a branch, with mu the Floquet multipliers without the trivial multiplier 1:
+
+    fold of cycles: d(parameter)/d(arclength) = 0,     period doubling: prod (1 + mu_i) = 0,
+    torus: prod_(i<j) (1 - mu_i mu_j) = 0 with a pair of complex mu
+    near a Hopf point:  x = x_0 + r Re(q exp(i w t)),     J q = i w q,     dr/dt = growth r + g r^3
 
 r is the relative amplitude of the carriers and g the first Lyapunov coefficient (`steady_states.first_lyapunov`). A
-branch of ever smaller cycles ends where a pair of eigenvalues crosses the imaginary axis, found by the secant method on
-the real part; its last "cycle" is the fixed point itself.
+branch whose cycles shrink ends at a Hopf point: the secant method finds the parameter at which the real part of a pair
+of eigenvalues vanishes. The last entry of such a branch is the fixed point at that parameter.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 and 10.3.
 """
@@ -61,12 +63,12 @@ KINDS = ("fold", "period doubling", "torus")
 
 
 def is_hopf_point(guess: Any) -> bool:
-    """Whether a guess is one point of a Hopf curve."""
+    """Whether a guess is a Dataset of `hopf_curves`, of which one point is the start of a branch."""
     return str(getattr(guess, "attrs", {}).get("kind")) == KIND
 
 
 def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
-    """Power in W and detuning in Hz of a point of a Hopf curve; heaters turn the resonance by ``turn`` in Hz."""
+    """Power (W) and detuning (Hz) at a Hopf point, less the resonance shift ``turn`` (Hz) by constant heaters."""
     if np.ndim(guess["power"] if "power" in getattr(guess, "variables", {}) else 0.0) != 0:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
     what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
@@ -76,7 +78,7 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
 
 
 def _at_rest(p: CycleProblem, U: float, D: float) -> tuple[Array, Array]:
-    """The fixed point (U, D) of a problem, and its Jacobian; under a real pump the field turns as i/(gamma - i D)."""
+    """State vector and Jacobian at the fixed point (U, D), in internal units, for a real pump amplitude."""
     y = states(np.array([U]), np.array([D]), p.internal)[0][0]
     turn = 1j / (float(balance(U, p.internal).gamma) - 1j * D)
     y[:2] = np.sqrt(U) * (np.array([turn.real, turn.imag]) / abs(turn))
@@ -84,10 +86,11 @@ def _at_rest(p: CycleProblem, U: float, D: float) -> tuple[Array, Array]:
 
 
 def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
-    """Start a branch of cycles at a Hopf point: its first cycle, and the unit tangent towards larger ones.
+    """Start a branch of cycles at a Hopf point: return its first cycle and the unit tangent towards larger cycles.
 
-    guess: a point of `hopf_curves`. size: relative amplitude of the carriers of the first cycle.
-    Raises InputError: no imaginary eigenvalues at the frequency of the point, or no cycle beside it.
+    guess: one point of `hopf_curves`.
+    size: relative amplitude of the carriers in the first cycle.
+    Raises InputError: no eigenvalue near the frequency of the point, or Newton's method finds no small cycle.
     """
     p = family.base
     power, detuning = laser_of(guess, turned_by(p.rise, p.ring))
@@ -113,12 +116,12 @@ def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
 
 
 def hopf_near(family: Family, place: Place) -> Place | None:
-    """The Hopf point near a small cycle of a family with one parameter; None where there is none."""
+    """The Hopf point where a branch of shrinking cycles ends, as a cycle of zero amplitude; None if none is near."""
     orbit, start, span = place.orbit, float(place.values[0]), float(family.ranges[0])
     energy = float(time_weights(orbit) @ (orbit.trace.rows[:, 1:3] ** 2).sum(axis=1)) / orbit.T
 
     def pair(value: float) -> tuple[Array, complex, Array]:
-        """The fixed point of about that energy, its eigenvalue of about that frequency, and its Jacobian."""
+        """State, critical eigenvalue (1/ns) and Jacobian at the fixed point of the cycle's mean energy."""
         p = family.at(np.array([value]))
         U, D, _ = fixed_points(*p.laser, p.internal)
         k = int(np.argmin(np.abs(U - energy)))
@@ -141,14 +144,14 @@ def hopf_near(family: Family, place: Place) -> Place | None:
 
 
 class Found(NamedTuple):
-    """A cycle of a branch and its kind of bifurcation: one of `KINDS`, `HOPF`, or "" for none."""
+    """A cycle on a branch and the bifurcation at which it lies: one of `KINDS`, `HOPF`, or "" for a regular cycle."""
 
     place: Place
     kind: str
 
 
 def towards(place: Place, direction: float) -> Array:
-    """The tangent along which the parameter of a family goes in a ``direction``, in the units of `weights`."""
+    """Unit tangent of a branch at a cycle, signed so that the parameter changes with the sign of ``direction``."""
     return _unit(place, place.directions[0] * np.sign(direction * place.directions[0, -1]))
 
 
@@ -161,15 +164,16 @@ def follow(
     most: int,
     kinds: Collection[str] = KINDS,
 ) -> tuple[list[Found], str]:
-    """Return the cycles from ``start`` on along the ``tangent``, and why the branch ends.
+    """Return the cycles of a branch, from ``start`` on along the unit ``tangent``, and the reason why the branch ends.
 
-    most: cycles; kinds: of special cycles to locate.
+    low, high: range of the parameter (SI), at whose ends the branch stops.
+    most: largest number of cycles. kinds: the bifurcations to locate, of `KINDS`.
     """
     place, step = start, FIRST
     out, shortest = [Found(start, "")], start.orbit.T
 
     def outside(q: Place) -> float:
-        """Below 0 within the range."""
+        """Signed test of the range: negative while the parameter lies between ``low`` and ``high``."""
         return float((q.values[0] - low) * (q.values[0] - high))
 
     while len(out) < most:
@@ -208,34 +212,34 @@ def follow(
 
 
 def doubling(place: Place) -> float:
-    """Zero where a multiplier is -1."""
+    """Test function of period doubling: prod (1 + mu_i), which vanishes where a multiplier is -1."""
     return float(np.prod(1 + place.orbit.others).real)
 
 
 def torus(place: Place) -> float:
-    """Zero where the product of two multipliers is 1."""
+    """Test function of a torus bifurcation: prod_(i<j) (1 - mu_i mu_j), zero where a product of multipliers is 1."""
     mu = place.orbit.others
     i, j = np.triu_indices(mu.size, 1)
     return float(np.prod(1 - mu[i] * mu[j]).real)
 
 
 def _unit(place: Place, direction: Array) -> Array:
-    """A direction in the units of `weights`, of length 1."""
+    """Scale a change of the unknowns (y_1, T, q) by `multiple_shooting.weights` and normalise it to length 1."""
     scaled = direction * place.unit
     return np.asarray(scaled / np.linalg.norm(scaled))
 
 
 def _longest(place: Place) -> float:
-    """The step in which no node changes by more than `TURN`; a small cycle by as much of its size.
+    """Longest continuation step at a cycle: the states at the nodes change by at most `TURN` of their largest values.
 
-    So a branch that shrinks meets its Hopf point, behind which the same cycles begin half a period later.
+    For a small cycle the limit is proportional to its amplitude, so that no step passes beyond its Hopf point.
     """
     length = float(np.linalg.norm(place.directions[0] * place.unit))
     return min(LONGEST, TURN * min(1.0, 2 * place.extent) / max(place.moved(np.array([1 / length])), 1e-12))
 
 
 def _ahead(family: Family, place: Place, tangent: Array, step: float, rtol: float = COARSE) -> Place | None:
-    """The cycle a ``step`` along the tangent."""
+    """The cycle at arclength ``step`` along the tangent (predictor and corrector); None without convergence."""
     per_length = place.directions[0] * place.unit @ tangent
     return predicted(family, place, np.array([step / per_length]), tangent[None], rtol)
 
@@ -243,7 +247,7 @@ def _ahead(family: Family, place: Place, tangent: Array, step: float, rtol: floa
 def _between(
     family: Family, place: Place, ahead: Place, tangent: Array, step: float, kinds: Collection[str]
 ) -> list[Found]:
-    """Bifurcations between two cycles, in order."""
+    """Bifurcations of the given kinds on the branch between a cycle and the next one, in order of arclength."""
 
     def fold(q: Place) -> float:
         unit = q.unit
@@ -259,7 +263,7 @@ def _between(
 
 
 def _located(family: Family, place: Place, tangent: Array, step: float, test: Callable[[Place], float]) -> Place | None:
-    """The cycle within a step where ``test`` vanishes; lengths to 1e-9, by Brent's method, with precise derivatives."""
+    """The cycle where ``test`` vanishes, by Brent's method in arclength, to 1e-10; None without convergence."""
     seen: dict[float, Place] = {}
 
     def at(s: float) -> float:
@@ -277,9 +281,9 @@ def _located(family: Family, place: Place, tangent: Array, step: float, test: Ca
 
 
 def _is_there(kind: str, place: Place) -> bool:
-    """Whether a multiplier is where a change of sign says that it is.
+    """Whether a multiplier lies at -1 (period doubling) or a complex pair on the unit circle (torus), to `AT`.
 
-    Near a saddle a multiplier can pass through infinity; the sign changes then, too.
+    The test functions also change sign where a multiplier passes through infinity, near a saddle.
     """
     mu = place.orbit.others
     if kind == "period doubling":
@@ -290,7 +294,7 @@ def _is_there(kind: str, place: Place) -> bool:
 
 
 def described(family: Family, places: list[Place]) -> dict[str, Any]:
-    """The cycles of a branch or a curve as variables over point, in SI."""
+    """Parameters and measures of cycles, in SI: a dict from name to ("point", values, attributes)."""
     p, seen = family.base, [measure(place.orbit.trace.rows) for place in places]
     dropped, values = 2 * p.ring.drop_bus_rate * FJ, np.array([place.values for place in places]).T
     numbers = {name: (x, unit_of(p, name) or "1", name) for name, x in zip(family.names, values, strict=True)} | {
@@ -306,7 +310,7 @@ def described(family: Family, places: list[Place]) -> dict[str, Any]:
 
 
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
-    """The cycle of a problem, by continuation from a Hopf point at another power or detuning."""
+    """The cycle of a problem, by continuation in power and detuning from a Hopf point at another power or detuning."""
     own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
     wanted = {"power": p.power, "detuning": p.detuning}
     far = {"power": abs(p.power / own["power"] - 1), "detuning": abs(p.detuning - own["detuning"]) / p.ring.linear_rate}

@@ -1,4 +1,4 @@
-"""A cycle followed while one number of the ring, the laser or the heat changes."""
+"""Continuation of a limit cycle in one parameter of the ring, the laser or the thermal model."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -37,9 +37,9 @@ def continue_cycle(
     heated: str | None = None,
     read: str | None = None,
 ) -> xr.Dataset:
-    """Follow a cycle, stable or not, while one number changes, around its folds.
+    """Continue a cycle, stable or unstable, in one parameter, through its folds (pseudo-arclength).
 
-        cycle equations (y_0, T, p) = 0,     tangent . (y_0 - y_p, T - T_p, p - p_p) = 0
+        cycle equations (y_0, T, p) = 0,     tangent . (y_0 - y_p, T - T_p, p - p_p) = 0,     index p: predicted values
 
     Parameters
     ----------
@@ -47,16 +47,16 @@ def continue_cycle(
     model : ThermalModel
         as for `limit_cycle`.
     parameter : str
-        "power", "detuning", a number of the ring or its carriers, or of a network ("R1", "tau2"), as for
-        `cycle_derivatives`. A pole keeps its number where its time constant passes that of another.
+        "power", "detuning", a field of the ring or its carriers, or a pole of a network ("R1", "tau2"), as for
+        `cycle_derivatives`. The index of a pole is kept when its time constant crosses that of another.
     values : (float, float), SI
-        the branch goes towards the first of them, and ends where it leaves the range between both.
+        range of the parameter: the branch starts towards the first value, and ends where it leaves the range.
     power, detuning : float, W and Hz, optional
         of the first cycle; by default those of ``guess``.
     guess : Dataset or State, optional
         as for `limit_cycle`, or a point of `hopf_curves` (``curve.isel(point=k)``), where the branch begins.
     points : int
-        the most cycles.
+        largest number of cycles.
     heaters : mapping of name to float, W, optional
         constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
@@ -65,17 +65,16 @@ def continue_cycle(
     xarray.Dataset
         over point, in the order of the branch: the parameter (SI), period (s), duty, swing (K), extinction (dB),
         highest_rise (K), drop_low and drop_high (W), stability ("stable", "doubled" or "unstable") and special ("",
-        "fold", "period doubling", "torus" or "Hopf" at a point that lies exactly there); multipliers over (point,
-        multiplier).
-        attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range. The branch
-        turns vertical and ends where a deviation grows by 1e10 in a period, as in a canard explosion.
+        "fold", "period doubling", "torus" or "Hopf" at a bifurcation point); multipliers over (point, multiplier).
+        attrs["reason"] says why the branch ends. Bifurcations are located to 1e-8 of the range. The branch also
+        ends where a multiplier exceeds 1e10, as in a canard explosion, where the parameter hardly changes.
 
     Raises
     ------
     InputError
         as `limit_cycle`, an unknown parameter, values that are equal, or no cycle to begin with.
 
-    Measured: the folds of Newton's law against runs of 1 ms on either side, 1e-6 of the detuning apart.
+    Tested with Newton's law: runs of 1 ms on both sides of a fold, at detunings that differ by 1e-6, confirm it.
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 10.2.
 
@@ -112,7 +111,7 @@ def continue_cycle(
 
 
 def _laser(guess: Any, power: float | None, detuning: float | None, turn: float) -> tuple[float, float]:
-    """Power and detuning of the first cycle; heaters turn the resonance by ``turn`` in Hz."""
+    """Power (W) and detuning (Hz) of the first cycle; ``turn`` is the resonance shift by constant heaters in Hz."""
     attrs = getattr(guess, "attrs", {})
     own = laser_of(guess, turn) if is_hopf_point(guess) else (attrs.get("input_power"), attrs.get("detuning", 0.0))
     P = own[0] if power is None else power
@@ -127,7 +126,7 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
 
 
 def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
-    """A branch in SI."""
+    """The cycles of a branch as a Dataset over point, in SI, with their stability, bifurcations and multipliers."""
     p, places, kind = family.base, [f.place for f in found], {"units": "1", "long_name": "kind of the cycle"}
     variables = branch.described(family, places)
     variables["stability"] = ("point", [stability(place.orbit) for place in places], kind)

@@ -1,12 +1,12 @@
-"""Curves of folds of cycles in the plane of power and detuning: the borders of pulsing beside a stable point.
+"""Curves of folds of cycles in the plane of power and detuning: bounds of pulsing where a fixed point is also stable.
 
-Cycles with two free parameters form a surface. It folds over the plane of the parameters q where its tangent plane W
-does not cover it:
+Cycles with two free parameters q form a surface. A fold is a point where the projection of its tangent plane, spanned
+by the rows of W, onto the plane of q is singular:
 
-    g = det (dq/dW) = 0,    W: directions in which the cycle equations stay solved, V W = 1 for two fixed rows V
+    g = det (dq/dW) = 0,    W: directions in which the linearised cycle equations hold, V W = 1 for two fixed rows V
 
-One row of V points along the curve, the other across. A cycle is closed a step along the curve, then moved across by
-the secant method on g.
+One row of V is tangent to the curve of folds, the other normal to it within the tangent plane. Each step is a predictor
+along the first row; the secant method on g then corrects along the second.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 10.3 (curves of codimension one).
 """
@@ -53,10 +53,10 @@ def cycle_fold_curves(
     heated: str | None = None,
     read: str | None = None,
 ) -> list[xr.Dataset]:
-    """Return the curves on which a stable and an unstable cycle meet and vanish: the ends of hysteresis.
+    """Return the curves on which two cycles merge and vanish (folds of cycles): the ends of hysteresis.
 
-    Between such a curve and a subcritical Hopf curve the ring may rest or pulse. Branches of cycles lead from Hopf
-    points to a fold, from which the curve is followed both ways, without integration.
+    Between such a curve and a subcritical Hopf curve a stable fixed point and a stable cycle coexist. A branch of
+    cycles is continued from a Hopf point to a fold, and the curve of folds from there in both directions.
 
     Parameters
     ----------
@@ -71,10 +71,10 @@ def cycle_fold_curves(
     Returns
     -------
     list of xarray.Dataset
-        one for each curve, over point: power (W), detuning (Hz), the numbers of the cycle as of `continue_cycle`, and
-        leading, whether no other multiplier lies outside the unit circle, so that one of the two cycles is stable.
-        attrs["reason"] says why the curve ends at either end. Curves that no branch from a Hopf point in or near the
-        window leads to are not found.
+        one for each curve, over point: power (W), detuning (Hz), the measures of the cycle as in `continue_cycle`, and
+        leading (True if all other multipliers lie in the unit circle, so that one of the two cycles is stable).
+        attrs["reason"] says why the curve ends, at both ends. A curve is found only if a branch of cycles from a Hopf
+        point in or near the window has a fold on it.
 
     Raises
     ------
@@ -107,39 +107,39 @@ def cycle_fold_curves(
 
 
 class _Window:
-    """The range of power and detuning that is asked for."""
+    """The rectangle of power and detuning in which curves of folds are computed."""
 
     def __init__(self, low: float, high: float, first: float, last: float) -> None:
-        """Take the ends in W and Hz."""
+        """Store the lowest and highest power (W) and the first and last detuning (Hz) of the window."""
         self.low, self.high, self.first, self.last = float(low), float(high), float(first), float(last)
         self.decades = max(float(np.log(high / low)), 0.1)
         self.width = max(float(last - first), 1e9)
         self.ranges = np.array([np.sqrt(low * high) * self.decades, self.width])  # units of power and detuning
 
     def wider(self) -> tuple[Array, Array]:
-        """The ends with `AROUND` on either side."""
+        """Ranges of power (W) and detuning (Hz), two ends each, of the window extended by `AROUND` on every side."""
         factor, more = np.exp(AROUND * self.decades), AROUND * self.width
         powers = np.array([self.low / factor, min(self.high * factor, 1.0)])
         return powers, np.array([self.first - more, self.last + more])
 
     def at(self, values: Array) -> Array:
-        """Powers and detunings, rows, as fractions of the window."""
+        """Coordinates of powers (W) and detunings (Hz), shape (2, ...): 0 to 1 in the window, power logarithmic."""
         P, nu = values
         return np.array([np.log(np.maximum(P, 1e-12) / self.low) / self.decades, (nu - self.first) / self.width])
 
     def holds(self, values: Array, margin: float = 0.0) -> bool:
-        """Whether a point lies in the window, or within a ``margin`` of it."""
+        """Whether (power, detuning) lies in the window, widened on each side by ``margin`` times its size."""
         at = self.at(values)
         return bool(np.all((at >= -margin) & (at <= 1 + margin)))
 
     def on(self, curve: xr.Dataset, values: Array) -> bool:
-        """Whether a curve passes through a point."""
+        """Whether (power, detuning) lies on a curve, within `NEAR` of the window's size."""
         own = self.at(np.stack([curve["power"].values, curve["detuning"].values])).T
         return bool(distances(self.at(values)[None], own)[0] < NEAR)
 
 
 def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
-    """The middle of every stretch of a Hopf curve that bounds a stable region, each of one kind."""
+    """The midpoint of every sub- or supercritical part of a Hopf curve that bounds a region of stable fixed points."""
     leading, hard = hopf["leading"].values, hopf["lyapunov"].values > 0
     kind = np.where(leading, np.where(hard, 2, 1), 0)
     edges = np.flatnonzero(np.diff(kind)) + 1
@@ -148,7 +148,7 @@ def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
 
 
 def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tuple[Family, Place, Array]]:
-    """Folds on the branch of cycles from a Hopf point in detuning, and the direction across each."""
+    """Folds on the branch of cycles in detuning from a Hopf point: family, cycle, and tangent of that branch there."""
     one, both = Family(p, ("detuning",), window.ranges[1:]), Family(p, ("power", "detuning"), window.ranges)
     try:
         start, tangent = born(one, seed)
@@ -169,7 +169,7 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
 
 
 def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
-    """The curve through a fold, cut to the window."""
+    """A list with the Dataset of the curve of folds through ``fold``; empty if it has no point in the window."""
     across, along = _frame(fold, across)
     (back, begins), (ahead, ends) = (_followed(family, fold, sign * along, window) for sign in (-1, 1))
     places = [*back[::-1], *ahead[1:]]
@@ -183,7 +183,7 @@ def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[
 
 
 def _followed(family: Family, place: Place, along: Array, window: _Window) -> tuple[list[Place], str]:
-    """Folds from a ``place`` on in the direction ``along``, and why the curve ends."""
+    """The folds of cycles from ``place`` on, continued in the direction ``along``, and why the curve ends."""
     out, step, slope, shortest = [place], FIRST, 0.0, place.orbit.T
     while len(out) < POINTS:
         rows = np.stack(_frame(place, along))
@@ -214,21 +214,22 @@ def _followed(family: Family, place: Place, along: Array, window: _Window) -> tu
 
 
 def _frame(place: Place, along: Array) -> tuple[Array, Array]:
-    """Unit vectors in the tangent plane: the projection of ``along``, and the one at right angles to it."""
+    """Orthonormal basis of the tangent plane at a cycle: the projection of ``along``, and the vector normal to it."""
     q, _ = np.linalg.qr((place.directions * place.unit).T)
     t = along @ q / np.linalg.norm(along @ q)
     return q @ t, q @ np.array([-t[1], t[0]])
 
 
 def _coefficients(place: Place, direction: Array) -> Array:
-    """A direction in the tangent plane by the directions of a place."""
+    """Coefficients of a vector of the tangent plane in the basis ``place.directions``, shape (2,)."""
     return np.asarray(np.linalg.lstsq((place.directions * place.unit).T, direction, rcond=None)[0])
 
 
 def _next(family: Family, place: Place, rows: Array, step: float, slope: float) -> tuple[Place, float, int] | None:
-    """The fold a ``step`` along the curve, dg by the distance across, and how many steps of Newton's method it took.
+    """The fold at arclength ``step``, dg/d(distance along the second row), and the number of Newton steps; or None.
 
-    rows: along the curve and across; slope: dg by the distance across at the last fold, 0 where it is not known.
+    rows: orthonormal, tangent to the curve of folds and normal to it.
+    slope: dg/d(distance along the second row) at the last fold, 0 where it is not known.
     """
     unit, now, by, last, across, steps = place.unit, place, step * _coefficients(place, rows[0]), None, 0.0, 0
     while steps < MOST_STEPS:

@@ -1,4 +1,4 @@
-"""One ring, its heat and its laser, whose cycles are wanted, and the numbers they depend on, by name."""
+"""The dynamical system of a ring, its thermal model and a constant laser, and its parameters by name."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,11 +28,11 @@ SLOWEST, MOST = 30, 1e8  # of the slowest time constant, where that is longer; n
 
 @dataclass(frozen=True, eq=False)
 class CycleProblem:
-    """A ring under constant light.
+    """A ring with its thermal model under constant power and detuning, of which cycles are computed.
 
-    model: `thermal.compact`.
+    model: as `thermal.compact` returns it.
     power [W], detuning [Hz]
-    rise [K]: by constant heaters.
+    rise [K]: constant temperature rise by heaters.
     """
 
     ring: RingResonator
@@ -43,32 +43,32 @@ class CycleProblem:
 
     @property
     def total_detuning(self) -> float:
-        """Detuning in Hz of a ring without heaters that has its resonance as far from the laser as this one."""
+        """Detuning in Hz plus the resonance shift by the heaters: that of the equivalent ring without heaters."""
         return self.detuning + turned_by(self.rise, self.ring)
 
     def kernel(self, method: Method) -> Problem:
-        """The system as the kernel takes it, for traces of any length."""
+        """The equations for the C++ kernel, in internal units, to be integrated with a Rosenbrock method."""
         return single_ring(self.ring, self.model, self.power, self.total_detuning, 1.0, method)
 
     @cached_property
     def flow(self) -> Flow:
-        """Its flow, with a section in the carriers, or in the energy of a ring that has none."""
+        """The flow of the system, with a Poincare section in the carriers; in the energy if there are none."""
         quantity = CARRIERS if self.ring.g_tpa > 0 else ENERGY
         return Flow(self.kernel(Method.RODAS4), self.kernel(Method.RODAS5P), quantity)
 
     @cached_property
     def internal(self) -> InternalRing:
-        """Ring and heat at rest; InputError for a model without a steady state at the power."""
+        """The ring and its steady thermal response in internal units; InputError if the model has no steady state."""
         return internal_ring(self.ring, self.model, absorbable(self.ring, self.power))
 
     @property
     def laser(self) -> tuple[float, float]:
-        """Pump in sqrt(fJ)/ns and detuning in rad/ns."""
+        """Pump amplitude in sqrt(fJ)/ns and detuning in rad/ns, heaters included."""
         return internal_pump(self.ring, self.power), internal_detuning(self.total_detuning)
 
     @cached_property
     def stable_points(self) -> Array:
-        """Stable fixed points, rows (U, N, dT); none for a model without steady states at the largest power."""
+        """Stable fixed points, rows (U, N, dT) in internal units; empty if the model has no steady state."""
         try:
             at = self.internal
         except InputError:
@@ -77,22 +77,22 @@ class CycleProblem:
 
     @property
     def slowest(self) -> float:
-        """Time constant of the slowest heat, ns."""
+        """Largest time constant of the thermal model in ns."""
         heat = self.flow.rough.heat
         return 1 / float(np.min(heat.rate) if isinstance(heat, PoleHeat) else -np.linalg.eigvals(heat.A).real.max())
 
     @property
     def longest(self) -> float:
-        """The longest transient, ns."""
+        """Longest transient in ns that is integrated before a cycle must have been found."""
         return max(LONGEST, min(SLOWEST * self.slowest, MOST))
 
     @property
     def where(self) -> str:
-        """Power and detuning, for messages."""
+        """Power and detuning as text for error messages."""
         return f" at power = {self.power:g} W, detuning = {self.detuning:g} Hz"
 
     def settled(self, y: Array, begin: str = "a cold ring") -> Orbit:
-        """The cycle on which the ring settles from a state; InputError as `settling.settled`."""
+        """The stable cycle to which the transient from the state ``y`` converges; InputError as `settling.settled`."""
         slow = self.longest < SLOWEST * self.slowest
         orbit: Orbit = settled(
             self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where, slow=slow
@@ -105,7 +105,7 @@ LASER = {"power": "W", "detuning": "Hz"}
 
 
 def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
-    """Every name that `changed` knows; "R1" and "tau1" are those of the fastest pole of a network."""
+    """Names of all parameters that `changed` accepts; "R1" and "tau1" belong to the fastest pole of a network."""
     own = sorted(optical_names(ring))
     shifts = [f"fcd{k + 1}" for k in range(len(ring.fcd))]
     order = 0 if isinstance(model, Quadratic) else _poles_of(model).order
@@ -114,7 +114,7 @@ def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
 
 
 def value_of(p: CycleProblem, name: str) -> float:
-    """Return a number of a problem, in SI."""
+    """Return the value of a parameter of a problem by its name, in SI."""
     if name in optical_names(p.ring):
         return number_of(p.ring, name)
     checks.choice("a parameter", name, parameter_names(p.ring, p.model))
@@ -125,7 +125,7 @@ def value_of(p: CycleProblem, name: str) -> float:
 
 
 def unit_of(p: CycleProblem, name: str) -> str:
-    """SI unit of a number of a problem."""
+    """SI unit of a parameter of a problem by its name."""
     if name in optical_names(p.ring):
         return UNITS[name]
     kind, k = _numbered(name)
@@ -133,7 +133,7 @@ def unit_of(p: CycleProblem, name: str) -> str:
 
 
 def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
-    """Return the problem with another value of a number."""
+    """Return a copy of the problem in which the parameter ``name`` has another value (SI)."""
     if name in optical_names(p.ring):
         return replace(p, ring=varied(p.ring, {name: value}))
     if name in LASER:
@@ -152,7 +152,7 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
 
 
 def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
-    """Weights and problems whose flows, added up, are the derivative by a number, in internal units over SI."""
+    """Pairs (weight, problem) of a difference formula: sum of weight f(y; problem) is df/d(parameter), per SI unit."""
     value = value_of(p, name)
     h = STEP * (p.ring.linear_rate / (2 * np.pi) if name == "detuning" else abs(value)) or FROM_ZERO.get(name, 0.0)
     if h == 0:
@@ -163,13 +163,13 @@ def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
 
 
 def _numbered(name: str) -> tuple[str, int]:
-    """Split "R1", "tau12" or "fcd2" into its kind and a number from 0; another name is its own kind."""
+    """Split "R1", "tau12" or "fcd2" into its letters and its index from 0; (name, 0) if it has no number."""
     kind = name.rstrip("0123456789")
     return (kind, int(name[len(kind) :]) - 1) if kind != name else (name, 0)
 
 
 def _poles_of(model: Compact) -> Foster:
-    """The network of a model that has one."""
+    """The Foster network of a thermal model, or that below its output map; InputError for a quadratic model."""
     if isinstance(model, Quadratic):
         raise checks.InputError("a quadratic model has no poles R and tau; name numbers of the ring or of the laser")
     return model.linear if isinstance(model, OutputMap) else model

@@ -1,11 +1,12 @@
-"""Derivatives of a settled cycle with respect to the numbers of the ring, the laser and the heat.
+"""Derivatives of a limit cycle with respect to parameters of the ring, the laser and the thermal model.
 
     V_i dy_i + f dh_i + p_i = dy_(i+1),       w_i . dy_i = 0
 
-with nodes where the measures are taken: the extremes of U and dT and where U crosses the level of the duty cycle
-(`multiple_shooting`). The changes of nodes and durations by a parameter, p_i at the nodes, give every measure:
+is the linearised multiple-shooting system (`multiple_shooting`), p_i the derivative of the flow by the parameter. Its
+nodes y_i are the extremes of U and dT and the crossings of U with the level of the duty cycle, h_i the times between
+them. The derivatives of nodes and times by a parameter give those of every measure:
 
-    d(swing) = d(dT) at the hottest - d(dT) at the coldest point
+    d(swing) = d(dT) at the maximum of dT - d(dT) at its minimum
     d(crossing) = [d(level) - dU at the crossing]/(dU/dt),       d(level) = .55 d(U_min) + .45 d(U_max)
 """
 
@@ -48,17 +49,17 @@ def cycle_derivatives(
     heated: str | None = None,
     read: str | None = None,
 ) -> xr.Dataset:
-    """Return the derivatives of a settled cycle with respect to numbers of the ring, the laser and the heat.
+    """Return the derivatives of a limit cycle with respect to parameters of the ring, the laser and the heat.
 
     Parameters
     ----------
     ring, model, power, detuning : RingResonator, ThermalModel, W, Hz
         as for `limit_cycle`.
     parameters : sequence of str, optional
-        names of numbers of the ring and its carriers as `identify` knows them, "fcd1" and so on for the coefficients of
-        its dispersion, "power", "detuning", and "R1", "tau1" and so on for the poles of a network; by default all.
+        fields of the ring and its carriers as in `identify`, "fcd1", "fcd2", ... for the dispersion coefficients,
+        "power", "detuning", and "R1", "tau1", ... for the poles of a network; by default all.
     cycle : Dataset, optional
-        the cycle as `limit_cycle` returned it, or one nearby; spares the transient.
+        the cycle as `limit_cycle` returned it, or one nearby, as start; without it a transient is integrated.
     heaters : mapping of name to float, W, optional
         constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
@@ -66,14 +67,14 @@ def cycle_derivatives(
     -------
     xarray.Dataset
         over parameter: value and its SI unit, period (s), duty, swing (K) and extinction (dB) per unit of the
-        parameter; the numbers of the cycle itself in attrs.
+        parameter; the measures of the cycle itself in attrs.
 
     Raises
     ------
     InputError
         as `limit_cycle`, and an unknown name.
 
-    Measured against differences of closed cycles, per relative change of a parameter: period and swing to 5e-9, duty
+    Error against finite differences of cycles, per relative change of a parameter: period and swing to 5e-9, duty
     and extinction to 1e-6 on the reference ring with two to fourteen poles.
 
     >>> import coupled, thermofem as th
@@ -110,7 +111,7 @@ def cycle_derivatives(
 
 
 def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
-    """Return d(period in s, duty, swing in K, extinction in dB)/d(parameter in SI), shape (parameters, 4)."""
+    """Return d(period (s), duty, swing (K), extinction (dB))/d(parameter in SI), shape (parameters, 4)."""
     if not names:
         return np.empty((0, 4))
     seen = measure(orbit.trace.rows)
@@ -143,7 +144,7 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
 
 
 def _rise_by_heat(p: CycleProblem, y: Array) -> Array:
-    """d(dT)/dx at states, shape (k, states of heat)."""
+    """d(dT)/dx: temperature rise differentiated by the thermal states x, at k states; shape (k, thermal states)."""
     heat, bend = internal_heat(p.model)
     if isinstance(heat, QuadraticHeat):
         return np.tile(heat.C, (len(y), 1))

@@ -1,4 +1,4 @@
-"""The settled cycle of a self-pulsing ring or circuit, solved for."""
+"""The limit cycle of a self-pulsing ring or circuit, by Newton's method on its return map."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -43,12 +43,12 @@ def limit_cycle(
     read: str | None = None,
     settle: float = 20e-6,
 ) -> xr.Dataset:
-    """Return the periodic orbit that a ring or a circuit settles on under constant light.
+    """Return the limit cycle to which a ring or a circuit converges under constant light.
 
         y(T) = y(0),     dy/dt = f(y) as in `simulate`
 
-    by Newton's method on the return map to the rising carriers (`return_map`). The derivative V of the flow comes from
-    the same steps; its eigenvalues are the Floquet multipliers: by what a small deviation has grown a period later.
+    by Newton's method on the return map to a level of rising carriers (`return_map`). The eigenvalues of the derivative
+    V of the flow are the Floquet multipliers: factors by which a small perturbation grows in one period.
 
     Parameters
     ----------
@@ -61,23 +61,24 @@ def limit_cycle(
     detuning : float, Hz
         laser minus cold resonance, or minus the reference of a circuit.
     guess : Dataset or State, optional
-        where to start: another cycle of this function, near which any cycle is returned, stable or not; a run of
-        `simulate` or a State, from which the ring settles; a point of `hopf_curves` (``curve.isel(point=k)``), from
-        which a branch of cycles leads to this power and detuning. By default a cold ring.
+        start of the search: another cycle of this function, near which any cycle is returned, stable or not; a run of
+        `simulate` or a State, from which a transient is integrated; a point of `hopf_curves`
+        (``curve.isel(point=k)``), from which a branch of cycles is continued to this power and detuning. By default a
+        transient from a cold ring.
     heaters : mapping of name to float, W, optional
         constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
     settle : float, s
-        run of a circuit that leads near its cycle; long against the slowest time scale of the heat.
+        duration of the transient of a circuit; it should exceed the largest thermal time constant several times.
 
     Returns
     -------
     xarray.Dataset
         over time (s), one period with both ends: energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed
-        (W), weight (s, of a sum that is the integral over the period); over multiplier: multipliers (complex, by
-        modulus; the one next to 1 belongs to the phase). Attributes: period (s), duty, swing (K), extinction (dB),
-        settling_time (s, in which a deviation falls to 1/e; inf for an unstable cycle), stability ("stable", "doubled"
-        with a multiplier below -1, or "unstable"), pulses (in a period), reason (in words), and final_state, with which
-        a run or another cycle goes on from it. Of a circuit as of `simulate`, with period and multipliers.
+        (W), weight (s, quadrature weights for integrals over the period); over multiplier: multipliers (complex, by
+        modulus; the one nearest to 1 is the trivial one). Attributes: period (s), duty, swing (K), extinction (dB),
+        settling_time (s, in which a perturbation falls to 1/e; inf for an unstable cycle), stability ("stable",
+        "doubled" with a multiplier below -1, or "unstable"), pulses (per period), reason (in words), and final_state,
+        from which a run or another cycle can start. For a circuit as of `simulate`, with period and multipliers.
 
     Raises
     ------
@@ -85,8 +86,8 @@ def limit_cycle(
         power or detuning out of range, a model that is not small, or no cycle: the ring comes to rest, its pulses never
         repeat, or Newton's method finds none near the guess. The message says which.
 
-    Measured: periods to 1e-9 on the reference ring (two, five and fourteen poles) against runs of 400 us at
-    rtol = 1e-9; docs/cycles.md has the random rings.
+    Error of the period: 1e-9 on the reference ring (two, five and fourteen poles) against runs of 400 us at
+    rtol = 1e-9; docs/cycles.md reports tests on random rings.
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
 
@@ -111,7 +112,7 @@ def limit_cycle(
 
 
 def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
-    """Return the cycle near a guess, or on which the ring settles from it; InputError where there is none."""
+    """Return the cycle near a guess, or the one that the transient from it reaches; InputError if there is none."""
     order = p.flow.rough.order
     unit = units(order)
     if guess is None:
@@ -140,7 +141,7 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
 
 
 def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
-    """Return what `limit_cycle` returns for a ring."""
+    """Return a cycle of a ring as the Dataset of `limit_cycle`, in SI."""
     t, re, im, N, dT = orbit.trace.rows.T
     ring, U, into = p.ring, re**2 + im**2, np.sqrt(p.power / UW)
     values = {
@@ -163,7 +164,7 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
 
 
 def _numbers(orbit: Orbit) -> dict[str, Any]:
-    """Attributes of a cycle: period, measures, settling time, and stability in words."""
+    """Attributes of the Dataset of a cycle: period, measures, settling time, stability and the reason in words."""
     seen, period = measure(orbit.trace.rows), orbit.T * NS
     kind, worst, size = stability(orbit), orbit.worst, orbit.size
     settling = period / -np.log(size) if 0 < size < 1 else 0.0 if size == 0 else np.inf
@@ -181,7 +182,7 @@ def _numbers(orbit: Orbit) -> dict[str, Any]:
 
 
 def stability(orbit: Orbit) -> str:
-    """The kind of a cycle."""
+    """Stability of a cycle by its multipliers: "stable", "doubled" (a real multiplier below -1) or "unstable"."""
     if orbit.size < UNSTABLE:
         return "stable"
     return "doubled" if orbit.worst.real < -1 and orbit.worst.imag == 0 else "unstable"
@@ -195,7 +196,7 @@ def _of_circuit(
     detuning: float,
     settle: float,
 ) -> xr.Dataset:
-    """The cycle that a circuit runs into: a run from cold leads near it, and `settling.pulse_train` closes it."""
+    """The cycle of a circuit: a transient from cold of ``settle`` seconds, then shooting by `settling.pulse_train`."""
     settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
     system = autonomous(circuit, model, power, heaters, detuning)
     rough, fine = (system.problem(method) for method in (Method.RODAS4, Method.RODAS5P))
@@ -224,9 +225,9 @@ def _of_circuit(
 
 
 def _pulses(rows: Array, rings: int, settle: float) -> tuple[int, int, Part]:
-    """The ring whose carriers swing most late in a run, what is watched there, and what it does.
+    """CARRIERS or ENERGY, index of the ring with the largest relative swing late in a run, and measures of its pulses.
 
-    Of rings without carriers the energy counts.
+    The energy is used where no ring has carriers.
     """
     late, states = rows[:, 0] > settle / NS / 2, rows[:, 1 : 1 + 4 * rings].reshape(-1, rings, 4)
     quantity = CARRIERS if states[:, :, 2].max() > 0 else ENERGY

@@ -1,15 +1,16 @@
-"""Cycles with free parameters by multiple shooting, and the directions in which cycles lie beside one.
+"""Periodic orbits with free parameters by multiple shooting, and the tangent vectors along which they continue.
 
     phi_(h_i)(y_i; q) = y_(i+1),    w_i . dy_i = 0 in every step,    V (x - x_p) = c,    x = (y_1, T = sum_i h_i, q)
 
-with nodes y_i around the orbit, the flow phi of the kernel, and w_i along dy/dt at a node: nodes move across the orbit
-only, and the durations h_i are free. So the pulses may come earlier or later without the nodes changing. A node stands
-wherever a deviation would grow by more than `GROWTH` since the last one: behind a canard, where an orbit follows what
-repels it, a trace from one node alone would be off by many orders. V has as many rows as there are parameters q: one
-for a branch, its tangent; two for a curve of folds. Along a direction W the equations stay solved, and V W = 1.
+with nodes y_i around the orbit, durations h_i between them, the flow phi, and w_i parallel to dy/dt at y_i: a Newton
+step changes a node only normal to the orbit, while the durations are free, so the timing along the orbit can change
+without the nodes. There are as many nodes as needed to keep the growth of a perturbation between them below `GROWTH`:
+along a canard, which follows a repelling set, single shooting would lose many digits. V has one row per parameter q:
+the tangent of a branch, or two directions on a surface of cycles for a curve of folds. The rows of W are the directions
+in which the linearised equations hold, with V W = 1.
 
-The flow is that of precise traces (Rodas5P); its derivatives by y and q come from coarser ones, whose steps are taken
-again on dual numbers and, for q, with two other values.
+The flow is integrated at a tight tolerance (Rodas5P). Its derivatives by y and q follow a second integration with
+fewer steps: these steps are repeated with dual numbers, and for q at other values of the parameter (differences).
 
 Source: Ascher, Mattheij and Russell, Numerical Solution of Boundary Value Problems (1995), Sections 4.3 and 4.4.
 """
@@ -39,9 +40,10 @@ MOST_STEPS = 7  # of Newton's method
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """A ring whose named numbers are free.
+    """A system with q free parameters, given by name; each combination of values may have a periodic orbit.
 
-    ranges: the units in which they are measured, SI.
+    base: the system, with its own values of the parameters.
+    ranges [shape (q,), SI]: scale of each parameter, by which its changes are divided.
     """
 
     base: CycleProblem
@@ -49,92 +51,97 @@ class Family:
     ranges: Array
 
     def at(self, values: Array) -> CycleProblem:
-        """The ring with other values, in SI."""
+        """The system with other values of the free parameters, shape (q,), in SI."""
         p = self.base
         for name, value in zip(self.names, values, strict=True):
             p = changed(p, name, float(value))
         return p
 
     def start(self) -> Array:
-        """The values of the ring itself."""
+        """The values of the free parameters in ``base``, shape (q,), in SI."""
         return np.array([value_of(self.base, name) for name in self.names])
 
 
 class Nodes(NamedTuple):
-    """A trial orbit."""
+    """An approximate periodic orbit: m states on it, the durations between them, and the parameter values."""
 
     y: Array
-    """(m, n) states."""
+    """(m, n): states y_i in internal units."""
     h: Array
-    """(m,) ns from each node to the next."""
+    """(m,): durations h_i from each node to the next, ns."""
     values: Array
-    """(q,) of the parameters, SI."""
+    """(q,): values of the free parameters, SI."""
 
 
 class Place(NamedTuple):
-    """A cycle of a family."""
+    """A converged periodic orbit of a `Family` at given parameter values, with tangents for continuation.
+
+    The unknowns are x = (y_1, T, q): n states of the first node, the period, and q parameters.
+    """
 
     nodes: Nodes
     orbit: Orbit
     unit: Array
-    """Factors that make the unknowns (y_1, T, q) comparable."""
+    """(n + 1 + q,): factors by which the unknowns (y_1, T, q) are scaled, see `weights`."""
     directions: Array
-    """(q, n + 1 + q): W, changes of (y_1, T, q)."""
+    """(q, n + 1 + q): W, whose rows are tangents in (y_1, T, q), not scaled."""
     moves: Array
-    """(q, m, n + 1): those of every node and its duration."""
+    """(q, m, n + 1): change of each node y_i and duration h_i along each row of W."""
     steps: int
-    """Of Newton's method that led here."""
+    """Number of Newton iterations of the corrector."""
 
     @property
     def values(self) -> Array:
-        """The parameters, SI."""
+        """Values of the free parameters, shape (q,), in SI."""
         return self.nodes.values
 
     @property
     def extent(self) -> float:
-        """Range of the orbit, of its largest values."""
+        """Amplitude of the orbit: range of each state over its largest modulus, the largest such ratio."""
         return extent_of(self.orbit.trace.rows)
 
     def moved(self, along: Array) -> float:
-        """The largest change of a state at any node, of its largest value. along: coefficients of directions."""
+        """Largest change of a state at any node, over its largest modulus, for a step W^T ``along`` of shape (q,)."""
         n = self.nodes.y.shape[1]
         return float(np.abs(np.tensordot(along, self.moves, axes=1)[:, :n] * self.unit[:n]).max())
 
 
 def extent_of(rows: Array) -> float:
-    """Range of fields, carriers or temperature, of their largest values."""
+    """Amplitude of an orbit given by its rows (t, fields, N, dT): the largest ratio of range to modulus of a column."""
     every = rows[:, 1:]
     return float((np.ptp(every, axis=0) / np.maximum(np.abs(every).max(axis=0), 1e-300)).max())
 
 
 class Linear(NamedTuple):
-    """The equations at a trial orbit and their derivatives."""
+    """The shooting equations at an approximate orbit: its integrated arcs (runs) and their derivatives V and P."""
 
     problem: Problem
     runs: list[Run]
     V: Array
-    """(m, n, n), of the flow between the nodes by the states."""
+    """(m, n, n): derivative of phi_(h_i)(y_i; q) by y_i."""
     P: Array
-    """(m, n, q), by the parameters."""
+    """(m, n, q): its derivative by the parameters, per SI unit."""
 
 
 def flow(problem: Problem, y: Array, h: float, rtol: float, per_step: int = 1) -> Run:
-    """Integrate for ``h`` ns."""
+    """Integrate the system from the state ``y`` for ``h`` ns; ``per_step`` output rows are kept per step."""
     problem.edges[-1] = h
     return problem.integrate(y, rtol=rtol, per_step=per_step, keep_steps=True)
 
 
 def weights(family: Family, trace: Trace) -> Array:
-    """Factors that make the unknowns (y_1, T, q) comparable: largest values, period, ranges."""
+    """Scales of the unknowns, 1/(largest |y|, period, ranges of q), shape (n + 1 + q,); products are dimensionless."""
     return np.concatenate([1 / family.base.flow.scale(trace.rows), [1 / trace.T], 1 / family.ranges])
 
 
 def newton(
     nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array
 ) -> tuple[Nodes, Array, Array, float] | None:
-    """A step to ``rows`` . dx = ``target``: the nodes behind it, W, its moves, and the largest change.
+    """One Newton step of the shooting equations, closed by ``rows`` . dx = ``target``; None if the matrix is singular.
 
-    ``rows`` and the change are in the units of ``unit``.
+    rows [shape (q, n + 1 + q)], target [shape (q,)]: scaled by ``unit``, the factors of `weights`.
+    Returns the new nodes; W, shape (q, n + 1 + q); the change of each node and duration along each row of W, shape
+    (q, m, n + 1); and the largest scaled change of a state or duration in the step.
     """
     m, n = nodes.y.shape
     q, size, T = nodes.values.size, 1 / unit[:n], 1 / unit[n]
@@ -163,7 +170,10 @@ def newton(
 
 
 def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
-    """Follow all arcs of a trial orbit, and differentiate them along traces of ``rtol``; None where that fails."""
+    """Integrate all arcs of an approximate orbit and differentiate them by y and q; None where the integration fails.
+
+    rtol: relative tolerance of the integration that is differentiated.
+    """
     m, n = nodes.y.shape
     arcs = [*zip(nodes.y, nodes.h, strict=True)]
     V, P, none = np.empty((m, n, n)), np.zeros((m, n, nodes.values.size)), np.empty((n, 0))
@@ -187,10 +197,11 @@ def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
 def corrected(
     family: Family, trial: Nodes, rows: Array, unit: Array, *, extent: float = 1.0, rtol: float = COARSE
 ) -> Place | None:
-    """Close a trial orbit with ``rows`` . (x - trial) = 0, ``rows`` in the units of ``unit``; None where that fails.
+    """Corrector: the periodic orbit with ``rows`` . (x - x_trial) = 0 by Newton's method; None without convergence.
 
-    extent: range of the orbit, of its largest values.
-    rtol: of the traces that are differentiated.
+    rows [shape (q, n + 1 + q)]: in the scaled unknowns, with the factors ``unit`` of `weights`.
+    extent: amplitude of the orbit as in `extent_of`, which limits the first step.
+    rtol: relative tolerance of the integrations that are differentiated.
     """
     nodes, best = trial, np.inf
     for k in range(MOST_STEPS):
@@ -209,7 +220,7 @@ def corrected(
 
 
 def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
-    """The closed orbit through the nodes."""
+    """Join the arcs of converged nodes to one orbit, with V the product of their derivatives."""
     runs = known.runs
     begins = np.concatenate([[0.0], np.cumsum(nodes.h)])
     for run, begin in zip(runs, begins, strict=False):
@@ -221,12 +232,12 @@ def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
 
 
 def position(nodes: Nodes) -> Array:
-    """The unknowns x = (y_1, T, q)."""
+    """The vector of unknowns x = (y_1, T, q), shape (n + 1 + q,)."""
     return np.concatenate([nodes.y[0], [nodes.h.sum()], nodes.values])
 
 
 def predicted(family: Family, place: Place, along: Array, rows: Array, rtol: float = COARSE) -> Place | None:
-    """Correct the prediction ``along`` (coefficients of the directions, shape (q,)) on the plane of ``rows``."""
+    """Predictor and corrector: a step W^T ``along``, ``along`` of shape (q,), from ``place``; then `corrected`."""
     nodes, n, move = place.nodes, place.nodes.y.shape[1], np.tensordot(along, place.moves, axes=1)
     values = nodes.values + (along @ place.directions)[n + 1 :]
     trial = Nodes(nodes.y + move[:, :n], nodes.h + move[:, n], values)
@@ -234,7 +245,10 @@ def predicted(family: Family, place: Place, along: Array, rows: Array, rtol: flo
 
 
 def placed(problem: Problem, nodes: Nodes, size: Array) -> Nodes:
-    """The orbit with nodes where they are wanted: no deviation across it grows by more than `GROWTH` in between."""
+    """Choose nodes on an orbit: no perturbation normal to it grows by more than `GROWTH` from one to the next.
+
+    size [shape (n,)]: scales of the states.
+    """
     y, h, since = [nodes.y[0]], [], 0.0
     grown = np.empty((0, size.size, size.size))  # from every place since the last node to here
     for at, duration in zip(nodes.y, nodes.h, strict=True):
@@ -256,9 +270,10 @@ def placed(problem: Problem, nodes: Nodes, size: Array) -> Nodes:
 
 
 def turned(place: Place, rows: Array) -> tuple[Nodes, Array]:
-    """Nodes that begin where the last of the directions ``rows`` moves the orbit most, and the same directions there.
+    """Renumber the nodes so that the first is where the orbit changes most along the last of ``rows``.
 
-    Of a canard neither an end nor the period may change while its middle does.
+    Returns the nodes and ``rows`` for the new unknowns (y_1, T, q). On a branch of canards the first node and the
+    period may be nearly constant while other parts of the orbit change.
     """
     n = place.orbit.start.size
     along = np.linalg.lstsq((place.directions * place.unit).T, rows.T, rcond=None)[0].T
@@ -271,7 +286,7 @@ def turned(place: Place, rows: Array) -> tuple[Nodes, Array]:
 
 
 def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Array] | None:
-    """The cycle with as many nodes as it needs, and the directions ``rows`` at its first, which may be another."""
+    """Choose new nodes for a cycle (`turned`, `placed`) and correct it; return it with ``rows`` at its new y_1."""
     nodes, rows = turned(place, rows)
     nodes = placed(family.at(place.values).kernel(Method.RODAS5P), nodes, 1 / place.unit[: place.orbit.start.size])
     if nodes.h.size == place.nodes.h.size == 1:
@@ -282,7 +297,7 @@ def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Arr
 
 
 def first_place(family: Family, trace: Trace) -> Place | None:
-    """The cycle near a trace that almost returns, with the parameters held; None where Newton's method finds none."""
+    """The periodic orbit near an almost closed trajectory at fixed parameters; None without convergence."""
     n, q, unit = trace.start.size, len(family.names), weights(family, trace)
     whole = Nodes(trace.start[None], np.array([trace.T]), family.start())
     nodes = placed(family.base.flow.fine, whole, 1 / unit[:n])

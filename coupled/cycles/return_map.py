@@ -1,12 +1,12 @@
-"""The return map of a ring or a circuit to a section, and closed orbits as its fixed points: shooting.
+"""The return map of a ring or a circuit to a Poincare section, and periodic orbits as its fixed points: shooting.
 
     y_0 -> y(T):  the first (or n-th) time that N, or U, of one ring rises through its value at y_0
     M = V - f(y_T) (w . V)/(w . f(y_T)),     V = d(flow)/dy,   w = d(N or U)/dy,   f = dy/dt
     (1 - M) dy = y(T) - y_0,   w . dy = 0
 
-The kernel follows V along the very steps of a trace. Rough traces (Rodas4) lead near the orbit; chord steps on precise
-ones (Rodas5P), with the V of rough ones, close it. The eigenvalues of V are the Floquet multipliers; one of them, that
-of a shift in time, is 1: V f(y_0) = f(y_T).
+The kernel differentiates the steps of an integration to get V. Newton's method on integrations of low accuracy (Rodas4)
+approaches the orbit; chord iterations on accurate ones (Rodas5P), with the V of the former, converge to it. The
+eigenvalues of V are the Floquet multipliers; the trivial one, of a shift in time, is 1: V f(y_0) = f(y_T).
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 and 10.1.
 """
@@ -37,7 +37,7 @@ FLAT = 1e-5  # relative range of the section's quantity below which an orbit is 
 
 
 class Trace(NamedTuple):
-    """A trace from a state until it returns."""
+    """A trajectory from a state on the Poincare section through one or more returns to it; internal units."""
 
     start: Array
     end: Array
@@ -47,7 +47,7 @@ class Trace(NamedTuple):
 
 
 class Orbit(NamedTuple):
-    """A closed orbit."""
+    """A periodic orbit, with the derivative V of the flow over its period and its number of pulses."""
 
     trace: Trace
     V: Array  # derivative of the flow over the period
@@ -56,43 +56,43 @@ class Orbit(NamedTuple):
 
     @property
     def start(self) -> Array:
-        """The state in the section."""
+        """The state on the Poincare section, shape (n,), in internal units."""
         return self.trace.start
 
     @property
     def T(self) -> float:
-        """Period in ns."""
+        """Period of the orbit in ns."""
         return self.trace.T
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers, the largest modulus first."""
+        """Floquet multipliers, the eigenvalues of V, by decreasing modulus; shape (n,)."""
         found = np.linalg.eigvals(self.V).astype(complex)
         return np.asarray(found[np.argsort(-np.abs(found))])
 
     @property
     def others(self) -> NDArray[np.complex128]:
-        """The multipliers but that of a shift in time."""
+        """The Floquet multipliers without the trivial one (the one nearest to 1), shape (n - 1,)."""
         every = self.multipliers
         return np.delete(every, int(np.argmin(np.abs(every - 1))))
 
     @property
     def worst(self) -> complex:
-        """The largest of the others, 0 where there is none."""
+        """The nontrivial multiplier of largest modulus, which determines the stability; 0 where there is none."""
         return complex(self.others[0]) if len(self.V) > 1 else 0j
 
     @property
     def size(self) -> float:
-        """By what a deviation grows or shrinks in a period."""
+        """Modulus of `worst`: the factor by which a perturbation grows in one period, below 1 for a stable orbit."""
         return abs(self.worst)
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """A ring or circuit under constant light, by both methods, and the section that its orbits cross.
+    """The flow of a ring or circuit under constant light, and a Poincare section of it.
 
-    rough, fine: the same system by Rodas4 and Rodas5P.
-    quantity, ring: CARRIERS or ENERGY of which ring the section watches.
+    rough, fine: the same equations, integrated with Rodas4 and with Rodas5P.
+    quantity, ring: the section is a level of the CARRIERS or the ENERGY of the ring with this index.
     """
 
     rough: Problem
@@ -101,12 +101,12 @@ class Flow:
     ring: int = 0
 
     def value(self, y: Array) -> float:
-        """The section's quantity in a state."""
+        """The quantity q(y) of which the section is a level set: N or U of one ring, internal units."""
         a = self.ring * self.rough.block
         return float(y[a + 2] if self.quantity == CARRIERS else y[a] ** 2 + y[a + 1] ** 2)
 
     def normal(self, y: Array) -> Array:
-        """Its derivative by the state."""
+        """Gradient dq/dy of the section's quantity, shape (n,)."""
         w, a = np.zeros(y.size), self.ring * self.rough.block
         if self.quantity == CARRIERS:
             w[a + 2] = 1.0
@@ -115,7 +115,7 @@ class Flow:
         return w
 
     def seen(self, rows: Array) -> Array:
-        """The quantity along rows of a trace."""
+        """The section's quantity q along the rows of a trajectory, shape (rows,)."""
         a = 1 + self.ring * (self.rough.block + 1)
         return np.asarray(rows[:, a + 2] if self.quantity == CARRIERS else rows[:, a] ** 2 + rows[:, a + 1] ** 2)
 
@@ -123,7 +123,7 @@ class Flow:
         self, y: Array, duration: float, rtol: float = ROUGH, *, level: float | None = None, above: bool = False,
         first_step: float = 0.0, per_step: int = 1,
     ) -> Run:  # fmt: skip
-        """Integrate for ``duration`` ns, or until the quantity rises through ``level``."""
+        """Integrate for ``duration`` ns, or up to the crossing where the section's quantity rises through ``level``."""
         problem = self.rough if rtol >= MIDDLE else self.fine
         problem.edges[-1] = duration  # the drive is constant
         event = None if level is None else Crossing(self.quantity, level, True, self.ring, above)
@@ -134,33 +134,33 @@ class Flow:
 
     @property
     def heat(self) -> int:
-        """Index of the first state of heat in y."""
+        """Index of the first thermal state in y."""
         return self.rough.rings * self.rough.block
 
     def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        """As of `settling.Shooting`; so are the next four."""
+        """Integrate part of a transient; this and the next four methods are those of `settling.Shooting`."""
         run = self.run(y, duration, first_step=first_step)
         return run.y, run.step, run.rows, self.seen(run.rows)
 
     def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
-        """Where the quantity next rises through a level."""
+        """The state where the quantity next rises through ``level`` (default q(y)); None within ``longest`` ns."""
         run = self.run(y, longest, level=self.value(y) if level is None else level, above=level is None)
         return run.y if run.crossings.size else None
 
     def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> "Orbit | None":
-        """The orbit near a state; its period to 1e-6 where it is not wanted precisely."""
+        """The periodic orbit near a state; its period has a relative error of 1e-6 unless ``precisely`` is set."""
         return close(self, y, pulses, REACH * wait, rtol=FINE if precisely else MIDDLE)
 
     def confirmed(self, orbit: Orbit, wait: float) -> "Orbit | None":
-        """The orbit closed precisely."""
+        """The orbit recomputed at the tolerance `FINE`; None without convergence."""
         return close(self, orbit.start, orbit.pulses, REACH * wait, beside=orbit)
 
     def swing(self, orbit: Orbit) -> float:
-        """Range of the quantity."""
+        """Range of the section's quantity along a periodic orbit."""
         return float(np.ptp(self.seen(orbit.trace.rows)))
 
     def trace(self, y: Array, rtol: float, pulses: int, longest: float, per_step: int = 1) -> Trace | None:
-        """Follow a state through ``pulses`` returns to the section; None where one takes more than ``longest`` ns."""
+        """Integrate from ``y`` through ``pulses`` returns to the section; None if one exceeds ``longest`` ns."""
         level, at, T = self.value(y), y, 0.0
         parts: list[tuple[Array, Array]] = []
         rows: list[Array] = []
@@ -175,19 +175,19 @@ class Flow:
         return Trace(y, at, T, np.concatenate(rows), parts)
 
     def derivative(self, trace: Trace, rtol: float) -> Array:
-        """V of a trace of this tolerance, shape (n, n), along its very steps."""
+        """V = d(end)/d(start) along the steps of a trajectory, shape (n, n); ``rtol`` selects the method."""
         problem, V = self.rough if rtol >= MIDDLE else self.fine, np.eye(trace.end.size)
         for start, steps in trace.parts:
             _, V = problem.follow(start, steps, V)
         return V
 
     def projected(self, columns: Array, end: Array) -> Array:
-        """Changes of the end of a trace for which time is free, so that the end stays in the section."""
+        """Project derivatives of the end state, shape (n, k), along dy/dt onto the section's tangent plane."""
         rate, w = self.rough.slopes(end)[0], self.normal(end)
         return np.asarray(columns - np.outer(rate, w @ columns) / (w @ rate))
 
     def scale(self, rows: Array) -> Array:
-        """Sizes of the states along an orbit: largest |a| and N of every ring, largest dT for its states of heat."""
+        """Scales of the states along an orbit, (n,): largest |a|, N of each ring; its largest dT for x."""
         problem, sizes, heat = self.rough, [], []
         for i in range(problem.rings):
             own = rows[:, 1 + i * (problem.block + 1) :][:, : problem.block + 1]
@@ -200,12 +200,12 @@ class Flow:
 def close(
     flow: Flow, y: Array, pulses: int, longest: float, *, rtol: float = FINE, beside: Orbit | None = None
 ) -> Orbit | None:
-    """Return the orbit of ``pulses`` pulses near the state ``y``, which is in the section; None where there is none.
+    """Return the periodic orbit with ``pulses`` crossings per period near the state ``y``; None without convergence.
 
-    longest [ns]: within which each pulse comes.
-    rtol: of the traces at the end; at MIDDLE the orbit is rough: its period is known to 1e-6. At FINE, the traces are
-        made more precise where that is not enough.
-    beside: an orbit so near that its V and precise traces lead to this one.
+    longest [ns]: limit of the time from one crossing to the next.
+    rtol: tolerance of the last integrations. At MIDDLE the period has a relative error of 1e-6; at FINE the orbit is
+        recomputed at FINEST where the estimated error of the period exceeds `ERROR`.
+    beside: a nearby periodic orbit, whose V starts the chord iterations.
     """
     most = np.inf if beside is None else NEAR if rtol == FINE else rtol
     tolerances = [each for each in CLOSED if rtol <= each <= most]
@@ -249,10 +249,10 @@ def close(
 
 
 def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> tuple[Array, float]:
-    """V of a precise trace, along the coarsest one that is good enough, and the error of the period at FINE.
+    """V of an accurate trajectory, from the least accurate integration that suffices, and the period's relative error.
 
-    V f(y_0) = f(y_T) is made to hold: the multiplier 1 is known. The coarsest trace ends elsewhere; what the period
-    changes by where its orbit is closed (``A``, ``row``: `_bordered`), in proportion to the tolerances, is the error.
+    A rank-one correction makes V f(y_0) = f(y_T) exact, so that the trivial multiplier is 1. The error of the period at
+    FINE is the difference of the periods at two tolerances, both orbits closed (``A``, ``row``: `_bordered`), scaled.
     """
     scale, (begin, end) = flow.scale(trace.rows), (flow.fine.slopes(y)[0] for y in (trace.start, trace.end))
     others: list[Trace] = []
@@ -270,7 +270,7 @@ def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> t
 
 
 def _bordered(M: Array, w: Array) -> tuple[Array, int]:
-    """1 - M with w in the row of its largest entry, and that row."""
+    """The matrix 1 - M with one row, that of the largest entry of w, replaced by w; and the index of that row."""
     A, row = np.eye(len(M)) - M, int(np.abs(w).argmax())
     A[row] = w
     return A, row
@@ -280,7 +280,7 @@ BOOLE = np.array([7, 32, 12, 32, 7]) / 90  # weights of five rows of a step, of 
 
 
 class Measures(NamedTuple):
-    """Numbers of an orbit, and the times in ns at which they are taken."""
+    """Measures of a periodic orbit of one ring: duty cycle, swing, extinction, extrema and their times in ns."""
 
     duty: float
     swing: float  # K
@@ -294,10 +294,10 @@ class Measures(NamedTuple):
 
 
 def measure(rows: Array) -> Measures:
-    """Measure an orbit of one ring along its rows (t, fields, N, dT; shape (rows, 5)), both ends included.
+    """Measure an orbit of one ring from its rows (t, Re a, Im a, N, dT), shape (rows, 5), over one closed period.
 
-    By polynomials through five rows, in plain floats: a map measures hundreds of orbits. Splines through the
-    rows of a precise trace give the same to 3e-10.
+    Extrema and crossings come from polynomials through five rows, in Python floats for speed; splines through the rows
+    of an accurate integration agree to 3e-10.
     """
     t, re, im, _, dT = rows[np.append(True, np.diff(rows[:, 0]) > 1e-13 * rows[-1, 0])].T
     U = re * re + im * im
@@ -314,9 +314,9 @@ def measure(rows: Array) -> Measures:
 
 
 def _root(t: Array, x: Array, k: int, order: int) -> tuple[float, float]:
-    """Where x(t) (order 0) or its slope (1) vanishes beside the row k, and x there.
+    """The time near row k at which x(t) (order 0) or dx/dt (order 1) vanishes, and x at that time.
 
-    By Newton's method on the polynomial through five rows, which it does not leave further than by one row.
+    Newton's method on the polynomial through five rows, within one row on either side of k.
     """
     first = min(max(k - 2, 0), t.size - 5)
     at, c = t[first : first + 5].tolist(), x[first : first + 5].tolist()
@@ -336,7 +336,7 @@ def _root(t: Array, x: Array, k: int, order: int) -> tuple[float, float]:
 
 
 def time_weights(orbit: Orbit) -> Array:
-    """Weights in ns of the rows in an integral over the period, shape (rows,): Boole's rule on every step."""
+    """Quadrature weights of the rows for an integral over the period, ns, shape (rows,): Boole's rule on each step."""
     out = np.zeros(len(orbit.trace.rows))
     steps = np.concatenate([steps for _, steps in orbit.trace.parts])
     for k, weight in enumerate(BOOLE):

@@ -1,9 +1,9 @@
-"""The stable cycle on which a system settles: a transient, then shooting for as many pulses as repeat themselves.
+"""The stable cycle to which a system converges: integration of the transient, then shooting with increasing periods.
 
-The transient is integrated in parts until three pulses are seen or a stable fixed point is reached. A cycle of
-one pulse is closed, and one of as many as bring the trace back to where it was. One that is unstable with a
-multiplier below -1 has doubled, and twice as many pulses are tried. The cycle is accepted if the trace comes nearer to
-it by further turns, and, where a stable fixed point exists, if it is as large as the pulses of the trace.
+The transient is integrated in parts until three pulses occur or a stable fixed point is reached. Newton's method then
+looks for a periodic orbit of one pulse, and of as many pulses as bring the trajectory back near its start. An orbit
+with a multiplier below -1 has undergone period doubling, and twice as many pulses are tried. A stable orbit is accepted
+if the trajectory approaches it further, and, where a stable fixed point exists, if its amplitude is that of the pulses.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,15 +29,15 @@ SLOW = ", such as that of a model without its slowest pole"
 
 
 class RestError(InputError):
-    """The system comes to rest at a stable fixed point."""
+    """The transient converges to a stable fixed point."""
 
 
 class UnsettledError(InputError):
-    """The system neither rests nor repeats itself."""
+    """The transient converges neither to a fixed point nor to a periodic orbit."""
 
 
 class Part(NamedTuple):
-    """What the watched quantity does late in a part of a transient."""
+    """Measures of the section's quantity (carriers or energy) in the second half of a part of a transient."""
 
     low: float  # in the second half
     high: float
@@ -48,23 +48,23 @@ class Part(NamedTuple):
     moved: float  # relative range in the whole part
 
     def pulses(self, points: Callable[[], Array]) -> bool:
-        """Whether there are pulses that do not die away, which they may where there are stable fixed points."""
+        """Whether it pulses; a decreasing amplitude counts as pulsing only if there are no stable fixed points."""
         moves = self.rises >= 3 and self.high - self.low > FLAT * self.high
         return moves and (self.fourth >= FALLING * self.third or not len(points()))
 
     @property
     def rests(self) -> bool:
-        """Whether it moves little, and no more than before."""
+        """Whether the relative range is below `REST` and not growing, as near a fixed point."""
         return self.high - self.low <= REST * self.high and self.fourth <= self.third + FLAT * self.high
 
     def following(self, duration: float, longest: float) -> float:
-        """How long the next part is after this one of ``duration`` ns: longer where it moves without pulses."""
+        """Duration in ns of the next part, after one of ``duration`` ns: longer for slow changes without pulses."""
         patient = self.rises < 3 and self.moved > REST
         return min(2 * duration, max(LONGEST_PART, min(LONGEST_SEEN, longest)) if patient else LONGEST_PART)
 
 
 def measured(t: Array, q: Array, duration: float) -> Part:
-    """Measure a part of a transient."""
+    """Measure a part of a transient: times t and section's quantity q, shape (rows,); its duration in ns."""
     half, last = np.searchsorted(t, [duration / 2, 0.75 * duration])
     lows, highs = [], []
     for part in (q[half:last], q[last:], q[:half]):
@@ -81,40 +81,40 @@ def measured(t: Array, q: Array, duration: float) -> Part:
 
 
 class Shooting(Protocol):
-    """A system whose settled cycle is looked for; times in ns. Its orbits have start, T, pulses, size and worst."""
+    """Interface of a system to `settled`; times in ns. Its orbits have start, T, pulses, size and worst."""
 
     @property
     def heat(self) -> int:
-        """Index of the first state of heat in y."""
+        """Index of the first thermal state in y."""
 
     def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        """Integrate; return the end, the step that would be next, rows, and the watched quantity along them."""
+        """Integrate; return the end state, the next step size, the rows, and the section's quantity along them."""
 
     def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
-        """Return where the quantity next rises through a level, by default that of ``y``; None within ``longest``."""
+        """Return the state at the next rise through ``level`` (default q(y)); None within ``longest`` ns."""
 
     def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> Any:
-        """Return the orbit of so many pulses, some ``wait`` ns each, near ``y``; None where there is none."""
+        """Return the periodic orbit of ``pulses`` pulses, about ``wait`` ns each, near ``y``; None if there is none."""
 
     def confirmed(self, orbit: Any, wait: float) -> Any:
-        """Return the orbit as it is wanted; None where a closer look finds that it is none, or does not attract."""
+        """Return the orbit at full accuracy; None if it does not converge there or is not attracting."""
 
     def swing(self, orbit: Any) -> float:
-        """Return the range of the quantity along an orbit."""
+        """Return the range of the section's quantity along an orbit."""
 
 
 def settled(
     system: Shooting, y: Array, points: Callable[[], Array], longest: float, *, begin: str = "a cold ring",
     where: str = "", slow: bool = False, look: Callable[[], None] = lambda: None,
 ) -> Any:  # fmt: skip
-    """Return the cycle on which the state ``y`` settles.
+    """Return the stable cycle to which the transient from the state ``y`` converges.
 
-    points: returns the stable fixed points, rows (U, N, dT); most cycles are found without them.
-    longest [ns]: of the transient; ``slow`` says that it is short for the system's heat.
-    where: the power and detuning, for messages.
+    points: returns the stable fixed points, rows (U, N, dT); called only where they are needed.
+    longest [ns]: largest duration of the transient; ``slow`` says that this is short for the thermal time constants.
+    begin, where: name of the initial state, and power and detuning, for error messages.
     look: called between the parts of the transient; it may raise.
 
-    Raises RestError, or UnsettledError where it does not repeat itself within ``longest``.
+    Raises RestError at a stable fixed point, UnsettledError if no cycle is found within ``longest``.
     """
     passed, said, wary, duration, step = 0.0, "no pulse", False, FIRST_PART, 0.0
     while passed < longest:
@@ -140,7 +140,7 @@ def settled(
 
 
 def rest_words(where: str, passed: float, at: Array, begin: str = "a cold ring") -> str:
-    """Say that a system rests at a stable fixed point after ``passed`` ns."""
+    """Message that the transient from ``begin`` converged to the fixed point ``at`` (U, N, dT) after ``passed`` ns."""
     return (
         f"no limit cycle{where}: within {passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, "
         f"{at[0]:.4g} fJ and {at[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
@@ -148,15 +148,16 @@ def rest_words(where: str, passed: float, at: Array, begin: str = "a cold ring")
 
 
 def resting(row: Array, points: Array) -> Array | None:
-    """The stable fixed point that the last row of a part is at."""
+    """The stable fixed point (U, N, dT) within a relative distance `REST` of a row (t, Re a, Im a, N, dT), or None."""
     here = np.array([row[1] ** 2 + row[2] ** 2, row[3], row[4]])
     return next((point for point in points if np.all(np.abs(here - point) <= REST * np.abs(point))), None)
 
 
 def pulse_train(system: Shooting, y: Array, seen: Part, wary: bool, last: bool) -> tuple[Any, str, bool]:
-    """The stable cycle near a trace that pulses, or why there is none; and whether an unstable one is there.
+    """The stable cycle near a pulsing trajectory, or None and the reason; and whether an unstable cycle was found.
 
-    Where that is known, only a trace that repeats itself is tried (``wary``); precisely the ``last`` time.
+    wary: an unstable cycle is known, so only a trajectory that repeats itself is tried.
+    last: the transient ends here, so the orbit is also tried at full accuracy.
     """
     wait, said, unstable = seen.longest, "the pulses do not repeat", wary
     met = system.turn(y, 4 * wait, (seen.low + seen.high) / 2)
@@ -175,7 +176,7 @@ def pulse_train(system: Shooting, y: Array, seen: Part, wary: bool, last: bool) 
 
 
 def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> Iterator[tuple[int, bool]]:
-    """How many pulses to try, and whether precisely: one, then the fewest after which the trace is nearest."""
+    """Pairs (pulses, whether at full accuracy) to try: one pulse, then the fewest after which the state recurs."""
     if not wary:
         yield 1, False
     off = _distances(system, y, wait, MOST_PULSES)
@@ -188,7 +189,7 @@ def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> I
 
 
 def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, float]:
-    """How far a trace is off its beginning after one pulse, two and so on, until it repeats itself."""
+    """Relative distance of the thermal state from its start after 1, 2, ... pulses: a dict from pulses to distance."""
     at, off = system.turn(y, REACH * wait), dict[int, float]()
     while at is not None and len(off) < most:
         off[len(off) + 1] = away = distance(system, at, y)
@@ -197,7 +198,7 @@ def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, 
 
 
 def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: bool) -> tuple[Any, str]:
-    """The stable cycle of ``pulses`` pulses, or of twice as many where that has doubled; or why there is none."""
+    """The stable cycle of ``pulses`` pulses, or of 2, 4, ... times as many after doubling; or None and the reason."""
     said = ""
     while pulses <= MOST_PULSES:
         orbit = system.cycle(y, pulses, wait, precisely)
@@ -218,7 +219,7 @@ def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: boo
 
 
 def once(system: Shooting, orbit: Any, wait: float) -> Any:
-    """The shorter cycle where the orbit goes round it several times."""
+    """The shorter stable cycle of which ``orbit`` is a repetition, so that its period is minimal; else ``orbit``."""
     for pulses, off in _distances(system, orbit.start, wait, orbit.pulses // 2).items():
         if orbit.pulses % pulses == 0 and off <= BACK:
             shorter = system.cycle(orbit.start, pulses, wait, False)
@@ -229,7 +230,7 @@ def once(system: Shooting, orbit: Any, wait: float) -> Any:
 
 
 def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
-    """Whether the trace through ``y`` is nearer to the orbit after as many turns as halve a small deviation."""
+    """Whether the trajectory from ``y`` approaches the orbit, over as many periods as halve a small perturbation."""
     turns = int(np.clip(np.ceil(np.log(0.5) / np.log(max(orbit.size, 1e-3))), 2, PATIENT))
     first, last = np.inf, np.inf
     for k in range((turns + 1) * orbit.pulses):
@@ -248,6 +249,6 @@ def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
 
 
 def distance(system: Shooting, y: Array, other: Array) -> float:
-    """How far the heat of two states differs, of the largest."""
+    """Largest modulus of the difference of two states' thermal parts, relative to the largest modulus in ``other``."""
     heat, orbit = y[system.heat :], other[system.heat :]
     return float(np.abs(heat - orbit).max() / max(np.abs(orbit).max(), 1e-300))

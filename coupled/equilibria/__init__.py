@@ -1,1 +1,1 @@
-"""Fixed points of ring and heat: where they are, whether they are stable, and where that changes."""
+"""Fixed points of a ring with its thermal model: their number and values, stability, and bifurcations."""

@@ -1,4 +1,4 @@
-"""Fixed points of ring and heat: all follows from the energy U and the detuned D in closed form; arrays throughout.
+"""Fixed points of a ring and its thermal model as explicit functions of the energy U and the detuned D, on arrays.
 
     k = tau0 g U^2:       b N^2 + (1 - a k) N - k = 0,        dT = dT(P_abs(U, N)),     gamma = gamma(U, N)
     shift(U) = -thermal_shift dT - S(N) - kerr U             the resonance's own shift, with D = shift - detuning
@@ -8,13 +8,13 @@ At one power the fixed points lie on one smooth curve, the tilted resonance, wit
 
     U = top/cosh^2 t,     top gamma(top)^2 = pump^2,     D = +- sqrt(pump^2/U - gamma^2) with the sign of t
 
-and detuning(t) = shift(U) - D runs from +infinity to -infinity and bends on the scale of 1 in t at any power. Cut at
-its turning points (the folds of that power), every piece holds a detuning at most once: no fixed point is missed.
+and detuning(t) = shift(U) - D goes from +infinity to -infinity; it varies on the scale of 1 in t at any power. Between
+its extrema (the folds at that power) it is monotone: each interval has at most one root, so no fixed point is missed.
 
-Heat of one ring at rest, and what small changes about it do:
+Thermal model: steady state and linear response about it,
 
     poles:      dx_i/dt = gain_i P - rate_i x_i,             dT = z + curvature z^2,  z = sum_i x_i
-    quadratic:  dx/dt   = A x + H[x, x] + (G x + B) P,       dT = C x;      at rest x = P f(P)
+    quadratic:  dx/dt   = A x + H[x, x] + (G x + B) P,       dT = C x;      steady state x = P f(P)
 
 f are Chebyshev series through the steady states of the model, over the powers that the ring can absorb. Internal units:
 ns, fJ, uW, K and 1e23 carriers per m^3.
@@ -40,7 +40,7 @@ TERMS = (16, 32, 64, 128, 256)
 
 
 class PoleHeat(NamedTuple):
-    """A Foster network, or an output map over one."""
+    """Steady state and linear response of a Foster network of n poles, or of an output map after one."""
 
     gain: Array  # K/fJ
     rate: Array  # 1/ns
@@ -48,20 +48,20 @@ class PoleHeat(NamedTuple):
 
     @property
     def resistance(self) -> float:
-        """Of the network, K/uW."""
+        """Thermal resistance of the network, sum of gain/rate, K/uW."""
         return float((self.gain / self.rate).sum())
 
     def rise(self, P: Array) -> tuple[Array, Array]:
-        """Rise at rest in K and its derivative by the absorbed power P in uW."""
+        """Steady temperature rise (K) under the absorbed power P (uW), and its derivative d(dT)/dP; shape of P."""
         R = self.resistance
         return R * P * (1 + self.curvature * R * P), R * (1 + 2 * self.curvature * R * P)
 
     def states(self, P: Array) -> Array:
-        """States at rest, shape (..., n)."""
+        """Steady states x of the poles under the absorbed power P (uW), shape (..., n)."""
         return np.asarray(P)[..., None] * (self.gain / self.rate)
 
     def impedance(self, lam: Complex, P: Array) -> Complex:
-        """d(dT)/dP in K/uW of changes exp(lam t) about the state at rest under P; one shape."""
+        """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
         response = np.zeros(np.shape(lam), dtype=complex)
         for gain, rate in zip(self.gain, self.rate, strict=True):
             response += gain / (lam + rate)
@@ -69,23 +69,23 @@ class PoleHeat(NamedTuple):
 
 
 class QuadraticHeat(NamedTuple):
-    """A quadratic model."""
+    """Steady state and linear response of a quadratic thermal model with n states."""
 
     of: kernel.QuadraticHeat
     top: float  # uW, the largest power of the series
     f: Array  # K/uW, shape (terms, n): Chebyshev coefficients over [0, top]
 
     def rise(self, P: Array) -> tuple[Array, Array]:
-        """Rise at rest in K and its derivative by P; beyond ``top`` the tangent there."""
+        """Steady rise (K) under the absorbed power P (uW), and d(dT)/dP; extrapolated linearly above ``top``."""
         states, slope = self._at_rest(P)
         return states @ self.of.C, slope @ self.of.C
 
     def states(self, P: Array) -> Array:
-        """States at rest on the branch from zero, shape (..., n)."""
+        """Steady states x under the absorbed power P (uW), on the branch from x = 0; shape (..., n)."""
         return self._at_rest(P)[0]
 
     def _at_rest(self, P: Array) -> tuple[Array, Array]:
-        """States at rest and their derivative by P."""
+        """Steady states x and dx/dP under the absorbed power P (uW), both of shape (..., n)."""
         inside = np.minimum(P, self.top)
         x = 2 * inside / self.top - 1
         f, f_slope = (np.moveaxis(chebyshev.chebval(x, c), 0, -1) for c in (self.f, chebyshev.chebder(self.f)))
@@ -93,7 +93,7 @@ class QuadraticHeat(NamedTuple):
         return inside[..., None] * f + (P - inside)[..., None] * slope, slope
 
     def impedance(self, lam: Complex, P: Array) -> Complex:
-        """d(dT)/dP in K/uW of changes exp(lam t) about the state at rest under P; one shape."""
+        """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
         powers, which = np.unique(P, return_inverse=True)
         which, heat = which.reshape(np.shape(P)), self.of
         x = self.states(powers)
@@ -110,10 +110,10 @@ Heat = PoleHeat | QuadraticHeat
 
 
 def heat_of(model: Compact, largest: float) -> Heat:
-    """Return a compact model in internal units, of a quadratic one for absorbed powers up to ``largest`` in W.
+    """Return the steady state and linear response of a compact model in internal units.
 
-    Raises InputError: no steady state of a quadratic model at a power below, or one so near the end of all that no
-        series holds.
+    largest [W]: absorbed power up to which the steady states of a quadratic model are needed.
+    Raises InputError: a quadratic model without a steady state at some power up to ``largest``, or too close to a fold.
     """
     heat, curvature = internal_heat(model)
     if isinstance(heat, kernel.PoleHeat):
@@ -122,7 +122,7 @@ def heat_of(model: Compact, largest: float) -> Heat:
 
 
 def _series(model: Any, largest: float) -> Array:
-    """Chebyshev coefficients of f in K/W over [0, largest], shape (terms, n)."""
+    """Chebyshev coefficients of f(P) = x/P (K/W) over P in [0, largest] W, x the steady states; shape (terms, n)."""
     for terms in TERMS:
         x = chebyshev.chebpts1(terms)
         powers = (1 + x) / 2 * largest
@@ -141,12 +141,12 @@ PUMPS = 1000  # surveyed at one go: 1000 x 500 points of t are 4 MB an array
 
 
 class InternalRing(NamedTuple):
-    """A ring and its heat in internal units (ns, fJ, uW, K, 1e23/m^3).
+    """A ring and its thermal model in internal units (ns, fJ, uW, K, 1e23/m^3).
 
     model: the thermal model in SI.
     fcd [shape (terms, 2)]: rows (c_k, p_k) of the free-carrier dispersion S(N), see `dispersion`.
-    heat: the same thermal model at rest and under small changes.
-    problem: ring and heat as the C++ kernel takes them.
+    heat: steady states and linear response of the thermal model.
+    problem: the equations of ring and thermal model for the C++ kernel.
     """
 
     model: Compact
@@ -157,7 +157,7 @@ class InternalRing(NamedTuple):
 
 
 class Balance(NamedTuple):
-    """Everything at fixed points of energy U that does not depend on the laser; ``*_slope`` are d/dU."""
+    """Quantities at fixed points of energy U, of its shape, that do not depend on the laser; ``*_slope`` are d/dU."""
 
     N: Array
     N_slope: Array
@@ -170,22 +170,23 @@ class Balance(NamedTuple):
 
 
 def internal_ring(ring: RingResonator, model: ThermalModel, largest: float) -> InternalRing:
-    """Ring and thermal model in internal units, with the rise at rest up to an absorbed power of ``largest`` W."""
+    """Convert ring and thermal model to internal units; ``largest`` [W] bounds the absorbed power of steady states."""
     small = compact(model)
     problem = single_ring(ring, small, 1e-3, 0.0, 1.0, Method.RODAS4)
     return InternalRing(small, *internal_rates(ring), heat_of(small, largest), problem)
 
 
 def absorbable(ring: RingResonator, power: float) -> float:
-    """Largest power in W that a ring can absorb: that of a ring which absorbs as much as it loses in all other ways.
+    """Upper bound in W of the power that a ring absorbs at a bus power in W.
 
-    P_abs = 2 own U <= 4 gamma_e own P/(own + other)^2 <= gamma_e P/other, with other = gamma_e + gamma_d + gamma_s.
+    With own = P_abs/2U and other = gamma_e + gamma_d + gamma_s, the loss rates by absorption and by all else,
+    P_abs = 2 own U <= 4 gamma_e own P/(own + other)^2 <= gamma_e P/other.
     """
     return power * ring.bus_rate / (ring.linear_rate - ring.loss_rate)
 
 
 def dispersion(N: ArrayLike, fcd: Array) -> tuple[Array, Array]:
-    """Return S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) in rad/ns and dS/dN."""
+    """Return the free-carrier dispersion S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) in rad/ns, and dS/dN."""
     N = np.asarray(N)
     square, S, slope = N * N + EPSILON**2, np.zeros(N.shape), np.zeros(N.shape)
     for c, p in fcd:
@@ -195,7 +196,7 @@ def dispersion(N: ArrayLike, fcd: Array) -> tuple[Array, Array]:
 
 
 def carriers(U: ArrayLike, rates: Rates) -> tuple[Array, Array]:
-    """Return N at rest, the positive root of b N^2 + (1 - a k) N - k = 0, k = tau0 g U^2, and dN/dU."""
+    """Return the steady density N, the positive root of b N^2 + (1 - a k) N - k = 0 with k = tau0 g U^2, and dN/dU."""
     U = np.asarray(U)
     k = rates.tau0 * rates.g * U * U
     p = 1 - rates.a * k
@@ -206,7 +207,7 @@ def carriers(U: ArrayLike, rates: Rates) -> tuple[Array, Array]:
 
 
 def balance(U: ArrayLike, ring: InternalRing) -> Balance:
-    """Return the fixed points of the energies ``U``, any shape."""
+    """Return carriers, heat, loss and resonance shift at fixed points of energy ``U``, any shape, internal units."""
     U, rates = np.asarray(U, dtype=float), ring.rates
     N, N_slope = carriers(U, rates)
     P_abs = absorbed_power(U, N, rates)
@@ -220,7 +221,7 @@ def balance(U: ArrayLike, ring: InternalRing) -> Balance:
 
 
 def peak(pump: ArrayLike, ring: InternalRing) -> Array:
-    """Return the energy on resonance, U gamma(U)^2 = pump^2: a root in log U, as gamma rises with U."""
+    """Return the energy on resonance (fJ), the root U of U gamma(U)^2 = pump^2, by Newton's method in log U."""
     rates, target = ring.rates, 2 * np.log(np.asarray(pump))
 
     def equation(x: Array) -> tuple[Array, Array]:
@@ -238,7 +239,7 @@ def peak(pump: ArrayLike, ring: InternalRing) -> Array:
 def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing) -> tuple[Array, Array, Array, Array]:
     """Return U, D, detuning and d(detuning)/dt of the tilted resonance at ``t``, elementwise with ``pump``.
 
-    top: the `peak` of the pump.
+    top: the energy on resonance, `peak` of the pump.
     """
     share, U = np.tanh(t), np.asarray(top / np.cosh(t) ** 2)
     at, square = balance(U, ring), pump**2 / U
@@ -250,14 +251,14 @@ def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing
 
 
 def farthest(detuning: float, top: float, ring: InternalRing) -> float:
-    """Return a t beyond which, on either side, the tilted resonance is farther off than ``detuning`` (rad/ns)."""
+    """Return a bound of |t|, above which the detuning of the tilted resonance exceeds ``detuning`` (rad/ns) in size."""
     rates, at = ring.rates, balance(top, ring)
     largest = abs(rates.thermal_shift * at.dT) + abs(dispersion(at.N, ring.fcd)[0]) + abs(rates.kerr * top)
     return float(np.arcsinh((abs(detuning) + largest) / rates.loss + 1))
 
 
 def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return every fixed point of m laser settings: U and D, and which setting each belongs to.
+    """Return every fixed point at m laser settings: U and D, and the index of the setting, three arrays of one shape.
 
     pump, detuning [shape (m,)]: in sqrt(fJ)/ns and rad/ns.
     Sorted by setting, then by energy.
@@ -274,7 +275,7 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
 def _on_pieces(
     pump: Array, detuning: Array, names: NDArray[np.intp], ring: InternalRing
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Fixed points of some settings by their names, each on a monotone piece of the tilted resonance of its power."""
+    """Fixed points U, D and setting (from ``names``), by a root on each monotone piece of the tilted resonance."""
     pumps, which = np.unique(pump, return_inverse=True)
     tops = peak(pumps, ring)
     end = farthest(float(np.abs(detuning).max()), tops[-1], ring)

@@ -1,4 +1,4 @@
-"""Hopf and fold curves of the whole plane of power and detuning, without a search for roots in it.
+"""Hopf and fold curves in the plane of power and detuning, computed without a grid of laser settings.
 
 Energy U and detuned D fix a fixed point, and with it power and detuning (`balance`). Its eigenvalues obey
 
@@ -14,8 +14,8 @@ U and w,
 
     D = Im A/Im B,      (Im A)^2 - Im A Im B Re B + (Im B)^2 Re A = 0,
 
-whose roots in w are found at many U. From each the curve is followed both ways in (log U, arsinh D/loss, log w), where
-different curves do not meet, until it closes or leaves the energies and frequencies of the window.
+whose roots in w are found at many U. From each root the curve is continued in both directions in the coordinates
+(log U, arsinh D/loss, log w), where curves do not intersect, until it closes or leaves the range of U or w.
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
 
@@ -45,7 +45,7 @@ FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretche
 
 
 class Plane(NamedTuple):
-    """A ring in internal units and the window that is asked for."""
+    """A ring with its thermal model, and the window of powers (W) and detunings (rad/ns) with its energies U (fJ)."""
 
     ring: RingResonator
     model: ThermalModel
@@ -58,7 +58,7 @@ class Plane(NamedTuple):
 def hopf_curves(
     ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
 ) -> list[xr.Dataset]:  # fmt: skip
-    """Return the curves on which an oscillation neither grows nor decays: a pair of eigenvalues +- i w.
+    """Return the Hopf curves: fixed points with a pair of eigenvalues +- i w, where self-pulsing begins or ends.
 
     Parameters
     ----------
@@ -73,11 +73,11 @@ def hopf_curves(
     Returns
     -------
     list of xarray.Dataset
-        one for each curve, over point: power (W), detuning (Hz), energy (J), frequency (Hz, w / 2 pi), leading,
-        whether no other mode grows there, so that the curve bounds a stable region, and lyapunov (1/s), the first
+        one for each curve, over point: power (W), detuning (Hz), energy (J), frequency (Hz, w / 2 pi), leading
+        (True if all other eigenvalues decay, so that the curve bounds a stable region), and lyapunov (1/s), the first
         Lyapunov coefficient g of dr/dt = growth r + g r^3 for carriers N (1 + r cos wt), or in a ring without carriers
         for the larger of Re a and Im a: below 0 the bifurcation is supercritical, above 0 subcritical, with a pulsing
-        ring beside the stable point. A curve that leaves the window goes on to its first point outside.
+        ring coexisting with the stable fixed point. A curve that leaves the window includes its first point outside.
 
     Raises
     ------
@@ -86,9 +86,9 @@ def hopf_curves(
 
     Warns OutsideTrainingWarning where the ring is hotter on a curve than in the training of the model.
 
-    A quadratic model has other poles at every energy, and takes five times as long as a network, 1 to 2 s.
+    The poles of a quadratic model depend on the energy, so it takes five times as long as a network, 1 to 2 s.
 
-    Measured by dense eigenvalues at the returned power and detuning: the pair's real part is below 3e-13 w.
+    Accuracy, from the eigenvalues of the Jacobian at the returned points: the pair's real part is below 3e-13 w.
     """
     plane, curves = _plane(ring, model, powers, detunings), []
     for line in _lines(plane):
@@ -107,9 +107,9 @@ def hopf_curves(
 def fold_curves(
     ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
 ) -> list[xr.Dataset]:  # fmt: skip
-    """Return the curves on which two fixed points meet and vanish; they depend on R_th alone.
+    """Return the fold curves, on which two fixed points merge and vanish; R_th is all they need of the thermal model.
 
-    Parameters, errors, warnings and result as `hopf_curves`, without frequency and leading.
+    Parameters, errors, warnings and result as `hopf_curves`, without frequency, leading and lyapunov.
     """
     plane, curves = _plane(ring, model, powers, detunings), []
     for first, last in _folded(plane):
@@ -128,7 +128,7 @@ def fold_curves(
 
 
 def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> Plane:
-    """Check the input and find the energies that its fixed points can have."""
+    """Check the window and compute the range of energies of its fixed points."""
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
     at, shifts = internal_ring(ring, model, absorbable(ring, P[-1])), 2 * np.pi * NS * nu
@@ -138,14 +138,14 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
 
 
 def _frequencies(plane: Plane) -> Array:
-    """Frequencies of the lattice in rad/ns, from far below the slowest thermal pole to above the beat of the laser."""
+    """Grid of angular frequencies w (rad/ns), from below the slowest thermal pole to above all detunings."""
     here = balance(plane.energies, plane.at)
     highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
     return np.geomspace(1e-4 * NS * slowest_rate(plane.at.model), 2 * highest, FREQUENCIES)
 
 
 def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """A and B at lambda = i w, for arrays of one shape."""
+    """A and B at lambda = i w, complex, of the shape of ``log_U`` and ``log_w``."""
     z = 1j * np.exp(log_w)
     U, which = np.unique(np.exp(log_U), return_inverse=True)
     every = (values[which].reshape(z.shape) for values in _secular(U, plane.at))
@@ -155,7 +155,7 @@ def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex
 
 
 def _secular(U: Array, ring: InternalRing) -> tuple[Array, ...]:
-    """gamma, gamma_2, rho, alpha, beta, heat, cross and kerr at the energies ``U``, and the absorbed power in uW."""
+    """gamma, gamma_2, rho, alpha, beta, heat, cross, kerr (as above) and the absorbed power (uW) at energies ``U``."""
     rates, at = ring.rates, balance(U, ring)
     made = 4 * rates.g * U * U
     rho = (1 + rates.b * at.N * (2 + rates.a * at.N)) / (rates.tau0 * (1 + rates.a * at.N) ** 2)
@@ -166,7 +166,7 @@ def _secular(U: Array, ring: InternalRing) -> tuple[Array, ...]:
 
 
 def _lines(plane: Plane) -> list[Array]:
-    """The curves of Hopf points, rows (log U, arsinh D/loss, log w)."""
+    """All curves of Hopf points, each an array of rows log U, arsinh D/loss and log w, shape (3, points)."""
     log_U, log_w, tiny = np.log(plane.energies), np.log(_frequencies(plane)), np.finfo(float).tiny
 
     def resultant(x: Array, k: NDArray[np.intp]) -> Array:
@@ -192,7 +192,10 @@ def _lines(plane: Plane) -> list[Array]:
 
 
 def _followed(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -> tuple[Array, bool]:
-    """Hopf points from one on, up to the first with log U or log w outside ``low`` to ``high``; whether they close."""
+    """Continue a Hopf curve from ``start`` along ``tangent``: points, shape (m, 3), and whether the curve is closed.
+
+    low, high: bounds of (log U, log w); the curve ends at its first point outside.
+    """
     out, x, t, step, at = [start], start, tangent, FINE, _in_window(plane, start)
     while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
         if len(out) > 3 and np.linalg.norm(start - x) < step and t @ tangent > BEND:
@@ -209,7 +212,7 @@ def _followed(plane: Plane, start: Array, tangent: Array, low: Array, high: Arra
 
 
 def _hopf_point(plane: Plane, x: Array) -> tuple[Array, Array] | None:
-    """The nearest Hopf point by Newton's method, each step the shortest one, and the curve's direction there."""
+    """The Hopf point near ``x`` by Newton's method (minimum-norm steps), and the unit tangent of the curve; or None."""
     loss, h = plane.at.rates.loss, DIFFERENCE
     for _ in range(10):
         D = loss * np.sinh(x[1])
@@ -232,12 +235,12 @@ def _hopf_point(plane: Plane, x: Array) -> tuple[Array, Array] | None:
 
 
 def _in_window(plane: Plane, x: Array) -> Array:
-    """`_window` of one Hopf point."""
+    """Window coordinates (`_window`) of one Hopf point, shape (2,)."""
     return _window(plane, np.exp(x[:1]), plane.at.rates.loss * np.sinh(x[1:2]))[:, 0]
 
 
 def _window(plane: Plane, U: Array, D: Array) -> Array:
-    """Power (logarithmic) and detuning of fixed points as fractions of the window, shape (2, n)."""
+    """Coordinates of fixed points (U, D) in the window, shape (2, n): log power and detuning, each 0 to 1 inside."""
     power, shift = _laser(plane, U, D)
     width = max(np.log(plane.powers[-1] / plane.powers[0]), 0.01)
     height = max(float(np.ptp(plane.detunings)), 0.01 * plane.at.rates.loss)
@@ -245,13 +248,13 @@ def _window(plane: Plane, U: Array, D: Array) -> Array:
 
 
 def _fold_equation(plane: Plane, U: Array) -> tuple[Array, Array]:
-    """a and b of D^2 + 2 a D + b = 0."""
+    """Coefficients a and b, of the shape of U, of the fold condition D^2 + 2 a D + b = 0."""
     here = balance(U, plane.at)
     return U * here.shift_slope, here.gamma**2 + 2 * U * here.gamma * here.gamma_slope
 
 
 def _folded(plane: Plane) -> list[tuple[float, float]]:
-    """Intervals of U with folds."""
+    """Intervals (low, high) of the energy U in which the fold condition has real roots D."""
 
     def square(x: Array) -> Array:  # below 1; a^2 = b at the ends
         a, b = _fold_equation(plane, np.exp(x))
@@ -262,20 +265,20 @@ def _folded(plane: Plane) -> list[tuple[float, float]]:
 
 
 def _laser(plane: Plane, U: Array, D: Array) -> tuple[Array, Array]:
-    """Power in W and detuning in rad/ns of the fixed points (U, D)."""
+    """Power (W) and detuning (rad/ns) of the laser at which (U, D) are fixed points; both of their shape."""
     here = balance(U, plane.at)
     return U * (here.gamma**2 + D**2) / (2 * plane.ring.bus_rate * NS) * UW, here.shift - D
 
 
 def _inside(plane: Plane, U: Array, D: Array) -> list[slice]:
-    """Parts of a curve within the window, each with one more point of the curve at both ends."""
+    """Slices of the parts of a curve within the window, each extended by one point at both ends."""
     at = _window(plane, U, D)
     inside = np.all((at >= 0) & (at <= 1), axis=0)
     return [slice(max(a - 1, 0), b + 1) for a, b in runs_of(inside)]
 
 
 def _from_outside(plane: Plane, *every: Array) -> list[Array]:
-    """A closed curve with a point outside the window as the first one, so that no part within is cut in two."""
+    """Rotate a closed curve so that it starts outside the window, and no part inside is cut; other curves unchanged."""
     closed = all(values[0] == values[-1] for values in every)
     outside = np.flatnonzero(~np.all((at := _window(plane, *every[:2])) >= 0, axis=0) | np.any(at > 1, axis=0))
     if not closed or outside.size == 0:
@@ -284,7 +287,7 @@ def _from_outside(plane: Plane, *every: Array) -> list[Array]:
 
 
 def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDArray[np.complex128]]:
-    """First Lyapunov coefficients in 1/ns, for the relative amplitude of the carriers, and the eigenvalues."""
+    """First Lyapunov coefficients (1/ns, for the relative amplitude of the carriers) and eigenvalues at Hopf points."""
     y, detuning = states(U, D, plane.at)
     size = np.abs(y)
     size[:, :2], size[:, 2] = np.sqrt(U)[:, None], np.maximum(size[:, 2], 1e-12)
@@ -296,7 +299,7 @@ def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDA
 
 
 def _others_decay(values: NDArray[np.complex128], w: Array) -> NDArray[np.bool_]:
-    """Whether all eigenvalues but the two nearest to +- i w decay, for each row."""
+    """Whether, in each row, all eigenvalues but the two nearest to +- i w have negative real parts; shape (m,)."""
     rest = values.real.copy()
     for sign in (1, -1):
         near = np.abs(values - sign * 1j * w[:, None]).argmin(axis=1)
@@ -305,7 +308,7 @@ def _others_decay(values: NDArray[np.complex128], w: Array) -> NDArray[np.bool_]
 
 
 def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
-    """One curve in SI; its rises are compared with those of the training of the model."""
+    """One curve as a Dataset over point, in SI; warns where dT exceeds the training range of the model."""
     power, shift = _laser(plane, U, D)
     trusted(plane.model, balance(U, plane.at).dT)
     values = {"power": power, "detuning": shift / (2 * np.pi * NS), "energy": U * FJ}

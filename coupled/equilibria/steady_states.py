@@ -1,6 +1,6 @@
-"""All fixed points of laser settings, with their stability: eigenvalues of ring and heat at (U, D).
+"""All fixed points at given laser settings, and the eigenvalues of the Jacobian there.
 
-The phase of the field does not matter at a fixed point, so a = sqrt(U). Internal units as in `balance`.
+The equations are invariant under the phase of the field, so a = sqrt(U) at a fixed point. Internal units: `balance`.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,14 +29,14 @@ STEP = 1e-3  # of the sizes of the states, for derivatives: errors of 1e-6 by tr
 
 
 def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
-    """Return the states [Re a, Im a, N, x] at fixed points, their fields turned to be real, and their detunings."""
+    """Return the states [Re a, Im a, N, x], shape (m, 3 + n), with real fields, and the detunings (rad/ns), (m,)."""
     at = balance(U, ring)
     light = np.stack([np.sqrt(U), np.zeros(np.shape(U)), at.N], axis=-1)
     return np.concatenate([light, ring.heat.states(at.P_abs)], axis=-1), at.shift - D
 
 
 def jacobians(y: Array, detuning: Array, ring: InternalRing) -> Array:
-    """Return d(dy/dt)/dy at states of shape (m, 3 + n) under detunings of shape (m,), as of the kernel."""
+    """Return the Jacobians d(dy/dt)/dy, shape (m, 3 + n, 3 + n), at states y (m, 3 + n), detunings (m,) in rad/ns."""
     J = np.empty((*y.shape, y.shape[1]))
     for k, one in enumerate(y):
         ring.problem.set_detuning(float(detuning[k]))
@@ -45,14 +45,14 @@ def jacobians(y: Array, detuning: Array, ring: InternalRing) -> Array:
 
 
 def eigenvalues(U: Array, D: Array, ring: InternalRing) -> Complex:
-    """Return the eigenvalues at fixed points, shape (m, 3 + n), in 1/ns."""
+    """Return the eigenvalues of the Jacobians at m fixed points (U, D), shape (m, 3 + n), in 1/ns."""
     parts = range(0, max(len(U), 1), AT_ONCE)
     every = [jacobians(*states(U[k : k + AT_ONCE], D[k : k + AT_ONCE], ring), ring) for k in parts]
     return np.concatenate([np.linalg.eigvals(J).astype(complex) for J in every])
 
 
 def leading(values: Complex) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return the largest real part of each row, its angular frequency (0 if real), and how many modes grow."""
+    """Return, for each row of eigenvalues: the largest real part, |Im| of that eigenvalue, and the count of Re > 0."""
     first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0]
     # real, too, with |Im|/|lambda| below 1e-6: a double eigenvalue splits by the root of round-off
     omega = np.where(np.abs(first.imag) > 1e-6 * np.abs(first), np.abs(first.imag), 0.0)
@@ -106,7 +106,7 @@ def first_lyapunov(
 
 
 class Fixed(NamedTuple):
-    """The fixed points of one laser setting, by increasing energy."""
+    """The fixed points at one laser setting, by increasing energy, with growth rate and angular frequency."""
 
     every: Array  # rows U, N, dT and the longest step beside it in ns
     growth: Array  # 1/ns
@@ -114,12 +114,12 @@ class Fixed(NamedTuple):
 
     @property
     def stable(self) -> Array:
-        """The stable ones, rows U, N, dT."""
+        """The stable fixed points, rows (U, N, dT) in internal units."""
         return self.every[self.growth <= 0, :3]
 
 
 def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> list[Fixed]:
-    """Return the fixed points and their stability at each of the laser settings in sqrt(fJ)/ns and rad/ns."""
+    """Return the fixed points and their stability, one `Fixed` for each setting (sqrt(fJ)/ns, rad/ns) of shape (m,)."""
     U, D, cell = fixed_points(pump, detuning, ring)
     values, here = eigenvalues(U, D, ring), balance(U, ring)
     growth, omega, growing = leading(values)
@@ -142,14 +142,14 @@ def steady_states(
     starts: int = 100,
     seed: int = 0,
 ) -> xr.Dataset:
-    """Return every fixed point of a ring at one power and detuning, or those found of a circuit, and their stability.
+    """Return the fixed points and their stability at one power and detuning: all of a ring, those found of a circuit.
 
         P = U (gamma^2 + D^2)/(2 gamma_e),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
-        b N^2 + (1 - a k) N - k = 0,  k = tau0 g_TPA U^2;     dT = R_th P_abs(U, N), or what the model says at rest
+        b N^2 + (1 - a k) N - k = 0,  k = tau0 g_TPA U^2;     dT = R_th P_abs(U, N), or the steady rise of the model
 
-    For an energy U all but the laser is explicit. The fixed points of one power are then one smooth curve, the tilted
-    resonance, which is cut at its turning points into pieces that hold a detuning at most once: none is missed. Their
-    place depends on R_th alone, their stability on the poles.
+    N, dT and D are explicit functions of the energy U. At one power the fixed points lie on one smooth curve, the
+    tilted resonance; it is cut at its folds into pieces on which the detuning is monotone, so none is missed. U, N and
+    dT depend on R_th alone, the stability also on the time constants.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def described(
     kind: str, ring: RingResonator, model: Any, at: InternalRing, U: Array, D: Array, powers: Array, over: str,
     **further: Array,
 ) -> xr.Dataset:  # fmt: skip
-    """Fixed points in SI, and ``further`` variables; their rises are compared with what the model describes."""
+    """Fixed points as a Dataset in SI with ``further`` variables; warns where dT exceeds the training of the model."""
     values = further | observables(ring, at, U, D, powers)
     trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
     return xr.Dataset(
@@ -227,7 +227,7 @@ def described(
 
 
 def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, powers: Array) -> dict[str, Any]:
-    """Energy, carriers, rise, port powers and stability at fixed points (U, D; internal units), by name, in SI."""
+    """Energy, carriers, dT, port powers and stability at fixed points (U, D; internal units): name to array in SI."""
     here = balance(U, at)
     growth, omega, growing = leading(eigenvalues(U, D, at))
     unstable = np.where(growing % 2, "saddle", np.where(omega > 0, "unstable focus", "unstable node"))

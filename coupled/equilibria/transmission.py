@@ -1,4 +1,4 @@
-"""Transmission of a nonlinear ring: all branches against detuning or power, and the loop that a slow sweep follows."""
+"""Steady transmission of a nonlinear ring: all branches against detuning or power, and the path of a slow sweep."""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias, cast
@@ -42,7 +42,7 @@ def transmission(
     power: Any = None,
     detuning: float | ArrayLike,
 ) -> xr.Dataset:
-    """Return the curve of all fixed points against detuning or power of a ring, or the low-power one of a circuit.
+    """Return all fixed points of a ring against detuning or power, or the low-power transmission of a circuit.
 
     At one power it is the tilted resonance, one smooth curve with a parameter t (U = top/cosh^2 t); at one detuning
     power is a function of the energy, P = U (gamma^2 + D^2)/(2 gamma_e). Either way the curve runs through its folds:
@@ -91,10 +91,10 @@ def transmission(
 
 
 def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Curve, float, float]:
-    """All fixed points at one power or at one detuning as a smooth curve, and the ends of its parameter.
+    """The curve of all fixed points at one power or at one detuning, and the first and last value of its parameter s.
 
-    It is that of the tilted resonance at one power, and log U at one detuning. The curve gives U, D, power in W,
-    detuning in Hz and what is 0 at its folds, and covers the range of the power or detuning that is a pair.
+    s is t of the tilted resonance at one power, log U at one detuning. The curve is a function of s, shape (n,): U, D,
+    power (W), detuning (Hz) and a function that vanishes at the folds, over the range of the swept quantity.
     """
     shifts, unit = 2 * np.pi * NS * nu, internal_pump(ring, 1.0)
     weak, strong = (internal_pump(ring, p) for p in P[[0, -1]])
@@ -118,12 +118,12 @@ def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[
 
 
 def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
-    """Return the bus power (W) that a steady drop power needs: the transmission turned round, which has one value.
+    """Return the bus power (W) that gives a steady drop power: the inverse transmission, which is single-valued.
 
         U = P_drop/(2 gamma_drop),     P = U [gamma(U)^2 + D(U)^2]/(2 gamma_e)
 
-    No branch has to be guessed and nothing solved, so that measured loops, bistable or not, are fitted by plain least
-    squares in ln P.
+    It is explicit on all branches, so measured sweeps, bistable or not, can be fitted by least squares in ln P.
+    The result has the broadcast shape of ``drop`` and ``detuning``.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     drop : array, W
         larger than 0.
     detuning : array, Hz
-        of a shape that goes with that of ``drop``.
+        broadcast against ``drop``.
 
     Raises
     ------
@@ -164,12 +164,12 @@ def sweep(
     power: float | ArrayLike,
     detuning: float | ArrayLike,
 ) -> xr.Dataset:
-    """Follow the fixed point of a laser whose power or detuning changes so slowly that the ring is always at rest.
+    """Follow the fixed point of a ring while power or detuning changes slowly (quasi-static sweep, with hysteresis).
 
-    From step to step the ring stays on its branch, the piece of the curve of all fixed points between two folds. Where
-    the branch ends in a fold the ring jumps to the nearest stable point. Where it turns unstable without ending (a
-    Hopf point) the ring begins to pulse; the fixed point is followed on, and regime says so: `simulate` with a waveform
-    says what the ring does there.
+    The ring stays on its branch, the part of the curve of all fixed points between two folds. Where the branch ends at
+    a fold, the ring jumps to the stable fixed point nearest in log U. Where the branch becomes unstable at a
+    Hopf point the ring begins to pulse; the sweep continues on the unstable fixed point, with its kind in regime.
+    `simulate` with a waveform computes the pulses.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def sweep(
 
 
 def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tuple[Array, ...]:
-    """The part of a curve within the range of its power or detuning, both ends of the range included."""
+    """Points of a curve in the range of its power or detuning, both ends included: U, D, power (W), detuning (Hz)."""
     row, ends = (2, P) if P.size > 1 else (3, nu)
     grid = np.linspace(low, high, POINTS)
     parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
@@ -235,7 +235,7 @@ def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tup
 
 
 def _ends(name: str, value: float | ArrayLike) -> Array:
-    """A power or detuning that is one number or an increasing pair, as an array."""
+    """Check a power or detuning that is one number or an increasing pair; returns it with shape (1,) or (2,)."""
     ends = checks.array(name, value)
     if ends.size > 2 or (ends.size == 2 and ends[0] >= ends[1]):
         raise checks.InputError(f"{name} = {value!r} must be one number or a pair (first, last) with first < last")

@@ -1,4 +1,4 @@
-"""Zeros of functions of one variable on a grid, and lines in a plane or in space."""
+"""Roots of functions of one variable on a grid, and distances from polylines."""
 
 from collections.abc import Callable
 
@@ -11,10 +11,10 @@ Curve = Callable[[Array], Array]  # of the parameter, shape (n,); coordinates, s
 
 
 def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array) -> Array:
-    """Return the roots in brackets by Newton's method; a step that leaves its bracket or shrinks too little halves it.
+    """Return the roots in brackets by Newton's method, with bisection where a step leaves the bracket or is too long.
 
     f(x): values and slopes, elementwise.
-    ends, values [shape (2, n)]: of the brackets, and f there, of opposite signs.
+    ends, values [shape (2, n)]: ends of the brackets, and f there, of opposite signs.
     """
     (low, high), rises, step = ends, values[1] > 0, ends[1] - ends[0]
     done = np.zeros(low.shape, dtype=bool)
@@ -37,11 +37,11 @@ def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array
 def zeros(
     f: Callable[[Array, NDArray[np.intp]], Array], grid: Array, count: int = 1, values: Array | None = None
 ) -> tuple[Array, NDArray[np.intp]]:
-    """Return the zeros of ``count`` functions between points of an increasing grid, and which function each is of.
+    """Return the roots of ``count`` functions within an increasing grid, and the index of the function of each root.
 
     ``f(x, k)`` evaluates function k at x, elementwise; ``values`` are those on the grid, shape (count, n), if known.
-    Two zeros between neighbours of the grid leave a minimum of |f| without a change of sign, which is followed down to
-    the change. Sorted by function, then by x.
+    Two roots between neighbouring points leave no change of sign, but a local minimum of |f|: the extremum of f is then
+    computed and, where f has changed sign, splits the interval. Sorted by function, then by x.
     """
     k, i = np.mgrid[:count, : grid.size]
     x, y = grid[i], f(grid[i], k) if values is None else values
@@ -68,23 +68,23 @@ def zeros(
 def _differences(
     f: Callable[[Array, NDArray[np.intp]], Array], x: Array, k: NDArray[np.intp], width: Array
 ) -> tuple[Array, Array, Array]:
-    """Values, slopes and curvatures of functions k at x, by central differences over a small share of a width."""
+    """Values, first and second derivatives of functions k at x, by central differences with step 1e-5 ``width``."""
     h = 1e-5 * width
     before, here, after = f(np.array([x - h, x, x + h]), np.array([k, k, k]))
     return here, (after - before) / (2 * h), (after - 2 * here + before) / h**2
 
 
 def _deep(size: Array) -> NDArray[np.bool_]:
-    """Whether the parabola through three neighbours of an even grid falls below the share DEEP of their middle."""
+    """Whether the parabola through three neighbours on an even grid falls below DEEP times the middle value."""
     before, middle, after = size[:, :-2], size[:, 1:-1], size[:, 2:]
     return np.asarray((after - before) ** 2 > 8 * (1 - DEEP) * middle * (before - 2 * middle + after))
 
 
 def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
-    """Return the intervals of the parameter in which every coordinate lies in [0, 1], in increasing order.
+    """Return the intervals of the curve's parameter in which all coordinates lie in [0, 1], in increasing order.
 
     curve: its coordinates as fractions of the window.
-    grid: of the parameter, fine enough that a coordinate turns at most once between two of its points.
+    grid: values of the parameter, so fine that a coordinate has at most one extremum between neighbours.
     """
     rows = len(curve(grid[:1]))
 
@@ -98,7 +98,7 @@ def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
 
 
 def distances(points: Array, line: Array) -> Array:
-    """Return how far points are from a line through others; shapes (m, d) and (n, d) to (m,)."""
+    """Return the distances (m,) of points (m, d) from the polyline through ``line`` (n, d); inf for n = 1."""
     start, side = line[:-1], np.diff(line, axis=0)
     off = points[:, None] - start
     share = np.clip((off * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)

@@ -1,1 +1,1 @@
-"""Ring and heat trained on drop traces, measured or simulated."""
+"""Estimation of the parameters of a ring and its thermal model from measured or simulated drop traces."""

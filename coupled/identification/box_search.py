@@ -1,4 +1,4 @@
-"""Least squares in a box for residuals that jump here and there."""
+"""Nonlinear least squares within bounds, for residuals with occasional discontinuities in the parameters."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -19,12 +19,12 @@ Residuals = Callable[[Array], "Array | None"]  # None where a point makes no mod
 
 
 def at_bound(x: Array, low: Array, high: Array) -> NDArray[np.bool_]:
-    """Which of the logarithms ``x`` ended on a bound of the search."""
+    """Boolean mask of the parameters ``x`` (logarithms) that lie on a bound of the search, to `AT_BOUND`."""
     return (x < low + AT_BOUND) | (x > high - AT_BOUND)
 
 
 class End(NamedTuple):
-    """Where a search ended: the point, its residuals, their derivative, and the sum of squares with the prior's."""
+    """Result of a search: parameters x, residuals r, Jacobian J = dr/dx, and the cost |r|^2 + the term of the prior."""
 
     x: Array
     r: Array
@@ -33,7 +33,7 @@ class End(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """What is known before a fit: it adds (x - centre)^T precision (x - centre) to the sum of squares."""
+    """Gaussian prior on the parameters x: it adds (x - centre)^T precision (x - centre) to the sum of squares."""
 
     centre: Array
     precision: Array
@@ -42,9 +42,10 @@ class Prior(NamedTuple):
 def least_squares(
     f: Residuals, x: Array, low: Array, high: Array, *, steps: int, traces: int = 0, prior: Prior | None = None
 ) -> End:
-    """Minimise |f|^2 (and the prior) from ``x``, where f must be defined, in twice ``steps`` evaluations at most.
+    """Minimise |f(x)|^2, plus the prior, within bounds from the start ``x``, with at most 2 ``steps`` evaluations.
 
-    traces: residuals are those of so many traces, and slopes are by `central_slopes`; 0 for forward differences.
+    f: returns the residuals, shape (r,), or None where the model is not defined; it must be defined at ``x``.
+    traces: number of traces with residuals of equal length, for `central_slopes`; 0 for forward differences.
     """
     first = f(x)
     assert first is not None
@@ -68,7 +69,7 @@ def least_squares(
 
 
 def _forward(f: Residuals, x: Array, r: Array) -> Array:
-    """df/dx by forward differences, backward where that is no model."""
+    """Jacobian df/dx by forward differences, or backward where f(x + h) is not defined."""
     columns = []
     for e in STEP * np.eye(x.size):
         above, h = f(x + e), STEP
@@ -79,10 +80,9 @@ def _forward(f: Residuals, x: Array, r: Array) -> Array:
 
 
 def central_slopes(f: Residuals, x: Array, r: Array, traces: int) -> Array:
-    """df/dx by central differences, of each trace with the largest step about which its residuals are straight.
+    """Jacobian df/dx by central differences, for each trace with the largest step in which its residuals are linear.
 
-    Across a jump, as where a trace ends to pulse, the smaller of the slopes of both sides, or 0 where they differ in
-    sign.
+    At a discontinuity (a trace stops pulsing) it is the one-sided slope of smaller modulus, or 0 if the signs differ.
     """
     J, middle = np.zeros((traces, r.size // traces, x.size)), r.reshape(traces, -1)
     for k, unit in enumerate(np.eye(x.size)):

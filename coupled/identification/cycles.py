@@ -1,11 +1,11 @@
-"""Drop traces as targets of a fit, and the mean cycle of each as Fourier coefficients, by which it is compared.
+"""Drop traces to which a model is fitted, and the Fourier coefficients of their mean cycle, which are compared.
 
     drop(t) = Re sum_k c_k exp(2 pi i k (t - t_0)/T),      k = 0 .. 32
 
-Two traces that pulse almost alike drift out of phase within some cycles, and a comparison in time then has an optimum
-as thin as a needle. So period and shape are taken apart: ln(T_model/T) says how well the period agrees, and the
-coefficients, after the one shift of phase that brings them closest, how well the shape does. Cut at k = 32, the cycle
-is as a detector of 32/T bandwidth shows it, and moves smoothly with every parameter.
+Two pulse trains of slightly different periods dephase within a few cycles, so a misfit of the time traces has a very
+narrow minimum. Period and shape are therefore compared separately: by ln(T_model/T), and by the coefficients c_k after
+the shift of phase t_0 that aligns the two cycles best. Truncated at k = 32, the cycle is what a detector of bandwidth
+32/T shows, and a smooth function of every parameter.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves o
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """A mean cycle.
+    """Mean cycle of a periodic drop trace, as a Fourier series.
 
     period [s]: nan where the trace does not pulse.
     harmonics [shape (33,), W]: c_k, with the phase of an arbitrary t_0; only the mean where the trace does not pulse.
@@ -57,10 +57,10 @@ class Cycle:
     harmonics: Complex
 
     def curve(self, phase: Array, *, smooth: bool = False) -> Array:
-        """Drop power at the fractions ``phase`` of the cycle.
+        """Drop power at the phases ``phase``, given as fractions of the period; of their shape.
 
-        ``smooth`` weights the harmonics with Lanczos' factors sin(x)/x, x = pi k/33: the mean over 1/33 of a cycle, in
-        which the end of the series no longer rings beside steep edges.
+        ``smooth`` multiplies the harmonics by Lanczos factors sin(x)/x, x = pi k/33: an average over 1/33 of the period
+        that suppresses the Gibbs oscillations at steep edges.
         """
         k = np.arange(self.harmonics.size)
         waves = np.exp(2j * np.pi * np.outer(phase, k))
@@ -68,25 +68,25 @@ class Cycle:
 
     @cached_property
     def swing(self) -> float:
-        """Largest minus smallest value."""
+        """Largest minus smallest drop power in the cycle."""
         return float(np.ptp(self.curve(np.linspace(0, 1, 256, endpoint=False))))
 
     @property
     def scale(self) -> float:
-        """The swing, or a twentieth of the mean where that is more; what differences of shape are relative to."""
+        """Unit of shape errors: the swing, but at least `LEVEL` times the mean."""
         return max(self.swing, LEVEL * float(abs(self.harmonics[0])))
 
     def shifted(self, by: float) -> Cycle:
-        """The cycle shifted to earlier times by the fraction ``by`` of a period."""
+        """The same cycle, advanced in time by the fraction ``by`` of its period."""
         return Cycle(self.period, self.harmonics * np.exp(2j * np.pi * by * np.arange(self.harmonics.size)))
 
 
 class Seen(NamedTuple):
-    """The mean cycle of a measured trace, and how far noise leaves it open.
+    """Mean cycle of a measured trace with the standard deviations that its noise causes.
 
     period_deviation: standard deviation of ln(period); nan where the trace does not pulse.
     deviations [shape (33,), unit of the trace]: standard deviation of the real part of each harmonic c_k, and of the
-        imaginary part; inf for harmonics that the samples do not show.
+        imaginary part; inf for harmonics that the sampling does not resolve.
     """
 
     cycle: Cycle
@@ -95,7 +95,7 @@ class Seen(NamedTuple):
 
 
 def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
-    """The part of a trace that is compared, evenly sampled."""
+    """Times and drop power of the second half of a trace, interpolated to equal time steps where needed."""
     begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
     late = t >= begin
     steps = np.diff(t[late])
@@ -106,9 +106,9 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
 
 
 def cycles_in(t: Array, drop: Array) -> tuple[float, Complex]:
-    """Period and c_k of the cycles in the second half of a trace in one phase, (n, 33); nan and the mean at rest.
+    """Period (s) and Fourier coefficients, shape (cycles, 33), of the cycles in the second half of a trace.
 
-    The cycles are cut by one clock, which the drift of their phases corrects.
+    All cycles have a common phase; the drift of their phases corrects the period. Without pulses: nan, and the mean.
     """
     t, drop = _second_half(t, drop)
     clock, k = _repetition(t, drop), np.arange(HARMONICS + 1)
@@ -126,16 +126,16 @@ def cycles_in(t: Array, drop: Array) -> tuple[float, Complex]:
 
 
 def cycle_of(t: Array, drop: Array) -> Cycle:
-    """The mean cycle in the second half of the trace of a model; one that rings down is at rest."""
+    """Mean cycle in the second half of a simulated trace; a decaying oscillation counts as constant."""
     period, pieces = cycles_in(t, drop)
     steady = np.isfinite(period) and _changed_swing(pieces) is None
     return Cycle(period, pieces.mean(axis=0)) if steady else _still(float(pieces[:, 0].real.mean()))
 
 
 def period_of(name: str, t: Array, drop: Array) -> float:
-    """The period in the second half of a measured trace, nan where it rests or rings down to a small swing.
+    """Period (s) in the second half of a measured trace; nan if it is constant or decays to a small swing.
 
-    Raises InputError, about the trace ``name``: it neither rests nor repeats, or still changes its swing.
+    Raises InputError, with the ``name`` of the trace: it is neither constant nor periodic, or its swing still changes.
     """
     period, pieces = cycles_in(t, drop)
     if not np.isfinite(period):
@@ -154,12 +154,12 @@ def period_of(name: str, t: Array, drop: Array) -> float:
 
 
 def _still(mean: float) -> Cycle:
-    """The cycle of what does not pulse."""
+    """The cycle of a trace that does not pulse: period nan, and only the mean c_0."""
     return Cycle(float("nan"), np.append(mean, np.zeros(HARMONICS)).astype(complex))
 
 
 def _changed_swing(pieces: Complex) -> tuple[float, float] | None:
-    """Swings of the earlier and the later cycles of a trace over its mean; None where they are alike."""
+    """Mean swings of the first and second half of the cycles, over the mean power; None if they do not differ."""
     swings = np.sqrt(2 * np.sum(np.abs(pieces[:, 1:]) ** 2, axis=1)) * 2  # of a sine, from its mean square
     halves = np.array_split(swings, 2)
     early, late = (float(half.mean()) for half in halves)
@@ -171,7 +171,7 @@ def _changed_swing(pieces: Complex) -> tuple[float, float] | None:
 
 
 def _check_rest(name: str, drop: Array) -> None:
-    """InputError where a trace that does not repeat moves by more than its noise: it shows too few cycles."""
+    """Raise InputError if a trace without a period varies by more than its noise: it has too few cycles."""
     parts = np.array_split(drop, PARTS)
     means = np.array([part.mean() for part in parts])
     noise = np.std(np.diff(drop)) / np.sqrt(2 * len(parts[0]))  # of such a mean, where it is white
@@ -184,10 +184,10 @@ def _check_rest(name: str, drop: Array) -> None:
 
 
 def _repetition(t: Array, x: Array) -> float:
-    """Time after which an evenly sampled trace repeats, by its autocorrelation; nan if it does not.
+    """Period (s) of an evenly sampled signal, from the first high peak of its autocorrelation; nan if it has none.
 
-    The autocorrelation is taken between the samples, too: sharp pulses of 8.5 samples a period are alike after 17, and
-    not after 8 or 9.
+    The autocorrelation is interpolated between samples: at 8.5 samples a period, sharp pulses coincide after 17
+    samples but not after 8 or 9.
     """
     x = x - x.mean()
     if np.std(x) < 1e-12 * np.max(np.abs(x), initial=1e-300):
@@ -210,7 +210,7 @@ def _repetition(t: Array, x: Array) -> float:
 
 
 def lag(model: Complex, measured: Complex) -> float:
-    """The shift of the model's phase, in periods, that brings it closest: the peak of the correlation."""
+    """Time shift of the model's cycle, in periods, that maximises its correlation with the measured one."""
     k = np.arange(1, model.size)
     products = model[1:] * measured[1:].conj()
     n = 16 * model.size
@@ -226,13 +226,13 @@ def lag(model: Complex, measured: Complex) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One trace to meet.
+    """A drop trace to which the model is fitted, with the drive under which it was measured.
 
-    period [s]: of its pulses, nan where it rests.
-    unit: of the trace; any but W is an arbitrary one.
+    period [s]: of its pulses, nan where it is constant.
+    unit: of the drop power; any but W is arbitrary and needs a scale factor.
     power [W]; detuning [Hz].
     times, drop [shape (n,)]: samples, in s from when the light was switched on, and in the unit of the trace.
-    settled: whether nothing is known of its beginning, and it is compared with the settled cycle.
+    settled: the state at its start is unknown, so it is compared with the limit cycle of the model.
     """
 
     period: float
@@ -250,14 +250,13 @@ class Target:
 
     @property
     def cold(self) -> bool:
-        """Whether the trace begins where the light was switched on."""
+        """Whether the first sample is taken when the light is switched on, to two sampling steps."""
         return not self.settled and self.times[0] <= 2 * float(np.median(np.diff(self.times)))
 
     def window(self, model: Compact) -> tuple[float, float]:
-        """Begin and end in s of the run of a model that is compared, in its second half.
+        """First and last time (s) of the part of a model's run that is compared, in its second half.
 
-        Of a settled trace, and of one that is longer than the model needs to settle, the end of a run that is just so
-        long is compared.
+        For a settled trace, and for one longer than the model's transient, the run has the length of that transient.
         """
         enough = max(LONGEST, SETTLED / slowest_rate(model))
         whole = not self.settled and self.times[-1] <= enough
@@ -265,7 +264,7 @@ class Target:
 
     @cached_property
     def forced(self) -> Forced:
-        """The trace evenly sampled."""
+        """The trace resampled at equal time steps, for `forced_filters`."""
         length = float(self.times[-1] - self.times[0])
         n = min(MOST, 1 + round(length / float(np.median(np.diff(self.times)))))
         drop = np.interp(np.linspace(self.times[0], self.times[-1], n), self.times, self.drop)
@@ -273,7 +272,7 @@ class Target:
 
     @cached_property
     def seen(self) -> Seen:
-        """Period and harmonics of the second half by least squares on its samples: no lines between them.
+        """Period and harmonics of the second half by least squares on its samples, without interpolation.
 
         drop = Re sum_k c_k exp(2 pi i k (t - t_0)/T), with more harmonics in each step of Gauss-Newton for ln T.
         """
@@ -303,7 +302,7 @@ class Target:
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
-    """Check the traces and find their cycles.
+    """Check the traces and determine their periods: one `Target` for each.
 
     traces: each with drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
     """

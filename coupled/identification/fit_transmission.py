@@ -1,12 +1,13 @@
-"""Slow sweeps of a laser through a resonance, hysteresis included, fitted by the curve of all fixed points.
+"""Fit of slow sweeps of a laser through a resonance, hysteresis included, by the curve of all fixed points.
 
-At one power the fixed points lie on one smooth curve through both folds, the tilted resonance, and at one detuning too.
-A sweep stays on that curve and jumps from fold to fold. So each sample is compared with the nearest point of the curve,
+At fixed power all fixed points lie on one smooth curve (detuning, output), the tilted resonance, which includes its two
+folds; at fixed detuning likewise. A slow sweep follows this curve and jumps at a fold. The residual of a sample (x, y)
+is its signed distance from the nearest point (x(s), y(s)) of the curve,
 
     r = +-min_s hypot((x - x(s))/s_x, (y - y(s))/s_y),
 
-with s_x half a step of the sweep and s_y the noise: no branch has to be guessed, the direction of the sweep does not
-matter, and a jump at the wrong place is a distance that shrinks as the fold moves, not a step that has no slope.
+with s_x half a step of the sweep and s_y the noise. No branch has to be assigned to a sample, the direction of the
+sweep does not matter, and the residuals at a jump depend continuously on where the fold lies.
 """
 
 import logging
@@ -53,16 +54,16 @@ class TransmissionFit(HasModel):
     Attributes
     ----------
     parameters, standard_deviations : dict of str to float
-        of the free parameters, in SI, and of what follows from them: "loaded_q", "intrinsic_q" and "heating" (K/W),
-        R_th times the share of the intrinsic loss that is absorbed. A deviation is inf where the sweeps leave it open.
+        of the free parameters, in SI, and of three derived ones: "loaded_q", "intrinsic_q" and "heating" (K/W), R_th
+        times the absorbed fraction of the intrinsic loss. A deviation is inf for a parameter not determined.
     ring, model : RingResonator, Foster
-        with those parameters; of the model only R_th means something.
+        with those parameters; of the model only R_th is meaningful, not its time constant.
     misfit : float
-        root mean square distance over what noise and steps explain.
+        root mean square of the residuals, about 1 where noise and step size explain them.
     curves : list of xarray.Dataset
-        as of `transmission`, for each sweep.
+        the fitted curve of fixed points for each sweep, as `transmission` returns it.
     notes : tuple of str
-        what makes the numbers doubtful.
+        reasons for which the result is doubtful.
     """
 
     parameters: dict[str, float]
@@ -75,7 +76,7 @@ class TransmissionFit(HasModel):
 
 
 class _Sweep(NamedTuple):
-    """Samples of a sweep: x is ln P or the laser's frequency less that of the ring at the start (Hz); y as measured."""
+    """Samples of a sweep: x is ln P or the laser's frequency less that of the initial ring (Hz); y is the output."""
 
     x: Array
     y: Array
@@ -94,21 +95,21 @@ def fit_transmission(
     model: ThermalModel | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> TransmissionFit:
-    """Find the numbers of a ring whose steady transmission is closest to all the given slow sweeps at once.
+    """Fit parameters of a ring to slow sweeps: its steady transmission is compared with all of them at once.
 
     Parameters
     ----------
     ring : RingResonator
-        where the search starts, and what is not free.
+        start values of the free parameters, and values of the others.
     sweeps : xarray.Dataset or sequence of them
-        drop or through over one dimension, in W, in "1" (share of the bus power), or in any other unit, which frees one
-        scale for all of them; with power (W) and wavelength (m) or detuning (Hz, from the ring's frequency), of which
-        one is a variable of that dimension and the other one too, or an attribute. Up or down, or both in one.
+        drop or through over one dimension, in W, in "1" (fraction of the bus power), or in an arbitrary unit (its scale
+        is then fitted, one per port and unit); with power (W), and wavelength (m) or detuning (Hz, from the ring's
+        frequency), one of them swept along the dimension, the other constant. Upward, downward or both.
     free : sequence of str
-        numbers of the ring or its carriers ("frequency", "bus_rate", "loss_rate", "scattering_rate", "tau0", ..),
-        "thermal_resistance" (K/W), and "power", a factor on all powers, as the loss of a fibre coupling is one.
+        fields of the ring or its carriers ("frequency", "bus_rate", "loss_rate", "scattering_rate", "tau0", ..),
+        "thermal_resistance" (K/W), and "power", a common factor of all powers, such as a fibre coupling loss.
     model : ThermalModel, optional
-        whose thermal resistance is taken, or started from; by default the paper's.
+        source of the thermal resistance, or of its start value; by default the paper's.
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start; of "frequency" the range of the sweeps (Hz).
 
@@ -121,8 +122,8 @@ def fit_transmission(
     InputError
         a name, bound or sweep that cannot be used.
 
-    Without two-photon absorption the tilt shows R_th times the absorbed share of the loss, "heating", and nothing shows
-    either of them alone.
+    Without two-photon absorption the sweeps determine only "heating", the product of R_th and the absorbed fraction of
+    the loss, and not the two factors.
 
     >>> import coupled, thermofem as th
     >>> ring, heat = coupled.borghi2021(), th.Foster(R=[9e3], tau=[1e-6])
@@ -142,7 +143,7 @@ def fit_transmission(
 
 
 def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
-    """Check a sweep, and take its samples."""
+    """Check the Dataset of a sweep and convert it to a `_Sweep`, in SI."""
     ports = [port for port in ("drop", "through") if port in given]
     if len(ports) != 1 or given[ports[0]].ndim != 1:
         raise InputError(f"{name} needs one of the variables drop and through, over one dimension")
@@ -172,7 +173,11 @@ def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """The unknowns of a fit: logarithms, but of "frequency" the shift in linewidths; last the scales of other units."""
+    """The least-squares problem: unknowns x, their start and bounds, and the residuals of all samples.
+
+    x holds logarithms of the parameters, but for "frequency" its shift in linewidths; then the logarithms of the
+    scales of arbitrary units.
+    """
 
     ring: RingResonator
     resistance: float
@@ -185,22 +190,22 @@ class _Search:
 
     @property
     def linewidth(self) -> float:
-        """Full width at half maximum of the ring at the start, Hz."""
+        """Full width at half maximum of the initial ring's resonance, Hz."""
         return self.ring.linear_rate / pi
 
     def values(self, x: Array) -> dict[str, float]:
-        """The free numbers, in SI."""
+        """The free parameters at the unknowns ``x``: a dict from name to value in SI."""
         free = zip(self.names, x, strict=False)
         return {n: self.ring.frequency + v * self.linewidth if n == "frequency" else float(np.exp(v)) for n, v in free}
 
     def build(self, x: Array) -> tuple[RingResonator, Foster, float]:
-        """Ring, heat and factor on all powers."""
+        """Ring, thermal model and factor on all powers at the unknowns ``x``, shape (unknowns,)."""
         values = self.values(x)
         resistance, factor = values.pop(RESISTANCE, self.resistance), values.pop(POWER, 1.0)
         return varied(self.ring, values), Foster(R=[resistance], tau=[1e-6]), factor
 
     def curves(self, x: Array) -> list[xr.Dataset]:
-        """All fixed points about each sweep."""
+        """The curve of all fixed points for each sweep at the unknowns ``x``, as `transmission` returns it."""
         ring, heat, factor = self.build(x)
         shift, side = ring.frequency - self.ring.frequency, SIDE * self.linewidth
 
@@ -218,7 +223,7 @@ class _Search:
         return [found[drive] for drive in drives]
 
     def residuals(self, x: Array) -> Array:
-        """Distances of all samples from their curves."""
+        """Signed distances of all samples from their curves at the unknowns ``x``, shape (samples,)."""
         try:
             curves = self.curves(x)
         except (InputError, RuntimeError):
@@ -236,7 +241,7 @@ class _Search:
 
 
 def _distances(sweep: _Sweep, x: Array, y: Array) -> Array:
-    """Signed distances of the samples of a sweep from the line through the points (x, y) of a curve, in its scales."""
+    """Signed distances of a sweep's samples from the polyline (x, y) in units of ``sweep.scales``, shape (samples,)."""
     line = np.array([x / sweep.scales[0], y / sweep.scales[1]])
     seen = np.array([sweep.x / sweep.scales[0], sweep.y / sweep.scales[1]])
     begin, along = line[:, :-1, None], np.diff(line)[:, :, None]
@@ -253,7 +258,7 @@ def _search(
     ring: RingResonator, resistance: float, data: list[_Sweep], free: Sequence[str],
     bounds: Mapping[str, tuple[float, float]] | None,
 ) -> _Search:  # fmt: skip
-    """Resolve the names of the free parameters, their starts and bounds."""
+    """Set up the fit: resolve the names of the free parameters, with their starts and bounds."""
     checks.check_names("free", free)
     given = checks.mapping("bounds", bounds, hint='such as {"loss_rate": (1e9, 1e10)}')
     for name in given:
@@ -286,9 +291,9 @@ def _search(
 
 
 def _best(search: _Search) -> tuple[Array, Array, Array]:
-    """Where least squares ends: x, residuals and their slopes.
+    """Minimise the residuals: returns the unknowns x, the residuals and their Jacobian.
 
-    Distances beyond a fold are far at first, so they count by less than squares in a first search.
+    A first search uses a robust loss (soft L1), as samples beyond a fold have large residuals at first.
     """
     from scipy.optimize import least_squares
 
@@ -306,7 +311,7 @@ def _best(search: _Search) -> tuple[Array, Array, Array]:
 
 
 def _result(search: _Search, x: Array, r: Array, J: Array, doubts: tuple[str, ...]) -> TransmissionFit:
-    """Deviations by the slopes, what follows from the parameters, and notes."""
+    """Parameters with standard deviations from the Jacobian J, derived quantities, and notes, as a TransmissionFit."""
     misfit = float(np.sqrt(r @ r / max(r.size - x.size, 1)))
     _, size, V = np.linalg.svd(J, full_matrices=False)
     seen = size > BLIND * size[0]

@@ -1,11 +1,11 @@
-"""Forced filters: the measured light drives carriers and heat, and the light that a model then predicts follows.
+"""Forced filters: misfit of a model whose carriers and temperature are driven by the measured light.
 
     U = drop/(2 gamma_d),     dN/dt = -N/tau(N) + g U^2,     dx_i/dt = gain_i P_abs(N, U) - rate_i x_i,   dT = sum_i x_i
     U_model = 2 gamma_e P/(gamma(N, U)^2 + D(N, dT, U)^2)
 
-The light of a ring lives some 10 ps, so it follows carriers and heat at once. Nothing oscillates or rests by itself:
-the misfit of U_model is smooth over factors of two in every parameter, where that of a free run is rugged 1 % from the
-truth. Its minimum is some percent off, as straight lines between samples and noise in U bias it.
+The photon lifetime is some 10 ps, so the light follows carriers and temperature instantaneously. There is no feedback
+and no oscillation: the misfit of U_model is smooth over factors of two in every parameter, while that of a simulation
+is rugged 1 % from the true values. Its minimum is biased by some percent, through interpolation and noise in U.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ OPEN = 1e-4  # 1/variance of a logarithm that nothing determines
 
 
 def noise_of(drop: Array) -> float:
-    """Standard deviation of white noise: the median of second differences, in which edges do not count."""
+    """Standard deviation of white noise in a trace: from the median of its second differences, robust against edges."""
     return max(float(np.median(np.abs(np.diff(drop, 2)))) / 0.6745 / np.sqrt(6), 1e-6 * float(np.ptp(drop)), 1e-300)
 
 
 @dataclass(frozen=True, eq=False)
 class Forced:
-    """An evenly sampled drop trace.
+    """A drop trace at equal time steps, with its drive.
 
     step [s]; drop [shape (n,), unit of the trace]; power [W]; detuning [Hz].
-    cold: whether the light was switched on at the first sample; else carriers and heat begin at their means.
-    absolute: whether drop is in W.
+    cold: the light was switched on at the first sample; else carriers and heat start at their means.
+    absolute: drop is in W.
     """
 
     step: float
@@ -65,17 +65,20 @@ class Forced:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of a sample."""
+        """Standard deviation of the white noise in a sample, in the unit of the trace."""
         return noise_of(self.drop)
 
     @cached_property
     def deviations(self) -> Array:
-        """Those of the samples: straight lines between them put an edge out of place by up to two samples."""
+        """Standard deviation of each sample, (n,): noise, and the uncertainty of an edge by two samples."""
         span = maximum_filter1d(self.drop, 5) - minimum_filter1d(self.drop, 5) - 5 * self.noise
         return np.hypot(self.noise, np.maximum(span, 0))
 
     def predicted(self, ring: RingResonator, model: Compact, scale: float = 1.0, every: int = 1) -> Array:
-        """Drop of the model at every ``every``-th sample, in the unit of the trace; ``scale`` is W per unit."""
+        """Drop power that the model predicts at every ``every``-th sample, unit of the trace.
+
+        scale [W per unit of the trace]: 1 for a trace in W.
+        """
         rates, fcd = units.internal_rates(ring)
         unit, step = scale / (2 * ring.drop_bus_rate * FJ), self.step / NS  # fJ per unit of the trace; ns
         U = self.drop * unit
@@ -95,7 +98,7 @@ class Forced:
 
 
 def _poles(model: Compact) -> tuple[Array, Array, float]:
-    """gain (K/(uW ns)) and rate (1/ns) of the poles, and curvature (1/K); of a quadratic model at a small rise."""
+    """Gain (K/(uW ns)) and rate (1/ns) of the poles, and curvature (1/K); a quadratic model is linearised at dT = 0."""
     heat, bend = units.internal_heat(model)
     if isinstance(heat, PoleHeat):
         return heat.gain[0], heat.rate[0], bend
@@ -104,7 +107,7 @@ def _poles(model: Compact) -> tuple[Array, Array, float]:
 
 
 def _filtered(source: Array, step: float, gain: complex, rate: complex, start: complex) -> Array:
-    """x of dx/dt = gain s - rate x, exact for straight lines between the samples of s."""
+    """Solution x of dx/dt = gain s - rate x at the samples, exact for s linear between them; same shape as s."""
     z = rate * step
     keep = np.exp(-z)
     right = gain / rate * (1.0 + np.expm1(-z) / z)
@@ -113,7 +116,7 @@ def _filtered(source: Array, step: float, gain: complex, rate: complex, start: c
 
 
 def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
-    """N of dN/dt = s - N/tau(N), tau = tau0 (1 + a N)/(1 + b N), by Newton's method for the whole trace at once.
+    """Solution N of dN/dt = s - N/tau(N), tau = tau0 (1 + a N)/(1 + b N), by Newton's method for all samples at once.
 
     With f = N/tau(N), a pass solves dN/dt = s - f(N_old) - f'(N_old) (N - N_old).
     """
@@ -135,10 +138,10 @@ def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
 
 
 def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Prior]:
-    """Minima of the forced misfit in the box, the best first.
+    """Minima of the misfit of the forced filters within the bounds, as priors of the parameters, the best first.
 
-    1024 Sobol points, least squares from the best 8 on ln((U_model + 3 sigma)/(U + 3 sigma)), then on plain
-    differences over the samples' deviations. The scale of a trace in another unit than W is one more unknown.
+    1024 Sobol points, least squares from the best 8 on ln((U_model + 3 sigma)/(U + 3 sigma)), then on the differences
+    over the samples' standard deviations. Each trace in an arbitrary unit adds its scale to the unknowns.
     """
     from scipy.stats import qmc
 

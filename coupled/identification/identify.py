@@ -1,4 +1,4 @@
-"""Parameters of a ring, its carriers and its heat from drop traces: forced filters, settled cycles, a test."""
+"""Estimation of ring, carrier and thermal parameters from drop traces: forced filters, limit cycles, and a fit test."""
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -52,9 +52,9 @@ class Identification(HasModel):
         over run: each free parameter, and misfit, the root mean square of the residuals over the noise, of every end of
         the search, the best first.
     failed : bool
-        whether the misfit of the best end is above 1.5: the parameters are then only those whose cycles are closest.
+        whether the misfit of the best fit is above 1.5: the model then does not reproduce the traces within noise.
     notes : tuple of str
-        what makes numbers of the result doubtful: a failed fit; parameters that the traces do not determine, or that
+        reasons for which the result is doubtful: a failed fit; parameters that the traces do not determine, or that
         ended on a bound; deviations that were widened; another end of equal misfit; periods of trace and model that are
         a multiple of each other, or a model whose pulses do not repeat; traces that pulse while their model rests, or
         the other way round. They are logged, too.
@@ -82,40 +82,41 @@ def identify(
     seed: int = 1,
     show_bar: bool = False,
 ) -> Identification:
-    """Find the parameters with which the simulated drop traces are closest to all the given ones at once.
+    """Fit parameters of a ring, its carriers and its thermal model to one or several drop traces at once.
 
-    1. The measured light drives carriers and heat as filters, whose misfit is smooth (`forced_filters`): 1024 points of
-       the box, least squares from the best 8.
-    2. Free runs from the cold ring meet period and 32 harmonics of the second half of each trace,
+    1. Carriers and heat are driven by the measured light, which makes the misfit smooth (`forced_filters`): 1024 points
+       within the bounds, least squares from the best 8.
+    2. Simulations from the cold ring are fitted to the period and 32 harmonics of the second half of each trace,
 
            minimise  sum (ln(T_model/T)/s_T)^2 + sum_k |c_k,model - c_k|^2/s_k^2 + (x - x_0)^T L (x - x_0)
 
-       in the logarithms x of the parameters; s are the deviations by the noise, at least 1e-4 of the period and 3e-4 of
-       the swing. The forced fit x_0, with 15 times its own covariance and 3 %, is the prior: it knows the transient.
-    3. A fit whose residuals are above 1.5 of their deviations has failed.
+       in the logarithms x of the parameters; s are the standard deviations by noise, with 3e-5 (period) and 2e-4 of
+       the swing (c_k) added in quadrature. The forced fit x_0 is the prior, with L from 15 times its standard
+       deviations and 3 %, as it contains the information of the transient.
+    3. A fit whose rms residual exceeds 1.5 standard deviations has failed.
 
     Parameters
     ----------
     ring : RingResonator
     traces : xarray.Dataset or sequence of them
-        from `simulate` or measured: drop (W; any other unit in its attribute "units" frees the scale) over time (s),
+        from `simulate` or measured: drop (W; for any other unit, attribute "units", a scale is fitted) over time (s),
         with "input_power" or "power" (W) and "detuning" (Hz) among the attributes. The second half of each is used.
         At time 0 the light was switched on, on a cold ring: a trace may begin later. Where that time is unknown, set
-        the attribute "settled" to True: the trace is compared with the cycle on which the model settles, as is one of
-        `simulate` with ``initial``.
+        the attribute "settled" to True: the trace is compared with the limit cycle of the model. A run of `simulate`
+        with ``initial`` is always treated so.
     free : sequence of str
         fields of the ring ("bus_rate", "loss_rate", "fca_cross_section", ...) or of its carriers ("tau_n", "tau_p", or
         "tau0" for both at one ratio), and the parameters of one thermal law: "kappa" (1/s), "tau_f", "tau_s" (s), "eta"
         of the second-order equation; "tau_th" (s) and "heat_capacity" (J/K) of Newton's law; "R" (K/W) and "tau" (s),
         all poles of ``model``; or the parameters of a family.
     model : ThermalModel or family, optional
-        what the thermal parameters start from (a linear one), or where none is free the model, of any kind that
-        `simulate` takes. By default the paper's. Of a family of models, as of `surrogate.train_family`, all parameters
-        are free, within its ranges; ``family.held(radius=7e-6)`` holds some.
+        source of the start values of free thermal parameters (a linear model), or the fixed thermal model, of any kind
+        that `simulate` takes. By default the paper's. All parameters of a family (`surrogate.train_family`) are free
+        within its ranges; ``family.held(radius=7e-6)`` fixes some.
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start.
     runs : int
-        minima of the first step that are followed by free runs, at most: the first whose residuals are noise ends it.
+        largest number of minima of step 1 from which step 2 starts; a fit with residuals at the noise level ends it.
     seed : int
     show_bar : bool
         whether to draw a bar on the terminal.
@@ -129,11 +130,10 @@ def identify(
     InputError
         a name, bound or trace that cannot be used.
 
-    The standard deviations are those of the noise, by the slopes of the residuals, and widened where the misfit two
-    deviations away rises by less than half as much as they say. They are nan where the fit failed, a trace and its
-    model were read otherwise, and for a parameter that ended on a bound. They are inf for one that the traces do not
-    determine, such as two of which only the ratio counts.
-    ``notes`` names these.
+    The standard deviations follow from the noise and the Jacobian of the residuals, and are widened where the misfit
+    rises by less than 2 at two deviations, instead of 4. They are nan where the fit failed, where the periods of a
+    trace and its model are incompatible, and for a parameter on a bound. They are inf for one that the traces do not
+    determine, such as two of which only the ratio matters. ``notes`` names these parameters.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), end of Section 5, which trains (kappa, tau_f, tau_s, eta) on
     three traces by a multi-objective swarm, and takes the standard deviation over ten runs.
@@ -153,9 +153,10 @@ def identify(
 
 
 def _followed(what: Unknowns, targets: list[Target], start: Prior, seed: int) -> Iterator[End]:
-    """Ends of free runs from points about a forced fit, the most promising first.
+    """Least-squares fits of simulated runs, started at points around a forced fit, the start of lowest misfit first.
 
-    A forced fit is off along its weakest direction most, so points lie on both sides of it; others are drawn.
+    Starts lie on both sides of the forced fit along the weakest direction of its precision, where it is least certain;
+    others are drawn at random.
     """
     weights, directions = np.linalg.eigh(start.precision)
     weak = directions[:, 0] / np.abs(directions[:, 0]).max()
@@ -181,14 +182,14 @@ def _followed(what: Unknowns, targets: list[Target], start: Prior, seed: int) ->
 
 
 def _rms(r: Array, unknowns: int) -> float:
-    """Root mean square of residuals over their deviations, but of those that count, which are not 0."""
+    """Root mean square of the residuals that are not 0, with the number of unknowns subtracted from their count."""
     return float(np.sqrt(r @ r / max(int(np.count_nonzero(r)) - unknowns, 1)))
 
 
 def _searched(
     what: Unknowns, targets: list[Target], runs: int, seed: int, advance: Callable[[], None]
 ) -> list[tuple[float, End, Prior]]:
-    """Misfit, end and start of all that was followed, the best first; stops at the noise, or at an end found twice."""
+    """Misfit, fit and prior of all fits, the best first; stops at one at the noise level or one found twice."""
     found: list[tuple[float, End, Prior]] = []
     starts = forced_starts(what, [target.forced for target in targets], seed)
     for start in starts[:runs]:
@@ -202,10 +203,10 @@ def _searched(
 
 
 def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, high: Array) -> tuple[Array, float]:
-    """Covariance of the logarithms ``x`` after a profile of the misfit along its directions, and the largest factor.
+    """Covariance of the parameters ``x`` (logarithms), widened by a profile of the misfit, and the largest factor.
 
-    Two deviations away the misfit should be 4 more. Where it is less, as where slopes were taken across the edge of
-    self-pulsing, that deviation is widened until it is.
+    Along each eigenvector of C the misfit should rise by 4 at two standard deviations. Where it rises less, as with
+    slopes taken across the onset of self-pulsing, that deviation is widened until it does.
     """
     variances, directions = np.linalg.eigh(C)
     factors, least = np.ones(x.size), cost(x)
@@ -221,7 +222,7 @@ def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, hig
 
 
 def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Prior) -> tuple[Array, float]:
-    """Standard deviations of the logarithms, nan of those on a bound, and by what factor the profile widened them."""
+    """Standard deviations of the parameters (logarithms), nan on a bound, and the largest widening by the profile."""
     found, free = np.full(x.size, np.nan), np.flatnonzero(~at_bound(x, what.low, what.high))
     if not free.size:
         return found, 1.0
@@ -246,7 +247,7 @@ def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Prior) -
 
 
 def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Identification:
-    """Test the best end against the noise, and put the result together."""
+    """Test the best fit against the noise and assemble the Identification."""
     (misfit, end, start), others = found[0], found[1:]
     x, failed, notes, n = end.x, misfit > NOISE, [], end.x.size
     if failed:

@@ -1,4 +1,4 @@
-"""Newton's law fitted to each drop trace by itself: how its heat capacity and lifetime drift with the period."""
+"""Fit of Newton's law of cooling to each drop trace separately: its heat capacity and lifetime against the period."""
 
 import logging
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ def fit_newton_per_trace(
     bounds: dict[str, tuple[float, float]] | None = None,
     show_bar: bool = False,
 ) -> xr.Dataset:
-    """Fit (tau_th, m c_p) of Newton's law to every drop trace on its own.
+    """Fit (tau_th, m c_p) of Newton's law to every drop trace separately.
 
         dT/dt = -dT/tau_th + P_abs/(m c_p),      minimise what `identify` does, for one trace
 
@@ -42,7 +42,7 @@ def fit_newton_per_trace(
     Parameters
     ----------
     ring : RingResonator
-        with the free-carrier dispersion that shall be kept (the paper's Fig. 4(d): two terms).
+        the fixed parameters, free-carrier dispersion included (the paper's Fig. 4(d): two terms).
     traces : sequence of xarray.Dataset
         as for `identify`.
     bounds : mapping, optional
@@ -64,7 +64,7 @@ def fit_newton_per_trace(
         as `identify`.
 
     Measured on 12 traces of the finite-element model of the reference ring: tau_th 315 to 540 ns, m c_p 4.8 to 7.3
-    times that of the core, tau_th longer for longer periods. The paper's traces say 350 to 650 ns and 7 to 10 times.
+    times that of the core, tau_th longer for longer periods. The paper's traces give 350 to 650 ns and 7 to 10 times.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4 and Fig. 4(d).
     """

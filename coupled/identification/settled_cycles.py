@@ -1,4 +1,4 @@
-"""Settled cycles of traces and of free runs of a model: how far apart they are, and what makes a fit doubtful."""
+"""Comparison of measured cycles with those of simulated runs: residuals, and reasons to doubt a fit."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -30,7 +30,7 @@ REPEATS = 0.03  # relative change of heights and lengths of pulses that repeat
 
 
 class Stage(NamedTuple):
-    """Harmonics that count, floors of the deviations of period (relative) and shape (of the swing), and most steps."""
+    """A stage of the fit: harmonics, floors of the deviations of period (relative) and shape (of swing), and steps."""
 
     harmonics: int
     period: float
@@ -48,7 +48,7 @@ SOFT = Stage(HARMONICS, 1e-2, 4e-2, 20)  # of a law that cannot follow the trace
 
 
 def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Dataset, Cycle]:
-    """The run of a model under the drive of a trace, and its cycle in the half that is compared."""
+    """Simulate the model under the drive of a trace: the run, and its mean cycle in the part that is compared."""
     begin, end = target.window(model)
     middle = (begin + end) / 2
     early, late = max(EARLY, middle / MOST), max(LATE, (end - middle) / MOST)
@@ -62,12 +62,12 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
 
 
 def repeats(run: xr.Dataset) -> bool:
-    """Whether the pulses of a run repeat; a run at rest does."""
+    """Whether a simulated run is periodic or constant at its end."""
     return pulsing(run).regime != Regime.SELF_PULSING or repeat_within(run["time"].values, run["carriers"].values)
 
 
 def repeat_within(t: Array, N: Array) -> bool:
-    """Whether the last pulses of the carriers repeat in height and distance, up to four of them together."""
+    """Whether the last pulses of N(t) repeat in height and interval after 1, 2, 3 or 4 pulses, to `REPEATS`."""
     late = t >= t[-1] / 2
     edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)
     heights = np.array([N[i:j].max() for i, j in pairwise(np.searchsorted(t, edges))])
@@ -75,10 +75,10 @@ def repeat_within(t: Array, N: Array) -> bool:
 
 
 def compared(own: Cycle, aim: Seen, stage: Stage, absolute: bool) -> tuple[Array, Cycle]:
-    """Residuals over their deviations, shape (66,), and the model's cycle aligned in phase, and scale.
+    """Residuals over their standard deviations, shape (66,), and the model's cycle, aligned in phase and scale.
 
-    ln(T_model/T) over hypot(its deviation, floor), then the differences of the mean and of the harmonics' parts over
-    hypot(theirs, floor of the swing).
+    First ln(T_model/T) over hypot(deviation, floor of the stage), then the differences of c_0 and of the real and
+    imaginary parts of c_1 to c_32 over hypot(deviation, floor times the swing).
     """
     trace, K = aim.cycle, np.arange(HARMONICS + 1) <= stage.harmonics
     both = np.isfinite([own.period, trace.period])
@@ -102,7 +102,7 @@ def compared(own: Cycle, aim: Seen, stage: Stage, absolute: bool) -> tuple[Array
 
 
 def residuals(what: Unknowns, targets: list[Target], stage: Stage) -> Residuals:
-    """The residuals of all traces as a function of the logarithms of the unknowns."""
+    """The residuals of all traces, shape (66 traces,), as a function of the logarithms of the unknowns."""
 
     def of(x: Array) -> Array | None:
         rows = []
@@ -120,7 +120,7 @@ def residuals(what: Unknowns, targets: list[Target], stage: Stage) -> Residuals:
 def comparison(
     ring: RingResonator, model: Compact, targets: list[Target]
 ) -> tuple[xr.Dataset, xr.Dataset, tuple[str, ...]]:
-    """Errors over trace, cycles over trace and phase, and sentences on periods that cannot be compared."""
+    """Dataset of errors over trace, Dataset of cycles over trace and phase, and notes on periods not comparable."""
     phase = np.linspace(0, 1, 256, endpoint=False)
     rows, curves, notes = [], [], []
     for k, target in enumerate(targets):
@@ -156,7 +156,11 @@ def comparison(
 
 
 def doubts(what: Unknowns, spread: Array, values: Array, factor: float, off: float) -> list[str]:
-    """Sentences on what makes parameters doubtful that meet the traces."""
+    """Sentences on parameters that are undetermined, on a bound, or uncertain for another reason.
+
+    spread: standard deviations of the logarithms; values [SI]; factor: largest widening by the profile.
+    off: distance of the fit from the forced fit, in standard deviations.
+    """
     notes = []
     named = list(zip(what.names, spread, strict=True))
     if loose := [name for name, one in named if np.isinf(one)]:
@@ -184,9 +188,9 @@ def doubts(what: Unknowns, spread: Array, values: Array, factor: float, off: flo
 
 
 def read_apart(periods: Array, models: Array) -> tuple[str, ...]:
-    """Sentences on traces that were read otherwise than their models are.
+    """Sentences on traces whose period is incompatible with that of their model.
 
-    One of the two rests (a period of nan), or has a multiple of the other's period.
+    One of the two is constant (period nan), or their periods have an integer ratio of 2 or more.
     """
     notes = []
     for k, (read, own) in enumerate(zip(periods, models, strict=True)):
