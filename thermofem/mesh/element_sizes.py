@@ -72,7 +72,7 @@ def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
 
     The error of the early step response is made in the cold layer around a part and is in proportion to
     h^4 perimeter/area; that of R_th is made at the corners and depends on h_c over the part's extent. In domains beyond
-    `WIDE`, sizes grow with a core thicker than `THICK`: a layer that is not resolved then holds too little heat to matter.
+    `WIDE`, sizes grow with a core thicker than `THICK`: the layer that they do not resolve then holds little heat.
     """
     faces = [face for face in geometry.subdivision.faces if face.owner in geometry.heated]
     areas = np.array([face.area for face in faces])
