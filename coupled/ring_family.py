@@ -65,7 +65,7 @@ def ring_at(
 class MovingRing:
     """A ring that depends on the geometry of a family: ``optics`` of `surrogate.uncertainty` and `surrogate.design`.
 
-    ring: at the values of the family's own geometry file, or at the middle of the box if these lie outside.
+    ring: at the values in the family's own geometry file, or in the middle of the box if one of them is outside.
     """
 
     family: Any

@@ -61,8 +61,8 @@ def limit_cycle(
     detuning : float, Hz
         laser minus cold resonance, or minus the reference of a circuit.
     guess : Dataset or State, optional
-        start of the search: another cycle of this function, near which any cycle is returned, stable or not; a run of
-        `simulate` or a State, from which a transient is integrated; a point of `hopf_curves`
+        start of the search: another cycle of this function, and the one next to it is returned, even if it is unstable;
+        a run of `simulate` or a State, from which a transient is integrated; a point of `hopf_curves`
         (``curve.isel(point=k)``), from which a branch of cycles is continued to this power and detuning. By default a
         transient from a cold ring.
     heaters : mapping of name to float, W, optional

@@ -297,7 +297,7 @@ def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Arr
 
 
 def first_place(family: Family, trace: Trace) -> Place | None:
-    """The periodic orbit near an almost closed trajectory at fixed parameters; None without convergence."""
+    """The periodic orbit near an almost closed trajectory, with parameters held; None without convergence."""
     n, q, unit = trace.start.size, len(family.names), weights(family, trace)
     whole = Nodes(trace.start[None], np.array([trace.T]), family.start())
     nodes = placed(family.base.flow.fine, whole, 1 / unit[:n])

@@ -47,6 +47,7 @@ def simulate(
         da/dt   = [i D - gamma] a + i sqrt(2 gamma_e P),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
         dN/dt   = -N/tau(N) + g_TPA U^2,                     U = |a|^2
         dx_i/dt = (R_i P_abs - x_i)/tau_i,                   dT = sum_i x_i
+        gamma   = gamma_e + gamma_d + gamma_i + gamma_s + eta_FCA N + eta_TPA U
         P_abs   = 2 (gamma_i + eta_FCA N + eta_TPA U) U
         P_drop  = 2 gamma_d U,   P_through = |sqrt(P) + i sqrt(2 gamma_e) a|^2
 
@@ -122,7 +123,7 @@ def simulate(
     1.4e-5 at rtol = 1e-5 and 9e-7 at 1e-6 (Rodas4), 7e-8 at 1e-8 (Rodas5P).
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 2.1-2.5; P_abs without the coupling loss and the ports
-    with 2 gamma_e, so that P = P_drop + P_through + P_abs + dU/dt.
+    with 2 gamma_e, so that P = P_drop + P_through + P_abs + 2 gamma_s U + dU/dt; symbols as of `RingResonator`.
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])

@@ -252,7 +252,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return np.asarray(self.K @ (self.V @ Z) - (self.MV @ Z) * rate)
 
     def solve(self, j: int) -> Array:
-        """(K + s_j M)^-1 times the part of the ports outside the basis (`Projection.remainder`)."""
+        """(K + s_j M)^-1 Q, shape (n, q), with Q what the basis leaves of the ports (`Projection.remainder`)."""
         columns = self.projection.remainder if self.order else self.remainder
         self.solves += columns.shape[1]
         return self.apply(j, columns)

@@ -142,8 +142,9 @@ class Projected:
 
     basis [shape (n, k)]: M-orthonormal modes of ``projection.rate``.
     heated, read: index of the port of each input and of each output.
-    pairs: the two ports of each channel, outputs slowest.
-    shifts [1/s]
+    pairs: the two ports of each channel, all inputs of the first output first.
+    shifts [1/s]: at which the basis was built.
+    solves: number of columns solved for.
     """
 
     projection: Projection

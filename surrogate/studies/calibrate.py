@@ -82,9 +82,9 @@ def calibrate(
         min over the box of sum over samples of (delta_T(t; p) - measured)^2/noise^2,    covariance = noise^2 (J^T J)^-1
 
     by Gauss-Newton (trust region with bounds, SciPy) from several starts, on the derivatives of a family's members with
-    respect to its parameters. This covariance is that of independent noise of one size. Without ``noise`` each trace
-    has the variance of its own residuals; where those of a trace of 50 samples or more are correlated, it is that of
-    noise with their autocorrelation.
+    respect to its parameters. With ``noise`` the covariance is that of independent noise of one size. Without, each
+    trace has the variance of its own residuals and, from 50 samples on and where these are correlated, their
+    autocorrelation.
 
     Parameters
     ----------

@@ -48,8 +48,8 @@ def uncertainty(
     quantity : str or callable
         "thermal_resistance", "rise_time", "time_constant", or a function of a thermal model, see `surrogate.design`;
         one that returns an array (a DataArray keeps its coordinates) is a map, and one of Booleans a map of
-        probabilities. Members without the property (nan, or InputError) are counted and left out; Sobol indices then
-        hold for the others together with their mean in the place of those.
+        probabilities. Members without the property (nan, or InputError) are counted and left out of the statistics;
+        for the Sobol indices each takes the mean of the others.
     samples : int
         base samples n, a power of two; the property is worked out n (p + 2) times for p parameters.
     fixed : dict from parameter to float

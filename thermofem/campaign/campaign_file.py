@@ -105,7 +105,7 @@ class Drive:
 
     @property
     def kept(self) -> Array:
-        """Times of the result in s."""
+        """Times in s at which the result is stored: ``times``, or ``samples`` of them over one period."""
         if self.times:
             return checks.array(f"drive {self.name!r}: times", self.times, increasing=True)
         return waveforms.period_times(self.wave, self.samples)

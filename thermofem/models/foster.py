@@ -143,7 +143,10 @@ class Foster:
 
 
 def check_residues(R: Array, *, round_off: float = 0.0) -> None:
-    """Raise InputError where an R (K/W) of a part that is heated and read is negative: heat would cool the part."""
+    """Raise InputError for a negative R (K/W), by which heat would cool the part where it is made and read.
+
+    round_off: fraction of sum |R| by which one may be negative.
+    """
     if R.min() < -round_off * np.abs(R).sum():
         raise checks.InputError(
             f"R = {R.min():g} K/W is negative: the network is not passive; fit_foster and reduce never give one"

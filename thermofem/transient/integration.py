@@ -259,7 +259,7 @@ def _march(plan: Sequence[Plan], x: Array, record: _Record) -> Array:
 
 
 class _Control:
-    """Error control: error of a step over the tolerance, and length of the first step of a piece."""
+    """Error control: error of a step over the tolerance; length of the first step after a breakpoint of the power."""
 
     def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
         self.stepper, self.rtol = stepper, rtol
