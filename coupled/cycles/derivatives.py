@@ -34,7 +34,7 @@ from .limit_cycle import cycle_near
 from .multiple_shooting import Family, Nodes, flow, linearised, newton, weights
 from .return_map import Orbit, measure
 
-FINEST = 1e-10  # rtol of the traces: light, which follows heat and carriers, has derivatives that err by 1e4 times it
+ACCURATE = 1e-10  # rtol of the traces: light, which follows heat and carriers, has derivatives that err by 1e4 times it
 
 
 def cycle_derivatives(
@@ -119,11 +119,11 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     order = np.argsort(at)
     y, now = np.empty((at.size, orbit.start.size)), orbit.start
     for k, h in zip(order, np.diff(at[order], prepend=0.0), strict=True):
-        y[k] = now = flow(p.flow.fine, now, h, FINEST).y if h > 0 else now
+        y[k] = now = flow(p.flow.fine, now, h, ACCURATE).y if h > 0 else now
     family = Family(p, tuple(names), np.array([value_of(p, name) or 1.0 for name in names]))
     nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), family.start())
     q, n = len(names), orbit.start.size
-    known = linearised(family, nodes, FINEST)
+    known = linearised(family, nodes, ACCURATE)
     planes, unit = np.eye(n + 1 + q)[n + 1 :], weights(family, orbit.trace)
     if known is None or (step := newton(nodes, known, planes, np.zeros(q), unit)) is None:
         raise checks.InputError(

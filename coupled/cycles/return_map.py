@@ -23,11 +23,11 @@ from ..kernel.integrator import CARRIERS, Crossing, Problem, Run
 from ..runs.pulsing import DUTY_LEVEL
 
 ROUGH, MIDDLE, NEAR, FINE = 1e-5, 1e-6, 1e-7, 1e-9  # rtol of traces: Rodas4, Rodas4, Rodas5P, Rodas5P
-FINEST = 1e-11  # where errors of FINE grow on the way: beside a fold of the fixed points they repel for a while
-FOLLOWED = (NEAR, 1e-8, FINE)  # of the trace along which V of a precise one is followed
-DEFECT = 3e-6  # relative, of V f(y_0) = f(y_T), with which it is: multipliers to 3e-7 on 95 % of 153 cycles, to 2e-6
-CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, NEAR: 1e-3, FINE: 3e-10, FINEST: 1e-11}  # relative steps that are enough
-ERROR = 4e-10  # of the period, estimated, above which FINEST is used: on 340 cycles 3.5e-10 is left, where it was 2e-7
+FINEST = 1e-11  # rtol where errors at FINE grow along the orbit, as they do while it follows a saddle
+FOLLOWED = (NEAR, 1e-8, FINE)  # rtol of the trajectory that V is computed along: the first whose `DEFECT` is small
+DEFECT = 3e-6  # relative, of V f(y_0) = f(y_T): errors of multipliers below 3e-7 on 95 % of 153 cycles, at most 2e-6
+CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, NEAR: 1e-3, FINE: 3e-10, FINEST: 1e-11}  # relative step, by rtol, that ends it
+ERROR = 4e-10  # estimate for the period above which FINEST is used: leaves 4e-10 on 99 % of 340 cycles, at most 3e-9
 LARGEST = 0.3  # relative step of Newton's method
 CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
 TURNS = 30  # of Newton's method
@@ -128,8 +128,7 @@ class Flow:
         problem.edges[-1] = duration  # the drive is constant
         event = None if level is None else Crossing(self.quantity, level, True, self.ring, above)
         return problem.integrate(
-            y, rtol=rtol, event=event, keep_steps=level is not None, first_step=first_step,
-            per_step=per_step,
+            y, rtol=rtol, event=event, keep_steps=level is not None, first_step=first_step, per_step=per_step
         )  # fmt: skip
 
     @property
