@@ -141,8 +141,8 @@ class Lights(NamedTuple):
 
     def amplitudes(self, times: Array) -> Complex:
         """Complex amplitudes of the lasers in their frames, sqrt(W), at n times in s; shape (L, n)."""
-        power = np.array([np.maximum(one(times), 0) for one in self.powers])
-        return np.asarray(np.sqrt(power) * np.exp(1j * values(self.drive.phase, times)))
+        sizes, phase = np.sqrt([np.maximum(one(times), 0) for one in self.powers]), self.drive.phase
+        return np.asarray(sizes * np.exp(1j * values(phase, times)) if phase.coefficients.any() else sizes + 0j)
 
     def incoming(self, times: Array) -> Complex:
         """Sum of the amplitudes of the lasers of each frame, sqrt(W), at n times in s; shape (frames, n)."""
@@ -214,7 +214,7 @@ def table(functions: Sequence[Pieces], factor: float) -> Polynomials:
 
 def last_change(function: Pieces) -> float:
     """Time in s after which a piecewise cubic is constant; 0 for a constant."""
-    if len(function.coefficients) == 1 and not function.coefficients[0, 1:].any():
+    if function.steady:
         return 0.0
     sizes = np.abs(function.coefficients) * np.diff(function.edges)[:, None] ** np.arange(DEGREE + 1)
     tolerance = FIT_TOLERANCE * sizes[:, 0].max()

@@ -37,9 +37,16 @@ class Pieces(NamedTuple):
         """A constant value over [start, stop]."""
         return cls(np.array([start, stop]), np.array([[value, 0.0, 0.0, 0.0]]))
 
+    @property
+    def steady(self) -> bool:
+        """Whether it is one constant."""
+        return len(self.coefficients) == 1 and not self.coefficients[0, 1:].any()
+
     def __call__(self, t: ArrayLike, side: str = "right") -> Array:
         """Value at ``t``, continuous from that ``side``; the first and last cubic continue outside the edges."""
         times = np.asarray(t, dtype=float)
+        if self.steady:
+            return np.full(times.shape, self.coefficients[0, 0])
         k = np.clip(np.searchsorted(self.edges, times, side=side) - 1, 0, len(self.coefficients) - 1)  # type: ignore[call-overload]
         return cubic(self.coefficients[k], times - self.edges[k])
 

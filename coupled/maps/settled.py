@@ -15,7 +15,7 @@ from thermofem.arrays import Array
 from thermofem.checks import InputError
 
 from ..cycles.cycle_problem import CycleProblem
-from ..cycles.return_map import FLAT, measure
+from ..cycles.return_map import FLAT, Measures, measures
 from ..cycles.settling import RestError, UnsettledError, settled
 from ..equilibria.steady_states import Fixed
 from ..kernel.shooting import FINE, Closed, Turns
@@ -46,7 +46,7 @@ AHEAD = ([1.0], [2.0, -1.0], [3.0, -3.0, 1.0])  # the polynomial through one to 
 
 def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch: Array) -> list[Cell]:
     """Return a `Cell` for every point of a row; ``fixed`` are its fixed points, and ``watch[0]`` > 0 stops the work."""
-    out: list[Cell] = []
+    out: list[Cell | Closed] = []
     for (ring, power), group in groupby(zip(points, fixed, strict=True), key=lambda pair: pair[0][:2]):
         row = _Row(ring, model, power, watch)
         beside: list[Closed] = []
@@ -55,13 +55,16 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
             try:
                 if isinstance(at, str):
                     raise InputError(at)
-                cell, found = row.point(detuning, at, beside)
-                cell = cell._replace(rise=max(cell.rise, float(at.every[:, 2].max())))
+                found = row.point(detuning, at, beside)
+                cell: Cell | Closed = found if isinstance(found, Cell) else row.precisely(found)
             except (InputError, RuntimeError, np.linalg.LinAlgError) as error:
-                cell, found = Cell("failed", reason=str(error)), None
-            beside = [found, *beside[:2]] if found and found.pulses == 1 else []
+                cell = found = Cell("failed", reason=str(error))
+            beside = [found, *beside[:2]] if isinstance(found, Closed) and found.pulses == 1 else []
             out.append(cell)
-    return out
+    seen = iter(measures([cell.rows for cell in out if isinstance(cell, Closed)]))  # all at once, which is faster
+    cells = [_pulsing(cell, next(seen)) if isinstance(cell, Closed) else cell for cell in out]
+    heat = [0.0 if isinstance(at, str) else float(at.every[:, 2].max()) for at in fixed]
+    return [cell._replace(rise=max(cell.rise, rise)) for cell, rise in zip(cells, heat, strict=True)]
 
 
 class _Row:
@@ -84,22 +87,23 @@ class _Row:
         if self.watch[0] > 0:
             raise KeyboardInterrupt
 
-    def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> tuple[Cell, Closed | None]:
-        """Return cell and cycle at a detuning (Hz); ``beside``: one-pulse cycles of the previous points, last first."""
+    def point(self, detuning: float, fixed: Fixed, beside: list[Closed]) -> Cell | Closed:
+        """Return the cycle at a detuning (Hz), or the cell without one.
+
+        beside: one-pulse cycles of the previous points, last first.
+        """
         self.problem = replace(self.problem, detuning=detuning)
         self.turns.problem.set_detuning(internal_detuning(detuning))
         self.turns.near(fixed.every)
         found = self._continued(beside) if beside and not len(fixed.stable) else None
-        return self._from_cold(fixed.stable) if found is None else (self._words(found), found)
+        return found or self._from_cold(fixed.stable)
 
-    def _words(self, found: Closed) -> Cell:
-        """Return the cell of a cycle; a cycle of more than 800 steps is first solved again with a small tolerance."""
-        closer = None
-        if len(found.rows) > LONG:
-            self.precise.problem.set_detuning(internal_detuning(self.problem.detuning))
-            closer = self.precise.closer(found, PRECISE)
-        told = closer or found
-        return _pulsing(told.T, told.size, told.pulses, told.rows)
+    def precisely(self, found: Closed) -> Closed:
+        """Return a cycle of more than 800 steps solved again with a small tolerance, any other as it is."""
+        if len(found.rows) <= LONG:
+            return found
+        self.precise.problem.set_detuning(internal_detuning(self.problem.detuning))
+        return self.precise.closer(found, PRECISE) or found
 
     def _continued(self, beside: list[Closed]) -> Closed | None:
         """Return the stable cycle near the polynomial extrapolation of those at the points before; None without one."""
@@ -113,18 +117,18 @@ class _Row:
             return None
         return found if len(found.rows) < LONG or self._attracts(found) else None
 
-    def _from_cold(self, points: Array) -> tuple[Cell, Closed | None]:
-        """Return the cell and the cycle reached from a cold ring; ``points``: stable fixed points, rows (U, N, dT)."""
+    def _from_cold(self, points: Array) -> Cell | Closed:
+        """Return the cycle reached from a cold ring, or the cell without one; points: stable, rows (U, N, dT)."""
         try:
-            found = settled(
+            found: Closed = settled(
                 self, self.turns.problem.zero(), lambda: points, self.longest, where=self.problem.where,
                 look=self.look,
             )  # fmt: skip
         except RestError as rest:
-            return Cell(Regime.STABLE, swing=0.0, reason=str(rest)), None
+            return Cell(Regime.STABLE, swing=0.0, reason=str(rest))
         except UnsettledError as error:
-            return Cell(Regime.SLOW_TRANSIENT, reason=str(error)), None
-        return self._words(found), found
+            return Cell(Regime.SLOW_TRANSIENT, reason=str(error))
+        return found
 
     def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
         """Integrate for ``duration`` ns; return final state, next step, rows (t, Re a, Im a, N, dT), and their N."""
@@ -171,10 +175,9 @@ class _Row:
         return bool(np.abs(y[slow] - found.start[slow] - expected).max() < aside / 2)
 
 
-def _pulsing(T: float, size: float, pulses: int, rows: Array) -> Cell:
-    """Return the cell of a cycle of period ``T`` (ns), largest multiplier ``size``, rows (t, Re a, Im a, N, dT)."""
-    words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
-    if pulses > 1:
-        words += f"; {pulses} pulses in a period"
-    seen = measure(rows)
-    return Cell(Regime.SELF_PULSING, T * NS, seen.duty, seen.swing, words, seen.hottest)
+def _pulsing(found: Closed, seen: Measures) -> Cell:
+    """Return the cell of a cycle from its measures."""
+    words = f"settled cycle; a deviation shrinks to {found.size:.3g} of itself in a period"
+    if found.pulses > 1:
+        words += f"; {found.pulses} pulses in a period"
+    return Cell(Regime.SELF_PULSING, found.T * NS, seen.duty, seen.swing, words, seen.hottest)
