@@ -110,25 +110,15 @@ class Lights(NamedTuple):
     powers [W]
     frequencies [Hz]: relative to a reference frequency common to the lasers of a frame.
     frame: for each laser, the index of the laser in whose rotating frame its field is written.
+    turning [shape (L,), rad/ns]: angular frequency of each laser in its frame where its modulus is largest.
     drive: the same in the kernel's units.
     """
 
     powers: list[Pieces]
     frequencies: list[Pieces]
     frame: list[int]
+    turning: Array
     drive: Drive
-
-    @property
-    def apart(self) -> list[Pieces]:
-        """Frequency of each laser minus that of the laser of its frame, in Hz; L piecewise cubics."""
-        pairs = zip(self.frequencies, [self.frequencies[k] for k in self.frame], strict=True)
-        found = [add([own, frame.times(-1.0)]) if own is not frame else own.times(0.0) for own, frame in pairs]
-        return [one if one.coefficients.any() else Pieces.constant(one.edges[0], one.edges[-1], 0.0) for one in found]
-
-    @property
-    def turning(self) -> Array:
-        """Angular frequency of each laser in its frame where its modulus is largest, rad/ns, shape (L,)."""
-        return 2 * np.pi * NS * np.array([max(bounds(one), key=abs) for one in self.apart])
 
     @property
     def driven_until(self) -> float:
@@ -161,16 +151,16 @@ def lights(
     entry [(fields, L), 1/sqrt(s)]: coupling of each laser amplitude to each field.
     echoes: maps times of discontinuities to all times (s) at which they arrive, delays included.
     """
-    found = Lights(powers, frequencies, frame, Drive.constant(0.0, 0.0, 1.0))
-    phase = integral(table(found.apart, 2 * np.pi * NS))
+    apart = [add([own, frequencies[k].times(-1.0)]) for own, k in zip(frequencies, frame, strict=True)]
+    apart = [one if one.coefficients.any() else Pieces.constant(*one.edges[[0, -1]], 0.0) for one in apart]
+    phase = integral(table(apart, 2 * np.pi * NS))
     phase.coefficients[:, :, 0] += np.array(phases or 0.0)
     turning, window = table(detunings, NS), powers[0].edges[[0, -1]]
     edges = apart_in_time(np.concatenate([echoes(joint(*powers)), NS * turning.edges, NS * phase.edges]), window)
-    drive = Drive(
-        edges / NS, table(powers, 1 / UW), phase, turning, entry * NS**0.5,
-        np.array([largest(one) / UW for one in powers]),
-    )  # fmt: skip
-    return found._replace(drive=drive)
+    brightest = np.array([largest(one) / UW for one in powers])
+    drive = Drive(edges / NS, table(powers, 1 / UW), phase, turning, entry * NS**0.5, brightest)
+    fastest = 2 * np.pi * NS * np.array([max(bounds(one), key=abs) for one in apart])
+    return Lights(powers, frequencies, frame, fastest, drive)
 
 
 def apart_in_time(times: Array, window: Array) -> Array:
