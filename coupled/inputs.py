@@ -152,7 +152,7 @@ def lights(
     echoes: maps times of discontinuities to all times (s) at which they arrive, delays included.
     """
     apart = [add([own, frequencies[k].times(-1.0)]) for own, k in zip(frequencies, frame, strict=True)]
-    apart = [one if one.coefficients.any() else Pieces.constant(*one.edges[[0, -1]], 0.0) for one in apart]
+    apart = [one if one.coefficients.any() else Pieces.constant(one.edges[0], one.edges[-1], 0.0) for one in apart]
     phase = integral(table(apart, 2 * np.pi * NS))
     phase.coefficients[:, :, 0] += np.array(phases or 0.0)
     turning, window = table(detunings, NS), powers[0].edges[[0, -1]]
