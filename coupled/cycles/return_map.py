@@ -14,6 +14,7 @@ Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,7 +48,8 @@ class Trace(NamedTuple):
     parts: list[tuple[Array, Array]]  # start and steps of the turn from each crossing to the next
 
 
-class Orbit(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Orbit:
     """A periodic orbit, with the derivative V of the flow over its period and its number of pulses."""
 
     trace: Trace
@@ -65,7 +67,7 @@ class Orbit(NamedTuple):
         """Period of the orbit in ns."""
         return self.trace.T
 
-    @property
+    @cached_property
     def multipliers(self) -> NDArray[np.complex128]:
         """Floquet multipliers, the eigenvalues of V, by decreasing modulus; shape (n,)."""
         found = np.linalg.eigvals(self.V).astype(complex)
