@@ -233,9 +233,12 @@ class CertifiedSpace(krylov.KrylovSpace):
         self.solves = self.turn = 0
         self._pencil = Pencil(M, K)
         self.shifts = np.zeros(1)
+        fields = self.solve(0)
+        _check_gains(ports, fields)
         for _ in range(_static(tolerance)):
-            if not self.extend(self.solve(0)) or self.exhausted:
+            if not self.extend(fields) or self.exhausted:
                 break
+            fields = self.solve(0)
         self.shifts, self.growing = _shifts(M, ports, self.projection, tolerance)
         for s in self.shifts[2:]:
             self._pencil.keep(s, 1.0)
@@ -319,6 +322,16 @@ def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
     shares = np.zeros((int(kept.sum()), remainder.shape[1]))
     shares[:, np.flatnonzero(left)[order]] = T[kept] * size[order]
     return np.ascontiguousarray(Q[:, kept]), shares
+
+
+def _check_gains(ports: Array, fields: Array) -> None:
+    """Raise InputError unless b^T K^-1 b of every port b is positive beyond the round-off of its sum.
+
+    fields [shape (n, p)]: K^-1 b.
+    """
+    products = ports * fields
+    if np.any(products.sum(axis=0) <= ROUND_OFF * np.abs(products).sum(axis=0)):
+        raise checks.InputError("-A is not positive definite (a static gain is not positive); is a boundary held?")
 
 
 def _static(tolerance: float) -> int:
