@@ -180,6 +180,15 @@ def number_table(content: bytes) -> NumberTable:
     return NumberTable(tuple(columns), tuple(above), first, after)
 
 
+def has_rows(content: bytes) -> bool:
+    """Whether the beginning of a file has the three rows of numbers with which a table begins."""
+    try:
+        _begin(text_of(content).split("\n"))
+    except InputError:
+        return False
+    return True
+
+
 def text_of(content: bytes) -> str:
     """The text of a file in UTF-8, UTF-16 with its mark, or Windows' western code page, lines ended by a line feed."""
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
