@@ -32,7 +32,7 @@ KINDS = {
     "data": ("data (netCDF)", "thermofem fit and cite take it"),
     "result": ("a result (netCDF) that trains no model", "th.load and coupled.plot take it, in Python"),
     "table": ("a table of numbers", "thermofem fit takes it"),
-    "text": ("a text without three rows of numbers", "no command reads one"),
+    "text": ("a text without rows of numbers", "no command reads one"),
     "image": ("an image", "no command reads one: give the file that it was drawn from"),
 }
 # what is needed, what was given -> the command that makes the one of the other
