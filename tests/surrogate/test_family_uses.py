@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+from operator import itemgetter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -249,13 +251,6 @@ def test_an_interpolated_property_states_its_error(family):
         surrogate.uncertainty(family, spread, none, samples=256, interpolate=40)
 
 
-class Radii:
-    """A family whose model is its radius."""
-
-    def at(self, values):
-        return values["radius"]
-
-
 def deadly(radius):
     if radius == 3.0:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -264,7 +259,7 @@ def deadly(radius):
 
 @pytest.mark.slow
 def test_a_member_that_kills_its_process_has_no_value_and_the_others_do(caplog):
-    one = Property(Radii(), deadly)
+    one = Property(SimpleNamespace(at=itemgetter("radius")), deadly)  # of a family whose models are their radius
     with processes(2) as executor:
         found = one.many([{"radius": 2.0}, {"radius": 3.0}, {"radius": 4.0}], executor)
     np.testing.assert_array_equal(found, [4, np.nan, 8])
