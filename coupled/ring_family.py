@@ -17,7 +17,7 @@ from thermofem.optics.coupler import MOST
 from .resonator import RingResonator
 from .ring_from import base_of, fields_of
 
-STILL = {"loss": 1.0, "kappa 0": 1e-2}  # loss and kappa^2 where the geometry does not give them: they stand still
+STILL = {"loss": 1.0, "kappa 0": 1e-2}  # loss and kappa^2 where the geometry does not give them: they are constant
 
 
 def ring_at(

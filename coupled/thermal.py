@@ -26,10 +26,10 @@ NEEDED = (
     "a thermal model is needed: thermofem.Foster, StateSpace, OutputMap or Quadratic, a Network or Cauer ladder, a fit "
     "or a reduction; coupled.cosimulate takes the FEM itself"
 )
-HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Of a hotter one the light turns faster than any step follows
+HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Beyond, the resonance moves faster than integration steps can follow
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 TAKEN = (0.67, 1.5)  # volume of two-photon absorption over that of the core, where it is that of a published ring
-GIVEN = (0.3, 4.0)  # the same, where it was given: a slot or a rib is far from its core
+GIVEN = (0.3, 4.0)  # the same, where it was given: that of a slot or a rib differs much from its core
 
 
 def compact(model: ThermalModel) -> Compact:
@@ -43,7 +43,7 @@ def compact(model: ThermalModel) -> Compact:
     small = model.dynamics
     if isinstance(small, Quadratic):
         check_order(small.order, LARGEST_QUADRATIC)
-        # of states that cancel, too
+        # absolute values: the states may cancel in the sum
         check_resistance(float(np.abs(small.C) @ np.abs(np.linalg.solve(small.A, small.B))))
         return small
     if isinstance(small, OutputMap):

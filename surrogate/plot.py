@@ -63,7 +63,7 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
     curves, within: as in `plot_period_error`.
     title: of the figure.
     """
-    figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 6.4), layout="constrained")
+    figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 5.8 + 0.2 * len(curves)), layout="constrained")
     plot_period_error(curves, left, within=within)
     for line in left.lines[1:]:  # the first is zero
         error = np.abs(np.asarray(line.get_ydata(), dtype=float))
@@ -73,9 +73,7 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
     right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
     right.xaxis.set_major_formatter("{x:g}")
     right.margins(x=0)
-    figure.legend(
-        *left.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize="small"
-    )
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", frameon=False, fontsize="small")
     left.legend().remove()
     if title:
         figure.suptitle(title, fontsize="medium")

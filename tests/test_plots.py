@@ -75,6 +75,16 @@ def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():
     assert right.get_ylim()[1] > 10  # the line of 10 % is there where every error is round-off
 
 
+def test_the_legend_of_period_errors_is_no_wider_than_the_figure():
+    """Two columns of the models of `thermofem validate` were cut off on both sides."""
+    curve = surrogate.period_error(MODEL, MODEL, np.geomspace(1e-7, 1e-5, 20))
+    names = [f"certified reduction (0.0001), {states} states" for states in (12, 13)]
+    left, _ = FUNCTIONS["plot_period_errors"](dict.fromkeys(names, curve))
+    left.figure.draw_without_rendering()
+    legend = left.figure.legends[0].get_window_extent()
+    assert left.figure.bbox.x0 <= legend.x0 < legend.x1 <= left.figure.bbox.x1
+
+
 def test_the_line_of_a_transmission_does_not_join_two_stretches_that_leave_the_range():
     """At 3 mW from -20 GHz on, the branch leaves below -20 GHz near 0.95 mW and comes back near 1.6 mW."""
     model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)

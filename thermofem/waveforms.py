@@ -632,7 +632,7 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
 def check_heating(wave: Waveform, stop: float | None) -> None:
     """Raise InputError for a smooth power that is negative or too large before ``stop`` in s."""
     if stop and not wave.piecewise_linear:
-        heating_pieces(wave, 0.0, stop, tolerance=1e-4)  # 1e-4: the same, where only the sign of a power is asked
+        heating_pieces(wave, 0.0, stop, tolerance=1e-4)  # 1e-4: enough for the sign of a power
 
 
 def period_times(wave: Waveform, samples: int) -> Array:

@@ -16,6 +16,7 @@ from coupled import RingResonator
 from coupled.parameters import published_rings
 from thermofem import CrossSection, InputError, checks, strip_ring
 from thermofem.data import files
+from thermofem.data.number_table import has_rows
 from thermofem.models import ThermalModel
 
 from .console import note
@@ -31,6 +32,7 @@ KINDS = {
     "data": ("data (netCDF)", "thermofem fit and cite take it"),
     "result": ("a result (netCDF) that trains no model", "th.load and coupled.plot take it, in Python"),
     "table": ("a table of numbers", "thermofem fit takes it"),
+    "text": ("a text without rows of numbers", "no command reads one"),
     "image": ("an image", "no command reads one: give the file that it was drawn from"),
 }
 # what is needed, what was given -> the command that makes the one of the other
@@ -68,8 +70,8 @@ def kind_of(path: Path) -> str | None:
         return "image"
     try:
         with files.regular(path).open("rb") as file:
-            first = file.read(6)
-        if first == b"\x89HDF\r\n":
+            first = file.read(1_000_000)  # a table begins there
+        if first[:6] == b"\x89HDF\r\n":
             with h5py.File(path, "r") as tree:  # data are heat over time; runs with light, maps and indices are results
                 return "data" if "time" in tree and "carriers" not in tree else "result"
         if ending == ".toml":
@@ -82,7 +84,9 @@ def kind_of(path: Path) -> str | None:
             return "model" if isinstance(loaded, dict) and "format" in loaded else None
     except (OSError, InputError):
         return None
-    return None if ending in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py") else "table"
+    if ending in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py"):
+        return None
+    return "table" if has_rows(first) else "text"
 
 
 def check_outputs(

@@ -138,8 +138,8 @@ def _card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], list[
         share = numbers["relative_residual"]
         of = "" if share is None else f", {share:.2%} of the swing"
         lines.append(("misfit", f"{numbers['residual']:.3g} K rms{of}"))
-    for label, told in (("trained on", numbers["training"] or "not recorded"), ("assumed", numbers["assumed"] or [])):
-        lines += [(label, str(line)) for line in (told if isinstance(told, list) else [told])]
+    for label, found in (("trained on", numbers["training"] or "not recorded"), ("assumed", numbers["assumed"] or [])):
+        lines += [(label, str(line)) for line in (found if isinstance(found, list) else [found])]
     lines.append(("trust it", numbers["trusted"]))
     return numbers, [*lines, ("geometry", "recorded" if numbers["geometry"] else "not recorded")]
 

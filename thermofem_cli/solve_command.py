@@ -99,7 +99,7 @@ def solve(
         if figure:
             _draw(data, figure)
     numbers = _say(data, None if pulse or square else float(wave.mean(0.0, length)))
-    if data.attrs["domain_error"] <= NOTABLE:  # above, the log has said it
+    if data.attrs["domain_error"] <= NOTABLE:  # a larger one is reported by the log
         _note_domain([data.attrs["domain_error"]], accuracy)
     wrote(*files)
     numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}

@@ -12,10 +12,10 @@ STEP = 1e-3  # of a logarithm, for forward differences
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # for central ones, of which the largest is taken about which a trace is straight
 STRAIGHT, JUMP = 0.25, 0.5  # second over first difference: a trace is straight below, and has a jump above
 SMALL = 0.5  # change of all residuals of a trace that is less than their noise
-AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound has not ended before it
-IMPOSSIBLE = 1e3  # a residual where a point makes no model
+AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound counts as on it
+IMPOSSIBLE = 1e3  # residual where the parameters give no model
 
-Residuals = Callable[[Array], "Array | None"]  # None where a point makes no model
+Residuals = Callable[[Array], "Array | None"]  # None where the parameters give no model
 
 
 def at_bound(x: Array, low: Array, high: Array) -> NDArray[np.bool_]:

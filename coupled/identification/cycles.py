@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 HARMONICS = 32
 FEWEST = 64  # samples of a trace
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
-GRID = 32_768  # samples of what is not evenly sampled
-ROUNDS = 3  # of corrections of the clock
+GRID = 32_768  # samples to which an unevenly sampled trace is interpolated
+ROUNDS = 3  # corrections of the period
 BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
 PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
 LEVEL = 0.05  # of the mean: a smaller swing counts as that

@@ -37,13 +37,13 @@ from .forced_filters import noise_of
 log = logging.getLogger("thermofem")
 
 RESISTANCE, POWER = "thermal_resistance", "power"
-SIDE = 3.0  # linewidths by which a curve goes on beyond its sweep
-NOISE = 2e-3  # of the range of a sweep: no measurement is better
+SIDE = 3.0  # linewidths by which a curve extends beyond its sweep
+NOISE = 2e-3  # of the range of a sweep: smallest noise that is assumed
 # of an unknown, for slopes in the search and at its end: far above what the 600 points of a curve leave
 STEP, WIDE = 2e-3, 5e-3
 BLIND, OPEN = 1e-3, 0.05  # of the largest slope: none; share of a number along such directions that leaves it open
 UNKNOWN = 1.0  # deviations of a logarithm from which on a parameter is not determined
-WORSE = 1.5  # misfit over the noise that is said
+WORSE = 1.5  # misfit over the noise above which a note reports it
 IMPOSSIBLE = 1e3  # a residual where the parameters make no ring
 
 

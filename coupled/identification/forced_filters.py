@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from ..unknowns import Unknowns
 
 SCREENED, REFINED = 1024, 8  # points of the box, least squares from the best of them
-COARSE, FINE = 10, 2  # of so many samples one is compared, in the box and at its end
+COARSE, FINE = 10, 2  # one sample of so many is compared, in the search of the box and in the refinement
 PASSES = 3  # of Newton's method for carriers whose lifetime depends on their density: 1e-4 is left
-DISTINCT = 0.05  # of a logarithm: ends that are nearer are one
+DISTINCT = 0.05  # of a logarithm: results that differ by less are one
 SCALE = (0.15, 1.1)  # the largest drop over that of the cold ring on resonance: pulses reach .15 to 1.1 (measured)
 BIAS, INFLATED = 0.03, 15.0  # of logarithms, and of its own deviations: how far off a forced fit may be (measured)
 OPEN = 1e-4  # 1/variance of a logarithm that nothing determines

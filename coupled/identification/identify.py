@@ -26,10 +26,10 @@ ALONG = np.append(0, np.outer((0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2), (-1, 1))
 DRAWN, TRIES = 10, 5  # further points about a forced fit, and how many of all are followed
 ASTRAY = 8.0  # residuals over their deviations after a stage, above which a later one does not help
 NOISE = 1.5  # the same at the end: a fit above it failed
-TWICE = 0.03  # of a logarithm: two ends that are one
+TWICE = 0.03  # of a logarithm: two results that differ by less are one
 WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
 UNKNOWN = 1.0  # deviations of a logarithm, given as inf
-MANY = 30  # residuals that tell the noise by themselves, where it is less than expected
+MANY = 30  # residuals from which the noise is estimated where it is less than expected
 
 
 @dataclass(frozen=True, eq=False)

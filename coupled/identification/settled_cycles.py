@@ -23,9 +23,9 @@ EARLY, LATE = 5e-9, 1e-9  # s between samples of a free run in its first and sec
 MOST = 50_000  # so many samples in a half
 RTOL = 1e-5
 HIDDEN = 0.06  # of the mean: a swing that the noise of a trace at rest may hide
-RESTS = 3.0  # a model at rest counts as one of so many periods of the trace
-NOTED, APART = 1.5, 3.0  # widening, and distance from the forced fit in its deviations, that are said
-HARDLY = 0.3  # deviation of a logarithm that is said
+RESTS = 3.0  # periods of the trace: the period that a model at rest counts as
+NOTED, APART = 1.5, 3.0  # widening, and distance from the forced fit in its deviations, above which a note reports it
+HARDLY = 0.3  # deviation of a logarithm above which a note reports it
 REPEATS = 0.03  # relative change of heights and lengths of pulses that repeat
 
 
@@ -44,7 +44,7 @@ STAGES = (
     Stage(HARMONICS, 1e-3, 2e-3, 10),
     Stage(HARMONICS, 3e-5, 2e-4, 12),
 )
-SOFT = Stage(HARMONICS, 1e-2, 4e-2, 20)  # of a law that cannot follow the traces
+SOFT = Stage(HARMONICS, 1e-2, 4e-2, 20)  # for a thermal law that cannot reproduce the traces
 
 
 def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Dataset, Cycle]:

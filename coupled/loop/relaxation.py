@@ -32,7 +32,7 @@ from .corrector import FEM, Corrector
 MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
 STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
-CLOSE = 0.05  # of the largest discrepancy: what the FEM's temperature may still move, since later windows magnify it
+CLOSE = 0.05  # of the largest discrepancy: change of the FEM's temperature that is left, since later windows magnify it
 KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
 

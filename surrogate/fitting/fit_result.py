@@ -90,9 +90,9 @@ class Fit(HasModel):
 FEW = 3  # rows at rest that show a baseline
 
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
-KNOWN = np.log(10)  # standard deviation of ln(tau) from which its size says nothing
+KNOWN = np.log(10)  # standard deviation of ln(tau) above which its standard error is not stated
 OUTSIDE = 3.0  # time constant over the longest time shown, or the shortest over it, from which it is an extrapolation
-UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
+UNSEEN = np.log(2)  # standard deviation of ln(tau) above which the data do not determine it: a factor of two
 
 
 def common(values: Sequence[Any]) -> Any:
@@ -144,7 +144,7 @@ def offsets(found: Optimum, responses: Sequence[Response]) -> list[str]:
 
 def other_gain(model: Foster, stated: float | None) -> list[str]:
     """A sentence if the thermal resistance of the model differs from that of the data by more than 10 %."""
-    # 0.1: relative difference of thermal resistances that is told
+    # 0.1: relative difference of thermal resistances that is reported
     if stated is None or abs(model.thermal_resistance - stated) <= 0.1 * abs(stated):
         return []
     own, true = (quantity.rounded(R, "K/W") for R in (model.thermal_resistance, stated))

@@ -230,11 +230,17 @@ class CertifiedSpace(krylov.KrylovSpace):
 
     def __init__(self, K: Any, M: Any, ports: Array, tolerance: float) -> None:
         super().__init__(K, M, ports, smallest=1e-20)
-        self.solves = self.turn = 0
+        self.solves = self.visits = 0
         self._pencil = Pencil(M, K)
         self.shifts = np.zeros(1)
-        for _ in range(_static(tolerance)):
-            if not self.extend(self.solve(0)) or self.exhausted:
+        for k in range(_static(tolerance)):
+            fields = self.solve(0)
+            gains = ports * fields  # b^T K^-1 b of each port b, before the sum
+            if k == 0 and np.any(gains.sum(axis=0) <= ROUND_OFF * np.abs(gains).sum(axis=0)):
+                raise checks.InputError(
+                    "-A is not positive definite (a static gain is not positive); is a boundary held?"
+                )
+            if not self.extend(fields) or self.exhausted:
                 break
         self.shifts, self.growing = _shifts(M, ports, self.projection, tolerance)
         for s in self.shifts[2:]:
@@ -262,8 +268,8 @@ class CertifiedSpace(krylov.KrylovSpace):
 
         The columns are (K + s M)^-1 times the residual at s: the same direction as `solve`, above round-off for longer.
         """
-        j = 1 + self.turn % self.growing
-        self.turn += 1
+        j = 1 + self.visits % self.growing
+        self.visits += 1
         Y = self.projection.ports / (self.projection.rate + self.shifts[j])[:, None]
         left = self.remainder - self.defect @ Y
         left = left[:, np.linalg.norm(left, axis=0) > EXHAUSTED * np.linalg.norm(self.B, axis=0)]
@@ -279,8 +285,8 @@ class CertifiedSpace(krylov.KrylovSpace):
 
     def solve_next(self) -> tuple[int, Array]:
         """Index of the next shift, and the solution there, which certifies the basis so far and then extends it."""
-        j = 1 + self.turn % self.growing
-        self.turn += 1
+        j = 1 + self.visits % self.growing
+        self.visits += 1
         return j, self.solve(j)
 
     def extend(self, W: Array) -> bool:

@@ -20,7 +20,7 @@ from .inverse_search import family_over, inside
 
 log = logging.getLogger("thermofem")
 
-BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
+BLIND = 0.3  # of a range: a combination whose standard error is larger is not determined by the data
 NOISE = 1e-15, 1e6  # K, of a sample
 ON_EDGE = 1e-6  # of a range
 

@@ -1,5 +1,6 @@
 """Properties of the members of a family, and searches over them with the free ranges as a unit cube."""
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -10,10 +11,13 @@ import numpy as np
 from thermofem import Campaign, CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign import Variation
+from thermofem.campaign.stored_tasks import WorkerDiedError, completed
 from thermofem.geometry.parameter_paths import change
 
 from ..export.poles import poles_of
 from ..family import Family, train_family
+
+log = logging.getLogger("thermofem")
 
 Model = Foster | OutputMap
 
@@ -149,12 +153,27 @@ class Property:
         self.reason = "none was looked at"
 
     def many(self, members: Sequence[Mapping[str, float]], executor: Executor | None = None) -> list[Any]:
-        """Values of the property for many members, in chunks on the executor if one is given."""
+        """Values of the property for many members, in chunks on the executor if one is given.
+
+        nan for the members of a chunk that killed its worker process twice.
+        """
         if executor is None:
             return [self(values) for values in members]
-        found = list(executor.map(self.with_reason, members, chunksize=max(1, len(members) // PIECES)))
-        self.reason = next((reason for _, reason in found[::-1] if reason), self.reason)
-        return [value for value, _ in found]
+        size = max(1, len(members) // PIECES)
+        chunks = {k: members[k : k + size] for k in range(0, len(members), size)}
+        found: dict[int, list[tuple[Any, str]]] = {}
+        for (k, chunk), done in completed(self._of_chunk, chunks.items(), executor=executor):
+            try:
+                found[k] = done.result()
+            except WorkerDiedError as error:
+                log.warning("members without %s (%d): %s", word(self.quantity), len(chunk), error)
+                found[k] = [(np.nan, str(error))] * len(chunk)
+        pairs = [pair for k in chunks for pair in found[k]]
+        self.reason = next((reason for _, reason in pairs[::-1] if reason), self.reason)
+        return [value for value, _ in pairs]
+
+    def _of_chunk(self, chunk: tuple[int, Sequence[Mapping[str, float]]]) -> list[tuple[Any, str]]:
+        return [self.with_reason(values) for values in chunk[1]]
 
     def with_reason(self, values: Mapping[str, float]) -> tuple[Any, str]:
         """Value of the property for a member, and why it has none ("" where it has one)."""

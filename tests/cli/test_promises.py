@@ -52,6 +52,7 @@ def every(tmp_path_factory):
         "optics.toml": RING,
         "plan.toml": 'geometry = "strip.toml"\n[[drive]]\npower = "1 mW"\n',
         "table.csv": "a (us),b (K)\n" + "".join(f"{k},{k % 3}\n" for k in range(20)),
+        "note.txt": "1 carton of milk\n2 eggs\nsalt\n",
         "two.csv": "a,b\n" + "".join(f"{k}e-6,{k % 3}\n" for k in range(20)),
         "three.csv": "a,b,c\n" + "".join(f"{k},{k % 3},{k % 5}\n" for k in range(20)),
     }
@@ -184,6 +185,9 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         # tables
         (["fit", "two.csv"], "--power"),
         (["identify", "two.csv", "--detuning", "0 GHz"], "--power is given 0 times for 1 tables"),
+        (["identify", "missing.csv"], "missing.csv does not exist"),
+        (["show", "note.txt"], "note.txt holds a text without rows of numbers, not a thermal model"),
+        (["fit", "note.txt", "--power", "1 mW"], "without rows of numbers"),
         ([*TABLE, "--sensitivity", "10 mV"], "--sensitivity"),
         ([*TABLE, "--duty", "0.5"], "--duty 0.5 goes with --square"),
         (["fit", "two.csv", *TABLE[1:], "--figure", "f.png"], "shows one file; 2 are given"),

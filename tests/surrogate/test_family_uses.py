@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
+from operator import itemgetter
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -12,6 +17,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.unknowns import ThermalFamily, unknowns
+from surrogate.studies.inverse_search import Property
+from thermofem.campaign.stored_tasks import processes
 
 
 @pytest.fixture(scope="module")
@@ -242,6 +249,22 @@ def test_an_interpolated_property_states_its_error(family):
 
     with pytest.raises(th.InputError, match=r"40 of 40 members do not have the property.*it comes to rest"):
         surrogate.uncertainty(family, spread, none, samples=256, interpolate=40)
+
+
+def deadly(radius):
+    if radius == 3.0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 2 * radius
+
+
+@pytest.mark.slow
+def test_a_member_that_kills_its_process_has_no_value_and_the_others_do(caplog):
+    one = Property(SimpleNamespace(at=itemgetter("radius")), deadly)  # of a family whose models are their radius
+    with processes(2) as executor:
+        found = one.many([{"radius": 2.0}, {"radius": 3.0}, {"radius": 4.0}], executor)
+    np.testing.assert_array_equal(found, [4, np.nan, 8])
+    assert "killed twice" in one.reason
+    assert "members without deadly (1): its worker process was killed twice" in caplog.text
 
 
 @pytest.mark.slow

@@ -181,6 +181,8 @@ def test_a_system_that_is_already_small_is_returned_exactly():
     [
         ({"A": np.array([[-1.0, 2.0], [2.0, -1.0]])}, "positive"),
         ({"A": np.diag([1.0, -5.0]), "B": np.array([[0.1], [1.0]]), "C": np.array([[0.1, 1.0]])}, "a mode grows"),
+        ({"A": np.diag([3.0, -3.0])}, "a static gain is not positive"),  # it is 1/3 - 1/3
+        ({"A": np.diag([1e5, -1e5])}, "a static gain is not positive"),  # it was reduced, with a bound of 1e-9
         ({"B": np.zeros((2, 1))}, "zero everywhere"),
     ],
 )

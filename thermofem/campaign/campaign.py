@@ -240,7 +240,7 @@ class Campaign:
             work = partial(compute, self, folder)
             for case, future in completed(work, waiting, executor=executor, workers=workers):
                 error = future.exception()
-                known = error is None or isinstance(error, MissingLibraryError)  # which no other geometry gets around
+                known = error is None or isinstance(error, MissingLibraryError)  # a library that every geometry needs
                 reason = future.result() if known else str(error)
                 if reason:
                     folder.write_failure(case.key, reason, self.named(case))

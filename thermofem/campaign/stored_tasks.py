@@ -132,7 +132,7 @@ def _in_pool(
 @contextlib.contextmanager
 def processes(count: int | None = None) -> Iterator[Executor]:
     """Worker processes as an Executor, one for each CPU by default; they end with the block, at once after an error."""
-    # 10 s: a worker that hears nothing ends, also where its parent was killed
+    # 10 s: an idle worker ends, also where its parent was killed
     pool = ProcessPoolExecutor(count or os.cpu_count(), timeout=10, env=ONE_THREAD, initializer=_begin)
     try:
         yield pool

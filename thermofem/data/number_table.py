@@ -180,6 +180,12 @@ def number_table(content: bytes) -> NumberTable:
     return NumberTable(tuple(columns), tuple(above), first, after)
 
 
+def has_rows(content: bytes) -> bool:
+    """Whether the beginning of a file has a line of two numbers, as every table has."""
+    ways = ((line, divider) for line in text_of(content).split("\n") for divider in DIVIDERS)
+    return any(sum(is_number(cell, divider) for cell in cells_of(line, divider)) > 1 for line, divider in ways)
+
+
 def text_of(content: bytes) -> str:
     """The text of a file in UTF-8, UTF-16 with its mark, or Windows' western code page, lines ended by a line feed."""
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")

@@ -161,7 +161,7 @@ def _factor(given: str, unit: str) -> tuple[float, str]:
     if len(text) <= 80 and _UNIT.fullmatch(text):  # 80: characters
         import pint
 
-        units = registry()  # one: threads that ask first at once may each make their own
+        units = registry()  # kept: threads that call this at once may each make their own
         try:
             found, wanted = (units.Quantity(1.0, units.parse_units(one)) for one in (text, unit))
             # in root units angles are kept: rad/s is not Hz

@@ -48,9 +48,9 @@ DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which 
 DRAWN = 1e-3  # accuracy of the heat mesh that `light` makes for a geometry
 COMMITTED, COARSER = (1e-3, 1e-4), 2.0  # accuracies of committed meshes, and up to which factor above they serve
 
-AIM = 0.8  # of the target
+AIM = 0.8  # of the error allowed, at which refinement aims
 LEFT = 0.15  # of the share of a triangle after it was divided in four: 1/16 where the field is smooth, 0.4 at a corner
-BULK = 0.8  # of the sum
+BULK = 0.8  # of the sum of the errors, by which triangles are refined
 FINEST = 1e-8  # of the largest coordinate: ten times `mesh_motion.NEAR`, within which a vertex is at a corner
 
 log = logging.getLogger("thermofem")

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .heat_problem import HeatProblem
     from .weak_forms import Discretization
 
-FAR = 50.0  # sizes of the domain to which it goes on; squared where much is left beyond
+FAR = 50.0  # far end over the size of the domain; squared where much of R_th comes from beyond it
 STEP = 1.6  # ratio of the distances of neighbouring layers of elements
 
 
@@ -148,7 +148,7 @@ def _surfaces(geometry: CrossSection, mesh: Mesh, moved: list[str], reach: float
         "top": at(ends[1], geometry.top_z),
         "outer": at(np.abs(ends[0]), geometry.outer_radius),
     }
-    # the other sides go on in straight lines
+    # the other sides are extended in straight lines
     sides = {side: (geometry.on_boundary(side, r, z) | on) & ~far for side, on in lines.items() if side not in moved}
     found = surfaces_of(geometry, mesh, resistances(geometry), sides)
     return replace(found, length=None, open=grid.boundary_facets()[far])

@@ -1,7 +1,7 @@
 """Common sections: strip, rib, disc, a strip under a metal heater, and a straight guide.
 
-All lengths in m; ``radius``, ``width``, ``height``, ``box`` and ``cladding`` are those of `strip_ring` where nothing is
-said of them, and an InputError names the length that cannot be.
+All lengths in m; ``radius``, ``width``, ``height``, ``box`` and ``cladding`` are those of `strip_ring` where they are
+not described; an InputError names a length that is impossible.
 """
 
 import math

@@ -18,7 +18,7 @@ from .. import checks
 from ..arrays import Array, ArrayLike
 from ..data import quantity
 
-COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
+COLDEST, HOTTEST = 1.0, 1e4  # K; laws are evaluated between them
 
 
 class Law(Protocol):

@@ -42,7 +42,7 @@ DEPTH = 1.5e-6  # m, of the matched layers where there is room
 ASIDE = 1.2e-6  # m, at least, between the core and the layers
 LARGEST_Q = 1e11  # round-off of Im beta is about 1e-13 of beta
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed for a ring
-LEAST = 1e5  # 1/s; a ring that radiates less is none that radiates
+LEAST = 1e5  # 1/s; a ring with a smaller radiation rate counts as one that does not radiate
 DECIBEL = 20 / math.log(10)  # per neper of the field
 
 

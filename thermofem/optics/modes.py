@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from ..geometry import CrossSection, Part
     from ..mesh import Mesh
 
-TAIL = 1e-7  # of the power: what of a mode the window may cut off
+TAIL = 1e-7  # of the power: share of a mode that the window may cut off
 REACHES = 1e-4  # of the power: a metal that so much of the mode reaches is refused
-LEAKS = 1e-6  # of the power: where so much of the mode reaches a substrate its leak is computed, and reported above
-LEAK = 0.01  # dB/cm
+LEAKS = 1e-6  # of the power: where so much of the mode reaches a substrate its leak is computed
+LEAK = 0.01  # dB/cm; a larger leak is reported
 RIDGE = 0.9  # of dn_eff/dn of the core's material: a part with less is the ridge of a rib, or the rim of a disc
 HELD = 0.4  # of the energy, in the core's material over the core's width: less is no mode of this guide
 

@@ -45,7 +45,7 @@ class Space:
     wall: Callable[[Array], NDArray[np.bool_]] | None = None
 
     def __post_init__(self) -> None:
-        if not np.all(np.diff(self.mesh.t, axis=0) > 0):  # else the elements would be wrong without a word
+        if not np.all(np.diff(self.mesh.t, axis=0) > 0):  # else the elements would be wrong without an error
             raise AssertionError("Nedelec elements need triangles with sorted corners")
 
     @cached_property

@@ -40,7 +40,7 @@ SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns 
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # rounds before the first comparison, and before the integrator takes over
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
-LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such a breakpoint
+LOUDER = 10.0  # over all power before it: the response behind such a breakpoint exceeds that of the heat before it
 
 
 @dataclass(frozen=True, eq=False)

@@ -113,7 +113,7 @@ class NewtonStepper(Stepper):
             if found is None:
                 return None
             states[i], extended = found, self.system.content.extended(found)
-            flows[i] = (matrix @ extended - known) / shift  # not from F: that would blow up what the iteration left
+            flows[i] = (matrix @ extended - known) / shift  # not from F: that would amplify the error of the iteration
             slopes[i] = (self.nodal.integral(extended) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
         self._last = slopes[5], flows[5]
         self.steps += 1

@@ -9,7 +9,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.data import quantity
+from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options
@@ -44,6 +44,8 @@ def identify(
     """
     from coupled.ring_toml import write_text
 
+    for path in traces:
+        files.regular(path)
     heat = output.with_suffix(".json")
     check_outputs([output, heat, figure], images=[figure], inputs=[*traces, ring, model])
     resonator = ring_of(ring)

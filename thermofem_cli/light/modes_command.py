@@ -88,12 +88,12 @@ def _numbers(mode: th.optics.Mode) -> dict[str, Any]:
 def _words(mode: th.optics.Mode) -> str:
     """Return a line of text with the numbers of a mode."""
     quality = mode.q_radiation
-    told = "" if math.isinf(mode.radius) else f", Q_rad {'> 1e11' if math.isinf(quality) else f'{quality:.3g}'}"
+    radiation = "" if math.isinf(mode.radius) else f", Q_rad {'> 1e11' if math.isinf(quality) else f'{quality:.3g}'}"
     shift = mode.thermo_optic * mode.wavelength / 1e-12
     return (
         f"{mode.name}: n_eff {mode.n_eff:.5f}, n_g {mode.n_g:.5f}, TE {mode.te_fraction:.0%}, dn_eff/dn "
         f"{mode.confinement[mode.core]:.4f} in {mode.core}, {shift:.3g} pm/K, V_2 {mode.volume(2) * 1e18:.4g} um^3, "
-        f"V_3 {mode.volume(3) * 1e18:.4g} um^3{told}"
+        f"V_3 {mode.volume(3) * 1e18:.4g} um^3{radiation}"
     )
 
 
