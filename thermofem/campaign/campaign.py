@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.stats import qmc
 
 from .. import __version__, checks, waveforms
 from ..data import files
@@ -162,6 +161,8 @@ class Campaign:
 
     def _hypercube(self, drawn: list[Variation]) -> list[list[float]]:
         """Points of the Latin hypercube: one in each of ``samples`` equal slices of every range, to nine digits."""
+        from scipy.stats import qmc
+
         shares = qmc.LatinHypercube(len(drawn), rng=np.random.default_rng(self.seed)).random(self.samples)
         return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in shares]
 
