@@ -77,10 +77,11 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
 
 def add(parts: list[Pieces]) -> Pieces:
     """Sum of piecewise cubics over the same window."""
-    if len(parts) == 1:
-        return parts[0]
-    edges = joint(*parts)
-    return Pieces(edges, np.sum([part.on(edges).coefficients for part in parts], axis=0))
+    several = [part for part in parts if part.coefficients.any()] or parts[:1]
+    if len(several) == 1:
+        return several[0]
+    edges = joint(*several)
+    return Pieces(edges, np.sum([part.on(edges).coefficients for part in several], axis=0))
 
 
 def joint(*parts: Pieces) -> Array:

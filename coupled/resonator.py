@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -313,7 +314,12 @@ def published(ring: Callable[[], RingResonator]) -> Callable[[], RingResonator]:
 
 def origin(kind: str, ring: RingResonator) -> dict[str, Any]:
     """Attributes common to all Datasets of the package: kind of the Dataset, name and parameters of the ring."""
-    return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": parameters(ring)}
+    return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": _text_of(ring)}
+
+
+@lru_cache(maxsize=1000)
+def _text_of(ring: RingResonator) -> str:
+    return parameters(ring)
 
 
 def parameters(made: Any) -> str:

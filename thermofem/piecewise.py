@@ -103,6 +103,8 @@ def hermite(times: Array, values: Array, first: Array, last: Array) -> Pieces:
 
 def bounds(function: Pieces) -> tuple[float, float]:
     """Lowest and highest value of a piecewise cubic."""
+    if function.steady:
+        return (value := float(function.coefficients[0, 0])), value
     length, (_, b, c, d) = np.diff(function.edges), function.coefficients.T
     with np.errstate(divide="ignore", invalid="ignore"):
         far = -(c + np.copysign(np.sqrt(np.maximum(c * c - 3 * b * d, 0)), c))  # avoids cancellation
