@@ -27,8 +27,8 @@ function correction(system, drive, detuning, M, end, residual) {
   const m = end.length;
   const f = slopes(system, drive, detuning, end).rate;
   const keep = Array.from(end, (_, i) => i).filter((i) => i !== 2);
-  const A = keep.flatMap((i) => keep.map((j) => (i === j ? 1 : 0) - (M[i * m + j] - (f[i] * M[2 * m + j]) / f[2])));
-  const step = solve(A, keep.map((i) => residual[i]), m - 1); // prettier-ignore
+  const row = (i) => keep.map((j) => (i === j ? 1 : 0) - (M[i * m + j] - (f[i] * M[2 * m + j]) / f[2]));
+  const step = solve(keep.map((i) => [...row(i), residual[i]]));
   return Float64Array.of(step[0], step[1], 0, ...step.slice(2));
 }
 
