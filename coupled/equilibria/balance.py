@@ -62,9 +62,7 @@ class PoleHeat(NamedTuple):
 
     def impedance(self, lam: Complex, P: Array) -> Complex:
         """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
-        response = np.zeros(np.shape(lam), dtype=complex)
-        for gain, rate in zip(self.gain, self.rate, strict=True):
-            response += gain / (lam + rate)
+        response = sum(gain / (lam + rate) for gain, rate in zip(self.gain, self.rate, strict=True))
         return np.asarray(response * (1 + 2 * self.curvature * self.resistance * P))
 
 
@@ -100,10 +98,7 @@ class QuadraticHeat(NamedTuple):
         by_state = heat.A + 2 * np.einsum("ijk,mk->mij", heat.H, x) + powers[:, None, None] * heat.G
         rates, modes = np.linalg.eig(by_state)
         gains = (heat.C @ modes) * np.linalg.solve(modes, (heat.B + x @ heat.G.T)[..., None].astype(complex))[..., 0]
-        response = np.zeros(np.shape(lam), dtype=complex)
-        for k in range(heat.C.size):
-            response += gains[which, k] / (lam - rates[which, k])
-        return response
+        return np.asarray(sum(gains[which, k] / (lam - rates[which, k]) for k in range(heat.C.size)))
 
 
 Heat = PoleHeat | QuadraticHeat
@@ -160,7 +155,6 @@ class Balance(NamedTuple):
     """Quantities at fixed points of energy U, of its shape, that do not depend on the laser; ``*_slope`` are d/dU."""
 
     N: Array
-    N_slope: Array
     P_abs: Array
     dT: Array
     shift: Array
@@ -217,7 +211,7 @@ def balance(U: ArrayLike, ring: InternalRing) -> Balance:
     shift = -rates.thermal_shift * dT - S - rates.kerr * U
     shift_slope = -rates.thermal_shift * by_P * P_slope - S_slope * N_slope - rates.kerr
     gamma = rates.loss + rates.fca * N + rates.tpa * U
-    return Balance(N, N_slope, P_abs, dT, shift, shift_slope, gamma, rates.fca * N_slope + rates.tpa)
+    return Balance(N, P_abs, dT, shift, shift_slope, gamma, rates.fca * N_slope + rates.tpa)
 
 
 def peak(pump: ArrayLike, ring: InternalRing) -> Array:
@@ -265,18 +259,20 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
     """
     pump, detuning = np.broadcast_arrays(np.atleast_1d(pump), np.atleast_1d(detuning))
     pumps, which = np.unique(pump, return_inverse=True)
-    parts = [np.flatnonzero(which // PUMPS == k) for k in range(-(-pumps.size // PUMPS))]
-    found = [_on_pieces(pump[part], detuning[part], part, ring) for part in parts]
+    found = []
+    for k in range(0, pumps.size, PUMPS):
+        part = np.flatnonzero(which // PUMPS == k // PUMPS)
+        U, D, cell = _on_pieces(pumps[k : k + PUMPS], which[part] - k, detuning[part], ring)
+        found.append((U, D, part[cell]))
     U, D, cell = (np.concatenate(values) for values in zip(*found, strict=True))
     order = np.lexsort([U, cell])
     return U[order], D[order], cell[order]
 
 
 def _on_pieces(
-    pump: Array, detuning: Array, names: NDArray[np.intp], ring: InternalRing
+    pumps: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Fixed points U, D and setting (from ``names``), by a root on each monotone piece of the tilted resonance."""
-    pumps, which = np.unique(pump, return_inverse=True)
+    """Fixed points U, D and index of the setting (pumps[which], detuning), by a root on each monotone piece."""
     tops = peak(pumps, ring)
     end = farthest(float(np.abs(detuning).max()), tops[-1], ring)
     grid = np.linspace(-end, end, int(np.ceil(2 * end / SPACING)) + 1)
@@ -291,11 +287,11 @@ def _on_pieces(
         j, piece = np.nonzero((off[:, 1:] > 0) != (off[:, :-1] > 0))
         brackets.append((t[piece], t[piece + 1], off[j, piece], off[j, piece + 1], cells[j]))
     low, high, at_low, at_high, cell = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    one, top, wanted = pump[cell], tops[which][cell], detuning[cell]
+    one, top, wanted = pumps[which[cell]], tops[which[cell]], detuning[cell]
 
     def equation(t: Array) -> tuple[Array, Array]:
         _, _, found, slope = tilted(t, one, top, ring)
         return found - wanted, slope
 
     U = tilted(newton(equation, np.array([low, high]), np.array([at_low, at_high])), one, top, ring)[0]
-    return U, balance(U, ring).shift - wanted, names[cell]
+    return U, balance(U, ring).shift - wanted, cell
