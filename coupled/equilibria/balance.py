@@ -39,59 +39,44 @@ from .zeros import newton, zeros
 TERMS = (16, 32, 64, 128, 256)
 
 
-class PoleHeat(NamedTuple):
-    """Steady state and linear response of a Foster network of n poles, or of an output map after one."""
+class Heat(NamedTuple):
+    """Steady state and linear response of a thermal model with n states.
 
-    gain: Array  # K/fJ
-    rate: Array  # 1/ns
-    curvature: float  # 1/K
+    of: a Foster network, or one before an output map, or a quadratic model.
+    f [K/uW, shape (terms, n)]: Chebyshev coefficients over [0, top] of x/P, one term for a network; total: of their sum
+    over the states, as the output weights them.
+    """
 
-    @property
-    def resistance(self) -> float:
-        """Thermal resistance of the network, sum of gain/rate, K/uW."""
-        return float((self.gain / self.rate).sum())
-
-    def rise(self, P: Array) -> tuple[Array, Array]:
-        """Steady temperature rise (K) under the absorbed power P (uW), and its derivative d(dT)/dP; shape of P."""
-        R = self.resistance
-        return R * P * (1 + self.curvature * R * P), R * (1 + 2 * self.curvature * R * P)
-
-    def states(self, P: Array) -> Array:
-        """Steady states x of the poles under the absorbed power P (uW), shape (..., n)."""
-        return np.asarray(P)[..., None] * (self.gain / self.rate)
-
-    def impedance(self, lam: Complex, P: Array) -> Complex:
-        """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
-        response = sum(gain / (lam + rate) for gain, rate in zip(self.gain, self.rate, strict=True))
-        return np.asarray(response * (1 + 2 * self.curvature * self.resistance * P))
-
-
-class QuadraticHeat(NamedTuple):
-    """Steady state and linear response of a quadratic thermal model with n states."""
-
-    of: kernel.QuadraticHeat
+    of: kernel.PoleHeat | kernel.QuadraticHeat
+    curvature: float  # 1/K, of an output map
+    f: Array
+    total: Array
     top: float  # uW, the largest power of the series
-    f: Array  # K/uW, shape (terms, n): Chebyshev coefficients over [0, top]
 
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Steady rise (K) under the absorbed power P (uW), and d(dT)/dP; extrapolated linearly above ``top``."""
-        states, slope = self._at_rest(P)
-        return states @ self.of.C, slope @ self.of.C
+        z, slope = self._at_rest(P, self.total)
+        return z * (1 + self.curvature * z), slope * (1 + 2 * self.curvature * z)
 
     def states(self, P: Array) -> Array:
         """Steady states x under the absorbed power P (uW), on the branch from x = 0; shape (..., n)."""
-        return self._at_rest(P)[0]
+        return self._at_rest(np.asarray(P)[..., None], self.f)[0]
 
-    def _at_rest(self, P: Array) -> tuple[Array, Array]:
-        """Steady states x and dx/dP under the absorbed power P (uW), both of shape (..., n)."""
+    def _at_rest(self, P: Array, f: Array) -> tuple[Array, Array]:
+        """P f(P) and its derivative for a series f, or several as columns."""
+        if len(f) == 1:
+            return P * f[0], f[0]
         inside = np.minimum(P, self.top)
         x = 2 * inside / self.top - 1
-        f, f_slope = (np.moveaxis(chebyshev.chebval(x, c), 0, -1) for c in (self.f, chebyshev.chebder(self.f)))
-        slope = f + inside[..., None] * f_slope * 2 / self.top
-        return inside[..., None] * f + (P - inside)[..., None] * slope, slope
+        share, share_slope = (chebyshev.chebval(x, c, tensor=False) for c in (f, chebyshev.chebder(f)))
+        slope = share + inside * share_slope * 2 / self.top
+        return inside * share + (P - inside) * slope, slope
 
     def impedance(self, lam: Complex, P: Array) -> Complex:
         """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
+        if isinstance(self.of, kernel.PoleHeat):
+            response = sum(gain / (lam + rate) for gain, rate in zip(self.of.gain[0], self.of.rate[0], strict=True))
+            return np.asarray(response * (1 + 2 * self.curvature * self.total * P))
         powers, which = np.unique(P, return_inverse=True)
         which, heat = which.reshape(np.shape(P)), self.of
         x = self.states(powers)
@@ -99,9 +84,6 @@ class QuadraticHeat(NamedTuple):
         rates, modes = np.linalg.eig(by_state)
         gains = (heat.C @ modes) * np.linalg.solve(modes, (heat.B + x @ heat.G.T)[..., None].astype(complex))[..., 0]
         return np.asarray(sum(gains[which, k] / (lam - rates[which, k]) for k in range(heat.C.size)))
-
-
-Heat = PoleHeat | QuadraticHeat
 
 
 def heat_of(model: Compact, largest: float) -> Heat:
@@ -112,8 +94,10 @@ def heat_of(model: Compact, largest: float) -> Heat:
     """
     heat, curvature = internal_heat(model)
     if isinstance(heat, kernel.PoleHeat):
-        return PoleHeat(heat.gain[0], heat.rate[0], curvature)
-    return QuadraticHeat(heat, largest / UW, _series(model, largest) * UW)
+        f = heat.gain / heat.rate
+        return Heat(heat, curvature, f, f.sum(axis=1), np.inf)
+    f = _series(model, largest) * UW
+    return Heat(heat, curvature, f, f @ heat.C, largest / UW)
 
 
 def _series(model: Any, largest: float) -> Array:
