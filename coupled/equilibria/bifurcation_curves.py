@@ -163,33 +163,32 @@ def _lines(plane: Plane) -> list[Array]:
         start, left = _hopf_point(plane, left[0]), left[1:]
         if start is None:
             continue
-        line, closed = _followed(plane, *start, low, high)
-        if not closed:
-            back, _ = _followed(plane, start[0], -start[1], low, high)
-            line = np.concatenate([back[:0:-1], line])
-        lines.append(line.T)
-        left = left[distances(left, line) > NEAR]
+        lines.append(_line(plane, *start, low, high))
+        left = left[distances(left, lines[-1].T) > NEAR]
     return lines
 
 
-def _followed(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -> tuple[Array, bool]:
-    """Continue a Hopf curve from ``start`` along ``tangent``: points, shape (m, 3), and whether the curve is closed.
+def _line(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -> Array:
+    """Continue a Hopf curve from ``start`` along ``tangent`` until it closes, or in both directions; shape (3, points).
 
     low, high: bounds of (log U, log w); the curve ends at its first point outside.
     """
-    out, x, t, step, at = [start], start, tangent, FINE, _window(plane, *_values(plane, start)[:2])
-    while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
-        if len(out) > 3 and np.linalg.norm(start - x) < step and t @ tangent > BEND:
-            return np.array([*out, start]), True
-        found = _hopf_point(plane, x + step * t)
-        there = at if found is None else _window(plane, *_values(plane, found[0])[:2])
-        outside = float(np.maximum(at - 1, -at).max())
-        if found is None or abs(found[1] @ t) < BEND or np.linalg.norm(there - at) > max(FINE, outside / 2):
-            step /= 2
-            continue
-        x, t, at, step = found[0], found[1] * np.sign(found[1] @ t), there, min(1.5 * step, LONGEST)
-        out.append(x)
-    return np.array(out), False
+    line = [start]
+    for direction in (tangent, -tangent):
+        x, t, step, at = start, direction, FINE, _window(plane, *_values(plane, start)[:2])
+        while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
+            if len(line) > 3 and np.linalg.norm(start - x) < step and t @ tangent > BEND:
+                return np.array([*line, start]).T
+            found = _hopf_point(plane, x + step * t)
+            there = at if found is None else _window(plane, *_values(plane, found[0])[:2])
+            outside = float(np.maximum(at - 1, -at).max())
+            if found is None or abs(found[1] @ t) < BEND or np.linalg.norm(there - at) > max(FINE, outside / 2):
+                step /= 2
+                continue
+            x, t, at, step = found[0], found[1] * np.sign(found[1] @ t), there, min(1.5 * step, LONGEST)
+            line.append(x)
+        line.reverse()
+    return np.array(line).T
 
 
 def _hopf_point(plane: Plane, x: Array) -> tuple[Array, Array] | None:
@@ -269,7 +268,7 @@ def _inside(plane: Plane, line: Array) -> list[Array]:
     """
     at = _window(plane, *_values(plane, line)[:2])
     inside = np.all((at >= 0) & (at <= 1), axis=0)
-    if np.array_equal(line[:, 0], line[:, -1]) and not inside.all():
+    if inside.size > 1 and np.array_equal(line[:, 0], line[:, -1]) and not inside.all():
         order = (np.arange(inside.size) + inside.argmin()) % (inside.size - 1)
         line, inside = line[:, order], inside[order]
     return [line[:, max(a - 1, 0) : b + 1] for a, b in runs_of(inside)]

@@ -226,12 +226,10 @@ def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tup
     parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
     lengths = np.diff(parts, axis=1)[:, 0]
     counts = 2 + ((POINTS - 2 * len(parts)) * lengths / lengths.sum()).astype(int)
-    points = [np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)]
-    values = list(curve(np.concatenate(points))[:4])
-    stops = np.cumsum(counts)
-    for k in (*(stops - 1), *(stops - counts)):
-        values[row][k] = ends[np.argmin(np.abs(ends - values[row][k]))]  # to the last digit
-    return tuple(values)
+    s = np.concatenate([np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)])
+    values, border = curve(s)[:4], np.isin(s, parts)
+    values[row][border] = ends[np.abs(values[row][border, None] - ends).argmin(axis=1)]  # to the last digit
+    return values
 
 
 def _ends(name: str, value: float | ArrayLike) -> Array:

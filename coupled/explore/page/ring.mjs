@@ -78,12 +78,9 @@ export const cold = (system) => new Float64Array(3 + system.gain.length);
 // sees the same equations at detuning + thermal_shift rise/2 pi, from x_i(0) = -sum_h R_ih P_h where heaters and laser
 // are switched on together; x_i then holds what is still missing of the heaters' rise.
 
-/** Powers in W of those heaters that a model has, by name. */
-export const powersOf = (model, powers) => Object.fromEntries(Object.entries(powers).filter(([name, power]) => power > 0 && model.heaters && name in model.heaters));
-
-/** The model with the static rise of every pole under its heaters, K. */
+/** The model with the powers in W of those of its heaters that are `on`, and the static rise of every pole under them, K. */
 export function heatedBy(model, powers) {
-  const on = powersOf(model, powers);
+  const on = Object.fromEntries(Object.entries(powers).filter(([name, power]) => power > 0 && model.heaters && name in model.heaters));
   const held = model.tau.map((_, i) => Object.entries(on).reduce((sum, [name, power]) => sum + model.heaters[name][i] * power, 0));
   return Object.keys(on).length ? { ...model, on, held } : model;
 }
@@ -108,4 +105,4 @@ export function lifted(rows, rise) {
 }
 
 /** What heaters move the resonance by, Hz; added to a detuning it gives that of the ring without them. */
-export const turnedBy = (ring, model) => (systemOf(ring, model).shift * riseOf(model)) / turnOf(1);
+export const turnedBy = (ring, model) => (ring.internal.thermal_shift * riseOf(model)) / turnOf(1);
