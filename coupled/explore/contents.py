@@ -199,7 +199,7 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
 
 
 def ring_data(ring: RingResonator) -> dict[str, Any]:
-    """Return the fields of a ring in SI, its index rate, and under "internal" what follows from them, for the kernel."""
+    """Return the fields of a ring in SI, its index rate, and under "internal" its rates in the kernel's units."""
     rates, dispersion = internal_rates(ring)
     internal = rates._asdict() | {"fcd": dispersion.ravel().tolist()}
     return asdict(ring) | {"index_rate": ring.index_rate, "internal": internal}

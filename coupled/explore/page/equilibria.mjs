@@ -25,19 +25,14 @@ function newton(f, a, b, start) {
   return x;
 }
 
-/** N, dN/dU, gamma and dgamma/dU at a fixed point of energy U. */
-function carry(U, sys) {
+/** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
+export function balance(U, sys) {
   const k = sys.tau0 * sys.g * U * U;
   const p = 1 - sys.a * k;
   const root = Math.sqrt(p * p + 4 * sys.b * k);
   const N = p > 0 ? (2 * k) / (p + root) : (root - p) / (2 * sys.b);
   const NSlope = (2 * sys.tau0 * sys.g * U * (1 + sys.a * N)) / root;
-  return { N, NSlope, gamma: sys.loss + sys.fca * N + sys.tpa * U, gammaSlope: sys.fca * NSlope + sys.tpa };
-}
-
-/** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
-export function balance(U, sys) {
-  const { N, NSlope, gamma, gammaSlope } = carry(U, sys);
+  const gamma = sys.loss + sys.fca * N + sys.tpa * U;
   const z = sys.R * absorbedPower(U, N, sys);
   const lift = 1 + 2 * sys.curvature * z;
   const dT = z + sys.curvature * z * z;
@@ -45,15 +40,15 @@ export function balance(U, sys) {
   const [S, SSlope] = dispersion(N, sys.fcd);
   const shift = -sys.shift * dT - S - sys.kerr * U;
   const shiftSlope = -sys.shift * dTSlope - SSlope * NSlope - sys.kerr;
-  return { N, NSlope, dT, z, lift, shift, shiftSlope, gamma, gammaSlope, S, SSlope };
+  return { N, dT, lift, shift, shiftSlope, gamma, gammaSlope: sys.fca * NSlope + sys.tpa, S, SSlope };
 }
 
 /** The energy on resonance, the root U of U gamma(U)^2 = drive^2. */
 export function resonantEnergy(drive, sys) {
   const high = 2 * Math.log(drive / sys.loss);
-  const low = high - 2 * Math.log(carry(Math.exp(high), sys).gamma / sys.loss);
+  const low = high - 2 * Math.log(balance(Math.exp(high), sys).gamma / sys.loss);
   const equation = (x) => {
-    const { gamma, gammaSlope } = carry(Math.exp(x), sys);
+    const { gamma, gammaSlope } = balance(Math.exp(x), sys);
     return [x + 2 * Math.log(gamma / drive), 1 + (2 * Math.exp(x) * gammaSlope) / gamma];
   };
   return Math.exp(newton(equation, low, high, high));
@@ -68,7 +63,8 @@ export function tilted(drive, sys) {
     const at = balance(U, sys);
     const perU = 2 * U * at.gamma * at.gammaSlope;
     const square = (drive * drive) / U;
-    const rest = share ** 2 > 1e-8 ? ((drive * drive) / top - at.gamma ** 2) / share ** 2 : perU; // its slope is more exact there
+    // near the peak a difference of gammas is less exact than their slope
+    const rest = share ** 2 > 1e-8 ? ((drive * drive) / top - at.gamma ** 2) / share ** 2 : perU;
     const ratio = Math.sqrt(square + rest);
     const slope = -2 * U * share * at.shiftSlope - (square + perU) / ratio;
     return { U, D: share * ratio, detuning: at.shift - share * ratio, slope, N: at.N, dT: at.dT };
@@ -180,18 +176,20 @@ export function lineAt(x, sys) {
  */
 export function countBeyond(line, U, D, sys) {
   const c = secular(U, sys);
-  const valueAt = (w, Z = impedance(line.x, w, sys)) => {
+  const valueAt = (w, Z) => {
     const [Ar, Ai, Br, Bi] = termsAt(c, line.x, w, Z);
     return [Ar + D * D - D * Br, Ai - D * Bi];
   };
-  const above = line.Z.map((Z, k) => valueAt(line.w[k], Z)[1] > 0);
-  let turns = (above.at(-1) ? 1 : -1) - (valueAt(0)[0] > 0 ? 0 : above[0] ? 1 : -1);
-  for (let k = 1; k < above.length; k++) {
-    if (above[k] === above[k - 1]) continue;
-    const w = bisect((v) => valueAt(v)[1] > 0 === above[k - 1], line.w[k - 1], line.w[k], 40);
-    if (valueAt(w)[0] < 0) turns += above[k] ? -2 : 2;
+  const direct = (w) => valueAt(w, impedance(line.x, w, sys));
+  let above = valueAt(line.w[0], line.Z[0])[1] > 0;
+  let turns = direct(0)[0] > 0 ? 0 : above ? -1 : 1;
+  for (let k = 1; k < line.w.length; k++) {
+    if (valueAt(line.w[k], line.Z[k])[1] > 0 === above) continue;
+    const w = bisect((v) => direct(v)[1] > 0 === above, line.w[k - 1], line.w[k], 40);
+    if (direct(w)[0] < 0) turns += above ? 2 : -2;
+    above = !above;
   }
-  return 1 - turns;
+  return 1 - turns - (above ? 1 : -1);
 }
 
 /** The kind of a fixed point from its eigenvalues: largest real part, angular frequency, and the regime in words. */

@@ -21,10 +21,9 @@ export const intrinsicQ = (ring) => (Math.PI * ring.frequency) / (ring.loss_rate
  * numbers that follow from several fields come from Python (`internal_rates`).
  */
 export function systemOf(ring, model) {
-  const { thermal_shift: shift, fcd, ...rates } = ring.internal;
+  const { thermal_shift: shift, fca, tpa, g, tau0, a, b, kerr, fcd } = ring.internal; // each by name: the result of a spread is slow to read
   return {
-    ...rates,
-    shift,
+    fca, tpa, g, tau0, a, b, shift, kerr,
     loss: linearRate(ring) * NS,
     absorbed: ring.loss_rate * NS,
     bus: ring.bus_rate * NS,
@@ -34,7 +33,7 @@ export function systemOf(ring, model) {
     rate: Float64Array.from(model.tau, (tau) => NS / tau),
     curvature: model.coefficient || 0,
     R: model.R.reduce((sum, R) => sum + R, 0) * UW,
-  };
+  }; // prettier-ignore
 }
 
 /** sqrt(2 gamma_e P) in sqrt(fJ)/ns for a power in W. */
