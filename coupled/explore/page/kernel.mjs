@@ -81,10 +81,9 @@ export function integrate(system, drive, detuning, start, stop, { method, rtol, 
   const problem = problemOf(system, drive, detuning, stop, method);
   const wanted = times ? times.length : 0;
   const [y, output, loop] = [store("y", start), wanted && store("times", times), buffer("loop", 26)];
-  const setup = doubles(loop, 26).fill(0);
-  [setup[H], setup[RTOL], setup[LONGEST], setup[LEVEL]] = [first, rtol, Infinity, event ? event.level : 0];
-  setup[SEEN] = event && event.leaving ? 0 : Infinity;
-  let [L, I] = [setup, integers(loop, 52)];
+  let [L, I] = [doubles(loop, 26).fill(0), integers(loop, 52)];
+  [L[H], L[RTOL], L[LONGEST], L[LEVEL]] = [first, rtol, Infinity, event ? event.level : 0];
+  L[SEEN] = event && event.leaving ? 0 : Infinity;
   [I[PER_STEP], I[QUANTITY], I[HALT]] = [1, event ? 2 : 0, event ? 1 : 0];
   let capacity = Math.max(8192, wanted);
   let ended = FULL;
