@@ -39,74 +39,51 @@ from .zeros import newton, zeros
 TERMS = (16, 32, 64, 128, 256)
 
 
-class PoleHeat(NamedTuple):
-    """Steady state and linear response of a Foster network of n poles, or of an output map after one."""
+class Heat(NamedTuple):
+    """Steady state and linear response of a thermal model with n states.
 
-    gain: Array  # K/fJ
-    rate: Array  # 1/ns
-    curvature: float  # 1/K
+    of: a Foster network, or one before an output map, or a quadratic model.
+    f [K/uW, shape (terms, n)]: Chebyshev coefficients over [0, top] of x/P, one term for a network; total: of their sum
+    over the states, as the output weights them.
+    """
 
-    @property
-    def resistance(self) -> float:
-        """Thermal resistance of the network, sum of gain/rate, K/uW."""
-        return float((self.gain / self.rate).sum())
-
-    def rise(self, P: Array) -> tuple[Array, Array]:
-        """Steady temperature rise (K) under the absorbed power P (uW), and its derivative d(dT)/dP; shape of P."""
-        R = self.resistance
-        return R * P * (1 + self.curvature * R * P), R * (1 + 2 * self.curvature * R * P)
-
-    def states(self, P: Array) -> Array:
-        """Steady states x of the poles under the absorbed power P (uW), shape (..., n)."""
-        return np.asarray(P)[..., None] * (self.gain / self.rate)
-
-    def impedance(self, lam: Complex, P: Array) -> Complex:
-        """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
-        response = np.zeros(np.shape(lam), dtype=complex)
-        for gain, rate in zip(self.gain, self.rate, strict=True):
-            response += gain / (lam + rate)
-        return np.asarray(response * (1 + 2 * self.curvature * self.resistance * P))
-
-
-class QuadraticHeat(NamedTuple):
-    """Steady state and linear response of a quadratic thermal model with n states."""
-
-    of: kernel.QuadraticHeat
+    of: kernel.PoleHeat | kernel.QuadraticHeat
+    curvature: float  # 1/K, of an output map
+    f: Array
+    total: Array
     top: float  # uW, the largest power of the series
-    f: Array  # K/uW, shape (terms, n): Chebyshev coefficients over [0, top]
 
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Steady rise (K) under the absorbed power P (uW), and d(dT)/dP; extrapolated linearly above ``top``."""
-        states, slope = self._at_rest(P)
-        return states @ self.of.C, slope @ self.of.C
+        z, slope = self._at_rest(P, self.total)
+        return z * (1 + self.curvature * z), slope * (1 + 2 * self.curvature * z)
 
     def states(self, P: Array) -> Array:
         """Steady states x under the absorbed power P (uW), on the branch from x = 0; shape (..., n)."""
-        return self._at_rest(P)[0]
+        return self._at_rest(np.asarray(P)[..., None], self.f)[0]
 
-    def _at_rest(self, P: Array) -> tuple[Array, Array]:
-        """Steady states x and dx/dP under the absorbed power P (uW), both of shape (..., n)."""
+    def _at_rest(self, P: Array, f: Array) -> tuple[Array, Array]:
+        """P f(P) and its derivative for a series f, or several as columns."""
+        if len(f) == 1:
+            return P * f[0], f[0]
         inside = np.minimum(P, self.top)
         x = 2 * inside / self.top - 1
-        f, f_slope = (np.moveaxis(chebyshev.chebval(x, c), 0, -1) for c in (self.f, chebyshev.chebder(self.f)))
-        slope = f + inside[..., None] * f_slope * 2 / self.top
-        return inside[..., None] * f + (P - inside)[..., None] * slope, slope
+        share, share_slope = (chebyshev.chebval(x, c, tensor=False) for c in (f, chebyshev.chebder(f)))
+        slope = share + inside * share_slope * 2 / self.top
+        return inside * share + (P - inside) * slope, slope
 
     def impedance(self, lam: Complex, P: Array) -> Complex:
         """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
+        if isinstance(self.of, kernel.PoleHeat):
+            response = sum(gain / (lam + rate) for gain, rate in zip(self.of.gain[0], self.of.rate[0], strict=True))
+            return np.asarray(response * (1 + 2 * self.curvature * self.total * P))
         powers, which = np.unique(P, return_inverse=True)
         which, heat = which.reshape(np.shape(P)), self.of
         x = self.states(powers)
         by_state = heat.A + 2 * np.einsum("ijk,mk->mij", heat.H, x) + powers[:, None, None] * heat.G
         rates, modes = np.linalg.eig(by_state)
         gains = (heat.C @ modes) * np.linalg.solve(modes, (heat.B + x @ heat.G.T)[..., None].astype(complex))[..., 0]
-        response = np.zeros(np.shape(lam), dtype=complex)
-        for k in range(heat.C.size):
-            response += gains[which, k] / (lam - rates[which, k])
-        return response
-
-
-Heat = PoleHeat | QuadraticHeat
+        return np.asarray(sum(gains[which, k] / (lam - rates[which, k]) for k in range(heat.C.size)))
 
 
 def heat_of(model: Compact, largest: float) -> Heat:
@@ -117,8 +94,10 @@ def heat_of(model: Compact, largest: float) -> Heat:
     """
     heat, curvature = internal_heat(model)
     if isinstance(heat, kernel.PoleHeat):
-        return PoleHeat(heat.gain[0], heat.rate[0], curvature)
-    return QuadraticHeat(heat, largest / UW, _series(model, largest) * UW)
+        f = heat.gain / heat.rate
+        return Heat(heat, curvature, f, f.sum(axis=1), np.inf)
+    f = _series(model, largest) * UW
+    return Heat(heat, curvature, f, f @ heat.C, largest / UW)
 
 
 def _series(model: Any, largest: float) -> Array:
@@ -160,7 +139,6 @@ class Balance(NamedTuple):
     """Quantities at fixed points of energy U, of its shape, that do not depend on the laser; ``*_slope`` are d/dU."""
 
     N: Array
-    N_slope: Array
     P_abs: Array
     dT: Array
     shift: Array
@@ -217,7 +195,7 @@ def balance(U: ArrayLike, ring: InternalRing) -> Balance:
     shift = -rates.thermal_shift * dT - S - rates.kerr * U
     shift_slope = -rates.thermal_shift * by_P * P_slope - S_slope * N_slope - rates.kerr
     gamma = rates.loss + rates.fca * N + rates.tpa * U
-    return Balance(N, N_slope, P_abs, dT, shift, shift_slope, gamma, rates.fca * N_slope + rates.tpa)
+    return Balance(N, P_abs, dT, shift, shift_slope, gamma, rates.fca * N_slope + rates.tpa)
 
 
 def peak(pump: ArrayLike, ring: InternalRing) -> Array:
@@ -265,18 +243,20 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
     """
     pump, detuning = np.broadcast_arrays(np.atleast_1d(pump), np.atleast_1d(detuning))
     pumps, which = np.unique(pump, return_inverse=True)
-    parts = [np.flatnonzero(which // PUMPS == k) for k in range(-(-pumps.size // PUMPS))]
-    found = [_on_pieces(pump[part], detuning[part], part, ring) for part in parts]
+    found = []
+    for k in range(0, pumps.size, PUMPS):
+        part = np.flatnonzero(which // PUMPS == k // PUMPS)
+        U, D, cell = _on_pieces(pumps[k : k + PUMPS], which[part] - k, detuning[part], ring)
+        found.append((U, D, part[cell]))
     U, D, cell = (np.concatenate(values) for values in zip(*found, strict=True))
     order = np.lexsort([U, cell])
     return U[order], D[order], cell[order]
 
 
 def _on_pieces(
-    pump: Array, detuning: Array, names: NDArray[np.intp], ring: InternalRing
+    pumps: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Fixed points U, D and setting (from ``names``), by a root on each monotone piece of the tilted resonance."""
-    pumps, which = np.unique(pump, return_inverse=True)
+    """Fixed points U, D and index of the setting (pumps[which], detuning), by a root on each monotone piece."""
     tops = peak(pumps, ring)
     end = farthest(float(np.abs(detuning).max()), tops[-1], ring)
     grid = np.linspace(-end, end, int(np.ceil(2 * end / SPACING)) + 1)
@@ -291,11 +271,11 @@ def _on_pieces(
         j, piece = np.nonzero((off[:, 1:] > 0) != (off[:, :-1] > 0))
         brackets.append((t[piece], t[piece + 1], off[j, piece], off[j, piece + 1], cells[j]))
     low, high, at_low, at_high, cell = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    one, top, wanted = pump[cell], tops[which][cell], detuning[cell]
+    one, top, wanted = pumps[which[cell]], tops[which[cell]], detuning[cell]
 
     def equation(t: Array) -> tuple[Array, Array]:
         _, _, found, slope = tilted(t, one, top, ring)
         return found - wanted, slope
 
     U = tilted(newton(equation, np.array([low, high]), np.array([at_low, at_high])), one, top, ring)[0]
-    return U, balance(U, ring).shift - wanted, names[cell]
+    return U, balance(U, ring).shift - wanted, cell

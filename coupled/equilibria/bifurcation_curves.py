@@ -19,7 +19,7 @@ whose roots in w are found at many U. From each root the curve is continued in b
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -91,16 +91,13 @@ def hopf_curves(
     Accuracy, from the eigenvalues of the Jacobian at the returned points: the pair's real part is below 3e-13 w.
     """
     plane, curves = _plane(ring, model, powers, detunings), []
-    for line in _lines(plane):
-        every = _from_outside(plane, np.exp(line[0]), plane.at.rates.loss * np.sinh(line[1]), np.exp(line[2]))
-        for part in _inside(plane, *every[:2]):
-            U, D, omega = (values[part] for values in every)
-            growth, values = _criticality(plane, U, D, omega)
-            curve = _dataset(plane, "Hopf curve", U, D, omega)
-            about = {"units": "1", "long_name": "no other mode grows"}
-            curve["leading"] = ("point", _others_decay(values, omega), about)
-            curve["lyapunov"] = ("point", growth / NS, {"units": "1/s", "long_name": "first Lyapunov coefficient"})
-            curves.append(curve)
+    for line in (part for whole in _lines(plane) for part in _inside(plane, whole)):
+        U, D, omega = _values(plane, line)
+        growth, leading = _criticality(plane, U, D, omega)
+        curve = _dataset(plane, "Hopf curve", U, D, omega)
+        curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
+        curve["lyapunov"] = ("point", growth / NS, {"units": "1/s", "long_name": "first Lyapunov coefficient"})
+        curves.append(curve)
     return curves
 
 
@@ -111,20 +108,8 @@ def fold_curves(
 
     Parameters, errors, warnings and result as `hopf_curves`, without frequency, leading and lyapunov.
     """
-    plane, curves = _plane(ring, model, powers, detunings), []
-    for first, last in _folded(plane):
-
-        def along(angle: Array, first: float = first, last: float = last) -> tuple[Array, Array]:
-            U = first * np.exp(np.sin(angle / 2) ** 2 * np.log(last / first))
-            a, b = _fold_equation(plane, U)
-            return U, np.copysign(np.sqrt(np.maximum(a * a - b, 0)), angle) - a  # smooth where both roots meet
-
-        def seen(angle: Array, along: Any = along) -> Array:
-            return _window(plane, *along(angle))
-
-        parts = intervals_in_window(seen, np.linspace(-np.pi, np.pi, FOLD_GRID))
-        curves += [_dataset(plane, "fold curve", *along(np.linspace(*part, FOLD_POINTS))) for part in parts]
-    return curves
+    plane = _plane(ring, model, powers, detunings)
+    return [curve for first, last in _folded(plane) for curve in _fold_curves(plane, first, last)]
 
 
 def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> Plane:
@@ -135,13 +120,6 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
     faint, high = peak([internal_pump(ring, P[0]), internal_pump(ring, P[-1])], at)
     low = faint / np.cosh(farthest(np.abs(shifts).max(), high, at)) ** 2
     return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES))
-
-
-def _frequencies(plane: Plane) -> Array:
-    """Grid of angular frequencies w (rad/ns), from below the slowest thermal pole to above all detunings."""
-    here = balance(plane.energies, plane.at)
-    highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
-    return np.geomspace(1e-4 * NS * slowest_rate(plane.at.model), 2 * highest, FREQUENCIES)
 
 
 def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -167,7 +145,10 @@ def _secular(U: Array, ring: InternalRing) -> tuple[Array, ...]:
 
 def _lines(plane: Plane) -> list[Array]:
     """All curves of Hopf points, each an array of rows log U, arsinh D/loss and log w, shape (3, points)."""
-    log_U, log_w, tiny = np.log(plane.energies), np.log(_frequencies(plane)), np.finfo(float).tiny
+    here, tiny = balance(plane.energies, plane.at), np.finfo(float).tiny
+    highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
+    slowest = NS * slowest_rate(plane.at.model)
+    log_U, log_w = np.log(plane.energies), np.log(np.geomspace(1e-4 * slowest, 2 * highest, FREQUENCIES))
 
     def resultant(x: Array, k: NDArray[np.intp]) -> Array:
         A, B = _terms(plane, log_U[k], x)
@@ -182,65 +163,63 @@ def _lines(plane: Plane) -> list[Array]:
         start, left = _hopf_point(plane, left[0]), left[1:]
         if start is None:
             continue
-        line, closed = _followed(plane, *start, low, high)
-        if not closed:
-            back, _ = _followed(plane, start[0], -start[1], low, high)
-            line = np.concatenate([back[:0:-1], line])
-        lines.append(line.T)
-        left = left[distances(left, line) > NEAR]
+        lines.append(_line(plane, *start, low, high))
+        left = left[distances(left, lines[-1].T) > NEAR]
     return lines
 
 
-def _followed(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -> tuple[Array, bool]:
-    """Continue a Hopf curve from ``start`` along ``tangent``: points, shape (m, 3), and whether the curve is closed.
+def _line(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -> Array:
+    """Continue a Hopf curve from ``start`` along ``tangent`` until it closes, or in both directions; shape (3, points).
 
     low, high: bounds of (log U, log w); the curve ends at its first point outside.
     """
-    out, x, t, step, at = [start], start, tangent, FINE, _in_window(plane, start)
-    while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
-        if len(out) > 3 and np.linalg.norm(start - x) < step and t @ tangent > BEND:
-            return np.array([*out, start]), True
-        found = _hopf_point(plane, x + step * t)
-        there = at if found is None else _in_window(plane, found[0])
-        outside = float(np.maximum(at - 1, -at).max())
-        if found is None or abs(found[1] @ t) < BEND or np.linalg.norm(there - at) > max(FINE, outside / 2):
-            step /= 2
-            continue
-        x, t, at, step = found[0], found[1] * np.sign(found[1] @ t), there, min(1.5 * step, LONGEST)
-        out.append(x)
-    return np.array(out), False
+    line = [start]
+    for direction in (tangent, -tangent):
+        x, t, step, at = start, direction, FINE, _window(plane, *_values(plane, start)[:2])
+        while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
+            if len(line) > 3 and np.linalg.norm(start - x) < step and t @ tangent > BEND:
+                return np.array([*line, start]).T
+            found = _hopf_point(plane, x + step * t)
+            there = at if found is None else _window(plane, *_values(plane, found[0])[:2])
+            outside = float(np.maximum(at - 1, -at).max())
+            if found is None or abs(found[1] @ t) < BEND or np.linalg.norm(there - at) > max(FINE, outside / 2):
+                step /= 2
+                continue
+            x, t, at, step = found[0], found[1] * np.sign(found[1] @ t), there, min(1.5 * step, LONGEST)
+            line.append(x)
+        line.reverse()
+    return np.array(line).T
 
 
 def _hopf_point(plane: Plane, x: Array) -> tuple[Array, Array] | None:
     """The Hopf point near ``x`` by Newton's method (minimum-norm steps), and the unit tangent of the curve; or None."""
-    loss, h = plane.at.rates.loss, DIFFERENCE
+    sides = DIFFERENCE * np.hstack([np.zeros((3, 1)), np.eye(3), -np.eye(3)])
     for _ in range(10):
-        D = loss * np.sinh(x[1])
-        A, B = _terms(plane, x[0] + h * np.array([0, 1, -1, 0, 0]), x[2] + h * np.array([0, 0, 0, 1, -1]))
+        near = x[:, None] + sides
+        A, B = _terms(plane, near[0], near[2])
+        D = _values(plane, near)[1]
         F = A + D * D - D * B
-        slopes = np.array([(F[1] - F[2]) / (2 * h), (2 * D - B[0]) * loss * np.cosh(x[1]), (F[3] - F[4]) / (2 * h)])
-        J = np.array([slopes.real, slopes.imag])
-        size = np.linalg.norm(J, axis=1, keepdims=True)
-        if not np.all(np.isfinite(J) & (size > 0)):
+        slopes = (F[1:4] - F[4:]) / (2 * DIFFERENCE)
+        along = np.cross(slopes.real, slopes.imag)
+        square = along @ along
+        if not 0 < square < np.inf:
             return None
-        J /= size
-        move = np.linalg.lstsq(J, np.array([F[0].real, F[0].imag]) / size[:, 0])[0]
+        move = np.cross(F[0].real * slopes.imag - F[0].imag * slopes.real, along) / square
         x = x - move
         if np.linalg.norm(move) < 1e-9:  # the error is the square of a move, and 1e-10 of it
-            along = np.cross(*J)
-            return x, along / np.linalg.norm(along)
+            return x, along / np.sqrt(square)
         if np.linalg.norm(move) > 1:
             return None
     return None
 
 
-def _in_window(plane: Plane, x: Array) -> Array:
-    """Window coordinates (`_window`) of one Hopf point, shape (2,)."""
-    return _window(plane, np.exp(x[:1]), plane.at.rates.loss * np.sinh(x[1:2]))[:, 0]
+def _values(plane: Plane, x: Array) -> tuple[Array, Array, Array]:
+    """U, D and w of points with the coordinates log U, arsinh D/loss and log w, shape (3, ...)."""
+    return np.exp(x[0]), plane.at.rates.loss * np.sinh(x[1]), np.exp(x[2])
 
 
 def _window(plane: Plane, U: Array, D: Array) -> Array:
-    """Coordinates of fixed points (U, D) in the window, shape (2, n): log power and detuning, each 0 to 1 inside."""
+    """Coordinates of fixed points (U, D) in the window, shape (2, ...): log power and detuning, each 0 to 1 inside."""
     power, shift = _laser(plane, U, D)
     width = max(np.log(plane.powers[-1] / plane.powers[0]), 0.01)
     height = max(float(np.ptp(plane.detunings)), 0.01 * plane.at.rates.loss)
@@ -264,30 +243,42 @@ def _folded(plane: Plane) -> list[tuple[float, float]]:
     return [(float(np.exp(low)), float(np.exp(high))) for low, high in intervals_in_window(square, log_U)]
 
 
+def _fold_curves(plane: Plane, first: float, last: float) -> list[xr.Dataset]:
+    """The parts in the window of the fold curve that runs from the energy ``first`` to ``last`` (fJ) and back."""
+
+    def along(angle: Array) -> tuple[Array, Array]:
+        U = first * np.exp(np.sin(angle / 2) ** 2 * np.log(last / first))
+        a, b = _fold_equation(plane, U)
+        return U, np.copysign(np.sqrt(np.maximum(a * a - b, 0)), angle) - a  # smooth where both roots meet
+
+    parts = intervals_in_window(lambda angle: _window(plane, *along(angle)), np.linspace(-np.pi, np.pi, FOLD_GRID))
+    return [_dataset(plane, "fold curve", *along(np.linspace(*part, FOLD_POINTS))) for part in parts]
+
+
 def _laser(plane: Plane, U: Array, D: Array) -> tuple[Array, Array]:
     """Power (W) and detuning (rad/ns) of the laser at which (U, D) are fixed points; both of their shape."""
     here = balance(U, plane.at)
     return U * (here.gamma**2 + D**2) / (2 * plane.ring.bus_rate * NS) * UW, here.shift - D
 
 
-def _inside(plane: Plane, U: Array, D: Array) -> list[slice]:
-    """Slices of the parts of a curve within the window, each extended by one point at both ends."""
-    at = _window(plane, U, D)
+def _inside(plane: Plane, line: Array) -> list[Array]:
+    """The parts of a curve (`_lines`) within the window, each extended by one point at both ends.
+
+    A closed curve is rotated to start outside, so that no part inside is cut.
+    """
+    at = _window(plane, *_values(plane, line)[:2])
     inside = np.all((at >= 0) & (at <= 1), axis=0)
-    return [slice(max(a - 1, 0), b + 1) for a, b in runs_of(inside)]
+    if inside.size > 1 and np.array_equal(line[:, 0], line[:, -1]) and not inside.all():
+        order = (np.arange(inside.size) + inside.argmin()) % (inside.size - 1)
+        line, inside = line[:, order], inside[order]
+    return [line[:, max(a - 1, 0) : b + 1] for a, b in runs_of(inside)]
 
 
-def _from_outside(plane: Plane, *every: Array) -> list[Array]:
-    """Rotate a closed curve so that it starts outside the window, and no part inside is cut; other curves unchanged."""
-    closed = all(values[0] == values[-1] for values in every)
-    outside = np.flatnonzero(~np.all((at := _window(plane, *every[:2])) >= 0, axis=0) | np.any(at > 1, axis=0))
-    if not closed or outside.size == 0:
-        return list(every)
-    return [np.append(np.roll(values[:-1], -outside[0]), values[outside[0]]) for values in every]
+def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """First Lyapunov coefficients (1/ns, for the relative amplitude of the carriers) at Hopf points.
 
-
-def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDArray[np.complex128]]:
-    """First Lyapunov coefficients (1/ns, for the relative amplitude of the carriers) and eigenvalues at Hopf points."""
+    Also whether all eigenvalues but the two nearest to +- i w have negative real parts; both of shape (m,).
+    """
     y, detuning = states(U, D, plane.at)
     size = np.abs(y)
     size[:, :2], size[:, 2] = np.sqrt(U)[:, None], np.maximum(size[:, 2], 1e-12)
@@ -295,16 +286,9 @@ def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDA
     carriers = plane.at.rates.g > 0
     unit = np.full(U.size, 2) if carriers else np.abs(y[:, :2]).argmax(axis=1)
     g, values = first_lyapunov(lambda x: jacobians(x, detuning, plane.at), y, size, w, unit)
-    return g * np.take_along_axis(y, unit[:, None], axis=1)[:, 0] ** 2, values
-
-
-def _others_decay(values: NDArray[np.complex128], w: Array) -> NDArray[np.bool_]:
-    """Whether, in each row, all eigenvalues but the two nearest to +- i w have negative real parts; shape (m,)."""
-    rest = values.real.copy()
-    for sign in (1, -1):
-        near = np.abs(values - sign * 1j * w[:, None]).argmin(axis=1)
-        np.put_along_axis(rest, near[:, None], -1.0, axis=1)
-    return np.all(rest < 0, axis=1)
+    others = np.abs(values**2 + w[:, None] ** 2).argsort(axis=1)[:, 2:]
+    decay = np.all(np.take_along_axis(values.real, others, axis=1) < 0, axis=1)
+    return g * np.take_along_axis(y, unit[:, None], axis=1)[:, 0] ** 2, decay
 
 
 def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:

@@ -217,22 +217,15 @@ def described(
     kind: str, ring: RingResonator, model: Any, at: InternalRing, U: Array, D: Array, powers: Array, over: str,
     **further: Array,
 ) -> xr.Dataset:  # fmt: skip
-    """Fixed points as a Dataset in SI with ``further`` variables; warns where dT exceeds the training of the model."""
-    values = further | observables(ring, at, U, D, powers)
-    trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
-    return xr.Dataset(
-        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()},
-        attrs=provenance(kind, ring, at.model),
-    )
+    """Fixed points (U, D; internal units) at ``powers`` (W) as a Dataset in SI with ``further`` variables.
 
-
-def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, powers: Array) -> dict[str, Any]:
-    """Energy, carriers, dT, port powers and stability at fixed points (U, D; internal units): name to array in SI."""
+    Warns where dT exceeds the training of the model.
+    """
     here = balance(U, at)
     growth, omega, growing = leading(eigenvalues(U, D, at))
     unstable = np.where(growing % 2, "saddle", np.where(omega > 0, "unstable focus", "unstable node"))
     coupling, dropped = 2 * ring.bus_rate * NS, 2 * ring.drop_bus_rate * NS
-    return {
+    values = further | {
         "energy": U * FJ,
         "carriers": here.N * DENSITY,
         "delta_T": here.dT,
@@ -243,3 +236,8 @@ def observables(ring: RingResonator, at: InternalRing, U: Array, D: Array, power
         "frequency": omega / (2 * np.pi * NS),
         "regime": np.where(growing == 0, "stable", unstable),
     }
+    trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
+    return xr.Dataset(
+        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()},
+        attrs=provenance(kind, ring, at.model),
+    )

@@ -81,9 +81,11 @@ def transmission(
         return low_power_transmission(ring, detuning, power)
     check_ring(ring)
     doubts = check_geometry(ring, model)
-    P, nu = _ends("power", power), _ends("detuning", detuning)
-    if {P.size, nu.size} != {1, 2}:
-        raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
+    P, nu = _checked(power, detuning)
+    swept = P if P.size > 1 else nu
+    if P.size + nu.size != 3 or swept[0] >= swept[1]:
+        rule = "one of power and detuning must be a pair (first, last) with first < last, the other one number"
+        raise checks.InputError(rule)
     at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
     U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
     found = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
@@ -190,12 +192,9 @@ def sweep(
         as `steady_states`; not exactly one of them an array.
     """
     check_ring(ring)
-    P, nu = (checks.array(name, v) for name, v in (("power", power), ("detuning", detuning)))
+    P, nu = _checked(power, detuning)
     if (P.size > 1) == (nu.size > 1):
         raise checks.InputError("one of power and detuning must be an array of steps, the other one number")
-    for name, values, check in (("power", P, check_power), ("detuning", nu, check_detuning)):
-        for k, value in enumerate(values):
-            check(value, f"{name}[{k}]" if values.size > 1 else name)
     at = internal_ring(ring, model, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
@@ -226,19 +225,17 @@ def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tup
     parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
     lengths = np.diff(parts, axis=1)[:, 0]
     counts = 2 + ((POINTS - 2 * len(parts)) * lengths / lengths.sum()).astype(int)
-    points = [np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)]
-    values = list(curve(np.concatenate(points))[:4])
-    stops = np.cumsum(counts)
-    for k in (*(stops - 1), *(stops - counts)):
-        values[row][k] = ends[np.argmin(np.abs(ends - values[row][k]))]  # to the last digit
-    return tuple(values)
+    s = np.concatenate([np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)])
+    values, border = curve(s)[:4], np.isin(s, parts)
+    values[row][border] = ends[np.abs(values[row][border, None] - ends).argmin(axis=1)]  # to the last digit
+    return values
 
 
-def _ends(name: str, value: float | ArrayLike) -> Array:
-    """Check a power or detuning that is one number or an increasing pair; returns it with shape (1,) or (2,)."""
-    ends = checks.array(name, value)
-    if ends.size > 2 or (ends.size == 2 and ends[0] >= ends[1]):
-        raise checks.InputError(f"{name} = {value!r} must be one number or a pair (first, last) with first < last")
-    for end in ends:
-        (check_power if name == "power" else check_detuning)(end, name)
-    return ends
+def _checked(power: float | ArrayLike, detuning: float | ArrayLike) -> list[Array]:
+    """Check powers and detunings, one number or several of each; returns them as arrays."""
+    found = []
+    for name, given, check in (("power", power, check_power), ("detuning", detuning, check_detuning)):
+        found.append(checks.array(name, given))
+        for k, value in enumerate(found[-1]):
+            check(value, f"{name}[{k}]" if found[-1].size > 1 else name)
+    return found

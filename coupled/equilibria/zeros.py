@@ -47,9 +47,9 @@ def zeros(
     x, y = grid[i], f(grid[i], k) if values is None else values
     changed = (y[:, 1:] > 0) != (y[:, :-1] > 0)
     brackets = [[v[changed] for v in (x[:, :-1], x[:, 1:], y[:, :-1], y[:, 1:], k[:, 1:])]]
-    size = np.abs(y)
-    dip = ~changed[:, 1:] & ~changed[:, :-1] & (size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] <= size[:, 2:])
-    dip &= _deep(size)
+    before, here, after = (np.abs(y[:, part]) for part in (slice(-2), slice(1, -1), slice(2, None)))
+    dip = ~changed[:, 1:] & ~changed[:, :-1] & (here < before) & (here <= after)
+    dip &= (after - before) ** 2 > 8 * (1 - DEEP) * here * (before - 2 * here + after)  # by the parabola
     if dip.any():
         low, high, n = x[:, :-2][dip], x[:, 2:][dip], k[:, 1:-1][dip]
         first, middle, last = y[:, :-2][dip], y[:, 1:-1][dip], y[:, 2:][dip]
@@ -72,12 +72,6 @@ def _differences(
     h = 1e-5 * width
     before, here, after = f(np.array([x - h, x, x + h]), np.array([k, k, k]))
     return here, (after - before) / (2 * h), (after - 2 * here + before) / h**2
-
-
-def _deep(size: Array) -> NDArray[np.bool_]:
-    """Whether the parabola through three neighbours on an even grid falls below DEEP times the middle value."""
-    before, middle, after = size[:, :-2], size[:, 1:-1], size[:, 2:]
-    return np.asarray((after - before) ** 2 > 8 * (1 - DEEP) * middle * (before - 2 * middle + after))
 
 
 def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:

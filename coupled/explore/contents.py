@@ -17,6 +17,7 @@ from ..arguments import check_ring
 from ..cycles.cycle_folds import cycle_fold_curves
 from ..equilibria.bifurcation_curves import hopf_curves
 from ..heaters import LARGEST_POWER, Channels, channels
+from ..kernel.units import internal_rates
 from ..resonator import RingResonator
 
 Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in GHz
@@ -24,7 +25,7 @@ Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in 
 OF_MAPS: Window = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # the maps of Borghi et al.
 OF_SMALL: Window = {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}
 RESISTANCE = 8e3  # K/W of the strips of the papers
-LABELS = ("name", "window", "python")  # of a ring on the page; everything else is its numbers
+LABELS = ("name", "window", "python", "internal", "index_rate")  # of a ring on the page; all else is its own numbers
 LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
 HEATERS = 3
 TRAINED_LAW = "second order, experiment (Borghi 2021)"
@@ -185,7 +186,7 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     """
     check_ring(ring)
     given, *known = (
-        asdict(one) | {"python": repr(one), "window": window}
+        ring_data(one) | {"python": repr(one), "window": window}
         for one, window in ((ring, window_of(ring, resistance)), *published())
     )
     usual = 0.3 < resistance / RESISTANCE < 3
@@ -195,6 +196,13 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     if ring.name in {other["name"] for other in others}:
         given["name"] = f"{ring.name} (changed)"
     return [given, *others]
+
+
+def ring_data(ring: RingResonator) -> dict[str, Any]:
+    """Return the fields of a ring in SI, its index rate, and under "internal" its rates in the kernel's units."""
+    rates, dispersion = internal_rates(ring)
+    internal = rates._asdict() | {"fcd": dispersion.ravel().tolist()}
+    return asdict(ring) | {"index_rate": ring.index_rate, "internal": internal}
 
 
 def published() -> list[tuple[RingResonator, Window]]:

@@ -7,6 +7,7 @@ from importlib import metadata
 import numpy as np
 import pytest
 from page_cases import argument, ring_and_model
+from scipy.optimize import linear_sum_assignment
 
 import coupled
 import thermofem as th
@@ -57,6 +58,20 @@ def test_fixed_points(js):
         rates = np.maximum(np.abs(mine.growth_rate.values), 1e-6 * ring.linear_rate)
         assert np.all(np.abs([f["growth"] * 1e9 for f in found] - mine.growth_rate.values) < SAME * rates)
         assert [f["regime"] for f in found] == mine.regime.values.tolist()
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 8, 17])
+def test_eigenvalues(js, n):
+    """Those of LAPACK within round-off of the norm; cyclic matrices need another shift, squares of 1e-160 underflow."""
+    dense = np.random.default_rng(n).normal(size=(n, n))
+    graded = np.diag(10.0 ** -np.linspace(0, 200, n)) + 1e-160 * dense
+    for matrix in (dense, dense - dense.T, np.roll(np.eye(n), 1, axis=0), graded):
+        found = js(
+            "r => { const { re, im } = globalThis.ringPage.eigenvalues(r.matrix, r.n); return [[...re], [...im]]; }",
+            {"matrix": matrix.ravel().tolist(), "n": n},
+        )
+        gaps = np.abs(found[0] + 1j * np.array(found[1]) - np.linalg.eigvals(matrix)[:, None])
+        assert gaps[linear_sum_assignment(gaps)].max() <= 1e-14 * np.linalg.norm(matrix)
 
 
 def test_hopf_and_fold_curves_lie_on_the_borders(js):

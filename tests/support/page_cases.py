@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
 import coupled
 import thermofem as th
-from coupled.explore.contents import model_of
+from coupled.explore.contents import model_of, ring_data
 
 
 def ring_and_model(seed):
@@ -41,7 +41,7 @@ def ring_and_model(seed):
 
 def argument(ring, model, power, detuning, **more):
     return {
-        "ring": asdict(ring), "model": model_of("model", model), "power": power, "detuning": detuning, **more,
+        "ring": ring_data(ring), "model": model_of("model", model), "power": power, "detuning": detuning, **more,
     }  # fmt: skip
 
 

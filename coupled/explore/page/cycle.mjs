@@ -12,7 +12,7 @@ function around(system, drive, detuning, start, level, pattern, longest, options
   let t = 0;
   const steps = [];
   for (let k = 0; k < pattern; k++) {
-    const event = { level, stop: true, leaving: true };
+    const event = { level, leaving: true };
     const run = integrate(system, drive, detuning, y, longest, { ...options, event, steps: true, first: 0.1 / system.loss });
     if (run.ended !== EVENT) return null;
     steps.push(...run.steps);
@@ -27,8 +27,8 @@ function correction(system, drive, detuning, M, end, residual) {
   const m = end.length;
   const f = slopes(system, drive, detuning, end).rate;
   const keep = Array.from(end, (_, i) => i).filter((i) => i !== 2);
-  const A = keep.flatMap((i) => keep.map((j) => (i === j ? 1 : 0) - (M[i * m + j] - (f[i] * M[2 * m + j]) / f[2])));
-  const step = solve(A, keep.map((i) => residual[i]), m - 1); // prettier-ignore
+  const row = (i) => keep.map((j) => (i === j ? 1 : 0) - (M[i * m + j] - (f[i] * M[2 * m + j]) / f[2]));
+  const step = solve(keep.map((i) => [...row(i), residual[i]]));
   return Float64Array.of(step[0], step[1], 0, ...step.slice(2));
 }
 
@@ -42,7 +42,7 @@ function correction(system, drive, detuning, M, end, residual) {
 export function limitCycle(system, drive, detuning, near, level, options) {
   const { rough, fine, period, pattern = 1, close = [1e-10, 1e-7], renew = 0.1 } = options;
   const longest = 3 * period;
-  const approach = integrate(system, drive, detuning, near, longest, { ...rough, event: { level, stop: true } });
+  const approach = integrate(system, drive, detuning, near, longest, { ...rough, event: { level } });
   if (approach.ended !== EVENT) return null;
   const largest = (values) => values.slice(3).reduce((most, x) => Math.max(most, Math.abs(x)), 0); // of the poles
   let { y } = approach;

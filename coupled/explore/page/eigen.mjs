@@ -1,43 +1,46 @@
 // Small dense matrices: eigenvalues and elimination; and where a function changes.
 
-/** Reduce a matrix (row-major, n x n, overwritten) to upper Hessenberg form by elimination with pivots. */
-function hessenberg(A, n) {
-  for (let m = 1; m < n - 1; m++) {
-    let pivot = m;
-    for (let i = m + 1; i < n; i++) {
-      if (Math.abs(A[i * n + m - 1]) > Math.abs(A[pivot * n + m - 1])) pivot = i;
-    }
-    const x = A[pivot * n + m - 1];
-    if (x === 0) continue;
-    if (pivot !== m) {
-      for (let j = m - 1; j < n; j++) [A[m * n + j], A[pivot * n + j]] = [A[pivot * n + j], A[m * n + j]];
-      for (let i = 0; i < n; i++) [A[i * n + m], A[i * n + pivot]] = [A[i * n + pivot], A[i * n + m]];
-    }
-    for (let i = m + 1; i < n; i++) {
-      const y = A[i * n + m - 1] / x;
-      if (y === 0) continue;
-      A[i * n + m - 1] = 0;
-      for (let j = m; j < n; j++) A[i * n + j] -= y * A[m * n + j];
-      for (let k = 0; k < n; k++) A[k * n + m] += y * A[k * n + i];
-    }
-  }
-}
-
 /**
  * Eigenvalues of a real matrix, row-major, n x n, which is kept; returns { re, im }.
- * QR steps with Wilkinson's shift on the Hessenberg form, in complex arithmetic (as EISPACK's comqr).
+ *
+ * Complex rotations of rows and columns k, k + 1 keep the eigenvalues. They take the matrix to upper Hessenberg form, column by
+ * column. A QR step with a shift then is a first such rotation and those that restore the form below it (Francis).
  */
 export function eigenvalues(matrix, n) {
   const [re, im] = [Float64Array.from(matrix), new Float64Array(n * n)];
-  hessenberg(re, n);
+  let [first, end] = [0, n - 1]; // of the rows and columns that are worked on
+  // entries p, q -> conj(c) p + conj(s) q, c q - s p
+  const rotate = (p, q, cr, ci, sr, si) => {
+    const [pr, pi, qr, qi] = [re[p], im[p], re[q], im[q]];
+    re[p] = cr * pr + ci * pi + sr * qr + si * qi;
+    im[p] = cr * pi - ci * pr + sr * qi - si * qr;
+    re[q] = cr * qr - ci * qi - sr * pr + si * pi;
+    im[q] = cr * qi + ci * qr - sr * pi - si * pr;
+  };
+  // the rotation that takes the entries of rows k and k + 1 in a column, less a shift of the diagonal, to r and 0
+  const turn = (k, column, lowest, shift = [0, 0]) => {
+    const [p, q] = [k * n + column, (k + 1) * n + column];
+    const [pr, pi] = [re[p] - shift[0], im[p] - shift[1]];
+    const r = Math.sqrt(pr * pr + pi * pi + re[q] * re[q] + im[q] * im[q]);
+    if (r < 1e-150) return; // squares of such entries underflow
+    const [cr, ci, sr, si] = [pr / r, pi / r, re[q] / r, im[q] / r];
+    for (let j = column; j <= end; j++) rotate(k * n + j, (k + 1) * n + j, cr, ci, sr, si);
+    for (let i = first; i <= lowest; i++) rotate(i * n + k, i * n + k + 1, cr, -ci, sr, -si);
+  };
+  for (let column = 0; column < n - 2; column++) {
+    for (let k = n - 2; k > column; k--) turn(k, column, end);
+  }
   const size = (i, j) => Math.abs(re[i * n + j]) + Math.abs(im[i * n + j]);
   const norm = re.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
-  for (let end = n - 1, tries = 0; end > 0; ) {
-    let first = end;
+  for (let tries = 0; end > 0; ) {
+    first = end;
     while (first > 0 && size(first, first - 1) > 2.2e-16 * (size(first, first) + size(first - 1, first - 1) + 1e-16 * norm)) first--;
     if (first === end) [end, tries] = [end - 1, 0];
     else if (++tries > 120) throw new Error("the eigenvalues did not converge");
-    else qrStep(re, im, n, first, end, tries % 10 ? shiftOf(re, im, n, end) : [size(end, end - 1) + size(end, end), 0]);
+    else {
+      turn(first, first, Math.min(first + 2, end), tries % 10 ? shiftOf(re, im, n, end) : [size(end, end - 1) + size(end, end), 0]);
+      for (let k = first + 1; k < end; k++) turn(k, k - 1, Math.min(k + 2, end));
+    }
   }
   const diagonal = (x) => Float64Array.from({ length: n }, (_, k) => x[k * n + k]);
   return { re: diagonal(re), im: diagonal(im) };
@@ -47,69 +50,26 @@ export function eigenvalues(matrix, n) {
 function shiftOf(re, im, n, end) {
   const [a, b, c, d] = [(end - 1) * n + end - 1, (end - 1) * n + end, end * n + end - 1, end * n + end];
   const [hr, hi] = [(re[a] - re[d]) / 2, (im[a] - im[d]) / 2];
-  const [wr, wi] = [re[b] * re[c] - im[b] * im[c], re[b] * im[c] + im[b] * re[c]];
-  const [qr, qi] = [hr * hr - hi * hi + wr, 2 * hr * hi + wi];
-  let x = Math.sqrt((Math.hypot(qr, qi) + Math.abs(qr)) / 2); // the larger part of the root of h^2 + w
-  let y = x > 0 ? qi / (2 * x) : 0;
-  if (qr < 0) [x, y] = [Math.abs(y), qi < 0 ? -x : x];
+  const [qr, qi] = [hr * hr - hi * hi + re[b] * re[c] - im[b] * im[c], 2 * hr * hi + re[b] * im[c] + im[b] * re[c]];
+  const x = Math.sqrt((Math.hypot(qr, qi) + qr) / 2); // x + i y is the root of h^2 + b c
+  const y = Math.sqrt((Math.hypot(qr, qi) - qr) / 2) * (qi < 0 ? -1 : 1);
   const sign = hr * x + hi * y < 0 ? -1 : 1;
-  const [ur, ui] = [hr + sign * x, hi + sign * y];
-  const square = ur * ur + ui * ui;
-  return square > 0 ? [re[d] - (wr * ur + wi * ui) / square, im[d] - (wi * ur - wr * ui) / square] : [re[d], im[d]];
+  return [re[d] + hr - sign * x, im[d] + hi - sign * y];
 }
 
-/** One QR step with a shift on the rows and columns first .. end: rotations from the left, and their inverses from the right. */
-function qrStep(re, im, n, first, end, [shiftR, shiftI]) {
-  // entries p, q -> conj(c) p + conj(s) q, c q - s p
-  const rotate = (p, q, cr, ci, sr, si) => {
-    const [pr, pi, qr, qi] = [re[p], im[p], re[q], im[q]];
-    re[p] = cr * pr + ci * pi + sr * qr + si * qi;
-    im[p] = cr * pi - ci * pr + sr * qi - si * qr;
-    re[q] = cr * qr - ci * qi - sr * pr + si * pi;
-    im[q] = cr * qi + ci * qr - sr * pi - si * pr;
-  };
-  const shifted = (sign) => {
-    for (let k = first; k <= end; k++) {
-      re[k * n + k] += sign * shiftR;
-      im[k * n + k] += sign * shiftI;
-    }
-  };
-  shifted(-1);
-  const rotations = [];
-  for (let k = first; k < end; k++) {
-    const [p, q] = [k * n + k, (k + 1) * n + k];
-    const r = Math.hypot(re[p], im[p], re[q], im[q]) || 1;
-    rotations.push([re[p] / r, im[p] / r, re[q] / r, im[q] / r]);
-    for (let j = k; j <= end; j++) rotate(k * n + j, (k + 1) * n + j, ...rotations.at(-1));
-  }
-  rotations.forEach(([cr, ci, sr, si], i) => {
-    const k = first + i;
-    for (let j = first; j <= k + 1; j++) rotate(j * n + k, j * n + k + 1, cr, -ci, sr, -si);
-  });
-  shifted(1);
-}
-
-/** Solve A x = b by elimination with pivots; both are overwritten, and b is returned. */
-export function solve(A, b, n) {
+/** Solve linear equations, rows of coefficients and right-hand side, by elimination with pivots; the rows are overwritten. */
+export function solve(rows) {
+  const n = rows.length;
   for (let j = 0; j < n; j++) {
     let pivot = j;
-    for (let i = j + 1; i < n; i++) if (Math.abs(A[i * n + j]) > Math.abs(A[pivot * n + j])) pivot = i;
-    if (pivot !== j) {
-      for (let k = j; k < n; k++) [A[j * n + k], A[pivot * n + k]] = [A[pivot * n + k], A[j * n + k]];
-      [b[j], b[pivot]] = [b[pivot], b[j]];
-    }
-    for (let i = j + 1; i < n; i++) {
-      const f = A[i * n + j] / A[j * n + j];
-      if (f === 0) continue;
-      for (let k = j + 1; k < n; k++) A[i * n + k] -= f * A[j * n + k];
-      b[i] -= f * b[j];
+    for (let i = j + 1; i < n; i++) if (Math.abs(rows[i][j]) > Math.abs(rows[pivot][j])) pivot = i;
+    [rows[j], rows[pivot]] = [rows[pivot], rows[j]];
+    for (let i = 0; i < n; i++) {
+      const f = i === j ? 0 : rows[i][j] / rows[j][j];
+      for (let k = j; f !== 0 && k <= n; k++) rows[i][k] -= f * rows[j][k];
     }
   }
-  for (let i = n - 1; i >= 0; i--) {
-    for (let j = i + 1; j < n; j++) b[i] -= A[i * n + j] * b[j];
-    b[i] /= A[i * n + i];
-  }
-  return b;
+  return rows.map((row, i) => row[n] / row[i]);
 }
 
 /** Where `holds` ceases to hold between a, where it does, and b, by bisection. */

@@ -137,11 +137,10 @@ function transmission(request) {
   const end = reach(Math.max(Math.abs(first), Math.abs(last)), drive, system);
   const points = [];
   const n = 400;
-  const line = lineAt(0, system);
+  const [at, line] = [tilted(drive, system), lineAt(0, system)];
   let cut = false; // whether the curve was outside before this point
   for (let k = 0; k <= n; k++) {
-    const s = -end + (2 * end * k) / n;
-    const p = tilted(s, drive, system);
+    const p = at(-end + (2 * end * k) / n);
     if (p.detuning < first - 1 || p.detuning > last + 1) {
       cut = true;
       continue;

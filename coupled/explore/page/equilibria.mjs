@@ -1,7 +1,8 @@
 // Fixed points of ring and heat, and their stability: coupled/equilibria/balance.py and steady_states.py.
 //
-// At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter s:
-//   D = gamma sinh s,   U gamma(U)^2 = drive^2/cosh^2 s,   detuning(s) = shift(U) - gamma sinh s
+// At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter t:
+//   U = top/cosh^2 t,   top gamma(top)^2 = drive^2,   D = +- sqrt(drive^2/U - gamma^2) with the sign of t
+//   detuning(t) = shift(U) - D
 // Cut at its turning points, every piece holds a detuning at most once.
 
 import { bisect, eigenvalues } from "./eigen.mjs";
@@ -9,21 +10,29 @@ import { slopes } from "./kernel.mjs";
 import { absorbedPower, dispersion } from "./ring.mjs";
 
 const SPACING = 0.02;
-const CLOSE = 4e-16;
 
-/** N, dN/dU, gamma and dgamma/dU at a fixed point of energy U. */
-function carry(U, sys) {
+/** The root of a function with value and slope [f, f'] between a, where it is negative, and b: Newton's method or bisection. */
+function newton(f, a, b, start) {
+  let x = start;
+  for (let step = Infinity, k = 0; Math.abs(step) > 1e-9 && k < 200; k++) {
+    const [value, slope] = f(x);
+    if (value > 0) b = x;
+    else a = x;
+    step = -value / slope; // the error is its square
+    if (!((x + step - a) * (x + step - b) <= 0)) step = 0.5 * (a + b) - x;
+    x += step;
+  }
+  return x;
+}
+
+/** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
+export function balance(U, sys) {
   const k = sys.tau0 * sys.g * U * U;
   const p = 1 - sys.a * k;
   const root = Math.sqrt(p * p + 4 * sys.b * k);
   const N = p > 0 ? (2 * k) / (p + root) : (root - p) / (2 * sys.b);
   const NSlope = (2 * sys.tau0 * sys.g * U * (1 + sys.a * N)) / root;
-  return { N, NSlope, gamma: sys.loss + sys.fca * N + sys.tpa * U, gammaSlope: sys.fca * NSlope + sys.tpa };
-}
-
-/** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
-export function balance(U, sys) {
-  const { N, NSlope, gamma, gammaSlope } = carry(U, sys);
+  const gamma = sys.loss + sys.fca * N + sys.tpa * U;
   const z = sys.R * absorbedPower(U, N, sys);
   const lift = 1 + 2 * sys.curvature * z;
   const dT = z + sys.curvature * z * z;
@@ -31,109 +40,76 @@ export function balance(U, sys) {
   const [S, SSlope] = dispersion(N, sys.fcd);
   const shift = -sys.shift * dT - S - sys.kerr * U;
   const shiftSlope = -sys.shift * dTSlope - SSlope * NSlope - sys.kerr;
-  return { N, NSlope, dT, z, lift, shift, shiftSlope, gamma, gammaSlope, S, SSlope };
+  return { N, dT, lift, shift, shiftSlope, gamma, gammaSlope: sys.fca * NSlope + sys.tpa, S, SSlope };
 }
 
-/** U with U gamma(U)^2 = drive^2/cosh^2 s: Newton in log U, kept within a bracket. */
-export function energy(s, drive, sys) {
-  const target = 2 * (Math.log(drive) - Math.log(Math.cosh(s)));
-  let high = target - 2 * Math.log(sys.loss);
-  let low = target - 2 * Math.log(carry(Math.exp(high), sys).gamma);
-  let x = high;
-  for (let i = 0; i < 200; i++) {
-    const U = Math.exp(x);
-    const { gamma, gammaSlope } = carry(U, sys);
-    const f = x + 2 * Math.log(gamma) - target;
-    if (f >= 0) high = x;
-    if (f <= 0) low = x;
-    const before = x;
-    x -= f / (1 + (2 * U * gammaSlope) / gamma);
-    if (!(low <= x && x <= high)) x = 0.5 * (low + high);
-    if (Math.abs(x - before) < 1e-9 * (1 + Math.abs(x))) break; // the step squares the error
-  }
-  return Math.exp(x);
+/** The energy on resonance, the root U of U gamma(U)^2 = drive^2. */
+export function resonantEnergy(drive, sys) {
+  const high = 2 * Math.log(drive / sys.loss);
+  const low = high - 2 * Math.log(balance(Math.exp(high), sys).gamma / sys.loss);
+  const equation = (x) => {
+    const { gamma, gammaSlope } = balance(Math.exp(x), sys);
+    return [x + 2 * Math.log(gamma / drive), 1 + (2 * Math.exp(x) * gammaSlope) / gamma];
+  };
+  return Math.exp(newton(equation, low, high, high));
 }
 
-/** U, D, detuning and d(detuning)/ds of the tilted resonance at s. */
-export function tilted(s, drive, sys) {
-  const U = energy(s, drive, sys);
-  const at = balance(U, sys);
-  const sinh = Math.sinh(s);
-  const D = at.gamma * sinh;
-  const USlope = (-2 * U * Math.tanh(s)) / (1 + (2 * U * at.gammaSlope) / at.gamma);
-  const slope = (at.shiftSlope - at.gammaSlope * sinh) * USlope - at.gamma * Math.cosh(s);
-  return { U, D, detuning: at.shift - D, slope, N: at.N, dT: at.dT };
+/** The tilted resonance at one drive: a function of t with U, D, detuning and d(detuning)/dt. */
+export function tilted(drive, sys) {
+  const top = resonantEnergy(drive, sys);
+  return (t) => {
+    const share = Math.tanh(t);
+    const U = top / Math.cosh(t) ** 2;
+    const at = balance(U, sys);
+    const perU = 2 * U * at.gamma * at.gammaSlope;
+    const square = (drive * drive) / U;
+    // near the peak a difference of gammas is less exact than their slope
+    const rest = share ** 2 > 1e-8 ? ((drive * drive) / top - at.gamma ** 2) / share ** 2 : perU;
+    const ratio = Math.sqrt(square + rest);
+    const slope = -2 * U * share * at.shiftSlope - (square + perU) / ratio;
+    return { U, D: share * ratio, detuning: at.shift - share * ratio, slope, N: at.N, dT: at.dT };
+  };
 }
 
-/** An s beyond which, on either side, the tilted resonance is farther off than the detuning (rad/ns). */
+/** A t beyond which, on either side, the tilted resonance is farther off than the detuning (rad/ns). */
 export function reach(detuning, drive, sys) {
-  const U = energy(0, drive, sys);
-  const top = balance(U, sys);
-  const largest = Math.abs(sys.shift * top.dT) + Math.abs(top.S) + Math.abs(sys.kerr * U);
+  const U = resonantEnergy(drive, sys);
+  const { dT, S } = balance(U, sys);
+  const largest = Math.abs(sys.shift * dT) + Math.abs(S) + Math.abs(sys.kerr * U);
   return Math.asinh((Math.abs(detuning) + largest) / sys.loss + 1);
 }
 
-/** -end, every s between where detuning(s) turns, and end, in increasing order. */
-function turningPoints(end, drive, sys) {
-  const n = Math.ceil((2 * end) / SPACING) + 1;
-  const s = Array.from({ length: n }, (_, k) => -end + (2 * end * k) / (n - 1));
-  const rises = (x) => tilted(x, drive, sys).slope > 0;
-  const up = s.map(rises);
-  const turns = s.slice(1).flatMap((right, k) => (up[k] === up[k + 1] ? [] : [bisect((x) => rises(x) === up[k], s[k], right)]));
-  return [-end, ...turns, end];
+/** A function that gives every fixed point { U, D, N, dT } at one drive and a detuning of at most the size `farthest` (rad/ns). */
+function fixedPoints(farthest, drive, sys) {
+  const at = tilted(drive, sys);
+  const end = reach(farthest, drive, sys);
+  const n = Math.ceil((2 * end) / SPACING);
+  const grid = Array.from({ length: n + 1 }, (_, k) => -end + (2 * end * k) / n);
+  const rises = (t) => at(t).slope > 0;
+  const up = grid.map(rises);
+  const turns = grid.slice(1).flatMap((right, k) => (up[k] === up[k + 1] ? [] : [bisect((t) => rises(t) === up[k], grid[k], right)]));
+  const ends = [-end, ...turns, end];
+  const detunings = ends.map((t) => at(t).detuning);
+  const last = turns.concat(end).map((right, k) => 0.5 * (ends[k] + right)); // a search begins where one on that piece ended
+  return (detuning) =>
+    last.flatMap((start, k) => {
+      const above = detunings[k] > detuning;
+      if (above === detunings[k + 1] > detuning) return [];
+      const equation = (t) => {
+        const point = at(t);
+        return [point.detuning - detuning, point.slope];
+      };
+      last[k] = newton(equation, ends[above ? k + 1 : k], ends[above ? k : k + 1], start);
+      return [at(last[k])];
+    });
 }
 
-/** Pieces of the curve that hold every detuning up to `farthest` at most once: their ends, and the last s found in each. */
-function branchesOf(farthest, drive, sys) {
-  const s = turningPoints(reach(farthest, drive, sys), drive, sys);
-  return { s, ends: s.map((x) => tilted(x, drive, sys).detuning), last: new Float64Array(s.length).fill(NaN) };
-}
-
-/** The point of piece k at a detuning; a search begins at the point that was found there before. */
-function crossing({ s: at, ends, last }, k, detuning, drive, sys) {
-  const falling = ends[k] > detuning;
-  let [left, right] = [at[k], at[k + 1]];
-  let s = left < last[k] && last[k] < right ? last[k] : 0.5 * (left + right);
-  let point = null;
-  for (let i = 0; i < 200; i++) {
-    point = tilted(s, drive, sys);
-    const f = point.detuning - detuning;
-    if (f > 0 === falling) left = s;
-    else right = s;
-    const before = s;
-    s = point.slope !== 0 ? s - f / point.slope : left;
-    if (!(left < s && s < right)) s = 0.5 * (left + right);
-    if (f === 0 || Math.abs(s - before) <= CLOSE * (1 + Math.abs(s))) break;
-  }
-  last[k] = s;
-  return point;
-}
-
-/** Every fixed point { U, D } at a detuning (rad/ns), in the order of s; branches by branchesOf. */
-function fixedPoints(detuning, drive, sys, branches) {
-  const { ends } = branches;
-  const out = [];
-  for (let k = 0; k + 1 < ends.length; k++) {
-    if (ends[k] > detuning !== ends[k + 1] > detuning) out.push(crossing(branches, k, detuning, drive, sys));
-  }
-  return out;
-}
-
-/** The state at a fixed point, turned so that the field is real. */
-export function stateAt(U, sys) {
-  const at = balance(U, sys);
-  const heat = absorbedPower(U, at.N, sys);
-  const y = new Float64Array(3 + sys.gain.length);
-  y[0] = Math.sqrt(U);
-  y[2] = at.N;
-  for (let i = 0; i < sys.gain.length; i++) y[3 + i] = (sys.gain[i] / sys.rate[i]) * heat;
-  return y;
-}
-
-/** All eigenvalues at the fixed point (U, D), in 1/ns, by a dense factorization. */
-export function spectrumAt(U, D, sys) {
-  const y = stateAt(U, sys);
-  return eigenvalues(slopes(sys, 0, balance(U, sys).shift - D, y).J, y.length);
+/** All eigenvalues at the fixed point (U, D), in 1/ns, by a dense factorization; the phase is that of a real field. */
+function spectrumAt(U, D, sys) {
+  const { N, shift } = balance(U, sys);
+  const P = absorbedPower(U, N, sys);
+  const y = Float64Array.of(Math.sqrt(U), 0, N, ...sys.gain.map((gain, i) => (gain / sys.rate[i]) * P));
+  return eigenvalues(slopes(sys, 0, shift - D, y).J, y.length);
 }
 
 /**
@@ -190,13 +166,13 @@ export function lineAt(x, sys) {
   const [low, high] = [1e-3 * Math.min(...rates), 1e4 * Math.max(...rates)];
   const n = Math.ceil(12 * Math.log10(high / low)); // the imaginary part of E/w changes within a decade
   const w = Float64Array.from({ length: n + 1 }, (_, k) => low * (high / low) ** (k / n));
-  return { x, w, Z: Array.from(w, (one) => impedance(x, one, sys)), start: impedance(x, 0, sys) };
+  return { x, w, Z: Array.from(w, (one) => impedance(x, one, sys)) };
 }
 
 /**
  * How many eigenvalues of the fixed point (U, D) lie to the right of a line, by the argument principle: E goes as lambda^2
- * far away, so there are 1 minus the half turns of E along the upper half of the line. A half turn leads from one side of
- * the real axis to the other.
+ * far away, so there are 1 minus the half turns of E along the upper half of the line. Those are the ones from the real
+ * axis to the half plane where E ends, and two for each time that E passes the negative half of this axis.
  */
 export function countBeyond(line, U, D, sys) {
   const c = secular(U, sys);
@@ -205,20 +181,15 @@ export function countBeyond(line, U, D, sys) {
     return [Ar + D * D - D * Br, Ai - D * Bi];
   };
   const direct = (w) => valueAt(w, impedance(line.x, w, sys));
-  let right = valueAt(0, line.start)[0] > 0; // where E was last on the real axis
-  let above = null; // in which half of the plane it has been since
-  let count = 1;
-  const meets = (side) => {
-    if (side !== right) count -= above === right ? 1 : -1;
-    right = side;
-  };
-  line.w.forEach((w, k) => {
-    const now = valueAt(w, line.Z[k])[1] > 0;
-    if (k && now !== above) meets(direct(bisect((v) => direct(v)[1] > 0 === above, line.w[k - 1], w, 40))[0] > 0);
-    above = now;
-  });
-  meets(false);
-  return count;
+  let above = valueAt(line.w[0], line.Z[0])[1] > 0;
+  let turns = direct(0)[0] > 0 ? 0 : above ? -1 : 1;
+  for (let k = 1; k < line.w.length; k++) {
+    if (valueAt(line.w[k], line.Z[k])[1] > 0 === above) continue;
+    const w = bisect((v) => direct(v)[1] > 0 === above, line.w[k - 1], line.w[k], 40);
+    if (direct(w)[0] < 0) turns += above ? 2 : -2;
+    above = !above;
+  }
+  return 1 - turns - (above ? 1 : -1);
 }
 
 /** The kind of a fixed point from its eigenvalues: largest real part, angular frequency, and the regime in words. */
@@ -232,7 +203,7 @@ export function kindOf({ re, im }) {
 
 /** Every fixed point of one laser setting by increasing energy, with N, dT and kind; detuning in rad/ns. */
 export function steadyStates(drive, detuning, sys) {
-  return fixedPoints(detuning, drive, sys, branchesOf(Math.abs(detuning), drive, sys))
+  return fixedPoints(Math.abs(detuning), drive, sys)(detuning)
     .sort((p, q) => p.U - q.U)
     .map((p) => ({ U: p.U, D: p.D, N: p.N, dT: p.dT, ...kindOf(spectrumAt(p.U, p.D, sys)) }));
 }
@@ -240,6 +211,6 @@ export function steadyStates(drive, detuning, sys) {
 /** Number of stable points at one power for each of the detunings (rad/ns). */
 export function survey(detunings, drive, sys) {
   const farthest = detunings.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
-  const [branches, line] = [branchesOf(farthest, drive, sys), lineAt(0, sys)];
-  return Int8Array.from(detunings, (x) => fixedPoints(x, drive, sys, branches).filter(({ U, D }) => !countBeyond(line, U, D, sys)).length);
+  const [points, line] = [fixedPoints(farthest, drive, sys), lineAt(0, sys)];
+  return Int8Array.from(detunings, (x) => points(x).filter(({ U, D }) => !countBeyond(line, U, D, sys)).length);
 }

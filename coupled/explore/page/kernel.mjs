@@ -6,11 +6,11 @@
 import { eigenvalues } from "./eigen.mjs";
 import { floorOf } from "./ring.mjs";
 
-const [STEPS, FULL, RESTING, TOO_SMALL] = [1, 2, 4, 5];
+const [FULL, RESTING] = [2, 4];
 export const [DONE, EVENT] = [0, 3];
 const MAX_STEPS = 400000;
 const CAP = 0.25; // step times the rate of what grows, where the state rests
-const [H, RTOL, LONGEST, LIMIT, LOOKED, LEVEL, SEEN, CROSSING] = [1, 5, 6, 8, 9, 10, 11, 12]; // of `Loop`, as doubles
+const [H, RTOL, LONGEST, LIMIT, LOOKED, LEVEL, SEEN] = [1, 5, 6, 8, 9, 10, 11]; // of `Loop`, as doubles
 const [ACCEPTED, REJECTED, LOOK_AGAIN, FILLED, ROOM, BUDGET, PER_STEP, QUANTITY, HALT] = [26, 28, 30, 32, 34, 36, 42, 43, 45]; // as integers
 
 let wasm = null;
@@ -73,29 +73,26 @@ function problemOf(system, drive, detuning, stop, method) {
 /**
  * Integrate from y at t = 0 to `stop` ns under a constant laser.
  *
- * options: method, rtol, first (step to try first), event { level, stop, leaving } (N rises through level), times (wanted
- * output times, ns), steps (whether to keep the lengths of the steps).
- * Returns rows (t, Re a, Im a, N, dT for each accepted step or wanted time), count, y, t, crossings, counts, steps, ended.
+ * options: method, rtol, first (step to try first), event { level, leaving } (it ends where N rises through level),
+ * times (wanted output times, ns), steps (whether to keep the lengths of the steps).
+ * Returns rows (t, Re a, Im a, N, dT for each accepted step or wanted time), count, y, t, accepted, steps, ended.
  */
 export function integrate(system, drive, detuning, start, stop, { method, rtol, first = 0, event = null, times = null, steps = false }) {
   const problem = problemOf(system, drive, detuning, stop, method);
   const wanted = times ? times.length : 0;
   const [y, output, loop] = [store("y", start), wanted && store("times", times), buffer("loop", 26)];
-  const setup = doubles(loop, 26).fill(0);
-  [setup[H], setup[RTOL], setup[LONGEST], setup[LEVEL]] = [first, rtol, Infinity, event ? event.level : 0];
-  setup[SEEN] = event && event.leaving ? 0 : Infinity;
-  let [L, I] = [setup, integers(loop, 52)];
-  [I[PER_STEP], I[QUANTITY], I[HALT]] = [1, event ? 2 : 0, event && event.stop ? 1 : 0];
+  let [L, I] = [doubles(loop, 26).fill(0), integers(loop, 52)];
+  [L[H], L[RTOL], L[LONGEST], L[LEVEL]] = [first, rtol, Infinity, event ? event.level : 0];
+  L[SEEN] = event && event.leaving ? 0 : Infinity;
+  [I[PER_STEP], I[QUANTITY], I[HALT]] = [1, event ? 2 : 0, event ? 1 : 0];
   let capacity = Math.max(8192, wanted);
-  const crossings = [];
   let ended = FULL;
-  while ([FULL, RESTING].includes(ended) || (ended === EVENT && !event.stop)) {
+  while ([FULL, RESTING].includes(ended)) {
     const [rows, kept] = [buffer("rows", 5 * capacity), steps ? buffer("steps", capacity) : 0];
     [L, I] = [doubles(loop, 26), integers(loop, 52)]; // anew: memory may have grown
     [I[ROOM], I[BUDGET]] = [capacity, MAX_STEPS - I[ACCEPTED] - I[REJECTED]];
     ended = wasm.ring_integrate(problem, loop, y, rows, capacity, output, wanted, kept);
     if (ended === FULL) capacity *= 2;
-    if (ended === EVENT) crossings.push(L[CROSSING]);
     if (ended === RESTING) {
       // an L-stable method damps with a long step what grows by the equations
       const { re, im } = eigenvalues(slopesAt(problem, y, start.length).J, start.length);
@@ -106,8 +103,8 @@ export function integrate(system, drive, detuning, start, stop, { method, rtol, 
   }
   const [accepted, count] = [I[ACCEPTED], I[FILLED]];
   return {
-    rows: doubles(buffers.rows.at, 5 * count).slice(), count, crossings, y: doubles(y, start.length).slice(), t: L[0], h: L[H],
-    accepted, rejected: I[REJECTED], ended, steps: steps ? doubles(buffers.steps.at, accepted).slice() : null,
+    rows: doubles(buffers.rows.at, 5 * count).slice(), count, y: doubles(y, start.length).slice(), t: L[0], accepted, ended,
+    steps: steps ? doubles(buffers.steps.at, accepted).slice() : null,
   }; // prettier-ignore
 }
 

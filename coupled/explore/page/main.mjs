@@ -1,9 +1,10 @@
 // The page: its parts put together, requests sent out and answers shown.
 
-import { foldCurves, hopfAt, hopfCurves } from "./curves.mjs";
+import { foldCurves, hopfCurves } from "./curves.mjs";
 import { limitCycle } from "./cycle.mjs";
+import { eigenvalues } from "./eigen.mjs";
 import { channel, engineOf, serve } from "./engine.mjs";
-import { balance, impedance, secular, steadyStates, survey } from "./equilibria.mjs";
+import { steadyStates, survey } from "./equilibria.mjs";
 import { build, fill, watchFigures, watchPlane } from "./fields.mjs";
 import { integrate, loadKernel } from "./kernel.mjs";
 import { draw, recolour, say, summary } from "./paint.mjs";
@@ -133,7 +134,7 @@ function gotPlane(part, { window }) {
 }
 
 // for tests, and for whoever wants to compute in the console
-globalThis.ringPage = { classify, columns, engineOf, foldCurves, hopfAt, hopfCurves, impedance, integrate, limitCycle, loadKernel, secular, shiftAt: (U, system) => balance(U, system).shift, steadyStates, survey, systemOf, cold, setting, heatedBy, driveOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
+globalThis.ringPage = { classify, columns, eigenvalues, engineOf, foldCurves, hopfCurves, integrate, limitCycle, loadKernel, steadyStates, survey, systemOf, cold, setting, heatedBy, driveOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
 
 if (typeof document === "undefined") serve(globalThis);
 else if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);

@@ -3,7 +3,7 @@
 import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
 import { theme } from "./plot.mjs";
 import { columns, firstAt } from "./pulsing.mjs";
-import { NS, derivedRates, dropRate, toPicometres } from "./ring.mjs";
+import { NS, dropRate, toPicometres } from "./ring.mjs";
 import { drawSection } from "./section.mjs";
 import { bordersOf, inSight, modelOf, page, planeWindow, put, ringOf, shown, widthOf, windowOf } from "./state.mjs";
 import { errorFigure, spectrumFigure, stepFigure, sumOf } from "./thermal.mjs";
@@ -84,7 +84,7 @@ function paintPlane(ring, colours) {
 
 /** R_th, pm/K, and the lowest powers of self-pulsing and of bistability in a window of the plane. */
 function numbers(ring, { detuning }) {
-  const perKelvin = toPicometres(derivedRates(ring).thermal_shift / (2e9 * Math.PI), ring);
+  const perKelvin = toPicometres(ring.internal.thermal_shift / (2 * Math.PI), ring);
   const lowest = (curves, what) => {
     const inside = curves.flat().filter((p) => p.leading !== false && p.detuning >= 1e9 * detuning[0] && p.detuning <= 1e9 * detuning[1]);
     if (!inside.length) return "";

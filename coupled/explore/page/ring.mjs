@@ -10,76 +10,30 @@ export const UW = 1e-6;
 export const DENSITY = 1e23;
 export const EPSILON = 1e15 / DENSITY;
 const C = 299792458.0;
-const HBAR = 6.62607015e-34 / (2 * Math.PI);
-
-/** Minus the shift of the resonance for a unit change of refractive index, rad/s: w0/n0, or w0 G/n_g of the mode. */
-function indexRate(ring) {
-  const share = ring.index_confinement === null ? 1 / ring.refractive_index : ring.index_confinement / ring.group_index;
-  return 2 * Math.PI * ring.frequency * share;
-}
-
-/** Rates that follow from the fields of a RingResonator, SI; a rate that was set by hand comes first. */
-export function derivedRates(ring) {
-  const omega = 2 * Math.PI * ring.frequency;
-  const given = Object.fromEntries(ring.rates);
-  const n2 = ring.refractive_index ** 2;
-  const share = ring.index_confinement ?? 1;
-  const twoPhoton = (C ** 2 * ring.tpa_coefficient) / (2 * n2);
-  const computed = {
-    thermal_shift: indexRate(ring) * ring.thermo_optic,
-    eta_fca: (share * C * ring.fca_cross_section) / ring.group_index,
-    eta_tpa: (ring.tpa_confinement * twoPhoton) / ring.tpa_volume,
-    g_tpa: (ring.fca_confinement * twoPhoton) / (HBAR * omega * ring.fca_volume ** 2),
-    kerr_shift: (ring.tpa_confinement * omega * C * ring.kerr_coefficient) / (n2 * ring.tpa_volume),
-  };
-  return { ...computed, ...given };
-}
-
-/** tau0 (s), a and b (m^3) of tau(N) = tau0 (1 + a N)/(1 + b N). */
-export function lifetimeTerms(carriers) {
-  if (carriers.tau !== undefined) return { tau0: carriers.tau, a: 0, b: 0 };
-  const { tau_n, tau_p, intrinsic_density, hole_density, trap_energy, thermal_energy } = carriers;
-  const n0 = intrinsic_density ** 2 / hole_density;
-  const boltzmann = Math.exp(trap_energy / thermal_energy);
-  const n1 = intrinsic_density * boltzmann;
-  const p1 = intrinsic_density / boltzmann;
-  const weighted = tau_p * (n0 + n1) + tau_n * (hole_density + p1);
-  const equilibrium = n0 + hole_density;
-  return { tau0: weighted / equilibrium, a: (tau_p + tau_n) / weighted, b: 1 / equilibrium };
-}
 
 export const dropRate = (ring) => ring.drop_rate ?? ring.bus_rate;
 export const linearRate = (ring) => ring.bus_rate + dropRate(ring) + ring.loss_rate + ring.scattering_rate;
 export const loadedQ = (ring) => (Math.PI * ring.frequency) / linearRate(ring);
 export const intrinsicQ = (ring) => (Math.PI * ring.frequency) / (ring.loss_rate + ring.scattering_rate);
 
-/** Ring and thermal model in internal units; `model` has R (K/W), tau (s) and an optional coefficient (1/K). */
+/**
+ * Ring and thermal model in internal units; `model` has R (K/W), tau (s) and an optional coefficient (1/K). The ring's own
+ * numbers that follow from several fields come from Python (`internal_rates`).
+ */
 export function systemOf(ring, model) {
-  const rates = derivedRates(ring);
-  const { tau0, a, b } = lifetimeTerms(ring.carriers);
-  const index = indexRate(ring);
-  const fcd = Float64Array.from(ring.fcd.flatMap(([c, p]) => [c * index * NS * DENSITY ** p, p]));
-  const gain = Float64Array.from(model.R, (R, i) => (R * UW * NS) / model.tau[i]);
-  const rate = Float64Array.from(model.tau, (tau) => NS / tau);
+  const { thermal_shift: shift, fca, tpa, g, tau0, a, b, kerr, fcd } = ring.internal; // each by name: the result of a spread is slow to read
   return {
+    fca, tpa, g, tau0, a, b, shift, kerr,
     loss: linearRate(ring) * NS,
     absorbed: ring.loss_rate * NS,
-    fca: rates.eta_fca * DENSITY * NS,
-    tpa: rates.eta_tpa * FJ * NS,
-    g: (rates.g_tpa * FJ ** 2 * NS) / DENSITY,
-    tau0: tau0 / NS,
-    a: a * DENSITY,
-    b: b * DENSITY,
-    shift: rates.thermal_shift * NS,
-    kerr: rates.kerr_shift * FJ * NS,
     bus: ring.bus_rate * NS,
     drop: dropRate(ring) * NS,
-    fcd,
-    gain,
-    rate,
+    fcd: Float64Array.from(fcd),
+    gain: Float64Array.from(model.R, (R, i) => (R * UW * NS) / model.tau[i]),
+    rate: Float64Array.from(model.tau, (tau) => NS / tau),
     curvature: model.coefficient || 0,
     R: model.R.reduce((sum, R) => sum + R, 0) * UW,
-  };
+  }; // prettier-ignore
 }
 
 /** sqrt(2 gamma_e P) in sqrt(fJ)/ns for a power in W. */
@@ -123,12 +77,9 @@ export const cold = (system) => new Float64Array(3 + system.gain.length);
 // sees the same equations at detuning + thermal_shift rise/2 pi, from x_i(0) = -sum_h R_ih P_h where heaters and laser
 // are switched on together; x_i then holds what is still missing of the heaters' rise.
 
-/** Powers in W of those heaters that a model has, by name. */
-export const powersOf = (model, powers) => Object.fromEntries(Object.entries(powers).filter(([name, power]) => power > 0 && model.heaters && name in model.heaters));
-
-/** The model with the static rise of every pole under its heaters, K. */
+/** The model with the powers in W of those of its heaters that are `on`, and the static rise of every pole under them, K. */
 export function heatedBy(model, powers) {
-  const on = powersOf(model, powers);
+  const on = Object.fromEntries(Object.entries(powers).filter(([name, power]) => power > 0 && model.heaters && name in model.heaters));
   const held = model.tau.map((_, i) => Object.entries(on).reduce((sum, [name, power]) => sum + model.heaters[name][i] * power, 0));
   return Object.keys(on).length ? { ...model, on, held } : model;
 }
@@ -153,4 +104,4 @@ export function lifted(rows, rise) {
 }
 
 /** What heaters move the resonance by, Hz; added to a detuning it gives that of the ring without them. */
-export const turnedBy = (ring, model) => (systemOf(ring, model).shift * riseOf(model)) / turnOf(1);
+export const turnedBy = (ring, model) => (ring.internal.thermal_shift * riseOf(model)) / turnOf(1);

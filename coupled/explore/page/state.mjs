@@ -1,7 +1,7 @@
 // The state of the page: what its fields hold and its figures show, the link that restores it, and the ring and the
 // thermal model that follow from it.
 
-import { dropRate, heatedBy, intrinsicQ, lifetimeTerms, linearRate, loadedQ, toPicometres, turnedBy } from "./ring.mjs";
+import { NS, dropRate, heatedBy, intrinsicQ, linearRate, loadedQ, toPicometres, turnedBy } from "./ring.mjs";
 import { sumOf } from "./thermal.mjs";
 
 export const $ = (id) => document.getElementById(id);
@@ -76,7 +76,7 @@ function ownValue(name, state, data) {
   if (name === "loadedQ") return loadedQ(ring);
   if (name === "intrinsicQ") return intrinsicQ(ring);
   if (name === "absorbed") return ring.loss_rate / (ring.loss_rate + ring.scattering_rate || 1);
-  if (name === "lifetime") return lifetimeTerms(ring.carriers).tau0 * 1e9;
+  if (name === "lifetime") return ring.internal.tau0;
   if (name === "volume") return ring.tpa_volume * 1e18;
   if (name === "thermoOptic") return ring.thermo_optic * 1e4;
   return sumOf(bareModelOf(state, data, state.model).R) * 1e-3;
@@ -99,11 +99,14 @@ export function fromShown(name, value, state, data) {
   return other === "pm" ? -value / toPicometres(1, data.rings[state.ring]) : value;
 }
 
+/** How many times its own value a field has. */
+const ratioOf = (name, state, data) => valueOf(name, state, data) / ownValue(name, state, data);
+
 /** What was moved of a ring, in SI: fields, numbers of the carriers' law, and derived rates that were set by hand. */
 export function changesOf(state, data) {
   const base = data.rings[state.ring];
   const [fields, carriers, rates] = [{}, {}, {}];
-  const ratio = (name) => valueOf(name, state, data) / ownValue(name, state, data);
+  const ratio = (name) => ratioOf(name, state, data);
   if (["loadedQ", "intrinsicQ", "absorbed"].some((name) => state[name] !== null)) {
     const [whole, own] = ["loadedQ", "intrinsicQ"].map((name) => (Math.PI * base.frequency) / valueOf(name, state, data));
     const outside = base.bus_rate + dropRate(base);
@@ -123,11 +126,15 @@ export function changesOf(state, data) {
   return { fields, carriers, rates };
 }
 
-/** The ring with what was moved. */
+/** The ring with what was moved: its fields in SI, and `internal`, what follows from them and the numbers of the carriers' law. */
 export function ringOf(state, data) {
   const base = data.rings[state.ring];
-  const { fields, carriers, rates } = changesOf(state, data);
-  return { ...base, ...fields, carriers: { ...base.carriers, ...carriers }, rates: base.rates.map(([name, value]) => [name, name in rates ? rates[name] : value]) };
+  const [own, { fields }] = [base.internal, changesOf(state, data)];
+  const [volume, lifetime, optic] = ["volume", "lifetime", "thermoOptic"].map((name) => (state[name] === null ? 1 : ratioOf(name, state, data)));
+  const internal = { ...own, tpa: own.tpa / volume, kerr: own.kerr / volume, g: own.g / volume ** 2, tau0: own.tau0 * lifetime };
+  if (base.thermo_optic) internal.thermal_shift *= optic;
+  else if (!base.rates.some(([name]) => name === "thermal_shift")) internal.thermal_shift = base.index_rate * (fields.thermo_optic || 0) * NS;
+  return { ...base, ...fields, internal };
 }
 
 /** The window of the plane in dBm and GHz, or `stretch` times as many detunings: in widths of the resonance, about where heaters move it. */
