@@ -21,16 +21,6 @@ from .system import System, beat_of, system_of
 
 SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
 
-NAMES = {
-    "output": ("W", "power at the ports"),
-    "detected": ("W", "power that the detectors show"),
-    "mean_output": ("W", "power that the detectors show, averaged since the time before"),
-    "phase": ("rad", "phase of the light at the ports, against the first laser's"),
-    "input": ("W", "power of the lasers"),
-    "lost": ("W", "power lost in waveguides and on the way from lasers"),
-    "scattered": ("W", "power scattered by the rings"),
-}
-
 
 def run_circuit(
     circuit: Circuit,
@@ -75,7 +65,7 @@ def run_circuit(
         if offset.coefficients.any():
             rises[:, i] += offset(run.rows[:, 0] * eq.NS)
     trusted(thermal, rises)
-    found = _dataset(system, run.rows[kept] if times.size else run.rows, average)
+    found = as_dataset(system, run.rows[kept] if times.size else run.rows, average)
     found.attrs |= {
         "duration": duration, "rtol": rtol, "method": chosen.value, "steps": run.accepted,
         "rejected_steps": run.rejected, "final_state": run.y * eq.units(problem.order, problem.rings),
@@ -97,7 +87,7 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
     return np.asarray(final_state(initial, n * (3 + K), {"model_tau": 1 / heat.rate}) / eq.units(K, n))
 
 
-def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
+def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset:
     """Convert the rows of the kernel to a Dataset over time, ring, port and laser, in SI."""
     circuit, light = system.circuit, system.light
     time, further = rows[:, 0] * eq.NS, rows[:, 1 + 4 * len(circuit.names) :].T
@@ -120,33 +110,22 @@ def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
         energies = further[2 * Q : 3 * Q][ports] * eq.FJ - lag * shown
         length, gathered = np.diff(time, prepend=0.0), np.diff(energies, prepend=0.0, axis=1)
         by_port["mean_output"] = np.divide(gathered, length, out=shown.copy(), where=length > 0)
-    of_rings = {
-        "energy": energy,
-        "carriers": N,
-        "delta_T": rise,
-        "absorbed": absorbed,
-        "scattered": scattering * energy,
-    }
-    groups = {"ring": of_rings, "port": by_port, "laser": {"input": given}}
-    variables: dict[str, Any] = {
-        name: ((over, "time"), v, described(name)) for over, group in groups.items() for name, v in group.items()
-    }
-    variables["lost"] = ("time", light.lost @ power + on_the_way @ given, described("lost"))
-    variables |= heater_powers(system.heating.powers, time)
+    by_ring = {"energy": energy, "carriers": N, "delta_T": rise, "absorbed": absorbed, "scattered": scattering * energy}
+    overall = {"lost": light.lost @ power + on_the_way @ given}
     attrs = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": parameters(circuit)}
     if len(system.detuning.coefficients) == 1 and not system.detuning.coefficients[0, 1:].any():
         attrs["detuning"] = float(system.detuning(0.0))
     else:
-        variables["detuning"] = ("time", system.detuning(time), described("detuning"))
+        overall["detuning"] = system.detuning(time)
+    variables = {
+        name: ((*over, "time"), v, dataset.describe(name))
+        for over, group in ((["ring"], by_ring), (["port"], by_port), (["laser"], {"input": given}), ([], overall))
+        for name, v in group.items()
+    }
     coordinates = {
         "time": ("time", time, dataset.describe("time")),
         "ring": list(circuit.names),
         "port": list(circuit.ports),
         "laser": [laser.name for laser in circuit.lasers],
     }
-    return xr.Dataset(variables, coordinates, attrs)
-
-
-def described(name: str) -> dict[str, str]:
-    """Attributes of a variable by its name: units and long_name."""
-    return dict(zip(("units", "long_name"), NAMES[name], strict=True)) if name in NAMES else dataset.describe(name)
+    return xr.Dataset(variables | heater_powers(system.heating.powers, time), coordinates, attrs)

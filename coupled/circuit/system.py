@@ -46,10 +46,8 @@ class System:
 
     def problem(self, method: Method, *, detected: bool = False, energies: bool = False) -> Problem:
         """The equations for the kernel; ``detected`` adds detector low passes, ``energies`` the integrated powers."""
-        heat, n = self.heat, len(self.circuit.names)
-        own, cross = np.einsum("iik->ik", heat.read), None
-        if heat.crossed:
-            cross = np.where(np.eye(n, dtype=bool)[:, :, None], 0.0, heat.read)
+        heat, own = self.heat, np.einsum("iik->ik", self.heat.read)
+        cross = np.where(np.eye(len(own), dtype=bool)[:, :, None], 0.0, heat.read) if heat.crossed else None
         network = network_of(
             self.light,
             corner=self.corner * detected,
