@@ -114,15 +114,6 @@ def light_of(circuit: Circuit) -> Light:
     )
 
 
-def order_of_rings(feeds: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Topological order of the rings, shape (N,), if ring j feeds ring i where ``feeds[i, j]``; empty for a loop."""
-    sorter = TopologicalSorter({i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)})
-    try:
-        return np.fromiter(sorter.static_order(), np.int32)
-    except CycleError:
-        return np.empty(0, np.int32)
-
-
 def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
     """Convert the matrices of a circuit to the kernel's units; entries of M at round-off become 0.
 
@@ -131,7 +122,11 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
     """
     M, root = light.between * eq.NS, np.sqrt(eq.NS)
     feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
-    order, between = order_of_rings(feeds), np.where(feeds, M, 0)
+    between, feeders = np.where(feeds, M, 0), {i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)}
+    try:
+        order = np.fromiter(TopologicalSorter(feeders).static_order(), np.int32)
+    except CycleError:  # the rings form a loop
+        order = np.empty(0, np.int32)
     taken, sent = _one_waveguide(between, order)
     needed = bool(light.delay.size) or bool(corner.any()) or energies
     waves = slice(None) if needed else slice(0)  # others follow from the rows

@@ -16,7 +16,6 @@ from ..resonator import parameters
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .network import RingHeat
 from .system import System, beat_of, system_of
 
 SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
@@ -42,6 +41,8 @@ def run_circuit(
     for w in circuit.waveguides:
         hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"
         checks.between(f"delay of the waveguide from {w.start!r}", w.delay or 1.0, shortest, 1.0, unit="s", hint=hint)
+    if initial is not None and any(w.delay > 0 for w in circuit.waveguides):
+        raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
     before = None
     if initial is not None:
         states = np.ravel(getattr(initial, "attrs", {}).get("heater_states", ()))
@@ -56,8 +57,11 @@ def run_circuit(
     if problem.waves:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
         longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat_of(system.lights), 1e-300))
     asked, kept = dense_times(thermal, times, duration)
+    y, units, tau = problem.zero(), eq.units(problem.order, problem.rings), 1 / system.heat.rate
+    if initial is not None:
+        y = final_state(initial, y.size, {"model_tau": tau}) / units
     run = problem.integrate(
-        _start(circuit, system.heat, initial), rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
+        y, rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
         progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
     rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
@@ -68,23 +72,12 @@ def run_circuit(
     found = as_dataset(system, run.rows[kept] if times.size else run.rows, average)
     found.attrs |= {
         "duration": duration, "rtol": rtol, "method": chosen.value, "steps": run.accepted,
-        "rejected_steps": run.rejected, "final_state": run.y * eq.units(problem.order, problem.rings),
-        "model_tau": np.ravel(1 / system.heat.rate),
+        "rejected_steps": run.rejected, "final_state": run.y * units, "model_tau": np.ravel(tau),
         "driven_until": max(system.lights.driven_until, system.heating.driven_until),
     }  # fmt: skip
     if system.heat.heaters:
         found.attrs["heater_states"] = np.concatenate(system.heating.states(duration))
     return found
-
-
-def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
-    """Initial state vector of a run in the kernel's units: zero, or the final state of an earlier run."""
-    n, K = heat.gain.shape
-    if initial is None:
-        return np.zeros(n * (3 + K))
-    if any(w.delay > 0 for w in circuit.waveguides):
-        raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
-    return np.asarray(final_state(initial, n * (3 + K), {"model_tau": 1 / heat.rate}) / eq.units(K, n))
 
 
 def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset:

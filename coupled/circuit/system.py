@@ -121,12 +121,12 @@ def inputs_of(
     for what, some in (("power", power), ("detuning", given)):
         for name in some:
             checks.choice(f"a name in {what}", name, names)
-    watts = {f"power[{name!r}]": power_in_time(power.get(name, 0.0), duration) for name in names}
+    watts = [power_in_time(power.get(name, 0.0), duration) for name in names]
     shifts = [detuning_in_time(given.get(name, 0.0), duration) for name in names]
     if not all(isinstance(one, float) for one in shifts) and any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("detuning varies, and the circuit has delays, whose phases belong to one frequency")
-    powers = [pieces(what, value, 0.0, duration) for what, value in watts.items()]
-    return powers, [pieces("detuning", value, 0.0, duration) for value in shifts]
+    powers, detunings = ([pieces("", value, 0.0, duration) for value in values] for values in (watts, shifts))
+    return powers, detunings
 
 
 def echoes(edges: Array, light: Light, duration: float) -> Array:

@@ -78,10 +78,10 @@ class Pulsing:
 
     regime: Regime
     reason: str
-    period: float
-    duty: float
-    swing: float
-    cycles: int
+    period: float = float("nan")
+    duty: float = float("nan")
+    swing: float = float("nan")
+    cycles: int = 0
     extinction: float = float("nan")
     pattern: int = 1
     drift: float = float("nan")
@@ -203,7 +203,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
         late = N[t >= t[-1] - share * (t[-1] - t[0])]
         if np.ptp(late) <= noise * late.max():
-            return _rests(f"the {what} are constant over the last {share:.0%}", swing)
+            return Pulsing(Regime.STABLE, f"the {what} are constant over the last {share:.0%}", swing=swing)
         up = crossings(t, N, (late.min() + late.max()) / 2)
         waits = np.diff(up, append=t[-1])  # the last one is still running
         if up.size >= 3 and waits[-2] <= 1.5 * waits[-6:-2].max() and waits[-1] <= 1.5 * waits[-6:-1].max():
@@ -222,7 +222,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
-        return _rests(seen + "an oscillation that dies away", swing, heights.size)
+        reason = seen + "an oscillation that dies away"
+        return Pulsing(Regime.STABLE, reason, swing=swing, cycles=heights.size)
     wanted = _until_settled(tops, float(t[-1] - t[0]))
     if not abs(limit / tops[-1] - 1) <= close or tops[-1] < (1 - close) * tops[-2:].max():
         return _slow(f"{seen}an oscillation still falling, to where is not clear", wanted, swing, heights.size)
@@ -243,6 +244,9 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     left = [f"cycles differ by {100 * unequal:.2g} %"] if 10 * noise < unequal < np.inf else []
     if abs(drift) > STEADY_PERIOD:
         left.append(f"the period {'grows' if drift > 0 else 'falls'} by {100 * abs(drift):.2g} % per cycle")
+    # the largest that so many samples per cycle cause
+    errors = f", {samples:.0f} samples a cycle: period within {50 / samples:.1g} %, "
+    errors += f"duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
     return Pulsing(
@@ -252,7 +256,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         + " amplitude"
         + (f", in a pattern of {together}" if together > 1 else "")
         + (f"; not settled: {', '.join(left)}" if left else "")
-        + ("" if every_step else _sampled(samples)),
+        + (errors if samples <= CLEAR and not every_step else ""),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
         swing=float(np.ptp(dT[last])),
@@ -261,14 +265,6 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         pattern=together,
         drift=float(drift),
     )
-
-
-def _sampled(samples: float) -> str:
-    """Return a note on the largest errors that so many samples per cycle cause; empty above 320 samples."""
-    if samples > CLEAR:
-        return ""
-    known = f"period within {50 / samples:.1g} %, duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
-    return f", {samples:.0f} samples a cycle: {known}"
 
 
 def _until_settled(tops: Array, passed: float) -> float:
@@ -324,20 +320,16 @@ def _under_way(t: Array, N: Array, what: str, swing: float, cycles: int) -> Puls
         if later > max(earlier, GROWS * tail.max()):
             return _slow(f"a movement of the {what} that grows instead of dying away", wanted, swing, cycles)
         words = f"in the last quarter of the run the {what} change by {100 * change:.1g} % only"
-        return _rests(words, swing, cycles)
+        return Pulsing(Regime.STABLE, words, swing=swing, cycles=cycles)
     seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
     return _slow(f"{seen}, yet still moving", wanted, swing, cycles)
-
-
-def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
-    return Pulsing(Regime.STABLE, reason, float("nan"), float("nan"), swing, cycles)
 
 
 def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
     """Return a slow transient with the suggested duration ``wanted`` in s, at most `arguments.LONGEST`."""
     wanted = min(wanted, LONGEST)
-    found = replace(_rests(reason + _advice(wanted), swing, cycles), suggested_duration=wanted)
-    return replace(found, regime=Regime.SLOW_TRANSIENT)
+    reason += _advice(wanted)
+    return Pulsing(Regime.SLOW_TRANSIENT, reason, swing=swing, cycles=cycles, suggested_duration=wanted)
 
 
 def _advice(wanted: float) -> str:
