@@ -198,8 +198,7 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
         return _of_array(model, names)
     small = compact(model)
     network = small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit")
-    read = np.zeros((rings, rings, network.order))
-    read[np.arange(rings), np.arange(rings)] = 1.0
+    read = np.eye(rings)[:, :, None] * np.ones(network.order)
     gain, rate = (np.tile(values, (rings, 1)) for values in (network.gain, 1 / np.asarray(network.tau)))
     return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, {})
 

@@ -16,7 +16,7 @@ from ..resonator import parameters
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .system import System, beat_of, system_of
+from .system import System, system_of
 
 SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
 
@@ -55,7 +55,9 @@ def run_circuit(
     problem = system.problem(chosen, detected=True, energies=average)
     longest = min([np.inf, *(system.light.delay / eq.NS)])
     if problem.waves:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
-        longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat_of(system.lights), 1e-300))
+        lit = [power.coefficients.any() for power in system.lights.powers]
+        beat = np.ptp(np.append(system.lights.turning[lit], 0.0))  # rad/ns, of the lit lasers and the frame
+        longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat, 1e-300))
     asked, kept = dense_times(thermal, times, duration)
     y, units, tau = problem.zero(), eq.units(problem.order, problem.rings), 1 / system.heat.rate
     if initial is not None:

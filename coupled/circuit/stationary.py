@@ -157,9 +157,8 @@ def _described(system: System, problem: Problem, found: list[Array]) -> xr.Datas
     n, K = system.heat.gain.shape
     y = np.array(found).reshape(-1, problem.size)
     x = y[:, 3 * n :].reshape(-1, n, K)
-    own = np.einsum("iik,sik->si", system.heat.read, x)
-    rises = np.einsum("ijk,sjk->si", system.heat.read, x) + system.heat.curvature * own**2
-    rises = rises + np.array([float(offset(0.0)) for offset in system.heating.rises])
+    z = np.einsum("ijk,sjk->si", system.heat.read, x)  # of one ring alone where the model has a curvature
+    rises = z + system.heat.curvature * z**2 + np.array([float(offset(0.0)) for offset in system.heating.rises])
     rows = np.dstack([y[:, : 3 * n].reshape(-1, n, 3), rises]).reshape(len(y), -1)
     states = as_dataset(system, np.hstack([np.zeros((len(y), 1)), rows]))
     states = states[["energy", "carriers", "delta_T", "absorbed", "output"]].drop_vars("time")

@@ -125,8 +125,7 @@ def inputs_of(
     shifts = [detuning_in_time(given.get(name, 0.0), duration) for name in names]
     if not all(isinstance(one, float) for one in shifts) and any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("detuning varies, and the circuit has delays, whose phases belong to one frequency")
-    powers, detunings = ([pieces("", value, 0.0, duration) for value in values] for values in (watts, shifts))
-    return powers, detunings
+    return [pieces("power", one, 0.0, duration) for one in watts], [pieces("", one, 0.0, duration) for one in shifts]
 
 
 def echoes(edges: Array, light: Light, duration: float) -> Array:
@@ -172,9 +171,3 @@ def lights_of(
         entry=light.from_laser,
         echoes=lambda edges: echoes(edges, light, duration),
     )
-
-
-def beat_of(lights: Lights) -> float:
-    """Largest difference of the angular frequencies of the lit lasers and of the frame, rad/ns."""
-    lit = [bool(np.any(power.coefficients)) for power in lights.powers]
-    return float(np.ptp(np.append(lights.turning[lit], 0.0)))

@@ -12,10 +12,10 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.checks import Words
 from thermofem.data import quantity
-from thermofem.data.variables import in_si
+from thermofem.data.variables import contents
 
 from ..arguments import LONGEST
-from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss
+from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, miss
 from .resting import Rest, rest_of_run
 
 if TYPE_CHECKING:
@@ -125,13 +125,14 @@ def pulsing(run: xr.Dataset) -> Pulsing:
 
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
-    checks.has("run", run, "variables", "sizes", hint="a Dataset from coupled.simulate is needed")
-    run = in_si("run", run)
+    checks.has("run", run, "coords", hint="a Dataset from coupled.simulate is needed")
+    of_circuit = "ring" in run.coords  # the drop power of a ring is its energy times a constant
+    needed = ("time", "carriers", "energy" if of_circuit else "drop", "delta_T")
+    run = contents("run", run, needed, what="a Dataset from coupled.simulate")
     if run.sizes.get("ring"):
         names = run["ring"].values
         raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
-    of_circuit = "ring" in run.coords  # the drop power of a ring is its energy times a constant
-    t, N, drop, dT = (_values(run, n) for n in ("time", "carriers", "energy" if of_circuit else "drop", "delta_T"))
+    t, N, drop, dT = (_values(run, name) for name in needed)
     if not drop.any() and "energy" in run.variables:
         drop = _values(run, "energy")
     steps = checks.integer("run.attrs['steps']", run.attrs.get("steps", 0), 0, 1e18)
@@ -235,8 +236,10 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     begin, end = float(up[-1 - together]), float(up[-1])
     lengths = -np.diff(up[::-together])[::-1]  # of whole patterns, the last one at the end
     *_, earlier, drift = (0.0, 0.0, *(lengths[1:] / lengths[:-1] - 1))
+    # while heat settles, the change gets smaller from cycle to cycle; one that grows may end the pulses
+    most = max(SETTLED, min(FAR, abs(earlier))) if earlier * drift > 0 else FAR
     unclear = 0.0 if every_step else 1 / samples
-    if abs(drift) > max(unclear, longest_change(earlier, drift, heights.size > 2 * together)):
+    if abs(drift) > max(unclear, most if heights.size > 2 * together else SETTLED):
         words = f"{heights.size} cycles, whose length changes by {100 * drift:+.2g} % from one to the next"
         words += f", after {100 * earlier:+.2g} %" if abs(drift) <= FAR and earlier else ""
         return _slow(words, wanted, swing, heights.size)
@@ -338,8 +341,6 @@ def _advice(wanted: float) -> str:
 
 def _values(run: xr.Dataset, name: str) -> Array:
     """Return one variable of a run as a checked array."""
-    if name not in getattr(run, "variables", {}):
-        raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")
     values = checks.array(f"run.{name}", run[name].values, increasing=name == "time")
     checks.enough(f"run.{name}", values.size, FEWEST)
     return values
