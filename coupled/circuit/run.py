@@ -98,7 +98,7 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
     on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
     shown, corner = power[ports], system.corner[ports, None]
     by_port = {"output": shown, "phase": np.angle(waves[ports])}
-    if corner.any():
+    if further.size and corner.any():
         by_port["detected"] = shown = np.where(corner > 0, further[-Q:][ports] * eq.UW, shown)
     if average:
         lag = np.divide(eq.NS, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
