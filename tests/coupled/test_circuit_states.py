@@ -30,7 +30,8 @@ def test_a_detector_with_a_bandwidth_does_not_change_fixed_points():
     """A fixed point has constant light, which every detector shows whole."""
     slow = replace(coupled.bus(RING), detectors=[coupled.Detector("through", "ring 1.through", bandwidth=1e9)])
     fast = replace(slow, detectors=[coupled.Detector("through", "ring 1.through")])
-    ours, wanted = (coupled.steady_states(one, SECOND_ORDER, power={"in": 5e-3}, detuning=-32e9) for one in (slow, fast))
+    light = {"power": {"in": 5e-3}, "detuning": -32e9}
+    ours, wanted = (coupled.steady_states(one, SECOND_ORDER, **light) for one in (slow, fast))
     assert ours.sizes["state"] == 3
     assert np.array_equal(ours.output, wanted.output)
 
