@@ -51,6 +51,7 @@ class Light:
     terminals: starts of the delayed waveguides, then the detectors, then the starts of the waveguides that lose light.
     delay [shape (D,), s]
     lost [shape (Q,)]: fraction of the power at each terminal that its waveguide loses.
+    corner [shape (Q,), 1/s]: 2 pi times the bandwidth of the detector at each terminal; 0 for none.
     """
 
     between: Complex
@@ -62,6 +63,7 @@ class Light:
     terminals: tuple[str, ...]
     delay: Array
     lost: Array
+    corner: Array
 
     def at(self, offset: float) -> "Light":
         """The matrices in a frame whose frequency is higher by ``offset`` (Hz): only the phases of delays change."""
@@ -111,16 +113,17 @@ def light_of(circuit: Circuit) -> Light:
         terminals=terminals,
         delay=np.array([w.delay for w in late]),
         lost=np.array([0.0] * (len(rows) - len(lossy)) + [1 - abs(w.transmission) ** 2 for w in lossy]),
+        corner=2 * np.pi * np.array([0.0] * len(late) + [*circuit.bandwidths] + [0.0] * len(lossy)),
     )
 
 
-def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
+def network_of(light: Light, *, detected: bool, energies: bool, hair: float) -> Network:
     """Convert the matrices of a circuit to the kernel's units; entries of M at round-off become 0.
 
-    corner [shape (Q,), 1/ns]: 2 pi times the bandwidths of the detectors, 0 for none.
+    detected: whether to integrate the low passes of the detectors.
     energies: whether to integrate the output powers. hair [ns]: round-off error of times.
     """
-    M, root = light.between * eq.NS, np.sqrt(eq.NS)
+    M, root, corner = light.between * eq.NS, np.sqrt(eq.NS), light.corner * eq.NS * detected
     feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
     between, feeders = np.where(feeds, M, 0), {i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)}
     try:

@@ -90,18 +90,18 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
     D, Q = light.delay.size, len(light.terminals)
     if further.size:
         waves = (further[: 2 * Q : 2] + 1j * further[1 : 2 * Q : 2]) * eq.UW**0.5
-    else:
-        waves = system.waves(fields, time)
+    else:  # no delays
+        waves = light.seen_ring @ fields + light.seen_laser @ system.lights.amplitudes(time)
     energy, power, ports = np.abs(fields) ** 2, np.abs(waves) ** 2, slice(D, D + len(circuit.ports))
     scattering = np.array([[2 * ring.scattering_rate] for ring in circuit.resonators])
     given = np.array([np.maximum(p(time), 0) for p in system.lights.powers])
     on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
-    shown, corner = power[ports], system.corner[ports, None]
+    shown, corner = power[ports], light.corner[ports, None]
     by_port = {"output": shown, "phase": np.angle(waves[ports])}
     if further.size and corner.any():
         by_port["detected"] = shown = np.where(corner > 0, further[-Q:][ports] * eq.UW, shown)
     if average:
-        lag = np.divide(eq.NS, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
+        lag = np.divide(1.0, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
         energies = further[2 * Q : 3 * Q][ports] * eq.FJ - lag * shown
         length, gathered = np.diff(time, prepend=0.0), np.diff(energies, prepend=0.0, axis=1)
         by_port["mean_output"] = np.divide(gathered, length, out=shown.copy(), where=length > 0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, Complex
+from thermofem.arrays import Array
 
 from ..arguments import detuning_in_time, power_in_time
 from ..heaters import Heating, heating
@@ -37,29 +37,14 @@ class System:
     heating: Heating
     rings: Rings
 
-    @property
-    def corner(self) -> Array:
-        """2 pi times the detector bandwidth (1/ns) of each observed wave, shape (Q,); 0 for none."""
-        found, first = np.zeros(len(self.light.terminals)), self.light.delay.size
-        found[first : first + len(self.circuit.ports)] = 2 * np.pi * eq.NS * np.array(self.circuit.bandwidths)
-        return found
-
     def problem(self, method: Method, *, detected: bool = False, energies: bool = False) -> Problem:
         """The equations for the kernel; ``detected`` adds detector low passes, ``energies`` the integrated powers."""
         heat, own = self.heat, np.einsum("iik->ik", self.heat.read)
         cross = np.where(np.eye(len(own), dtype=bool)[:, :, None], 0.0, heat.read) if heat.crossed else None
-        network = network_of(
-            self.light,
-            corner=self.corner * detected,
-            energies=energies,
-            hair=2 * SAME_TIME * self.lights.drive.edges[-1],
-        )
+        hair = 2 * SAME_TIME * self.lights.drive.edges[-1]
+        network = network_of(self.light, detected=detected, energies=energies, hair=hair)
         poles = PoleHeat(heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS, own, cross)
         return Problem(self.rings, poles, self.lights.drive, method, network)
-
-    def waves(self, fields: Complex, times: Array) -> Complex:
-        """Observed waves (sqrt(W), shape (Q, m)) from fields (sqrt(J), (N, m)) at times in s; no delays."""
-        return np.asarray(self.light.seen_ring @ fields + self.light.seen_laser @ self.lights.amplitudes(times))
 
 
 def system_of(

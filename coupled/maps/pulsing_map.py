@@ -34,7 +34,7 @@ from ..runs.resting import Rest
 from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact, check_geometry, long_enough, provenance, trusted
-from .grid import Grid, Point, fixed_of, grid_of
+from .grid import Point, fixed_of, grid_of
 from .settled import Cell, settled_row
 
 FAILED = "failed"
@@ -147,11 +147,14 @@ def pulsing_map(
         attrs |= {"duration": float(duration), "rtol": float(rtol)}
     if order is not None:
         attrs["follow"] = str(order)
+    identity = attrs | {f"axis {name}": axis for name, axis in zip(grid.names, grid.axes, strict=True)}
+    if isinstance(small, Quadratic):
+        identity |= {f"model {name}": getattr(small, name) for name in "AHGBC"}
     pool = contextlib.nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count())
     with (
         pool as workers,  # the integration releases the interpreter's lock
         bar("map", len(grid.rows), show_bar) as moved,
-        stored_rows(file, _identity(attrs, grid, small)) as (done, store),
+        stored_rows(file, identity) as (done, store),
     ):
         left = [k for k in range(len(grid.rows)) if k not in done]
         for _ in done:
@@ -211,13 +214,6 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
             checks.choice(f"a regime of {name}", str(word), REGIMES)
     known = ((one != FAILED) & (other != FAILED)).values
     return float(np.mean(((one == "self-pulsing") == (other == "self-pulsing")).values[known]))
-
-
-def _identity(attrs: dict[str, Any], grid: Grid, model: Compact) -> dict[str, Any]:
-    """Return everything that determines the rows of a map."""
-    axes = {f"axis {name}": axis for name, axis in zip(grid.names, grid.axes, strict=True)}
-    quadratic = {f"model {name}": getattr(model, name) for name in "AHGBC" if isinstance(model, Quadratic)}
-    return {"journal": VERSION, **attrs, **axes, **quadratic}
 
 
 def pulse(
@@ -294,7 +290,7 @@ def stored_rows(
     if file is None:
         yield rows, rows.__setitem__
         return
-    path, head = checks.path("file", file), json.dumps(files.plain(identity), sort_keys=True)
+    path, head = checks.path("file", file), json.dumps({"journal": VERSION, **files.plain(identity)}, sort_keys=True)
 
     def store(row: int, cells: list[Cell]) -> None:
         rows[row] = cells

@@ -164,9 +164,9 @@ def simulate(
     begin = starting_point(initial, small.order, described)
     asked, kept = dense_times(model, wanted, duration)
     run = advance(
-        ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"], offset=heat.rises[0],
-        lasers=others, fields=_further_fields(initial), rtol=rtol, method=chosen, times=asked, event=event,
-        progress=progress,
+        ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"],
+        offset=heat.rises[0] if heat.powers else 0.0, lasers=others, fields=_further_fields(initial), rtol=rtol,
+        method=chosen, times=asked, event=event, progress=progress,
     )  # fmt: skip
     trusted(model, run.delta_T)
     end = run.final
