@@ -206,8 +206,8 @@ class Circuit:
         checks.unique("list of laser names", [laser.name for laser in self.lasers])
         checks.unique("list of detector names", [detector.name for detector in self.detectors])
         for what, terminals, known in (
-            ("enter", [one.stop for one in (*self.waveguides, *self.lasers)], self.entries),
-            ("leave", [one.start for one in (*self.waveguides, *self.detectors)], self.exits),
+            ("enter", [*(w.stop for w in self.waveguides), *(laser.stop for laser in self.lasers)], self.entries),
+            ("leave", [*(w.start for w in self.waveguides), *(d.start for d in self.detectors)], self.exits),
         ):
             for terminal in (one for one in terminals if one not in known):
                 checks.choice(f"terminal that light {what}s by", terminal, known)
@@ -241,7 +241,7 @@ class Circuit:
     def outputs(self) -> dict[str, str]:
         """Output terminal of each detector by name, free terminals included, but not drop ports without light."""
         known = {d.name: d.start for d in self.detectors}
-        fed = {one.stop for one in (*self.waveguides, *self.lasers)}
+        fed = {w.stop for w in self.waveguides} | {laser.stop for laser in self.lasers}
         alone = {name for name, ring in self.rings.items() if ring.drop_bus_rate == 0 and f"{name}.add" not in fed}
         used = {*known.values(), *(w.start for w in self.waveguides), *(f"{name}.drop" for name in alone)}
         return known | {exit: exit for exit in self.exits if exit not in used}

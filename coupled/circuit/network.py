@@ -80,7 +80,7 @@ def light_of(circuit: Circuit) -> Light:
     exit = {name: k for k, name in enumerate(circuit.exits)}
     n, size = len(circuit.names), len(entry)
     late, lossy = [w for w in circuit.waveguides if w.delay > 0], [w for w in circuit.waveguides if w.loss > 0]
-    sources = [*circuit.lasers, *late]
+    sources: list[Any] = [*circuit.lasers, *late]
     K, C, ED = (np.zeros((size, m), dtype=complex) for m in (n, size, len(sources)))
     S = np.eye(size, dtype=complex)
     for i, ring in enumerate(circuit.resonators):

@@ -315,7 +315,7 @@ def stored_rows(
         for line in lines:
             row = _parsed(line)
             if isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]:
-                rows[row[0]] = [Cell(*(math.nan if value is None else value for value in cell)) for cell in row[1]]
+                rows[row[0]] = [Cell._make(math.nan if value is None else value for value in cell) for cell in row[1]]
                 good.append(line)
         if content != (whole := "".join(f"{line}\n" for line in good)):
             files.write_whole(path, lambda temporary: temporary.write_text(whole, encoding="utf-8"))
