@@ -177,9 +177,12 @@ def simulate(
     places = np.array([one.frequency for one in run.resonances[1:]])
     several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
     found = xr.Dataset(
-        {**traces(run, light), **heater_powers(heat.powers, run.time)},
-        {"time": ("time", run.time, dataset.describe("time"))},
         {
+            **traces(run, light),
+            **heater_powers(heat.powers, run.time),
+            "time": ("time", run.time, dataset.describe("time")),
+        },
+        attrs={
             **provenance(ring, light, duration),
             **doubts,
             "driven_until": max(run.lights.driven_until, heat.driven_until),
