@@ -176,12 +176,9 @@ def simulate(
     static = sum(picked.transfers[name].thermal_resistance * float(p(run.reached)) for name, p in heat.powers.items())
     places = np.array([one.frequency for one in run.resonances[1:]])
     several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
+    time = {"time": ("time", run.time, dataset.describe("time"))}
     found = xr.Dataset(
-        {
-            **traces(run, light),
-            **heater_powers(heat.powers, run.time),
-            "time": ("time", run.time, dataset.describe("time")),
-        },
+        traces(run, light) | heater_powers(heat.powers, run.time) | time,
         attrs={
             **provenance(ring, light, duration),
             **doubts,
