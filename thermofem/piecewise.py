@@ -19,7 +19,7 @@ TO_COEFFICIENTS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at t
 
 def cubic(coefficients: Array, u: Array) -> Array:
     """Evaluate cubics at ``u``; coefficients of rising powers stand along the last axis."""
-    a, b, c, d = np.moveaxis(coefficients, -1, 0)
+    a, b, c, d = (coefficients[..., j] for j in range(4))
     return np.asarray(a + u * (b + u * (c + u * d)))
 
 

@@ -193,9 +193,7 @@ class Circuit:
         for name, ring in self.rings.items():
             checks.check_name("ring", name)
             checks.instance(f"ring {name!r}", ring, RingResonator, hint="it must be a RingResonator")
-        for field, kind in (
-            ("waveguides", Waveguide), ("lasers", LaserPort), ("detectors", Detector), ("splitters", Splitter)
-        ):  # fmt: skip
+        for field, kind in _KINDS.items():
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
         for what, some in (("ring", self.rings), ("laser", self.lasers)):
             if not some:
@@ -211,9 +209,8 @@ class Circuit:
             ("enter", [*(w.stop for w in self.waveguides), *(laser.stop for laser in self.lasers)], self.entries),
             ("leave", [*(w.start for w in self.waveguides), *(d.start for d in self.detectors)], self.exits),
         ):
-            for terminal in terminals:
-                if terminal not in known:
-                    checks.choice(f"terminal that light {what}s by", terminal, known)
+            for terminal in (one for one in terminals if one not in known):
+                checks.choice(f"terminal that light {what}s by", terminal, known)
             checks.unique(f"list of terminals that light {what}s by", terminals)
 
     @property
@@ -243,9 +240,11 @@ class Circuit:
     @cached_property
     def outputs(self) -> dict[str, str]:
         """Output terminal of each detector by name, free terminals included, but not drop ports without light."""
-        used = {w.start for w in self.waveguides} | {d.start for d in self.detectors}
         known = {d.name: d.start for d in self.detectors}
-        return known | {exit: exit for exit in self.exits if exit not in used and not self._dark(exit)}
+        fed = {w.stop for w in self.waveguides} | {laser.stop for laser in self.lasers}
+        alone = {name for name, ring in self.rings.items() if ring.drop_bus_rate == 0 and f"{name}.add" not in fed}
+        used = {*known.values(), *(w.start for w in self.waveguides), *(f"{name}.drop" for name in alone)}
+        return known | {exit: exit for exit in self.exits if exit not in used}
 
     @property
     def ports(self) -> tuple[str, ...]:
@@ -257,13 +256,6 @@ class Circuit:
         """Bandwidth of every detector in Hz, in the order of `ports`, 0 for none."""
         known = {d.name: d.bandwidth for d in self.detectors}
         return tuple(known.get(port, 0.0) for port in self.ports)
-
-    def _dark(self, exit: str) -> bool:
-        """Whether a terminal gets no light: the drop port of a ring with one coupler and nothing at "add"."""
-        entry = self.entries[self.exits.index(exit)]
-        ring = self.rings.get(exit.rpartition(".")[0])
-        fed = entry in [*(w.stop for w in self.waveguides), *(laser.stop for laser in self.lasers)]
-        return ring is not None and exit.endswith(".drop") and ring.drop_bus_rate == 0 and not fed
 
     def scattered(self, sigma: float, seed: int = 0) -> Circuit:
         """The circuit with random shifts of its cold resonances, as fabrication causes them.
@@ -295,33 +287,30 @@ class Circuit:
         return files.read_toml(path, "circuit", lambda text: cls(**_fields(text, folder)))
 
 
-_KINDS: dict[str, tuple[type, dict[str, str]]] = {
-    "waveguide": (Waveguide, {"start": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "delay": "s"}),
-    "splitter": (Splitter, {"name": TEXT, "cross": NUMBER}),
-    "laser": (LaserPort, {"name": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "offset": "Hz"}),
-    "detector": (Detector, {"name": TEXT, "start": TEXT, "bandwidth": "Hz"}),
-}
+_KINDS = {"waveguides": Waveguide, "lasers": LaserPort, "detectors": Detector, "splitters": Splitter}
+# of a key in a circuit file; others are text
+_UNITS = {"loss": NUMBER, "cross": NUMBER, "phase": "rad", "delay": "s", "offset": "Hz", "bandwidth": "Hz"}
 
 
-def _fields(text: str, folder: Path | None = None) -> dict[str, Any]:
+def _fields(text: str, folder: Path) -> dict[str, Any]:
     """Parse a circuit file into the fields of `Circuit`; paths of ring files are relative to ``folder``."""
-    keys = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *_KINDS], TABLES)}
-    top = read_table(files.from_toml(text), keys, "the circuit file")
+    keys = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *(kind[:-1] for kind in _KINDS)], TABLES)}
+    found = read_table(files.from_toml(text), keys, "the circuit file")
 
     def tables(kind: str, keys: dict[str, str], required: Sequence[str]) -> list[dict[str, Any]]:
-        several = enumerate(top.get(kind, []), 1)
+        several = enumerate(found.pop(kind, []), 1)
         return [read_table(item, keys, f"{kind} number {k}", required=required) for k, item in several]
 
-    several = tables("ring", {"name": TEXT, "base": TEXT, "file": TEXT, "shift": "Hz"}, ["name"])
-    checks.unique("list of ring names", [table["name"] for table in several])
-    found: dict[str, Any] = {"rings": {table["name"]: _ring(table, folder) for table in several}}
-    for kind, (make, units) in _KINDS.items():
+    rings = tables("ring", {"name": TEXT, "base": TEXT, "file": TEXT, "shift": "Hz"}, ["name"])
+    checks.unique("list of ring names", [table["name"] for table in rings])
+    for kinds, make in _KINDS.items():
+        units = {one.name: _UNITS.get(one.name, TEXT) for one in fields(make)}
         needed = [one.name for one in fields(make) if one.default is MISSING]
-        found[f"{kind}s"] = tuple(make(**values) for values in tables(kind, units, needed))
-    return found | {"frequency": top.get("frequency"), "name": top.get("name", "circuit")}
+        found[kinds] = [make(**values) for values in tables(kinds[:-1], units, needed)]
+    return found | {"rings": {table["name"]: _ring(table, folder) for table in rings}}
 
 
-def _ring(values: dict[str, Any], folder: Path | None) -> RingResonator:
+def _ring(values: dict[str, Any], folder: Path) -> RingResonator:
     """The ring that a [[ring]] table names, a published set or a ring file, with its resonance shifted."""
     where = f"ring {values['name']!r}"
     if ("base" in values) == ("file" in values):
@@ -329,5 +318,5 @@ def _ring(values: dict[str, Any], folder: Path | None) -> RingResonator:
     if "base" in values:
         ring = PUBLISHED[checks.choice(f"{where}: base", values["base"], PUBLISHED)]()
     else:
-        ring = RingResonator.from_toml((folder or Path()) / values["file"])
+        ring = RingResonator.from_toml(folder / values["file"])
     return replace(ring, frequency=ring.frequency + values.get("shift", 0.0))

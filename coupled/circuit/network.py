@@ -51,6 +51,7 @@ class Light:
     terminals: starts of the delayed waveguides, then the detectors, then the starts of the waveguides that lose light.
     delay [shape (D,), s]
     lost [shape (Q,)]: fraction of the power at each terminal that its waveguide loses.
+    corner [shape (Q,), 1/s]: 2 pi times the bandwidth of the detector at each terminal; 0 for none.
     """
 
     between: Complex
@@ -62,6 +63,7 @@ class Light:
     terminals: tuple[str, ...]
     delay: Array
     lost: Array
+    corner: Array
 
     def at(self, offset: float) -> "Light":
         """The matrices in a frame whose frequency is higher by ``offset`` (Hz): only the phases of delays change."""
@@ -77,8 +79,9 @@ def light_of(circuit: Circuit) -> Light:
     entry = {name: k for k, name in enumerate(circuit.entries)}
     exit = {name: k for k, name in enumerate(circuit.exits)}
     n, size = len(circuit.names), len(entry)
-    late = [w for w in circuit.waveguides if w.delay > 0]
-    K, C, D, E = (np.zeros((size, m), dtype=complex) for m in (n, size, len(late), len(circuit.lasers)))
+    late, lossy = [w for w in circuit.waveguides if w.delay > 0], [w for w in circuit.waveguides if w.loss > 0]
+    sources: list[Any] = [*circuit.lasers, *late]
+    K, C, ED = (np.zeros((size, m), dtype=complex) for m in (n, size, len(sources)))
     S = np.eye(size, dtype=complex)
     for i, ring in enumerate(circuit.resonators):
         K[2 * i, i], K[2 * i + 1, i] = np.sqrt(2 * ring.bus_rate), np.sqrt(2 * ring.drop_bus_rate)
@@ -88,23 +91,18 @@ def light_of(circuit: Circuit) -> Light:
     for w in circuit.waveguides:
         if w.delay == 0:
             C[entry[w.stop], exit[w.start]] = w.transmission
-    for d, w in enumerate(late):
-        D[entry[w.stop], d] = w.transmission
-    for k, laser in enumerate(circuit.lasers):
-        E[entry[laser.stop], k] = laser.transmission
+    for k, source in enumerate(sources):
+        ED[entry[source.stop], k] = source.transmission
     around = np.eye(size) - C @ S
     if np.linalg.norm(around, -2) < PILED:
         raise checks.InputError(
             "the waveguides form a loop without delay and without loss in which light piles up; "
             "give one of them a delay, a loss or another phase"
         )
-    inside = np.linalg.solve(around, np.hstack([C @ (1j * K), E, D]))
+    inside = np.linalg.solve(around, np.hstack([C @ (1j * K), ED]))
     from_ring, from_laser, from_delay = np.split(inside, [n, n + len(circuit.lasers)], axis=1)
-    lossy = [w for w in circuit.waveguides if w.loss > 0]
     terminals = (*(w.start for w in late), *circuit.outputs.values(), *(w.start for w in lossy))
     rows = [exit[name] for name in terminals]
-    lost = np.zeros(len(terminals))
-    lost[len(terminals) - len(lossy) :] = [1 - abs(w.transmission) ** 2 for w in lossy]
     return Light(
         between=1j * K.T @ from_ring,
         from_laser=K.T @ from_laser,
@@ -114,28 +112,24 @@ def light_of(circuit: Circuit) -> Light:
         seen_delay=(S @ from_delay)[rows],
         terminals=terminals,
         delay=np.array([w.delay for w in late]),
-        lost=lost,
+        lost=np.array([0.0] * (len(rows) - len(lossy)) + [1 - abs(w.transmission) ** 2 for w in lossy]),
+        corner=2 * np.pi * np.array([0.0] * len(late) + [*circuit.bandwidths] + [0.0] * len(lossy)),
     )
 
 
-def order_of_rings(feeds: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Topological order of the rings, shape (N,), if ring j feeds ring i where ``feeds[i, j]``; empty for a loop."""
-    sorter = TopologicalSorter({i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)})
-    try:
-        return np.fromiter(sorter.static_order(), np.int32)
-    except CycleError:
-        return np.empty(0, np.int32)
-
-
-def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> Network:
+def network_of(light: Light, *, detected: bool, energies: bool, hair: float) -> Network:
     """Convert the matrices of a circuit to the kernel's units; entries of M at round-off become 0.
 
-    corner [shape (Q,), 1/ns]: 2 pi times the bandwidths of the detectors, 0 for none.
+    detected: whether to integrate the low passes of the detectors.
     energies: whether to integrate the output powers. hair [ns]: round-off error of times.
     """
-    M, root = light.between * eq.NS, np.sqrt(eq.NS)
+    M, root, corner = light.between * eq.NS, np.sqrt(eq.NS), light.corner * eq.NS * detected
     feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
-    order, between = order_of_rings(feeds), np.where(feeds, M, 0)
+    between, feeders = np.where(feeds, M, 0), {i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)}
+    try:
+        order = np.fromiter(TopologicalSorter(feeders).static_order(), np.int32)
+    except CycleError:  # the rings form a loop
+        order = np.empty(0, np.int32)
     taken, sent = _one_waveguide(between, order)
     needed = bool(light.delay.size) or bool(corner.any()) or energies
     waves = slice(None) if needed else slice(0)  # others follow from the rows
@@ -159,18 +153,13 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
 
 def _one_waveguide(M: Complex, order: NDArray[np.int32]) -> tuple[Complex | None, Complex | None]:
     """Vectors t and s with M_ij = t_i s_j below the diagonal (rings on one bus); (None, None) if M has another form."""
-    taken, sent = np.zeros(len(M), dtype=complex), np.zeros(len(M), dtype=complex)
-    if not M.any():
-        return taken, sent
-    if order.size == 0 or not M[order[-1], order[0]]:
-        return None, None
-    ordered = M[np.ix_(order, order)]
-    taken[1:] = ordered[1:, 0]
-    sent[:-1] = ordered[-1, :-1] / taken[-1]
-    if np.abs(np.tril(np.outer(taken, sent), -1) - ordered).max() > ROUND_OFF * np.abs(ordered).max():
-        return None, None
-    back = np.argsort(order)
-    return taken[back], sent[back]
+    if order.size:
+        (first, last), ordered = order[[0, -1]], np.ix_(order, order)
+        taken, sent = M[:, first], M[last] / (M[last, first] or 1.0)
+        miss = np.tril(np.outer(taken, sent)[ordered], -1) - M[ordered]
+        if np.abs(miss).max() <= ROUND_OFF * np.abs(M).max():
+            return taken, sent
+    return None, None
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +201,7 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
         return _of_array(model, names)
     small = compact(model)
     network = small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit")
-    read = np.zeros((rings, rings, network.order))
-    read[np.arange(rings), np.arange(rings)] = 1.0
+    read = np.eye(rings)[:, :, None] * np.ones(network.order)
     gain, rate = (np.tile(values, (rings, 1)) for values in (network.gain, 1 / np.asarray(network.tau)))
     return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, {})
 
@@ -233,22 +221,19 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
     elif own != tuple(f"ring {k + 1}" for k in range(rings)):
         log.warning("thermal is of %s: they stand for the rings %s, in this order", ", ".join(own), ", ".join(names))
     scale = np.abs(model.gain).max()
-    parts = []
-    for j in range(len(model.inputs)):
-        each = np.abs(C * B[:, j] / rate)
+    heated = []  # states that each input heats
+    for b in B.T:
+        each = np.abs(C * b / rate)
         check_resistance(float(each.sum(axis=1).max()))
-        residue = each.max(axis=0)
-        used = residue > NOTHING * scale
-        parts.append((rate[used], B[used, j], C[:, used]))
-    most = max(len(part[0]) for part in parts[:rings])
+        heated.append(np.flatnonzero(each.max(axis=0) > NOTHING * scale))
+    most = max(k.size for k in heated[:rings])
     # from 8 states on a multiple of 4, the numbers that a processor adds at once
     most = most if most < 8 else -(-most // 4) * 4
     gain, rates, read = np.zeros((rings, most)), np.full((rings, most), rate.max()), np.zeros((rings, rings, most))
-    for j, (own_rate, own_gain, own_read) in enumerate(parts[:rings]):
-        k = len(own_rate)
-        gain[j, :k], rates[j, :k], read[:, j, :k] = own_gain, own_rate, own_read
-    later = zip(model.inputs[rings:], parts[rings:], strict=True)
-    heaters = {name: Poles(own_rate, own_read * own_gain) for name, (own_rate, own_gain, own_read) in later}
+    for j, k in enumerate(heated[:rings]):
+        gain[j, : k.size], rates[j, : k.size], read[:, j, : k.size] = B[k, j], rate[k], C[:, k]
+    later = zip(model.inputs, B.T, heated, strict=True)
+    heaters = {name: Poles(rate[k], C[:, k] * b[k]) for name, b, k in [*later][rings:]}
     heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters)
     checks.positive("thermal: R_th of every ring", heat.thermal_resistance.min(), unit="K/W")
     return heat

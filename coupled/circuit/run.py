@@ -16,20 +16,9 @@ from ..resonator import parameters
 from ..states import final_state
 from ..thermal import dense_times, trusted
 from .circuit import Circuit
-from .network import RingHeat
-from .system import System, beat_of, system_of
+from .system import System, system_of
 
 SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
-
-NAMES = {
-    "output": ("W", "power at the ports"),
-    "detected": ("W", "power that the detectors show"),
-    "mean_output": ("W", "power that the detectors show, averaged since the time before"),
-    "phase": ("rad", "phase of the light at the ports, against the first laser's"),
-    "input": ("W", "power of the lasers"),
-    "lost": ("W", "power lost in waveguides and on the way from lasers"),
-    "scattered": ("W", "power scattered by the rings"),
-}
 
 
 def run_circuit(
@@ -52,6 +41,8 @@ def run_circuit(
     for w in circuit.waveguides:
         hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"
         checks.between(f"delay of the waveguide from {w.start!r}", w.delay or 1.0, shortest, 1.0, unit="s", hint=hint)
+    if initial is not None and any(w.delay > 0 for w in circuit.waveguides):
+        raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
     before = None
     if initial is not None:
         states = np.ravel(getattr(initial, "attrs", {}).get("heater_states", ()))
@@ -64,10 +55,15 @@ def run_circuit(
     problem = system.problem(chosen, detected=True, energies=average)
     longest = min([np.inf, *(system.light.delay / eq.NS)])
     if problem.waves:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
-        longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat_of(system.lights), 1e-300))
+        lit = [power.coefficients.any() for power in system.lights.powers]
+        beat = np.ptp(np.append(system.lights.turning[lit], 0.0))  # rad/ns, of the lit lasers and the frame
+        longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat, 1e-300))
     asked, kept = dense_times(thermal, times, duration)
+    y, units, tau = problem.zero(), eq.units(problem.order, problem.rings), 1 / system.heat.rate
+    if initial is not None:
+        y = final_state(initial, y.size, {"model_tau": tau}) / units
     run = problem.integrate(
-        _start(circuit, system.heat, initial), rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
+        y, rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
         progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
     rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
@@ -75,11 +71,10 @@ def run_circuit(
         if offset.coefficients.any():
             rises[:, i] += offset(run.rows[:, 0] * eq.NS)
     trusted(thermal, rises)
-    found = _dataset(system, run.rows[kept] if times.size else run.rows, average)
+    found = as_dataset(system, run.rows[kept] if times.size else run.rows, average)
     found.attrs |= {
         "duration": duration, "rtol": rtol, "method": chosen.value, "steps": run.accepted,
-        "rejected_steps": run.rejected, "final_state": run.y * eq.units(problem.order, problem.rings),
-        "model_tau": np.ravel(1 / system.heat.rate),
+        "rejected_steps": run.rejected, "final_state": run.y * units, "model_tau": np.ravel(tau),
         "driven_until": max(system.lights.driven_until, system.heating.driven_until),
     }  # fmt: skip
     if system.heat.heaters:
@@ -87,17 +82,7 @@ def run_circuit(
     return found
 
 
-def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
-    """Initial state vector of a run in the kernel's units: zero, or the final state of an earlier run."""
-    n, K = heat.gain.shape
-    if initial is None:
-        return np.zeros(n * (3 + K))
-    if any(w.delay > 0 for w in circuit.waveguides):
-        raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
-    return np.asarray(final_state(initial, n * (3 + K), {"model_tau": 1 / heat.rate}) / eq.units(K, n))
-
-
-def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
+def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset:
     """Convert the rows of the kernel to a Dataset over time, ring, port and laser, in SI."""
     circuit, light = system.circuit, system.light
     time, further = rows[:, 0] * eq.NS, rows[:, 1 + 4 * len(circuit.names) :].T
@@ -105,48 +90,37 @@ def _dataset(system: System, rows: Array, average: bool) -> xr.Dataset:
     D, Q = light.delay.size, len(light.terminals)
     if further.size:
         waves = (further[: 2 * Q : 2] + 1j * further[1 : 2 * Q : 2]) * eq.UW**0.5
-    else:
-        waves = system.waves(fields, time)
+    else:  # no delays
+        waves = light.seen_ring @ fields + light.seen_laser @ system.lights.amplitudes(time)
     energy, power, ports = np.abs(fields) ** 2, np.abs(waves) ** 2, slice(D, D + len(circuit.ports))
     scattering = np.array([[2 * ring.scattering_rate] for ring in circuit.resonators])
     given = np.array([np.maximum(p(time), 0) for p in system.lights.powers])
     on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
-    shown, corner = power[ports], system.corner[ports, None]
+    shown, corner = power[ports], light.corner[ports, None]
     by_port = {"output": shown, "phase": np.angle(waves[ports])}
-    if corner.any():
+    if further.size and corner.any():
         by_port["detected"] = shown = np.where(corner > 0, further[-Q:][ports] * eq.UW, shown)
     if average:
-        lag = np.divide(eq.NS, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
+        lag = np.divide(1.0, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
         energies = further[2 * Q : 3 * Q][ports] * eq.FJ - lag * shown
         length, gathered = np.diff(time, prepend=0.0), np.diff(energies, prepend=0.0, axis=1)
         by_port["mean_output"] = np.divide(gathered, length, out=shown.copy(), where=length > 0)
-    of_rings = {
-        "energy": energy,
-        "carriers": N,
-        "delta_T": rise,
-        "absorbed": absorbed,
-        "scattered": scattering * energy,
-    }
-    groups = {"ring": of_rings, "port": by_port, "laser": {"input": given}}
-    variables: dict[str, Any] = {
-        name: ((over, "time"), v, described(name)) for over, group in groups.items() for name, v in group.items()
-    }
-    variables["lost"] = ("time", light.lost @ power + on_the_way @ given, described("lost"))
-    variables |= heater_powers(system.heating.powers, time)
+    by_ring = {"energy": energy, "carriers": N, "delta_T": rise, "absorbed": absorbed, "scattered": scattering * energy}
+    overall = {"lost": light.lost @ power + on_the_way @ given}
     attrs = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": parameters(circuit)}
     if len(system.detuning.coefficients) == 1 and not system.detuning.coefficients[0, 1:].any():
         attrs["detuning"] = float(system.detuning(0.0))
     else:
-        variables["detuning"] = ("time", system.detuning(time), described("detuning"))
+        overall["detuning"] = system.detuning(time)
+    variables = {
+        name: ((*over, "time"), v, dataset.describe(name))
+        for over, group in ((["ring"], by_ring), (["port"], by_port), (["laser"], {"input": given}), ([], overall))
+        for name, v in group.items()
+    }
     coordinates = {
         "time": ("time", time, dataset.describe("time")),
         "ring": list(circuit.names),
         "port": list(circuit.ports),
         "laser": [laser.name for laser in circuit.lasers],
     }
-    return xr.Dataset(variables, coordinates, attrs)
-
-
-def described(name: str) -> dict[str, str]:
-    """Attributes of a variable by its name: units and long_name."""
-    return dict(zip(("units", "long_name"), NAMES[name], strict=True)) if name in NAMES else dataset.describe(name)
+    return xr.Dataset(variables | heater_powers(system.heating.powers, time), coordinates, attrs)

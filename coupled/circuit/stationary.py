@@ -18,7 +18,7 @@ from ..kernel.tableaus import Method
 from ..thermal import trusted
 from .circuit import Circuit
 from .network import Light, light_of
-from .run import described
+from .run import as_dataset
 from .system import System, system_of
 
 SAME = 1e-6  # relative difference of the states of two fixed points that count as one
@@ -50,9 +50,10 @@ def circuit_steady_states(
     found: list[Array] = []
     n = len(circuit.names)
     for guess in _guesses(system, starts, seed):
-        y = _newton(system, problem, guess)
-        light = np.linalg.norm(y[: 3 * n]) if y is not None else 0.0
-        if y is not None and all(np.linalg.norm((y - other)[: 3 * n]) > SAME * light for other in found):
+        y = _fixed_point(system, problem, guess)
+        if y is not None and all(
+            np.linalg.norm((y - other)[: 3 * n]) > SAME * np.linalg.norm(y[: 3 * n]) for other in found
+        ):
             found.append(y)
     found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
     states = _described(system, problem, found)
@@ -83,11 +84,14 @@ def autonomous(
     return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1.0)
 
 
-def at_rest(problem: Problem, y: Array, least: Array) -> Array | None:
-    """The fixed point to which damped Newton's method converges from ``y``; None without convergence.
+def _fixed_point(system: System, problem: Problem, y: Array) -> Array | None:
+    """The fixed point to which damped Newton's method converges from ``y``.
 
-    least [shape of y]: scales of the states; corrections are relative to the larger of |y| and these.
+    None without convergence, or if a carrier density is negative. Corrections are relative to the larger of |y| and the
+    absolute tolerances of the states.
     """
+    n, floor = problem.rings, system.rings.floor
+    least = np.concatenate([floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
     try:
         for _ in range(ITERATIONS):
             rate, J = problem.slopes(y)
@@ -96,7 +100,8 @@ def at_rest(problem: Problem, y: Array, least: Array) -> Array | None:
             size = float(np.linalg.norm(step / scale))
             # the last correction is below 1e-11
             if size < 1e-11 * np.sqrt(y.size):
-                return np.asarray(y + step)
+                y = y + step
+                return None if np.any(y[2 : 3 * n : 3] < -least[2]) else y
             damping = 1.0
             while damping > 1e-4:
                 following = np.linalg.solve(J, -problem.slopes(y + damping * step)[0])
@@ -109,14 +114,6 @@ def at_rest(problem: Problem, y: Array, least: Array) -> Array | None:
     return None
 
 
-def _newton(system: System, problem: Problem, y: Array) -> Array | None:
-    """The fixed point of a circuit near a state, by `at_rest`; None also if its carrier density is negative."""
-    n = problem.rings
-    least = np.concatenate([system.rings.floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
-    found = at_rest(problem, y, least)
-    return None if found is None or np.any(found[2 : 3 * n : 3] < -least[2]) else found
-
-
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     """Start states for Newton's method: the low-power branch at full power, then random detunings of the hot rings."""
     n, drive = len(system.circuit.names), system.lights.drive
@@ -124,7 +121,7 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     for share in np.geomspace(1e-3, 1.0, RAMP):
         power = drive.power._replace(coefficients=share * drive.power.coefficients)
         weaker = replace(system, lights=system.lights._replace(drive=drive._replace(power=power)))
-        following = _newton(weaker, weaker.problem(Method.RODAS5P), y)
+        following = _fixed_point(weaker, weaker.problem(Method.RODAS5P), y)
         if following is None:
             break
         y = following
@@ -157,33 +154,24 @@ def _state_at(system: System, D: Array) -> Array:
 
 def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
     """The fixed points as a Dataset over state, ring and port, in SI."""
-    circuit, heat = system.circuit, system.heat
-    n, K = heat.gain.shape
-    y = np.array(found).reshape(-1, 3 * n + n * K)
+    n, K = system.heat.gain.shape
+    y = np.array(found).reshape(-1, problem.size)
     x = y[:, 3 * n :].reshape(-1, n, K)
-    own = np.einsum("iik,sik->si", heat.read, x)
-    rises = np.einsum("ijk,sjk->si", heat.read, x) + heat.curvature * own**2
-    rises = rises + np.array([float(offset(0.0)) for offset in system.heating.rises])
+    z = np.einsum("ijk,sjk->si", system.heat.read, x)  # of one ring alone where the model has a curvature
+    rises = z + system.heat.curvature * z**2 + np.array([float(offset(0.0)) for offset in system.heating.rises])
     rows = np.dstack([y[:, : 3 * n].reshape(-1, n, 3), rises]).reshape(len(y), -1)
-    fields, N, rise, absorbed = eq.in_si(system.rings, np.hstack([np.zeros((len(y), 1)), rows]))
-    waves = system.waves(fields, np.zeros(len(y)))[: len(circuit.ports)].T
-    values = np.array([np.linalg.eigvals(problem.slopes(one)[1]) for one in y]).reshape(len(y), -1)
-    first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0] if len(y) else np.empty(0)
-    by_ring = {"energy": np.abs(fields) ** 2, "carriers": N, "delta_T": rise, "absorbed": absorbed}
-    variables: dict[str, Any] = {k: (("state", "ring"), v.T, described(k)) for k, v in by_ring.items()}
-    variables["output"] = (("state", "port"), np.abs(waves) ** 2, described("output"))
-    for name, column, unit, words in (
-        ("growth_rate", first.real / eq.NS, "1/s", "largest real part of the eigenvalues"),
-        ("frequency", np.abs(first.imag) / (2 * np.pi * eq.NS), "Hz", "frequency of that eigenvalue"),
-        ("growing", (values.real > 0).sum(axis=1), "1", "number of growing modes"),
+    states = as_dataset(system, np.hstack([np.zeros((len(y), 1)), rows]))
+    states = states[["energy", "carriers", "delta_T", "absorbed", "output"]].drop_vars("time")
+    states = states.rename_dims(time="state").transpose("state", "ring", "port")
+    values = np.array([np.linalg.eigvals(problem.slopes(one)[1]) for one in y]).reshape(y.shape)
+    first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0]
+    for name, column in (
+        ("growth_rate", first.real / eq.NS),
+        ("frequency", np.abs(first.imag) / (2 * np.pi * eq.NS)),
+        ("growing", (values.real > 0).sum(axis=1)),
     ):
-        variables[name] = ("state", column, {"units": unit, "long_name": words})
-    coordinates = {"ring": list(circuit.names), "port": list(circuit.ports)}
-    attrs = dataset.stamp("fixed points of a circuit") | {
-        "circuit": circuit.name,
-        "detuning": float(system.detuning(0.0)),
-    }
-    return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+        states[name] = ("state", column, dataset.describe(name))
+    return states.assign_attrs(dataset.stamp("fixed points of a circuit"))
 
 
 def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, Complex
+from thermofem.arrays import Array
 
 from ..arguments import detuning_in_time, power_in_time
 from ..heaters import Heating, heating
@@ -37,31 +37,14 @@ class System:
     heating: Heating
     rings: Rings
 
-    @property
-    def corner(self) -> Array:
-        """2 pi times the detector bandwidth (1/ns) of each observed wave, shape (Q,); 0 for none."""
-        found, first = np.zeros(len(self.light.terminals)), self.light.delay.size
-        found[first : first + len(self.circuit.ports)] = 2 * np.pi * eq.NS * np.array(self.circuit.bandwidths)
-        return found
-
     def problem(self, method: Method, *, detected: bool = False, energies: bool = False) -> Problem:
         """The equations for the kernel; ``detected`` adds detector low passes, ``energies`` the integrated powers."""
-        heat, n = self.heat, len(self.circuit.names)
-        own, cross = np.einsum("iik->ik", heat.read), None
-        if heat.crossed:
-            cross = np.where(np.eye(n, dtype=bool)[:, :, None], 0.0, heat.read)
-        network = network_of(
-            self.light,
-            corner=self.corner * detected,
-            energies=energies,
-            hair=2 * SAME_TIME * self.lights.drive.edges[-1],
-        )
+        heat, own = self.heat, np.einsum("iik->ik", self.heat.read)
+        cross = np.where(np.eye(len(own), dtype=bool)[:, :, None], 0.0, heat.read) if heat.crossed else None
+        hair = 2 * SAME_TIME * self.lights.drive.edges[-1]
+        network = network_of(self.light, detected=detected, energies=energies, hair=hair)
         poles = PoleHeat(heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS, own, cross)
         return Problem(self.rings, poles, self.lights.drive, method, network)
-
-    def waves(self, fields: Complex, times: Array) -> Complex:
-        """Observed waves (sqrt(W), shape (Q, m)) from fields (sqrt(J), (N, m)) at times in s; no delays."""
-        return np.asarray(self.light.seen_ring @ fields + self.light.seen_laser @ self.lights.amplitudes(times))
 
 
 def system_of(
@@ -123,12 +106,11 @@ def inputs_of(
     for what, some in (("power", power), ("detuning", given)):
         for name in some:
             checks.choice(f"a name in {what}", name, names)
-    watts = {f"power[{name!r}]": power_in_time(power.get(name, 0.0), duration) for name in names}
+    watts = [power_in_time(power.get(name, 0.0), duration) for name in names]
     shifts = [detuning_in_time(given.get(name, 0.0), duration) for name in names]
     if not all(isinstance(one, float) for one in shifts) and any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("detuning varies, and the circuit has delays, whose phases belong to one frequency")
-    powers = [pieces(what, value, 0.0, duration) for what, value in watts.items()]
-    return powers, [pieces("detuning", value, 0.0, duration) for value in shifts]
+    return [pieces("power", one, 0.0, duration) for one in watts], [pieces("", one, 0.0, duration) for one in shifts]
 
 
 def echoes(edges: Array, light: Light, duration: float) -> Array:
@@ -174,9 +156,3 @@ def lights_of(
         entry=light.from_laser,
         echoes=lambda edges: echoes(edges, light, duration),
     )
-
-
-def beat_of(lights: Lights) -> float:
-    """Largest difference of the angular frequencies of the lit lasers and of the frame, rad/ns."""
-    lit = [bool(np.any(power.coefficients)) for power in lights.powers]
-    return float(np.ptp(np.append(lights.turning[lit], 0.0)))

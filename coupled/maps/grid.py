@@ -81,15 +81,13 @@ def grid_of(
     fixed = {name: float(axis[0]) for name, axis in laser.items() if name not in axes}
     (first, one), (second, other) = axes.items()
     checks.integer("number of points of the map", one.size * other.size, 1, MOST_POINTS)
-    rows = []
-    for a in one.tolist():
-        row = []
-        for b in other.tolist():
-            at = fixed | {first: a, second: b}
-            changed = varied(ring, {name: at[name] for name in own}) if own else ring
-            row.append((changed, at["power"], at["detuning"]))
-        rows.append(row)
-    return Grid((first, second), (one, other), rows, fixed)
+
+    def point(a: float, b: float) -> Point:
+        at = fixed | {first: a, second: b}
+        changed = varied(ring, {name: at[name] for name in own}) if own else ring
+        return changed, at["power"], at["detuning"]
+
+    return Grid((first, second), (one, other), [[point(a, b) for b in other.tolist()] for a in one.tolist()], fixed)
 
 
 def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:

@@ -3,9 +3,12 @@
 import contextlib
 import json
 import math
+import operator
 import os
-from collections.abc import Iterator, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array
+from thermofem.campaign.stored_tasks import WorkerDiedError, completed
 from thermofem.checks import Words
 from thermofem.data import dataset, files
 from thermofem.data.variables import in_si
@@ -30,7 +34,7 @@ from ..runs.resting import Rest
 from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact, check_geometry, long_enough, provenance, trusted
-from .grid import Grid, Point, fixed_of, grid_of
+from .grid import Point, fixed_of, grid_of
 from .settled import Cell, settled_row
 
 FAILED = "failed"
@@ -143,41 +147,43 @@ def pulsing_map(
         attrs |= {"duration": float(duration), "rtol": float(rtol)}
     if order is not None:
         attrs["follow"] = str(order)
+    identity = attrs | {f"axis {name}": axis for name, axis in zip(grid.names, grid.axes, strict=True)}
+    if isinstance(small, Quadratic):
+        identity |= {f"model {name}": getattr(small, name) for name in "AHGBC"}
     pool = contextlib.nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count())
     with (
         pool as workers,  # the integration releases the interpreter's lock
         bar("map", len(grid.rows), show_bar) as moved,
-        journal_of(file, _identity(attrs, grid, small)) as journal,
+        stored_rows(file, identity) as (done, store),
     ):
-        left = [k for k in range(len(grid.rows)) if k not in journal.rows]
-        for _ in journal.rows:
+        left = [k for k in range(len(grid.rows)) if k not in done]
+        for _ in done:
             moved()
-        watches = np.zeros((len(grid.rows), 1))  # above 0 where a row is to end
-        fixed = fixed_of(small, [point for k in left for point in grid.rows[k]])
-        jobs = {}
-        for n, k in enumerate(left):
-            row = grid.rows[k]
-            own = fixed[n * len(row) : (n + 1) * len(row)]
-            way = (settled_row,) if settled else (_row, float(duration), float(rtol), order)
-            jobs[workers.submit(way[0], small, row, own, watches[k], *way[1:])] = k
+        watch = np.zeros(1)  # above 0 where the rows are to end
+        fixed = iter(fixed_of(small, [point for k in left for point in grid.rows[k]]))
+        jobs: dict[partial[list[Cell]], int] = {}
+        for k in left:
+            own = list(islice(fixed, len(grid.rows[k])))
+            work = settled_row if settled else partial(_row, duration=duration, rtol=rtol, follow=order)
+            jobs[partial(work, small, grid.rows[k], own, watch)] = k
         try:
-            for job in as_completed(jobs):
-                journal.add(jobs[job], [list(cell) for cell in job.result()])
-                moved()
+            with contextlib.closing(completed(operator.call, jobs, executor=workers)) as finished:
+                for job, result in finished:
+                    try:
+                        store(jobs[job], result.result())
+                    except WorkerDiedError as error:
+                        done[jobs[job]] = [Cell(FAILED, reason=str(error))] * len(grid.axes[1])
+                    moved()
         finally:  # after Ctrl-C or an error: what runs in threads ends at once, in processes with its row
-            watches[:, 0] = 1.0
-            for job in jobs:
-                job.cancel()
-    rows = [[Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
+            watch[0] = 1.0
+    rows = [done[k] for k in range(len(grid.rows))]
     slow = any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row)
     if slow and not settled and long_enough(small) > duration:
         attrs["suggested_duration"] = long_enough(small)
     columns = {name: np.array([[getattr(cell, name) for cell in row] for row in rows]) for name in Cell._fields}
     trusted(model, columns["rise"])
-    variables: dict[str, Any] = {
-        name: (grid.names, columns[name], dataset.describe(name)) for name in ("regime", "period", "duty", "swing")
-    }
-    variables["reason"] = (grid.names, columns["reason"], {"units": "1", "long_name": "why, in words"})
+    shown = ("regime", "period", "duty", "swing", "reason")
+    variables = {name: (grid.names, columns[name], dataset.describe(name)) for name in shown}
     return xr.Dataset(variables, grid.coordinates(), attrs | doubts)
 
 
@@ -208,15 +214,6 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
             checks.choice(f"a regime of {name}", str(word), REGIMES)
     known = ((one != FAILED) & (other != FAILED)).values
     return float(np.mean(((one == "self-pulsing") == (other == "self-pulsing")).values[known]))
-
-
-def _identity(attrs: dict[str, Any], grid: Grid, model: Compact) -> dict[str, Any]:
-    """Return everything that determines the rows of a map, as JSON data."""
-    numbers = {name: np.asarray(value).tolist() for name, value in attrs.items()}
-    numbers |= {f"axis {name}": axis.tolist() for name, axis in zip(grid.names, grid.axes, strict=True)}
-    if isinstance(model, Quadratic):
-        numbers |= {f"model {name}": np.asarray(getattr(model, name)).tolist() for name in "AHGBC"}
-    return numbers
 
 
 def pulse(
@@ -276,21 +273,35 @@ def _row(
     return cells[::-1] if follow == Follow.DOWN else cells
 
 
-class Journal:
-    """The finished rows of a map, stored in a file unless ``path`` is None.
+@contextlib.contextmanager
+def stored_rows(
+    file: str | Path | None, identity: dict[str, Any]
+) -> Iterator[tuple[dict[int, list[Cell]], Callable[[int, list[Cell]], None]]]:
+    """Yield the finished rows of a map by number, and a function that adds one to them and to the file, locked.
 
     The file has one JSON line that identifies the map, then one for each finished row with its hash, in the order of
     completion. A damaged line, as an interrupted run leaves it, is ignored: its row is computed again.
 
+    identity: everything that the rows depend on.
     Raises InputError: the file is of another map, or of something else (it is not changed); it cannot be read or
         written.
     """
+    rows: dict[int, list[Cell]] = {}
+    if file is None:
+        yield rows, rows.__setitem__
+        return
+    path, head = checks.path("file", file), json.dumps({"journal": VERSION, **files.plain(identity)}, sort_keys=True)
 
-    def __init__(self, path: Path | None, identity: dict[str, Any]) -> None:
-        self.path, self.rows = path, dict[int, list[Any]]()
-        head = json.dumps({"journal": VERSION, **identity}, sort_keys=True)
-        if path is None:
-            return
+    def store(row: int, cells: list[Cell]) -> None:
+        rows[row] = cells
+        kept = [row, files.plain(cells)]
+        with (
+            checks.prefixed(f"{path} cannot be written", OSError, hint="what it holds so far is kept"),
+            path.open("a", encoding="utf-8") as stream,
+        ):
+            stream.write(json.dumps([*kept, files.digest_tree(kept)[:16]]) + "\n")
+
+    with files.locked(path.with_name(f".{path.name}.lock"), str(path)):
         content = files.read_bytes(path, "map").decode(errors="replace") if os.path.lexists(path) else ""
         first, *lines = content.splitlines() or [""]
         if first != head and (lines or not head.startswith(content)):  # a kill may cut off the head, too
@@ -304,27 +315,11 @@ class Journal:
         for line in lines:
             row = _parsed(line)
             if isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]:
-                self.rows[row[0]] = [[math.nan if value is None else value for value in cell] for cell in row[1]]
+                rows[row[0]] = [Cell._make(math.nan if value is None else value for value in cell) for cell in row[1]]
                 good.append(line)
         if content != (whole := "".join(f"{line}\n" for line in good)):
             files.write_whole(path, lambda temporary: temporary.write_text(whole, encoding="utf-8"))
-
-    def add(self, row: int, cells: list[Any]) -> None:
-        """Append one row, and flush it to the disk."""
-        self.rows[row] = cells
-        if self.path is None:
-            return
-        kept = [row, files.plain(cells)]
-        line = json.dumps([*kept, files.digest_tree(kept)[:16]], allow_nan=False)
-        try:
-            with open(self.path, "a", encoding="utf-8") as file:
-                file.write(line + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise checks.InputError(
-                f"{self.path} cannot be written: {error.strerror}; what it holds so far is kept"
-            ) from None
+        yield rows, store
 
 
 def _parsed(line: str) -> Any:
@@ -332,14 +327,3 @@ def _parsed(line: str) -> Any:
     with contextlib.suppress(checks.InputError):
         return files.from_json(line)
     return None
-
-
-@contextlib.contextmanager
-def journal_of(file: str | Path | None, identity: dict[str, Any]) -> Iterator[Journal]:
-    """Yield the journal of a map, whose file is locked meanwhile; ``identity``: everything that the rows depend on."""
-    if file is None:
-        yield Journal(None, identity)
-        return
-    path = checks.path("file", file)
-    with files.locked(path.with_name(f".{path.name}.lock"), str(path)):
-        yield Journal(path, identity)

@@ -12,10 +12,10 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.checks import Words
 from thermofem.data import quantity
-from thermofem.data.variables import in_si
+from thermofem.data.variables import contents
 
 from ..arguments import LONGEST
-from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss
+from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, miss
 from .resting import Rest, rest_of_run
 
 if TYPE_CHECKING:
@@ -78,10 +78,10 @@ class Pulsing:
 
     regime: Regime
     reason: str
-    period: float
-    duty: float
-    swing: float
-    cycles: int
+    period: float = float("nan")
+    duty: float = float("nan")
+    swing: float = float("nan")
+    cycles: int = 0
     extinction: float = float("nan")
     pattern: int = 1
     drift: float = float("nan")
@@ -125,13 +125,14 @@ def pulsing(run: xr.Dataset) -> Pulsing:
 
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
-    checks.has("run", run, "variables", "sizes", hint="a Dataset from coupled.simulate is needed")
-    run = in_si("run", run)
+    checks.has("run", run, "coords", hint="a Dataset from coupled.simulate is needed")
+    of_circuit = "ring" in run.coords  # the drop power of a ring is its energy times a constant
+    needed = ("time", "carriers", "energy" if of_circuit else "drop", "delta_T")
+    run = contents("run", run, needed, what="a Dataset from coupled.simulate")
     if run.sizes.get("ring"):
         names = run["ring"].values
         raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
-    of_circuit = "ring" in run.coords  # the drop power of a ring is its energy times a constant
-    t, N, drop, dT = (_values(run, n) for n in ("time", "carriers", "energy" if of_circuit else "drop", "delta_T"))
+    t, N, drop, dT = (_values(run, name) for name in needed)
     if not drop.any() and "energy" in run.variables:
         drop = _values(run, "energy")
     steps = checks.integer("run.attrs['steps']", run.attrs.get("steps", 0), 0, 1e18)
@@ -203,7 +204,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
         late = N[t >= t[-1] - share * (t[-1] - t[0])]
         if np.ptp(late) <= noise * late.max():
-            return _rests(f"the {what} are constant over the last {share:.0%}", swing)
+            return Pulsing(Regime.STABLE, f"the {what} are constant over the last {share:.0%}", swing=swing)
         up = crossings(t, N, (late.min() + late.max()) / 2)
         waits = np.diff(up, append=t[-1])  # the last one is still running
         if up.size >= 3 and waits[-2] <= 1.5 * waits[-6:-2].max() and waits[-1] <= 1.5 * waits[-6:-1].max():
@@ -222,7 +223,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
-        return _rests(seen + "an oscillation that dies away", swing, heights.size)
+        reason = seen + "an oscillation that dies away"
+        return Pulsing(Regime.STABLE, reason, swing=swing, cycles=heights.size)
     wanted = _until_settled(tops, float(t[-1] - t[0]))
     if not abs(limit / tops[-1] - 1) <= close or tops[-1] < (1 - close) * tops[-2:].max():
         return _slow(f"{seen}an oscillation still falling, to where is not clear", wanted, swing, heights.size)
@@ -234,8 +236,10 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     begin, end = float(up[-1 - together]), float(up[-1])
     lengths = -np.diff(up[::-together])[::-1]  # of whole patterns, the last one at the end
     *_, earlier, drift = (0.0, 0.0, *(lengths[1:] / lengths[:-1] - 1))
+    # while heat settles, the change gets smaller from cycle to cycle; one that grows may end the pulses
+    most = max(SETTLED, min(FAR, abs(earlier))) if earlier * drift > 0 else FAR
     unclear = 0.0 if every_step else 1 / samples
-    if abs(drift) > max(unclear, longest_change(earlier, drift, heights.size > 2 * together)):
+    if abs(drift) > max(unclear, most if heights.size > 2 * together else SETTLED):
         words = f"{heights.size} cycles, whose length changes by {100 * drift:+.2g} % from one to the next"
         words += f", after {100 * earlier:+.2g} %" if abs(drift) <= FAR and earlier else ""
         return _slow(words, wanted, swing, heights.size)
@@ -243,6 +247,9 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     left = [f"cycles differ by {100 * unequal:.2g} %"] if 10 * noise < unequal < np.inf else []
     if abs(drift) > STEADY_PERIOD:
         left.append(f"the period {'grows' if drift > 0 else 'falls'} by {100 * abs(drift):.2g} % per cycle")
+    # the largest that so many samples per cycle cause
+    errors = f", {samples:.0f} samples a cycle: period within {50 / samples:.1g} %, "
+    errors += f"duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
     return Pulsing(
@@ -252,7 +259,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         + " amplitude"
         + (f", in a pattern of {together}" if together > 1 else "")
         + (f"; not settled: {', '.join(left)}" if left else "")
-        + ("" if every_step else _sampled(samples)),
+        + (errors if samples <= CLEAR and not every_step else ""),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
         swing=float(np.ptp(dT[last])),
@@ -261,14 +268,6 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         pattern=together,
         drift=float(drift),
     )
-
-
-def _sampled(samples: float) -> str:
-    """Return a note on the largest errors that so many samples per cycle cause; empty above 320 samples."""
-    if samples > CLEAR:
-        return ""
-    known = f"period within {50 / samples:.1g} %, duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
-    return f", {samples:.0f} samples a cycle: {known}"
 
 
 def _until_settled(tops: Array, passed: float) -> float:
@@ -324,20 +323,16 @@ def _under_way(t: Array, N: Array, what: str, swing: float, cycles: int) -> Puls
         if later > max(earlier, GROWS * tail.max()):
             return _slow(f"a movement of the {what} that grows instead of dying away", wanted, swing, cycles)
         words = f"in the last quarter of the run the {what} change by {100 * change:.1g} % only"
-        return _rests(words, swing, cycles)
+        return Pulsing(Regime.STABLE, words, swing=swing, cycles=cycles)
     seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
     return _slow(f"{seen}, yet still moving", wanted, swing, cycles)
-
-
-def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
-    return Pulsing(Regime.STABLE, reason, float("nan"), float("nan"), swing, cycles)
 
 
 def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
     """Return a slow transient with the suggested duration ``wanted`` in s, at most `arguments.LONGEST`."""
     wanted = min(wanted, LONGEST)
-    found = replace(_rests(reason + _advice(wanted), swing, cycles), suggested_duration=wanted)
-    return replace(found, regime=Regime.SLOW_TRANSIENT)
+    reason += _advice(wanted)
+    return Pulsing(Regime.SLOW_TRANSIENT, reason, swing=swing, cycles=cycles, suggested_duration=wanted)
 
 
 def _advice(wanted: float) -> str:
@@ -346,8 +341,6 @@ def _advice(wanted: float) -> str:
 
 def _values(run: xr.Dataset, name: str) -> Array:
     """Return one variable of a run as a checked array."""
-    if name not in getattr(run, "variables", {}):
-        raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")
     values = checks.array(f"run.{name}", run[name].values, increasing=name == "time")
     checks.enough(f"run.{name}", values.size, FEWEST)
     return values

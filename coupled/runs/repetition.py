@@ -69,14 +69,3 @@ def doubled(heights: Array, least: float) -> bool:
     alternate = steps.size == 4 and bool(np.all(steps[1:] * steps[:-1] < 0))
     size = np.abs(steps)
     return alternate and size[-1] > least * heights[-1] and bool(np.all(size[1:] > (1 - SETTLED) * size[:-1]))
-
-
-def longest_change(earlier: float, drift: float, enough: bool) -> float:
-    """Return the largest relative change of the period per cycle with which a trace counts as self-pulsing.
-
-    earlier, drift: the last two changes. enough: whether there are more cycles than necessary. While heat settles, the
-    change gets smaller from cycle to cycle; one that grows may end the pulses.
-    """
-    if not enough:
-        return SETTLED
-    return max(SETTLED, min(FAR, abs(earlier))) if earlier * drift > 0 else FAR

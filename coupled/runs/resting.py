@@ -37,12 +37,9 @@ class Rest(NamedTuple):
 
     def nearest(self, energy: float, delta_T: float) -> tuple[int, float]:
         """Return the index of the fixed point nearest to a state, and the larger relative error of energy and rise."""
-        off = [
-            np.abs(at - here) / np.maximum(np.abs(at), abs(here) + TINY)
-            for at, here in ((self.energy, energy), (self.delta_T, delta_T))
-        ]
-        k = int(np.argmin(np.maximum(*off)))
-        return k, float(max(off[0][k], off[1][k]))
+        at, here = np.array([self.energy, self.delta_T]), np.array([[energy], [delta_T]])
+        off = (np.abs(at - here) / np.maximum(np.abs(at), np.abs(here) + TINY)).max(axis=0)
+        return int(off.argmin()), float(off.min())
 
 
 def rest_of_run(run: xr.Dataset) -> Rest | None:
@@ -51,14 +48,15 @@ def rest_of_run(run: xr.Dataset) -> Rest | None:
     This is so for traces that are not of `simulate`, for quadratic models, and for several lasers.
     """
     attrs = run.attrs
+    if "lasers" in attrs:
+        return None
     try:
-        ring, power, detuning = ring_in(attrs["ring_parameters"]), _last(run, "input_power"), _last(run, "detuning")
+        ring, rise = ring_in(attrs["ring_parameters"]), float(attrs.get("heater_rise", 0.0))
+        light = (run[name].values[-1] if name in run.variables else attrs[name] for name in ("input_power", "detuning"))
+        power, detuning = map(float, light)
         model: Any = Foster(np.atleast_1d(attrs["model_R"]), np.atleast_1d(attrs["model_tau"]))
         if "model_coefficient" in attrs:
             model = OutputMap(model, attrs["model_coefficient"])
-        rise = float(attrs.get("heater_rise", 0.0))
-        if "lasers" in attrs:
-            return None
         if power == 0:
             return Rest(np.zeros(1), np.array([rise]), np.array([-np.inf]))
         found = steady_states(ring, model, power=power, detuning=detuning + turned_by(rise, ring))
@@ -73,8 +71,3 @@ def ring_in(text: str) -> RingResonator:
     kind = ShockleyReadHall if "tau_n" in fields["carriers"] else ConstantLifetime
     pairs = {name: tuple(tuple(pair) for pair in fields[name]) for name in ("fcd", "rates")}
     return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"])})
-
-
-def _last(run: xr.Dataset, name: str) -> float:
-    """Return the value of an input, such as the power, at the end of a run."""
-    return float(run[name].values[-1] if name in run.variables else run.attrs[name])

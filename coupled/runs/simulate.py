@@ -164,9 +164,9 @@ def simulate(
     begin = starting_point(initial, small.order, described)
     asked, kept = dense_times(model, wanted, duration)
     run = advance(
-        ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"], offset=heat.rises[0],
-        lasers=others, fields=_further_fields(initial), rtol=rtol, method=chosen, times=asked, event=event,
-        progress=progress,
+        ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"],
+        offset=heat.rises[0] if heat.powers else 0.0, lasers=others, fields=_further_fields(initial), rtol=rtol,
+        method=chosen, times=asked, event=event, progress=progress,
     )  # fmt: skip
     trusted(model, run.delta_T)
     end = run.final
@@ -176,10 +176,10 @@ def simulate(
     static = sum(picked.transfers[name].thermal_resistance * float(p(run.reached)) for name, p in heat.powers.items())
     places = np.array([one.frequency for one in run.resonances[1:]])
     several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
+    time = {"time": ("time", run.time, dataset.describe("time"))}
     found = xr.Dataset(
-        {**traces(run, light), **heater_powers(heat.powers, run.time)},
-        {"time": ("time", run.time, dataset.describe("time"))},
-        {
+        traces(run, light) | heater_powers(heat.powers, run.time) | time,
+        attrs={
             **provenance(ring, light, duration),
             **doubts,
             "driven_until": max(run.lights.driven_until, heat.driven_until),

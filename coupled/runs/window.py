@@ -217,10 +217,8 @@ def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     t, ar, ai, N, _ = rows.T
     pump = float(drive.entry[0, 0].real) * np.sqrt(np.maximum(values(drive.power, t * eq.NS)[0], 0))
     U = ar**2 + ai**2
-    gamma = rates.loss + rates.fca * N + rates.tpa * U
-    U_slope = 2 * (pump * ai - gamma * U)
-    recombination = N * (1 + rates.b * N) / (rates.tau0 * (1 + rates.a * N))
-    N_slope = rates.g * U**2 - recombination
+    U_slope = 2 * (pump * ai - (rates.loss + rates.fca * N + rates.tpa * U) * U)
+    N_slope = rates.g * U**2 - N * (1 + rates.b * N) / (rates.tau0 * (1 + rates.a * N))
     slope = 2 * (rates.absorbed + rates.fca * N + 2 * rates.tpa * U) * U_slope + 2 * rates.fca * U * N_slope
     return slope * eq.UW / eq.NS
 

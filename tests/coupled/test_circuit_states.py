@@ -1,5 +1,7 @@
 """Fixed points and limit cycles of circuits: against a ring alone, by differences, and against long runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rings import RING, SECOND_ORDER
@@ -22,6 +24,16 @@ def test_one_ring_has_the_fixed_points_of_steady_states(power, detuning):
         assert ours[name].values[:, 0] == pytest.approx(alone[name].values, rel=1e-8, abs=0)
     assert ours.growth_rate.values == pytest.approx(alone.growth_rate.values, rel=1e-6, abs=1e-3)
     assert ours.output.sel(port="drop 1").values == pytest.approx(alone["drop"].values, rel=1e-8, abs=0)
+
+
+def test_a_detector_with_a_bandwidth_does_not_change_fixed_points():
+    """A fixed point has constant light, which every detector shows whole."""
+    slow = replace(coupled.bus(RING), detectors=[coupled.Detector("through", "ring 1.through", bandwidth=1e9)])
+    fast = replace(slow, detectors=[coupled.Detector("through", "ring 1.through")])
+    light = {"power": {"in": 5e-3}, "detuning": -32e9}
+    ours, wanted = (coupled.steady_states(one, SECOND_ORDER, **light) for one in (slow, fast))
+    assert ours.sizes["state"] == 3
+    assert np.array_equal(ours.output, wanted.output)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import replace
 from importlib import import_module
 
@@ -19,6 +20,7 @@ from coupled.plot import plot_map
 from coupled.ring_toml import UNITS
 from coupled.thermal import long_enough
 from coupled.unknowns import optical_names
+from thermofem.campaign.stored_tasks import WorkerDiedError
 from thermofem_cli import app
 
 SHORT = {"duration": 6e-6}
@@ -102,6 +104,38 @@ def test_a_damaged_row_is_computed_again(tmp_path, edit):
 def test_a_file_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(th.InputError, match="cannot be"):
         coupled.pulsing_map(RING, SECOND_ORDER, P[:1], NU[:2], file=tmp_path, **SHORT)
+
+
+class Dying(Executor):
+    """An executor whose worker dies with every task."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        future.set_exception(BrokenExecutor("the worker died"))
+        return future
+
+
+def test_a_row_whose_worker_dies_is_tried_once_more(tmp_path, monkeypatch):
+    arguments = (RING, SECOND_ORDER, P, NU[:2])
+    whole = coupled.pulsing_map(*arguments, **SHORT)
+    assert coupled.pulsing_map(*arguments, executor=Dying(), **SHORT).identical(whole)
+
+    def second_dies_again(function, tasks, **_):
+        for k, task in enumerate(tasks):
+            future = Future()
+            if k:
+                future.set_exception(WorkerDiedError("its worker process was killed twice"))
+            else:
+                future.set_result(function(task))
+            yield task, future
+
+    with monkeypatch.context() as patched:
+        patched.setattr(import_module("coupled.maps.pulsing_map"), "completed", second_dies_again)
+        found = coupled.pulsing_map(*arguments, file=tmp_path / "rows", **SHORT)
+    assert np.array_equal(found.regime.values[0], whole.regime.values[0])
+    assert found.regime.values[1].tolist() == ["failed", "failed"]
+    assert "killed twice" in found.reason.values[1, 0]
+    assert coupled.pulsing_map(*arguments, file=tmp_path / "rows", **SHORT).identical(whole)
 
 
 @pytest.mark.parametrize("follow", ["up", "down"])

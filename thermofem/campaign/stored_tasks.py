@@ -11,7 +11,7 @@ import logging
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -95,7 +95,7 @@ class WorkerDiedError(RuntimeError):
 
 def completed(
     function: Callable[[T], Any], tasks: Iterable[T], *, executor: Executor | None = None, workers: int | None = None
-) -> Iterator[tuple[T, Future[Any]]]:
+) -> Generator[tuple[T, Future[Any]]]:
     """Yield each task with its finished future, in the order of completion.
 
     executor: the caller's, left open; where it breaks, worker processes go on. None takes worker processes alone.
