@@ -19,9 +19,6 @@ template <class T> inline double magnitude(const T& x) { return fabs(value(x)); 
 DUAL operator+(const Dual<C, S>& a, const Dual<C, S>& b) {
   Dual<C, S> r; r.v = a.v + b.v; DERIVATIVES(a.d[i] + b.d[i]);
 }
-DUAL operator-(const Dual<C, S>& a, const Dual<C, S>& b) {
-  Dual<C, S> r; r.v = a.v - b.v; DERIVATIVES(a.d[i] - b.d[i]);
-}
 DUAL operator*(const Dual<C, S>& a, const Dual<C, S>& b) {
   Dual<C, S> r; r.v = a.v * b.v; DERIVATIVES(a.d[i] * b.v + a.v * b.d[i]);
 }
@@ -29,6 +26,7 @@ DUAL operator/(const Dual<C, S>& a, const Dual<C, S>& b) {
   Dual<C, S> r; S q = 1.0 / b.v; r.v = a.v * q; DERIVATIVES((a.d[i] - r.v * b.d[i]) * q);
 }
 DUAL operator-(const Dual<C, S>& a) { Dual<C, S> r; r.v = -a.v; DERIVATIVES(-a.d[i]); }
+DUAL operator-(const Dual<C, S>& a, const Dual<C, S>& b) { return a + -b; }
 DUAL operator+(const Dual<C, S>& a, double b) { Dual<C, S> r = a; r.v = a.v + b; return r; }
 DUAL operator+(double b, const Dual<C, S>& a) { return a + b; }
 DUAL operator-(const Dual<C, S>& a, double b) { return a + -b; }
@@ -59,3 +57,25 @@ template <int C, class S> inline Dual<C, S> seeded(const S& v, int at) {
 }
 #undef DUAL
 #undef DERIVATIVES
+
+// end = f(y0), n numbers, and the columns of V, n x columns, become their products with df/dy. T:
+// numbers with C derivatives, or double with no columns. f(y) returns where its values stand.
+template <class T, class Map>
+void differentiate(int n, const double* y0, double* end, double* V, int columns, T* y,
+                   const Map& f) {
+  constexpr int C = sizeof(T) / sizeof(double) - 1;
+  for (int first = 0; first == 0 || first < columns; first += C ? C : 1) {
+    for (int i = 0; i < n; i++) {
+      y[i] = zero<T>() + y0[i];
+      if constexpr (C > 0)
+        for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
+    }
+    const T* found = f(y);
+    for (int i = 0; i < n; i++) {
+      end[i] = value(found[i]);
+      if constexpr (C > 0)
+        for (int c = 0; c < C && first + c < columns; c++)
+          V[i * columns + first + c] = found[i].d[c];
+    }
+  }
+}

@@ -45,13 +45,13 @@ def _structure(name: str, *fields: tuple[str, Any]) -> Any:
     return type(name, (c.Structure,), {"_fields_": parts})
 
 
-_Table = _structure("_Table", ("pieces columns terms", _I), ("edges c", _P))
+_Table = _structure("_Table", ("columns terms", _I), ("place edges c", _P))
 _Method = _structure("_Method", ("stages order", _I), ("gamma", _D), ("a c dense at slope", _P))
 _Problem = _structure(
     "_Problem",
     ("rings fields order terms lasers pieces heat light delays waves", _I),
     ("method", _Method),
-    ("modes carriers dispersion bend own floor gain rate read cross A H G B C weight edges", _P),
+    ("modes carriers dispersion bend own floor read weight gain rate cross A H G B edges jumps varies", _P),
     ("power phase detuning", _Table),
     ("entry brightest sequence between taken sent delay late seen_ring seen_laser seen_late corner", _P),
     ("energies", _I),
@@ -114,6 +114,18 @@ class Polynomials(NamedTuple):
     edges: Array
     coefficients: Array
     """Shape (pieces, functions, terms), constant term first."""
+
+    def over(self, edges: Array, size: Callable[[Array], Array], least: float | Array) -> tuple[Array, Array, Array]:
+        """Return, for each interval between ``edges``, the piece there, and whether the functions jump and vary.
+
+        They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
+        """
+        c, middle = self.coefficients, (edges[1:] + edges[:-1]) / 2
+        place = np.clip(np.searchsorted(self.edges, middle, side="right") - 1, 0, len(c) - 1)
+        ends = (c * np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])).sum(axis=2)
+        jumps = (np.abs(size(c[1:, :, 0]) - size(ends[:-1])) > least).any(axis=1).cumsum()
+        before = np.append(0, jumps)[place]
+        return place, np.diff(before, prepend=0) > 0, c[:, :, 1:].any(axis=(1, 2))[place]
 
 
 class Drive(NamedTuple):
@@ -232,17 +244,29 @@ class Problem:
         for name in ("modes", "carriers", "dispersion", "floor"):
             setattr(kernel, name, self._at(getattr(rings, name)))
         kernel.bend = self._at(np.full(R, rings.bend))
-        quadratic = isinstance(heat, QuadraticHeat)
-        kernel.heat, self.order = int(quadratic), len(heat.C) if isinstance(heat, QuadraticHeat) else heat.gain.shape[1]
-        kernel.order = self.order
-        for name, values in heat._asdict().items():
+        if isinstance(heat, QuadraticHeat):
+            kernel.heat, given = 1, {"read": heat.C, **heat._asdict()}
+        else:
+            read = np.ones_like(heat.gain) if heat.read is None else heat.read
+            given = {**heat._asdict(), "read": read, "weight": np.abs(read)}
+        for name, values in given.items():
             setattr(kernel, name, self._at(values))
+        self.order = kernel.order = given["read"].shape[-1]
         kernel.lasers, kernel.pieces = drive.entry.shape[1], len(drive.edges) - 1
         kernel.edges, kernel.brightest = self.edges.ctypes.data, self._at(drive.brightest)
-        for name in ("power", "phase", "detuning"):
-            edges, table = getattr(drive, name)
-            setattr(kernel, name, _Table(*table.shape, self._at(edges), self._at(table)))
+        jumps = np.full(kernel.pieces, network is not None and network.delay.size > 0)  # light that comes back may
+        varies = jumps
+        for name, size, least in (
+            ("power", lambda P: np.sqrt(np.maximum(P, 0)), 1e-6 * np.sqrt(drive.brightest)),
+            ("phase", np.zeros_like, 0.0),  # it does not jump
+            ("detuning", np.asarray, 1e-6 * rings.modes[:, 0, 0].max()),
+        ):
+            functions: Polynomials = getattr(drive, name)
+            place, jumped, changing = functions.over(self.edges, size, least)
+            jumps, varies, (_, *sizes) = jumps | jumped, varies | changing, functions.coefficients.shape
+            setattr(kernel, name, _Table(*sizes, self._at(place, np.int32), *map(self._at, functions)))
         self._detunings = self._kept[-1]
+        kernel.jumps, kernel.varies = self._at(jumps, np.int32), self._at(varies, np.int32)
         kernel.entry = self._at(drive.entry, complex)
         kernel.own = self._at(np.zeros(R) if network is None else network.own, complex)
         self.waves = self.energies = 0
@@ -409,9 +433,9 @@ class Problem:
 
     def slopes(self, y: Array, piece: int = 0, t: float | None = None) -> tuple[Array, Array]:
         """Return dy/dt, shape (n,), and its derivative with respect to y, (n, n), at t (ns) in a piece of the drive."""
-        y, rate, J = np.ascontiguousarray(y, dtype=float), np.empty(self.size), np.empty((self.size, self.size))
+        y, rate, J = np.ascontiguousarray(y, dtype=float), np.empty(self.size), np.eye(self.size)
         at = _D(self.edges[piece] if t is None else t)
-        self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J))
+        self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J), _I(self.size))
         return rate, J
 
 

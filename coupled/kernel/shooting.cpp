@@ -84,7 +84,7 @@ struct Newton {
     memset(V, 0, m * n * sizeof(double));
     for (int j = 0; j < n; j++) V[c.slow[j] * n + j] = 1;
     ring_follow(c.p, begin, c.steps, c.count, expected, V, n, c.memory);
-    ring_slopes(c.p, end, 0, 0, rate, J, c.memory);
+    ring_slopes(c.p, end, 0, 0, rate, nullptr, 0, c.memory);
     for (int j = 0; j < n; j++) {
       dT[j] = -V[2 * n + j] / rate[2];
       for (int i = 0; i < m; i++) M[i * n + j] = V[i * n + j] + rate[i] * dT[j];
@@ -123,7 +123,7 @@ EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, do
   Turns& c = *turns;
   Loop none = {};
   const int64_t step = ring_integrate(c.p, &none, 0, 0, 0, 0, 0, 0, 0);
-  const int64_t more = ring_follow(c.p, 0, 0, 0, 0, 0, 8, 0) + ring_slopes(c.p, 0, 0, 0, 0, 0, 0);
+  const int64_t more = ring_follow(c.p, 0, 0, 0, 0, 0, 8, 0) + ring_slopes(c.p, 0, 0, 0, 0, 0, 0, 0);
   Arena arena = {c.memory};
   arena.take<char>(step > more ? step : more);
   Newton newton(c, arena);
