@@ -19,6 +19,9 @@ template <class T> inline double magnitude(const T& x) { return fabs(value(x)); 
 DUAL operator+(const Dual<C, S>& a, const Dual<C, S>& b) {
   Dual<C, S> r; r.v = a.v + b.v; DERIVATIVES(a.d[i] + b.d[i]);
 }
+DUAL operator-(const Dual<C, S>& a, const Dual<C, S>& b) {
+  Dual<C, S> r; r.v = a.v - b.v; DERIVATIVES(a.d[i] - b.d[i]);
+}
 DUAL operator*(const Dual<C, S>& a, const Dual<C, S>& b) {
   Dual<C, S> r; r.v = a.v * b.v; DERIVATIVES(a.d[i] * b.v + a.v * b.d[i]);
 }
@@ -26,7 +29,6 @@ DUAL operator/(const Dual<C, S>& a, const Dual<C, S>& b) {
   Dual<C, S> r; S q = 1.0 / b.v; r.v = a.v * q; DERIVATIVES((a.d[i] - r.v * b.d[i]) * q);
 }
 DUAL operator-(const Dual<C, S>& a) { Dual<C, S> r; r.v = -a.v; DERIVATIVES(-a.d[i]); }
-DUAL operator-(const Dual<C, S>& a, const Dual<C, S>& b) { return a + -b; }
 DUAL operator+(const Dual<C, S>& a, double b) { Dual<C, S> r = a; r.v = a.v + b; return r; }
 DUAL operator+(double b, const Dual<C, S>& a) { return a + b; }
 DUAL operator-(const Dual<C, S>& a, double b) { return a + -b; }

@@ -120,12 +120,14 @@ class Polynomials(NamedTuple):
 
         They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
         """
-        c, middle = self.coefficients, (edges[1:] + edges[:-1]) / 2
-        place = np.clip(np.searchsorted(self.edges, middle, side="right") - 1, 0, len(c) - 1)
-        ends = (c * np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])).sum(axis=2)
-        jumps = (np.abs(size(c[1:, :, 0]) - size(ends[:-1])) > least).any(axis=1).cumsum()
-        before = np.append(0, jumps)[place]
-        return place, np.diff(before, prepend=0) > 0, c[:, :, 1:].any(axis=(1, 2))[place]
+        c, place = self.coefficients, np.zeros(len(edges) - 1, dtype=np.int32)
+        jumped = place > 0
+        if len(c) > 1:
+            place = np.searchsorted(self.edges[1:-1], (edges[1:] + edges[:-1]) / 2, side="right")
+            ends = (c * np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])).sum(axis=2)
+            jumps = (np.abs(size(c[1:, :, 0]) - size(ends[:-1])) > least).any(axis=1)
+            jumped[1:] = np.diff(np.append(0, jumps.cumsum())[place]) > 0
+        return place, jumped, c[:, :, 1:].any(axis=(1, 2))[place]
 
 
 class Drive(NamedTuple):
@@ -255,7 +257,7 @@ class Problem:
         kernel.lasers, kernel.pieces = drive.entry.shape[1], len(drive.edges) - 1
         kernel.edges, kernel.brightest = self.edges.ctypes.data, self._at(drive.brightest)
         jumps = np.full(kernel.pieces, network is not None and network.delay.size > 0)  # light that comes back may
-        varies = jumps
+        varies = np.zeros_like(jumps)
         for name, size, least in (
             ("power", lambda P: np.sqrt(np.maximum(P, 0)), 1e-6 * np.sqrt(drive.brightest)),
             ("phase", np.zeros_like, 0.0),  # it does not jump

@@ -41,9 +41,10 @@ template <class T> struct Network {
   Ring<1>* ring;
   Poles<T>* heat;
   Block<1, T, Poles<T>>* block;
-  T *k, *kx, *z_start, *z_end, *now, *right, *dense, (*passed)[B + 2][2];
+  T *k, *kx, *z_start, *z_end, *now, *right, *dense;
   int* pivot;
   double *nodes, *gathered;
+  Dual<1>* brought;
   // Heat of the neighbours after the step; and the parabola through that at the times of the last
   // steps, newest first, by divided differences.
   T *after, *values, *first, *second;
@@ -56,10 +57,11 @@ template <class T> struct Network {
     block = arena.take<Block<1, T, Poles<T>>>(R);
     k = arena.take<T>(STAGES * R * Z), kx = arena.take<T>(STAGES * R * K);
     z_start = arena.take<T>(R), z_end = arena.take<T>(R);
-    now = arena.take<T>(R * Z), right = arena.take<T>(R * Z), passed = arena.take<T[B + 2][2]>(R);
+    now = arena.take<T>(R * Z), right = arena.take<T>(R * Z);
     const size_t n = p.light == LOOPS ? R * B : 0;
     dense = arena.take<T>(n * n), pivot = arena.take<int>(n);
     nodes = arena.take<double>(10 * Q), gathered = nodes + 8 * Q, times = arena.take<double>(3);
+    brought = arena.take<Dual<1>>(STAGES * 2 * R);
     after = arena.take<T>(4 * R), values = after + R, first = values + R, second = first + R;
     for (int i = 0; i < R; i++) {
       const Poles<T> own(p, i, kx, arena);
@@ -202,69 +204,60 @@ template <class T> struct Network {
   // ---- the step --------------------------------------------------------------------------------
 
   bool step(const T* y, double t, double h, const Light* light, T* out) {
-    for (int q = 0; q < S; q++)
-      for (int d = 0; d < D; d++) {  // what delays bring
+    Light lit[STAGES];  // also by what delays bring
+    for (int q = 0; q < S && D; q++) {
+      lit[q] = {brought + 2 * R * q, light[q].detuning};
+      memcpy(lit[q].in, light[q].in, 2 * R * sizeof *brought);
+      for (int d = 0; d < D; d++) {
         Dual<1> wave[2];
         delayed(d, t + p.method.at[q] * h, (1 - 2 * p.method.at[q]) * p.hair, wave);
-        for (int i = 0; i < R; i++)
-          add_product(light[q].in + 2 * i, p.late + 2 * (i * D + d), wave);
+        for (int i = 0; i < R; i++) add_product(lit[q].in + 2 * i, p.late + 2 * (i * D + d), wave);
       }
+    }
+    if (D) light = lit;
     for (int i = 0; i < R; i++) {
       block[i].linearize(y + i * B, y + R * B + i * K, extrapolated(i, t), light[0].detuning + i,
                          1 / (p.method.gamma * h));
       if (p.light == LOOPS) continue;
       invert(block[i].matrix);
-      for (int m = 0; m < B; m++) {
-        const T* row = block[i].matrix[m];
-        const double* taken = p.taken + 2 * i;
-        passed[i][m][0] = taken[0] * row[0] + taken[1] * row[1];
-        passed[i][m][1] = taken[0] * row[1] - taken[1] * row[0];
-      }
-      for (int m = 0; m < 2; m++) {
-        const double* sent = p.sent + 2 * i;
-        passed[i][B][m] = sent[0] * passed[i][0][m] - sent[1] * passed[i][1][m];
-        passed[i][B + 1][m] = sent[0] * passed[i][1][m] + sent[1] * passed[i][0][m];
-      }
     }
     if (p.light == LOOPS) fill();
     for (int q = 0; q < S; q++) {
       const Stage stage(p.method, S, q, h);
       for (int i = 0; i < R; i++) {
-        T push = zero<T>();  // a change of the neighbours' in time is one of dT, not of z
-        if (p.cross)
-          push = (first[i] + second[i] * (t - times[1])) * stage.slope
-                 / (1.0 + (2 * ring[i].bend) * block[i].start[B]);
-        block[i].ask(stage, k + i * Z, R * Z, light, i, extrapolated(i, t + stage.at), push,
-                     now + i * Z, right + i * Z);
+        T* r = right + i * Z;
+        const T rise = p.cross ? extrapolated(i, t + stage.at) : zero<T>();
+        block[i].ask(stage, k + i * Z, R * Z, light, i, rise, now + i * Z, r);
+        if (!p.cross) continue;
+        const T slope = 1.0 + (2 * ring[i].bend) * block[i].start[B];  // of dT by z
+        const T push = (first[i] + second[i] * (t - times[1])) * stage.slope / slope;
+        for (int m = 0; m < B; m++) r[m] += block[i].u[m] * push;
       }
       if (p.light == LOOPS) solve_loops(); else solve_along_bus();
       for (int i = 0; i < R; i++) block[i].answer(q, right + i * Z);
       memcpy(k + q * R * Z, right, R * Z * sizeof(T));
     }
+    const Stage last(p.method, S, S - 1, h);
     for (int i = 0; i < R; i++)
-      block[i].finish(now + i * Z, right + i * Z, out + i * B, out + R * B + i * K, z_start + i,
+      block[i].finish(last, now + i * Z, right + i * Z, out + i * B, out + R * B + i * K, z_start + i,
                       z_end + i);
     neighbours(out);
     return true;
   }
   // Along the bus, where M_ij = taken_i sent_j, a ring gets the fields of those before it, and their
-  // changes, as one wave, of which a ring and what it sends are linear functions (`passed`): all
-  // but that product is done before the wave arrives.
+  // changes, as one wave.
   void solve_along_bus() {
     T wave[2] = {zero<T>(), zero<T>()};
     for (int at = 0; at < R; at++) {
       const int i = p.sequence[at];
-      T *r = right + i * Z, x[B + 2];  // the last two: what it sends
+      T *r = right + i * Z, x[B];
+      add_product(r, p.taken + 2 * i, wave);
       for (int m = 0; m < B; m++) {
         x[m] = zero<T>();
         for (int l = 0; l < B; l++) x[m] += block[i].matrix[m][l] * r[l];
       }
       const T field[2] = {now[i * Z] + x[0], now[i * Z + 1] + x[1]};
-      x[B] = x[B + 1] = zero<T>();
-      add_product(x + B, p.sent + 2 * i, field);
-      for (int m = 0; m < B + 2; m++)
-        x[m] += passed[i][m][0] * wave[0] + passed[i][m][1] * wave[1];
-      wave[0] += x[B], wave[1] += x[B + 1];
+      add_product(wave, p.sent + 2 * i, field);
       memcpy(r, x, B * sizeof(T));
     }
   }

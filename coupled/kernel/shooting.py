@@ -79,7 +79,7 @@ class Turns:
         self._most = min(MOST_SLOW, problem.order) if isinstance(heat, PoleHeat) else problem.order
         self._c = _Turns(p=problem.address, edges=problem.edges.ctypes.data, n=self._most)
         library().ring_close.restype = c.c_int64
-        size = library().ring_close(c.byref(self._c), *[None] * 4, 1, 0, _D(), _D())
+        size = library().ring_close(c.byref(self._c), None, None, 1, 0, _D(), _D())
         self._memory = np.empty(size + 64, np.uint8)
         self._c.memory = self._memory.ctypes.data + -self._memory.ctypes.data % 64
         self._make_room(ROOM)
@@ -151,11 +151,11 @@ class Turns:
     ) -> Closed | None:
         self._c.slow, self._c.n, n = slow.ctypes.data, slow.size, slow.size
         while True:
-            state, period = y.copy(), c.c_double(T)
-            M, dT = (np.empty((y.size, n)), np.empty(n)) if known is None else (known.M.copy(), known.dT.copy())
+            state = np.append(y, T)
+            M = np.empty((y.size + 1, n)) if known is None else np.vstack([known.M, known.dT])
             status = library().ring_close(
-                c.byref(self._c), _P(state.ctypes.data), c.byref(period), _P(M.ctypes.data), _P(dT.ctypes.data),
-                pulses, int(known is not None), _D(rough), _D(fine),
+                c.byref(self._c), _P(state.ctypes.data), _P(M.ctypes.data), pulses, int(known is not None), _D(rough),
+                _D(fine),
             )  # fmt: skip
             if status != FULL:
                 break
@@ -163,6 +163,5 @@ class Turns:
         if status != DONE:
             return None
         every = np.linalg.eigvals(M[slow])
-        return Closed(
-            state, period.value, slow, M, dT, complex(every[np.abs(every).argmax()]), pulses, self.rows.copy()
-        )
+        worst = complex(every[np.abs(every).argmax()])
+        return Closed(state[:-1], float(state[-1]), slow, M[:-1], M[-1], worst, pulses, self.rows.copy())

@@ -55,7 +55,9 @@ template <class T> inline T near_power(const T& x, double p, const T& x0, const 
 
 template <class T> inline void invert(T (&m)[3][3]) {  // by cofactors; s keeps it well conditioned
   T r[3][3];
+#pragma GCC unroll 3
   for (int i = 0; i < 3; i++)
+#pragma GCC unroll 3
     for (int j = 0; j < 3; j++) {
       const int k = (j + 1) % 3, l = (j + 2) % 3, a = (i + 1) % 3, b = (i + 2) % 3;
       r[i][j] = m[k][a] * m[l][b] - m[k][b] * m[l][a];
@@ -154,29 +156,39 @@ template <class T, class Real, int kind> struct Heating {
   INLINE T stage(const Stage& stage, const T& P) const {
     const double *__restrict g = gain, *__restrict r = rate, *__restrict d = damp;
     const T *__restrict before = k, *__restrict start = x0;
-    T *__restrict now = k + stage.number * row, *__restrict at = x;
+    T *__restrict now = k + stage.number * row, *__restrict at = x, back = zero<T>();
+    const double* __restrict seen = read;
     for (int i = 0; i < n; i++) {
       T y = start[i], sum = zero<T>();
       for (int j = 0; j < stage.number; j++)
         y += stage.a[j] * before[j * row + i], sum += stage.c[j] * before[j * row + i];
-      at[i] = y;
-      if constexpr (kind == POLES) now[i] = (sum - r[i] * y + g[i] * P) * d[i];
+      if constexpr (kind == QUADRATIC) at[i] = y;
+      if constexpr (kind == POLES) {
+        now[i] = y = (sum - r[i] * y + g[i] * P) * d[i];
+        back += seen[i] * y;
+      }
       else now[i] = sum + p->B[i] * P;
     }
     if constexpr (kind == QUADRATIC) {
       for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) now[i] += quadratic(*p, i, j, 1, x, P) * x[j];
       substitute(M, order, n, now);
+      back = temperature(now);
     }
-    return temperature(now);
+    return back;
   }
   INLINE void feed(int q, const T& power) const {
     const Real* __restrict each = b;
     T* __restrict now = k + q * row;
     for (int i = 0; i < n; i++) now[i] += each[i] * power;
   }
-  void finish(T* __restrict out) const {
-    for (int i = 0; i < n; i++) out[i] = x[i] + k[last * row + i];
+  INLINE void finish(const Stage& last, T* __restrict out) const {
+    const T *__restrict all = k, *__restrict start = x0;
+    for (int i = 0; i < n; i++) {
+      T y = start[i] + all[last.number * row + i];
+      for (int j = 0; j < last.number; j++) y += last.a[j] * all[j * row + i];
+      out[i] = y;
+    }
   }
   double error() const {
     double e = 0;
@@ -198,7 +210,7 @@ template <int F, class T, class Heat> struct Block {
   Block(const Ring<F>* its, Heat* own) : ring(its), heat(own) {}
 
   // The matrix of light and carriers at the start; false where heat grows faster than s.
-  INLINE bool linearize(const T* y, const T* x, const T& rise, const Dual<1>* detuning, double s) {
+  bool linearize(const T* y, const T* x, const T& rise, const Dual<1>* detuning, double s) {
     using J = Dual<Z, T>;
     for (int m = 0; m < B; m++) start[m] = y[m];
     start[B] = heat->temperature(x), square = y[2 * F] * y[2 * F] + EPS * EPS;
@@ -224,10 +236,9 @@ template <int F, class T, class Heat> struct Block {
     return true;
   }
   // What a stage asks: o = start + sum_j a_j k_j, of light, carriers and z; r, of light and
-  // carriers, and the z that heat gives without what comes back. `push`: what changes of other heat
-  // add to z. light[0] is that of the start.
+  // carriers, and the z that heat gives without what comes back. light[0] is that of the start.
   INLINE void ask(const Stage& stage, const T* k, int row, const Light* light, int i,
-                  const T& rise, const T& push, T* o, T* r) const {
+                  const T& rise, T* o, T* r) const {
     const int q = stage.number;
     const Dual<1> *in = light[q].in + 2 * F * i, *rising = light[0].in + 2 * F * i;
     const Dual<1> *detuning = light[q].detuning + F * i, *turn = light[0].detuning + F * i;
@@ -242,7 +253,7 @@ template <int F, class T, class Heat> struct Block {
         return near_power(x, ring->term[k].exponent(), square, known[k]);
       });
     r[B] = heat->stage(stage, heating);
-    for (int m = 0; m < B; m++) r[m] += slopes[m] + u[m] * (r[B] + push);
+    for (int m = 0; m < B; m++) r[m] += slopes[m] + u[m] * r[B];
     for (int m = 0; m < 2 * F; m++) {  // i s: -Im s in Re a, Re s in Im a
       const int other = m ^ 1;
       const T came = in[other].v + stage.slope * rising[other].d[0]
@@ -258,10 +269,11 @@ template <int F, class T, class Heat> struct Block {
     k[B] += feedback * heat->G;
   }
   // The end of the step, from o and k of the last stage.
-  INLINE void finish(const T* o, const T* k, T* y, T* x, T* z_start, T* z_end) const {
+  INLINE void finish(const Stage& last, const T* o, const T* k, T* y, T* x, T* z_start,
+                     T* z_end) const {
     for (int m = 0; m < B; m++) y[m] = o[m] + k[m];
     *z_start = start[B], *z_end = o[B] + k[B];
-    heat->finish(x);
+    heat->finish(last, x);
   }
 };
 
@@ -302,7 +314,7 @@ template <int fields, int S, class T, class Heat> struct Single {
     T stages[STAGES * Z], o[Z], r[Z];
     auto stage = [&](int q) INLINE_LAMBDA {
       T* now = stages + q * Z;
-      block.ask(Stage(p.method, count, q, h), stages, Z, light, 0, none, none, o, r);
+      block.ask(Stage(p.method, count, q, h), stages, Z, light, 0, none, o, r);
       for (int m = 0; m < B; m++) {
         now[m] = zero<T>();
         for (int l = 0; l < B; l++) now[m] += block.matrix[m][l] * r[l];
@@ -315,7 +327,8 @@ template <int fields, int S, class T, class Heat> struct Single {
     } else {
       for (int q = 0; q < count; q++) stage(q);
     }
-    block.finish(o, stages + (count - 1) * Z, out, out + B, z_start, z_end);
+    const Stage last(p.method, count, count - 1, h);
+    block.finish(last, o, stages + (count - 1) * Z, out, out + B, z_start, z_end);
     for (int m = 0; m < count * Z; m++) k[m] = stages[m];
     return true;
   }
