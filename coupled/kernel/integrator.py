@@ -57,6 +57,8 @@ _Problem = _structure(
     ("energies", _I),
     ("hair", _D),
 )
+COMPLEX = {"own", "entry", "between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"}
+WHOLE = {"sequence", "jumps", "varies"}
 _Loop = _structure(
     "_Loop",
     ("t h h_before size_before growth rtol longest restart cap looked level seen crossing", _D),
@@ -233,30 +235,23 @@ class Problem:
     ) -> None:
         """Store pointers to all arrays; an array is copied only where its type or memory order differs."""
         self.heat, self.edges = heat, np.ascontiguousarray(drive.edges, dtype=float)
-        self._kept: list[Any] = [self.edges]
+        self._kept: list[Any] = []
         self._c, m = _Problem(), tableau(method)
         R, F = rings.modes.shape[:2]
         if F > 4:
             raise InputError(f"lasers are on {F} resonances; at most 4 are possible")
         if rings.dispersion.shape[1] > 8:
             raise InputError(f"fcd has {rings.dispersion.shape[1]} terms; at most 8 are possible")
-        kernel = self._c
-        kernel.rings, kernel.fields, kernel.terms = R, F, rings.dispersion.shape[1]
-        kernel.method = _Method(len(m.a), m.order, m.gamma, *(self._at(x) for x in (m.a, m.c, m.dense, m.at, m.slope)))
-        for name in ("modes", "carriers", "dispersion", "floor"):
-            setattr(kernel, name, self._at(getattr(rings, name)))
-        kernel.bend = self._at(np.full(R, rings.bend))
+        self._c.method = _Method(len(m.a), m.order, m.gamma, *map(self._at, (m.a, m.c, m.dense, m.at, m.slope)))
+        self._set(**rings._asdict() | {"bend": np.full(R, rings.bend), "own": np.zeros(R)})
         if isinstance(heat, QuadraticHeat):
-            kernel.heat, given = 1, {"read": heat.C, **heat._asdict()}
+            self.order = len(heat.C)
+            self._set(**heat._asdict(), heat=1, read=heat.C)
         else:
-            read = np.ones_like(heat.gain) if heat.read is None else heat.read
-            given = {**heat._asdict(), "read": read, "weight": np.abs(read)}
-        for name, values in given.items():
-            setattr(kernel, name, self._at(values))
-        self.order = kernel.order = given["read"].shape[-1]
-        kernel.lasers, kernel.pieces = drive.entry.shape[1], len(drive.edges) - 1
-        kernel.edges, kernel.brightest = self.edges.ctypes.data, self._at(drive.brightest)
-        jumps = np.full(kernel.pieces, network is not None and network.delay.size > 0)  # light that comes back may
+            self.order, read = heat.gain.shape[1], np.ones_like(heat.gain) if heat.read is None else heat.read
+            self._set(**heat._replace(read=read)._asdict(), weight=np.abs(read))
+        L, pieces, self.waves = drive.entry.shape[1], len(drive.edges) - 1, 0
+        jumps = np.full(pieces, network is not None and network.delay.size > 0)  # light that comes back may
         varies = np.zeros_like(jumps)
         for name, size, least in (
             ("power", lambda P: np.sqrt(np.maximum(P, 0)), 1e-6 * np.sqrt(drive.brightest)),
@@ -266,33 +261,29 @@ class Problem:
             functions: Polynomials = getattr(drive, name)
             place, jumped, changing = functions.over(self.edges, size, least)
             jumps, varies, (_, *sizes) = jumps | jumped, varies | changing, functions.coefficients.shape
-            setattr(kernel, name, _Table(*sizes, self._at(place, np.int32), *map(self._at, functions)))
+            setattr(self._c, name, _Table(*sizes, self._at(place, np.int32), *map(self._at, functions)))
         self._detunings = self._kept[-1]
-        kernel.jumps, kernel.varies = self._at(jumps, np.int32), self._at(varies, np.int32)
-        kernel.entry = self._at(drive.entry, complex)
-        kernel.own = self._at(np.zeros(R) if network is None else network.own, complex)
-        self.waves = self.energies = 0
+        self._set(edges=self.edges, jumps=jumps, varies=varies, entry=drive.entry, brightest=drive.brightest)
+        self._set(rings=R, fields=F, order=self.order, terms=rings.dispersion.shape[1], lasers=L, pieces=pieces)
         if network is not None:
-            kernel.light, kernel.delays, kernel.hair = network.light, network.delay.size, network.hair
+            self._set(**network._asdict(), delays=network.delay.size, waves=len(network.seen_ring))
             self._oldest = float(network.delay.max(initial=0.0)) + network.hair  # ns, light that is still asked for
-            kernel.waves, kernel.energies = len(network.seen_ring), int(network.energies)
-            kernel.sequence = self._at(network.sequence, np.int32)
-            kernel.delay, kernel.corner = self._at(network.delay), self._at(network.corner)
-            for name in ("between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"):
-                setattr(kernel, name, self._at(getattr(network, name), complex))
-            gathered = int(network.energies) + int(network.corner is not None)
-            self.waves = kernel.waves * (2 + gathered)
-        self.rings, self.fields, self.block = R, F, 2 * F + 1
+            self.waves = len(network.seen_ring) * (2 + network.energies + (network.corner is not None))
+        self.rings, self.block = R, 2 * F + 1
         self.size = R * (self.block + self.order)
         self.width = 1 + R * (self.block + 1) + self.waves
         self._memory: dict[str, Any] = {}
 
-    def _at(self, values: Any, kind: Any = float) -> int | None:
-        """Return the memory address of an array, to which a reference is kept; None for None."""
-        if values is None:
-            return None
+    def _at(self, values: Any, kind: Any = float) -> int:
+        """Return the memory address of an array, to which a reference is kept."""
         self._kept.append(np.ascontiguousarray(values, dtype=kind))
         return int(self._kept[-1].ctypes.data)
+
+    def _set(self, **values: Any) -> None:
+        """Store numbers and addresses of arrays in the C structure, under their names; None is no array."""
+        for name, value in values.items():
+            kind = complex if name in COMPLEX else np.int32 if name in WHOLE else float
+            setattr(self._c, name, self._at(value, kind) if isinstance(value, np.ndarray) else value)
 
     def _call(self, name: str, *arguments: Any) -> int:
         """Call a function of `kernel.hpp`; its first call returns the size of the work memory, which is kept."""
