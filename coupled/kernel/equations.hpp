@@ -130,9 +130,9 @@ struct Problem {
 template <class T>
 inline T quadratic(const Problem& p, int k, int j, double share, const T* x, const T& P) {
   const int n = p.order, at = k * n + j;
-  T m = P * p.G[at] + p.A[at];
-  for (int l = 0; l < n; l++) m += (share * p.H[at * n + l]) * x[l];
-  return m;
+  T bent = zero<T>();
+  for (int l = 0; l < n; l++) bent += p.H[at * n + l] * x[l];
+  return P * p.G[at] + p.A[at] + share * bent;
 }
 template <int F> inline Ring<F> ring_of(const Problem& p, int i) {
   Ring<F> r;
@@ -143,7 +143,7 @@ template <int F> inline Ring<F> ring_of(const Problem& p, int i) {
   return r;
 }
 
-// The light that comes in, rings x fields complex, and the detunings at one time, with their slopes.
+// The light that comes in, rings x fields complex, and the detunings, with their slopes in time.
 struct Light { Dual<1> *in, *detuning; };
 
 // The wave of a laser. The slope of sqrt(P) has no bound where P leaves 0; as an ingredient of the

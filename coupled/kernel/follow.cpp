@@ -29,7 +29,9 @@ EXPORT int64_t ring_slopes(const Problem* p, const double* y, int piece, double 
   return on_numbers(columns, memory, [&](auto number) -> int64_t {
     using T = decltype(number);
     const int F = p->fields;
-    auto call = F == 1 ? slopes_at<1, T> : F == 2 ? slopes_at<2, T> : F == 3 ? slopes_at<3, T> : slopes_at<4, T>;
+    auto call = F == 1   ? slopes_at<1, T>
+                : F == 2 ? slopes_at<2, T>
+                : F == 3 ? slopes_at<3, T> : slopes_at<4, T>;
     Arena arena = {memory};
     call(*p, y, piece, t, dy, V, columns, arena);
     return arena.used;

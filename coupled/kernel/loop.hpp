@@ -158,7 +158,7 @@ template <class System> struct Integration {
     for (; L.piece < p.pieces; L.piece++, L.entered = 0) {
       const double begin = p.edges[L.piece], stop = p.edges[L.piece + 1];
       const bool varies = p.varies[L.piece];
-      for (int q = 0; q < p.method.stages; q++) light_at(p, L.piece, L.t, light[q]);
+      for (int q = 0; !varies && q < p.method.stages; q++) light_at(p, L.piece, L.t, light[q]);
       if (!L.entered) {
         L.entered = 1;
         if (p.waves) renew(L.piece, begin);

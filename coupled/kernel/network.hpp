@@ -110,7 +110,7 @@ template <class T> struct Network {
 
   // ---- waves -----------------------------------------------------------------------------------
 
-  int64_t past_step(double t) const {  // the one that holds t; the first one where t lies before all
+  int64_t past_step(double t) const {  // the one that holds t; the first where t lies before all
     int64_t low = 0, high = past.filled - 1;
     while (low < high) {
       const int64_t middle = (low + high + 1) / 2;
@@ -203,8 +203,15 @@ template <class T> struct Network {
 
   // ---- the step --------------------------------------------------------------------------------
 
+  // Not a part of `step`, whose loop over the rings would be slower.
+  __attribute__((noinline)) void prepare(int i, const T* y, double t, double h,
+                                         const Dual<1>* detuning) {
+    const double s = 1 / (p.method.gamma * h);
+    block[i].linearize(y + i * B, y + R * B + i * K, extrapolated(i, t), detuning, s);
+    if (p.light != LOOPS) invert(block[i].matrix);
+  }
   bool step(const T* y, double t, double h, const Light* light, T* out) {
-    Light lit[STAGES];  // also by what delays bring
+    Light lit[STAGES];  // with what delays bring
     for (int q = 0; q < S && D; q++) {
       lit[q] = {brought + 2 * R * q, light[q].detuning};
       memcpy(lit[q].in, light[q].in, 2 * R * sizeof *brought);
@@ -215,12 +222,7 @@ template <class T> struct Network {
       }
     }
     if (D) light = lit;
-    for (int i = 0; i < R; i++) {
-      block[i].linearize(y + i * B, y + R * B + i * K, extrapolated(i, t), light[0].detuning + i,
-                         1 / (p.method.gamma * h));
-      if (p.light == LOOPS) continue;
-      invert(block[i].matrix);
-    }
+    for (int i = 0; i < R; i++) prepare(i, y, t, h, light[0].detuning + i);
     if (p.light == LOOPS) fill();
     for (int q = 0; q < S; q++) {
       const Stage stage(p.method, S, q, h);
@@ -239,23 +241,20 @@ template <class T> struct Network {
     }
     const Stage last(p.method, S, S - 1, h);
     for (int i = 0; i < R; i++)
-      block[i].finish(last, now + i * Z, right + i * Z, out + i * B, out + R * B + i * K, z_start + i,
-                      z_end + i);
+      block[i].finish(last, now + i * Z, right + i * Z, out + i * B, out + R * B + i * K,
+                      z_start + i, z_end + i);
     neighbours(out);
     return true;
   }
-  // Along the bus, where M_ij = taken_i sent_j, a ring gets the fields of those before it, and their
-  // changes, as one wave.
+  // Along the bus, where M_ij = taken_i sent_j, a ring gets the fields of those before it, and
+  // their changes, as one wave.
   void solve_along_bus() {
     T wave[2] = {zero<T>(), zero<T>()};
     for (int at = 0; at < R; at++) {
       const int i = p.sequence[at];
       T *r = right + i * Z, x[B];
       add_product(r, p.taken + 2 * i, wave);
-      for (int m = 0; m < B; m++) {
-        x[m] = zero<T>();
-        for (int l = 0; l < B; l++) x[m] += block[i].matrix[m][l] * r[l];
-      }
+      block[i].solve(r, x);
       const T field[2] = {now[i * Z] + x[0], now[i * Z + 1] + x[1]};
       add_product(wave, p.sent + 2 * i, field);
       memcpy(r, x, B * sizeof(T));

@@ -109,16 +109,16 @@ template <int B, class T> inline void invert(T (&m)[B][B]) {  // rows solve the 
 // ---- heat of one ring in a step ----------------------------------------------------------------
 
 // dx/dt = A x + H[x, x] + (G x + B) P:  k_x = M^-1 (r_x + b w.k_o),  M = s - A - 2 H[x, .] - G P,
-// b = G x + B; of poles M is s + rate, and b is the gain. An L-stable step damps a mode that grows
-// faster than s, and its error does not show it; without such a mode det M > 0.
+// b = G x + B; of poles, dx/dt = gain P - rate x, M is s + rate and b the gain. An L-stable step
+// damps a mode that grows faster than s, and its error does not show it; without one det M > 0.
 template <class T, class Real, int kind> struct Heating {
   int n, row, last;  // states; how far the stages are apart in k; the last one
   const Problem* p;
   const double *read, *weight, *gain, *rate;
-  double* damp;   // 1/(s + rate)
-  Real *b, G;     // M^-1 b, and what it adds to z
-  T *k, *x, *M;   // stages; the state that a stage asks for
-  const T* x0;
+  double* damp;      // 1/(s + rate)
+  Real *b, G;        // M^-1 b, and the z of it
+  T *k, *x, *M;      // stages; the state at a stage
+  const T* x0;       // the state at the start
   int* order;
 
   Heating(const Problem& problem, int ring, T* kx, Arena& arena)
@@ -134,7 +134,7 @@ template <class T, class Real, int kind> struct Heating {
     for (int i = 0; i < n; i++) z += read[i] * state[i];
     return z;
   }
-  bool start(const T* state, double s, const T& P) {  // false: heat grows faster than s
+  bool start(const T* state, double s, const T& P) {  // false: a mode grows too fast for the step
     bool follows = true;
     x0 = state;
     if constexpr (kind == POLES) {
@@ -155,19 +155,20 @@ template <class T, class Real, int kind> struct Heating {
   // A stage under the power P: its z, without what comes back from light and carriers.
   INLINE T stage(const Stage& stage, const T& P) const {
     const double *__restrict g = gain, *__restrict r = rate, *__restrict d = damp;
-    const T *__restrict before = k, *__restrict start = x0;
-    T *__restrict now = k + stage.number * row, *__restrict at = x, back = zero<T>();
     const double* __restrict seen = read;
+    const T *__restrict before = k, *__restrict start = x0;
+    T* __restrict now = k + stage.number * row;
+    T back = zero<T>();
     for (int i = 0; i < n; i++) {
       T y = start[i], sum = zero<T>();
       for (int j = 0; j < stage.number; j++)
         y += stage.a[j] * before[j * row + i], sum += stage.c[j] * before[j * row + i];
-      if constexpr (kind == QUADRATIC) at[i] = y;
-      if constexpr (kind == POLES) {
+      if constexpr (kind == QUADRATIC) {
+        x[i] = y, now[i] = sum + p->B[i] * P;
+      } else {
         now[i] = y = (sum - r[i] * y + g[i] * P) * d[i];
         back += seen[i] * y;
       }
-      else now[i] = sum + p->B[i] * P;
     }
     if constexpr (kind == QUADRATIC) {
       for (int i = 0; i < n; i++)
@@ -209,8 +210,8 @@ template <int F, class T, class Heat> struct Block {
 
   Block(const Ring<F>* its, Heat* own) : ring(its), heat(own) {}
 
-  // The matrix of light and carriers at the start; false where heat grows faster than s.
-  bool linearize(const T* y, const T* x, const T& rise, const Dual<1>* detuning, double s) {
+  // The matrix of light and carriers at the start; false where heat grows too fast for the step.
+  INLINE bool linearize(const T* y, const T* x, const T& rise, const Dual<1>* detuning, double s) {
     using J = Dual<Z, T>;
     for (int m = 0; m < B; m++) start[m] = y[m];
     start[B] = heat->temperature(x), square = y[2 * F] * y[2 * F] + EPS * EPS;
@@ -259,6 +260,12 @@ template <int F, class T, class Heat> struct Block {
       const T came = in[other].v + stage.slope * rising[other].d[0]
                      - (stage.slope * turn[m / 2].d[0]) * start[other];
       r[m] += m % 2 ? came : -came;
+    }
+  }
+  INLINE void solve(const T* r, T* k) const {  // k of light and carriers; matrix: the inverse
+    for (int m = 0; m < B; m++) {
+      k[m] = zero<T>();
+      for (int l = 0; l < B; l++) k[m] += matrix[m][l] * r[l];
     }
   }
   // k of light and carriers is known: that of heat and z.
@@ -315,10 +322,7 @@ template <int fields, int S, class T, class Heat> struct Single {
     auto stage = [&](int q) INLINE_LAMBDA {
       T* now = stages + q * Z;
       block.ask(Stage(p.method, count, q, h), stages, Z, light, 0, none, o, r);
-      for (int m = 0; m < B; m++) {
-        now[m] = zero<T>();
-        for (int l = 0; l < B; l++) now[m] += block.matrix[m][l] * r[l];
-      }
+      block.solve(r, now);
       now[B] = r[B], block.answer(q, now);
     };
     if constexpr (S > 0) {
