@@ -117,19 +117,19 @@ class Polynomials(NamedTuple):
     coefficients: Array
     """Shape (pieces, functions, terms), constant term first."""
 
-    def over(self, edges: Array, size: Callable[[Array], Array], least: float | Array) -> tuple[Array, Array, Array]:
+    def over(self, edges: Array, size: Callable[[Array], Array], least: float | Array) -> tuple[NDArray[Any], ...]:
         """Return, for each interval between ``edges``, the piece there, and whether the functions jump and vary.
 
         They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
         """
-        c, place = self.coefficients, np.zeros(len(edges) - 1, dtype=np.int32)
-        jumped = place > 0
+        c, place = self.coefficients, np.zeros(len(edges) - 1, dtype=int)
+        jumped, varies = place > 0, np.any(c[:, :, 1:], axis=(1, 2))
         if len(c) > 1:
             place = np.searchsorted(self.edges[1:-1], (edges[1:] + edges[:-1]) / 2, side="right")
             ends = (c * np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])).sum(axis=2)
             jumps = (np.abs(size(c[1:, :, 0]) - size(ends[:-1])) > least).any(axis=1)
             jumped[1:] = np.diff(np.append(0, jumps.cumsum())[place]) > 0
-        return place, jumped, c[:, :, 1:].any(axis=(1, 2))[place]
+        return place, jumped, varies[place]
 
 
 class Drive(NamedTuple):

@@ -42,26 +42,29 @@ static double longest_step(const Turns& c, const double* row) {
   return longest;
 }
 
-// On from y for `duration`, or until N rises through `level`, at which y may begin; rows and steps
-// are added to those there are. h: the first step, then the next one; T: the time is added to it.
+// On from y, the states and the time T, for `duration`, or until N rises through `level`, at which
+// y may begin; rows and steps are added to those there are. h: the first step, then the next one.
 // Returns as the loop does; FULL: again with more room.
 EXPORT int ring_turn(Turns* c, double* y, double duration, double level, int above, double rtol,
-                     double* h, double* T) {
+                     double* h) {
   Loop L = {};
+  double& T = y[3 + c->p->order];
   double *rows = c->rows + 5 * c->filled, *steps = c->steps + c->count;
   c->edges[1] = duration;
   L.h = *h, L.rtol = rtol, L.longest = INFINITY, L.per_step = 1;
   L.budget = L.room = c->room - c->count, L.seen = above ? 0 : INFINITY;
   if (level < INFINITY) L.quantity = 2, L.level = level, L.stop = 1;
-  int status = RESTING;
-  for (const int64_t room = c->room - c->filled; status == RESTING;) {
-    status = (int)ring_integrate(c->p, &L, y, rows, room, nullptr, 0, steps, c->memory);
-    if (status != RESTING) break;
+  auto on = [&] {
+    const int64_t room = c->room - c->filled;
+    return (int)ring_integrate(c->p, &L, y, rows, room, nullptr, 0, steps, c->memory);
+  };
+  int status;
+  while ((status = on()) == RESTING) {
     L.cap = longest_step(*c, rows + 5 * (L.filled - 1));
     L.looked = L.h, L.look_again = L.accepted + 20, L.h = fmin(L.h, L.cap);
   }
-  for (int64_t i = 0; i < L.filled; i++) rows[5 * i] += *T;
-  c->filled += L.filled, c->count += L.accepted, *h = L.h, *T += L.t;
+  for (int64_t i = 0; i < L.filled; i++) rows[5 * i] += T;
+  c->filled += L.filled, c->count += L.accepted, *h = L.h, T += L.t;
   return status == STEPS ? FULL : status;
 }
 
@@ -138,7 +141,7 @@ EXPORT int64_t ring_close(Turns* turns, double* y, double* M, int pulses, int kn
     for (int pulse = 0; pulse < pulses; pulse++) {
       double h = 0;
       end[2] = level;
-      const int status = ring_turn(&c, end, 4 * guess, level, 1, rtol, &h, &T);
+      const int status = ring_turn(&c, end, 4 * guess, level, 1, rtol, &h);
       if (status != EVENT) return status == FULL ? FULL : EVENT;
     }
     if (T > LONGER * guess) return EVENT;

@@ -56,7 +56,7 @@ function problemOf(system, drive, detuning, stop, method) {
   const s = system;
   const { words, gamma } = methods[method];
   const edges = store("edges", [0, stop]);
-  const zero = store("zero", [0]);
+  const zero = store("zero", [0]); // of the only piece of the drive, which neither jumps nor varies
   const constant = (name, value) => [1, 4, zero, edges, store(name, [value, 0, 0, 0])];
   const ones = s.gain.map(() => 1);
   const arrays = {
@@ -69,8 +69,7 @@ function problemOf(system, drive, detuning, stop, method) {
   const tables = [constant("power", drive * drive), constant("phase", 0), constant("detuning", detuning)].flat();
   const light = [store("entry", [1, 0]), store("brightest", [Math.max(drive * drive, 1e-300)])];
   const sizes = [1, 1, s.gain.length, s.fcd.length / 2, 1, 1, 0, 0, 0, 0];
-  const drives = [edges, zero, zero, ...tables, ...light];
-  integers(at, 68).set([...sizes, ...words, ...pointers, ...absent(5), ...drives, ...absent(13)]);
+  integers(at, 68).set([...sizes, ...words, ...pointers, ...absent(5), edges, zero, zero, ...tables, ...light, ...absent(13)]);
   doubles(at, 34)[6] = gamma;
   return at;
 }
