@@ -11,22 +11,24 @@
 constexpr double FOLLOW = 2.0;  // lengths of past steps that a step may span; at 1 none could grow
 constexpr double EVER = -1e200;  // ns: the time before the start, at which heat was what it is then
 
-struct Cubic { double c[4]; };  // in the fraction of a step
-inline Cubic cubic_through(double p0, double p1, double p2, double p3) {  // at 0, 1/3, 2/3, 1
-  return {{p0, -5.5 * p0 + 9 * p1 - 4.5 * p2 + p3, 9 * p0 - 22.5 * p1 + 18 * p2 - 4.5 * p3,
-           -4.5 * p0 + 13.5 * p1 - 13.5 * p2 + 4.5 * p3}};
+// The cubic in the fraction of a step through p at 0, 1/3, 2/3 and 1, `apart` numbers apart.
+inline void cubic_through(const double* p, int apart, double* c) {
+  const double p0 = p[0], p1 = p[apart], p2 = p[2 * apart], p3 = p[3 * apart];
+  c[0] = p0, c[1] = -5.5 * p0 + 9 * p1 - 4.5 * p2 + p3;
+  c[2] = 9 * p0 - 22.5 * p1 + 18 * p2 - 4.5 * p3;
+  c[3] = -4.5 * p0 + 13.5 * p1 - 13.5 * p2 + 4.5 * p3;
 }
 // z at the fraction f of a step that begins with `before`, dz/df = gain P - x z: by its power
 // series or, where that is long, by the cubic that solves the equation and what decays to it.
 // Energies have x = 0, detectors gain = x = corner h.
-inline double gathered_at(const Cubic& P, double gain, double x, double f, double before) {
+inline double gathered_at(const double* P, double gain, double x, double f, double before) {
   double cubic[5] = {0, 0, 0, 0, 0}, sum = before, term = before, f_m = f;
   if (x * f > 0.5) {
-    for (int m = 4; m-- > 0;) cubic[m] = (gain * P.c[m] - (m + 1) * cubic[m + 1]) / x;
+    for (int m = 4; m-- > 0;) cubic[m] = (gain * P[m] - (m + 1) * cubic[m + 1]) / x;
     return polynomial(cubic, 4, f) + exp(-x * f) * (before - cubic[0]);
   }
   for (int m = 0; m < (x > 0 ? 16 : 4); m++, f_m *= f) {
-    term = ((m < 4 ? gain * P.c[m] * f_m : 0) - x * f * term) / (m + 1);
+    term = ((m < 4 ? gain * P[m] * f_m : 0) - x * f * term) / (m + 1);
     sum += term;
   }
   return sum;
@@ -159,20 +161,18 @@ template <class T> struct Network {
         add_product(out + 2 * q, seen + 2 * q * (d < 0 ? p.lasers : D), values);
     }
   }
-  Cubic power(int q) const {  // of a wave over the step
-    double P[4];
-    for (int j = 0; j < 4; j++) {
-      const double* n = nodes + 2 * (j * Q + q);
-      P[j] = n[0] * n[0] + n[1] * n[1];
-    }
-    return cubic_through(P[0], P[1], P[2], P[3]);
-  }
   // Energies of the waves so far, if wanted, then signals of detectors, at the fraction f.
   void gather(double f, double h, double* out) const {
     for (int m = 0; m < gathers(); m++) {
       const bool energy = p.energies && m < Q;
       const double x = energy ? 0 : p.corner[m % Q] * h;
-      out[m] = gathered_at(power(m % Q), energy ? h : x, x, f, gathered[m]);
+      double P[4], cubic[4];  // power of the wave over the step
+      for (int j = 0; j < 4; j++) {
+        const double* n = nodes + 2 * (j * Q + m % Q);
+        P[j] = n[0] * n[0] + n[1] * n[1];
+      }
+      cubic_through(P, 1, cubic);
+      out[m] = gathered_at(cubic, energy ? h : x, x, f, gathered[m]);
     }
   }
   void observe(int piece, double x, double t, double h, const double* states, double* out) const {
@@ -190,12 +190,7 @@ template <class T> struct Network {
     double* step = past.steps + past.filled * entry;
     if (D) {
       step[0] = t, step[1] = h, step[2] = fmax(h, planned), past.filled++;
-      for (int d = 0; d < D; d++)
-        for (int m = 0; m < 2; m++) {
-          const double* n = nodes + 2 * d + m;
-          const Cubic c = cubic_through(n[0], n[2 * Q], n[4 * Q], n[6 * Q]);
-          memcpy(step + 3 + 8 * d + 4 * m, c.c, sizeof c.c);
-        }
+      for (int m = 0; m < 2 * D; m++) cubic_through(nodes + m, 2 * Q, step + 3 + 4 * m);
     }
     gather(1, h, gathered);
     if (p.cross) remember(until);
