@@ -59,3 +59,25 @@ template <int C, class S> inline Dual<C, S> seeded(const S& v, int at) {
 }
 #undef DUAL
 #undef DERIVATIVES
+
+// end = f(y0), n numbers, and the columns of V, n x columns, become their products with df/dy. T:
+// numbers with C derivatives, or double with no columns. f(y) returns where its values stand.
+template <class T, class Map>
+void differentiate(int n, const double* y0, double* end, double* V, int columns, T* y,
+                   const Map& f) {
+  constexpr int C = sizeof(T) / sizeof(double) - 1;
+  for (int first = 0; first == 0 || first < columns; first += C ? C : 1) {
+    for (int i = 0; i < n; i++) {
+      y[i] = zero<T>() + y0[i];
+      if constexpr (C > 0)
+        for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
+    }
+    const T* found = f(y);
+    for (int i = 0; i < n; i++) {
+      end[i] = value(found[i]);
+      if constexpr (C > 0)
+        for (int c = 0; c < C && first + c < columns; c++)
+          V[i * columns + first + c] = found[i].d[c];
+    }
+  }
+}

@@ -45,18 +45,20 @@ def _structure(name: str, *fields: tuple[str, Any]) -> Any:
     return type(name, (c.Structure,), {"_fields_": parts})
 
 
-_Table = _structure("_Table", ("pieces columns terms", _I), ("edges c", _P))
+_Table = _structure("_Table", ("columns terms", _I), ("place edges c", _P))
 _Method = _structure("_Method", ("stages order", _I), ("gamma", _D), ("a c dense at slope", _P))
 _Problem = _structure(
     "_Problem",
     ("rings fields order terms lasers pieces heat light delays waves", _I),
     ("method", _Method),
-    ("modes carriers dispersion bend own floor gain rate read cross A H G B C weight edges", _P),
+    ("modes carriers dispersion bend own floor read weight gain rate cross A H G B edges jumps varies", _P),
     ("power phase detuning", _Table),
     ("entry brightest sequence between taken sent delay late seen_ring seen_laser seen_late corner", _P),
     ("energies", _I),
     ("hair", _D),
 )
+COMPLEX = {"own", "entry", "between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"}
+WHOLE = {"sequence", "jumps", "varies"}
 _Loop = _structure(
     "_Loop",
     ("t h h_before size_before growth rtol longest restart cap looked level seen crossing", _D),
@@ -114,6 +116,20 @@ class Polynomials(NamedTuple):
     edges: Array
     coefficients: Array
     """Shape (pieces, functions, terms), constant term first."""
+
+    def over(self, edges: Array, size: Callable[[Array], Array], least: float | Array) -> tuple[NDArray[Any], ...]:
+        """Return, for each interval between ``edges``, the piece there, and whether the functions jump and vary.
+
+        They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
+        """
+        c, place = self.coefficients, np.zeros(len(edges) - 1, dtype=int)
+        jumped, varies = place > 0, np.any(c[:, :, 1:], axis=(1, 2))
+        if len(c) > 1:
+            place = np.searchsorted(self.edges[1:-1], (edges[1:] + edges[:-1]) / 2, side="right")
+            ends = (c * np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])).sum(axis=2)
+            jumps = (np.abs(size(c[1:, :, 0]) - size(ends[:-1])) > least).any(axis=1)
+            jumped[1:] = np.diff(np.append(0, jumps.cumsum())[place]) > 0
+        return place, jumped, varies[place]
 
 
 class Drive(NamedTuple):
@@ -219,54 +235,55 @@ class Problem:
     ) -> None:
         """Store pointers to all arrays; an array is copied only where its type or memory order differs."""
         self.heat, self.edges = heat, np.ascontiguousarray(drive.edges, dtype=float)
-        self._kept: list[Any] = [self.edges]
+        self._kept: list[Any] = []
         self._c, m = _Problem(), tableau(method)
         R, F = rings.modes.shape[:2]
         if F > 4:
             raise InputError(f"lasers are on {F} resonances; at most 4 are possible")
         if rings.dispersion.shape[1] > 8:
             raise InputError(f"fcd has {rings.dispersion.shape[1]} terms; at most 8 are possible")
-        kernel = self._c
-        kernel.rings, kernel.fields, kernel.terms = R, F, rings.dispersion.shape[1]
-        kernel.method = _Method(len(m.a), m.order, m.gamma, *(self._at(x) for x in (m.a, m.c, m.dense, m.at, m.slope)))
-        for name in ("modes", "carriers", "dispersion", "floor"):
-            setattr(kernel, name, self._at(getattr(rings, name)))
-        kernel.bend = self._at(np.full(R, rings.bend))
-        quadratic = isinstance(heat, QuadraticHeat)
-        kernel.heat, self.order = int(quadratic), len(heat.C) if isinstance(heat, QuadraticHeat) else heat.gain.shape[1]
-        kernel.order = self.order
-        for name, values in heat._asdict().items():
-            setattr(kernel, name, self._at(values))
-        kernel.lasers, kernel.pieces = drive.entry.shape[1], len(drive.edges) - 1
-        kernel.edges, kernel.brightest = self.edges.ctypes.data, self._at(drive.brightest)
-        for name in ("power", "phase", "detuning"):
-            edges, table = getattr(drive, name)
-            setattr(kernel, name, _Table(*table.shape, self._at(edges), self._at(table)))
+        self._c.method = _Method(len(m.a), m.order, m.gamma, *map(self._at, (m.a, m.c, m.dense, m.at, m.slope)))
+        self._set(**rings._asdict() | {"bend": np.full(R, rings.bend), "own": np.zeros(R)})
+        if isinstance(heat, QuadraticHeat):
+            self.order = len(heat.C)
+            self._set(**heat._asdict(), heat=1, read=heat.C)
+        else:
+            self.order, read = heat.gain.shape[1], np.ones_like(heat.gain) if heat.read is None else heat.read
+            self._set(**heat._replace(read=read)._asdict(), weight=np.abs(read))
+        L, pieces, self.waves = drive.entry.shape[1], len(drive.edges) - 1, 0
+        jumps = np.full(pieces, network is not None and network.delay.size > 0)  # light that comes back may
+        varies = np.zeros_like(jumps)
+        for name, size, least in (
+            ("power", lambda P: np.sqrt(np.maximum(P, 0)), 1e-6 * np.sqrt(drive.brightest)),
+            ("phase", np.zeros_like, 0.0),  # it does not jump
+            ("detuning", np.asarray, 1e-6 * rings.modes[:, 0, 0].max()),
+        ):
+            functions: Polynomials = getattr(drive, name)
+            place, jumped, changing = functions.over(self.edges, size, least)
+            jumps, varies, (_, *sizes) = jumps | jumped, varies | changing, functions.coefficients.shape
+            setattr(self._c, name, _Table(*sizes, self._at(place, np.int32), *map(self._at, functions)))
         self._detunings = self._kept[-1]
-        kernel.entry = self._at(drive.entry, complex)
-        kernel.own = self._at(np.zeros(R) if network is None else network.own, complex)
-        self.waves = self.energies = 0
+        self._set(edges=self.edges, jumps=jumps, varies=varies, entry=drive.entry, brightest=drive.brightest)
+        self._set(rings=R, fields=F, order=self.order, terms=rings.dispersion.shape[1], lasers=L, pieces=pieces)
         if network is not None:
-            kernel.light, kernel.delays, kernel.hair = network.light, network.delay.size, network.hair
+            self._set(**network._asdict(), delays=network.delay.size, waves=len(network.seen_ring))
             self._oldest = float(network.delay.max(initial=0.0)) + network.hair  # ns, light that is still asked for
-            kernel.waves, kernel.energies = len(network.seen_ring), int(network.energies)
-            kernel.sequence = self._at(network.sequence, np.int32)
-            kernel.delay, kernel.corner = self._at(network.delay), self._at(network.corner)
-            for name in ("between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"):
-                setattr(kernel, name, self._at(getattr(network, name), complex))
-            gathered = int(network.energies) + int(network.corner is not None)
-            self.waves = kernel.waves * (2 + gathered)
-        self.rings, self.fields, self.block = R, F, 2 * F + 1
+            self.waves = len(network.seen_ring) * (2 + network.energies + (network.corner is not None))
+        self.rings, self.block = R, 2 * F + 1
         self.size = R * (self.block + self.order)
         self.width = 1 + R * (self.block + 1) + self.waves
         self._memory: dict[str, Any] = {}
 
-    def _at(self, values: Any, kind: Any = float) -> int | None:
-        """Return the memory address of an array, to which a reference is kept; None for None."""
-        if values is None:
-            return None
+    def _at(self, values: Any, kind: Any = float) -> int:
+        """Return the memory address of an array, to which a reference is kept."""
         self._kept.append(np.ascontiguousarray(values, dtype=kind))
         return int(self._kept[-1].ctypes.data)
+
+    def _set(self, **values: Any) -> None:
+        """Store numbers and addresses of arrays in the C structure, under their names; None is no array."""
+        for name, value in values.items():
+            kind = complex if name in COMPLEX else np.int32 if name in WHOLE else float
+            setattr(self._c, name, self._at(value, kind) if isinstance(value, np.ndarray) else value)
 
     def _call(self, name: str, *arguments: Any) -> int:
         """Call a function of `kernel.hpp`; its first call returns the size of the work memory, which is kept."""
@@ -409,9 +426,9 @@ class Problem:
 
     def slopes(self, y: Array, piece: int = 0, t: float | None = None) -> tuple[Array, Array]:
         """Return dy/dt, shape (n,), and its derivative with respect to y, (n, n), at t (ns) in a piece of the drive."""
-        y, rate, J = np.ascontiguousarray(y, dtype=float), np.empty(self.size), np.empty((self.size, self.size))
+        y, rate, J = np.ascontiguousarray(y, dtype=float), np.empty(self.size), np.eye(self.size)
         at = _D(self.edges[piece] if t is None else t)
-        self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J))
+        self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J), _I(self.size))
         return rate, J
 
 

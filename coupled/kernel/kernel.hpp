@@ -9,21 +9,12 @@ EXPORT int64_t ring_integrate(const Problem*, Loop*, double* y, double* rows, in
 EXPORT int64_t ring_follow(const Problem*, const double* y0, const double* steps, int64_t count,
                            double* y_end, double* V, int columns, char* memory);
 EXPORT int64_t ring_slopes(const Problem*, const double* y, int piece, double t, double* dy,
-                           double* J, char* memory);
+                           double* V, int columns, char* memory);
 
-template <int N> struct Number { static constexpr int value = N; };
-template <class S> struct Type { using System = S; };
+template <class X> struct Type { using type = X; };
 
-// call(Type<System>): the system of F fields that steps on numbers of type T for this problem.
-// One ring with one field and poles, the usual one, has its stages unrolled: `fast`.
-template <int F, class T, bool fast, class Call>
-int64_t with_system(const Problem& p, const Call& call) {
-  if constexpr (F == 1)
-    if (p.light != SINGLE) return call(Type<Network<T>>());
-  if (p.heat == QUADRATIC) return call(Type<Single<F, 0, T, Quadratic<T>>>());
-  if constexpr (fast)
-    return p.method.stages == 6 ? call(Type<Single<F, 6, T, Poles<6, T>>>())
-                                : call(Type<Single<F, 8, T, Poles<8, T>>>());
-  else
-    return call(Type<Single<F, 0, T, Poles<0, T>>>());
+// call(Type<System>): one ring with F fields that steps on numbers of type T.
+template <int F, class T, class Call> int64_t alone(const Problem& p, const Call& call) {
+  return p.heat == QUADRATIC ? call(Type<Single<F, 0, T, Quadratic<T>>>())
+                             : call(Type<Single<F, 0, T, Poles<T>>>());
 }

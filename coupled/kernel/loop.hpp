@@ -34,24 +34,22 @@ inline double dense_output(double x, double a, double b, const double* k, int ro
 }
 
 // A `System` takes the steps: of one ring (`Single`) or of a circuit (`Network`).
-template <int F, class System> struct Integration {
-  static constexpr int B = 2 * F + 1, Z = B + 1;
+template <class System> struct Integration {
+  static constexpr int F = System::F, B = 2 * F + 1, Z = B + 1;
   const Problem& p;
   Loop& L;
   double *y, *out, *rows;
   System system;
   const int R, K, size, width;
-  Light light[8], before;
+  Light light[STAGES];
 
   Integration(const Problem& problem, Loop& loop, double* state, double* kept, Arena& arena)
       : p(problem), L(loop), y(state), rows(kept), system(p, L.past, arena), R(p.rings), K(p.order),
         size(R * (B + K)), width(1 + R * Z + system.width()) {
     out = arena.take<double>(size);
     for (Light& one : light) one = light_of(arena, R * F);
-    before = light_of(arena, R * F);
   }
 
-  double rise(int ring, double z) const { return z + p.bend[ring] * z * z; }
   // Fields, N and dT of a ring at the fraction x of the last step.
   void at(double x, int i, double* state) const {
     for (int m = 0; m < Z; m++) {
@@ -59,18 +57,18 @@ template <int F, class System> struct Integration {
       const double b = m < B ? out[i * B + m] : system.z_end[i];
       state[m] = x == 1 ? b : dense_output(x, a, b, system.k + i * Z + m, R * Z, p.method);
     }
-    state[B] = rise(i, state[B]) + system.other_at(x, i);
+    state[B] += p.bend[i] * state[B] * state[B] + system.other(x, i);
   }
-  void keep(const Places& places, double x, double t) {
+  void keep(int piece, double x, double t) {
     double* row = rows + width * L.filled++;
     row[0] = t;
     for (int i = 0; i < R; i++) at(x, i, row + 1 + i * Z);
-    system.observe(places, x, t, L.h, row + 1, row + 1 + R * Z);
+    system.observe(piece, x, t, L.h, row + 1, row + 1 + R * Z);
   }
   // Waves in the rows at the start of a piece become those after it.
-  void renew(const Places& places, double t) {
+  void renew(int piece, double t) {
     for (int64_t k = L.filled; k-- > 0 && rows[width * k] >= t - p.hair;)
-      system.waves(places, t, p.hair, rows + width * k + 1, rows + width * k + 1 + R * Z);
+      system.observe(piece, 0, t, L.h, rows + width * k + 1, rows + width * k + 1 + R * Z);
   }
   double watched(const double* s) const {
     return (L.quantity == 1 ? s[0] * s[0] + s[1] * s[1] : s[L.quantity == 2 ? 2 * F : B]) - L.level;
@@ -81,29 +79,8 @@ template <int F, class System> struct Integration {
     double state[Z];
     at(1, L.ring, state);
     if (L.quantity && !(L.seen < INFINITY)) L.seen = watched(state);
-    const Places places = places_of(p, 0);
-    if (!wanted) keep(places, 1, L.t);
-    while (L.filled < wanted && times[L.filled] <= L.t) keep(places, 1, times[L.filled]);
-  }
-
-  // Whether the drive jumps at the start of a piece.
-  bool jumps(int piece, double t, double loss) {
-    const Places now = places_of(p, piece), then = places_of(p, piece - 1);
-    bool found = p.delays > 0;  // or light that comes back may
-    for (int k = 0; k < p.lasers; k++) {
-      double a[2], b[2], slopes[2];
-      laser_at(p, now, k, t, a, slopes), laser_at(p, then, k, t, b, slopes);
-      found |= hypot(a[0] - b[0], a[1] - b[1]) > 1e-6 * sqrt(p.brightest[k]);
-    }
-    light_at(p, then, t, before);
-    for (int i = 0; i < R * F; i++)
-      found |= fabs(light[0].detuning[i] - before.detuning[i]) > 1e-6 * loss;
-    return found;
-  }
-  static bool constant(const Table& table, int piece) {
-    for (int k = 0; k < table.columns; k++)
-      for (int m = 1; m < table.terms; m++) if (table.piece(piece, k)[m] != 0) return false;
-    return true;
+    if (!wanted) keep(0, 1, L.t);
+    while (L.filled < wanted && times[L.filled] <= L.t) keep(0, 1, times[L.filled]);
   }
 
   // Error of the last step in units of the tolerance: root mean square over field, carriers and
@@ -115,7 +92,7 @@ template <int F, class System> struct Integration {
     for (int i = 0; i < R; i++) {
       const double *k = system.k + (last * R + i) * Z, *a = y + i * B, *b = out + i * B;
       const double *floor = p.floor + 3 * i, z0 = system.z_start[i], z1 = system.z_end[i];
-      const double other = system.other(i);
+      const double other = system.other(0, i);
       double e = 0;
       for (int f = 0; f < 2 * F; f += 2) {
         const double then = b[f] * b[f] + b[f + 1] * b[f + 1];
@@ -126,7 +103,7 @@ template <int F, class System> struct Integration {
       }
       const double N0 = a[2 * F], N1 = b[2 * F];
       const double eN = k[2 * F] / fmax(fmax(fabs(N0), fabs(N1)), floor[1]);
-      const double eT = (system.heat_error(i) + fabs(system.missed(i)))
+      const double eT = system.heat_error(i, L.t + L.h)
                         / fmax(fmax(fabs(z0 + other), fabs(z1 + other)), floor[2]);
       e += eN * eN + eT * eT;
       moved = fmax(moved, fabs(N1 - N0) / fmax(fabs(N1), floor[1]));
@@ -180,15 +157,12 @@ template <int F, class System> struct Integration {
     int64_t budget = L.budget;
     for (; L.piece < p.pieces; L.piece++, L.entered = 0) {
       const double begin = p.edges[L.piece], stop = p.edges[L.piece + 1];
-      const Places places = places_of(p, L.piece);
-      const bool steady = constant(p.power, places.power) && constant(p.phase, places.phase)
-                          && constant(p.detuning, places.detuning);
-      light_at(p, places, L.t, light[0]);
-      for (int q = 1; steady && q < p.method.stages; q++) light_at(p, places, L.t, light[q]);
+      const bool varies = p.varies[L.piece];
+      for (int q = 0; !varies && q < p.method.stages; q++) light_at(p, L.piece, L.t, light[q]);
       if (!L.entered) {
         L.entered = 1;
-        if (p.waves) renew(places, begin);
-        if (L.piece > 0 && jumps(L.piece, begin, loss))
+        if (p.waves) renew(L.piece, begin);
+        if (L.piece > 0 && p.jumps[L.piece])
           L.h = fmin(L.h, L.restart), L.h_before = L.looked = 0, L.fresh = 1, L.cap = INFINITY;
       }
       while (L.t < stop) {
@@ -200,8 +174,8 @@ template <int F, class System> struct Integration {
         const double planned = L.h;
         const bool landing = L.t + 1.0001 * L.h >= stop;
         if (landing) L.h = stop - L.t;
-        for (int q = 0; !steady && q < p.method.stages; q++)
-          light_at(p, places, L.t + p.method.at[q] * L.h, light[q]);
+        for (int q = 0; varies && q < p.method.stages; q++)
+          light_at(p, L.piece, L.t + p.method.at[q] * L.h, light[q]);
         double moved = 0, err = INFINITY;
         if (system.step(y, L.t, L.h, light, out)) err = error(moved);
         double taken = fmax(err, 1e-8);  // the step, in units of what the tolerance allows
@@ -218,13 +192,13 @@ template <int F, class System> struct Integration {
         const double event = L.quantity ? crossing() : 2;
         const bool halt = event <= 1 && L.stop, last = landing && stop == end;
         const double until = halt ? L.crossing : L.t + L.h, part = halt ? event : 1;
-        system.note(places, L.t, L.h, [&](double x, int i, double* state) { at(x, i, state); });
+        system.note(L.piece, L.t, L.h, [&](double x, int i, double* state) { at(x, i, state); });
         while (L.filled < wanted && ((last && !halt) || times[L.filled] <= until))
-          keep(places, (times[L.filled] - L.t) / L.h, times[L.filled]);
+          keep(L.piece, (times[L.filled] - L.t) / L.h, times[L.filled]);
         for (int j = 1; !wanted && j < L.per_step; j++)
-          keep(places, part * j / L.per_step, L.t + part * j / L.per_step * L.h);
+          keep(L.piece, part * j / L.per_step, L.t + part * j / L.per_step * L.h);
         const double arrived = halt ? L.crossing : landing ? stop : L.t + L.h;
-        if (!wanted) keep(places, part, arrived);
+        if (!wanted) keep(L.piece, part, arrived);
         if (steps) steps[L.accepted] = part * L.h;
         L.accepted++;
         if (halt) {
@@ -255,40 +229,3 @@ template <int F, class System> struct Integration {
     return DONE;
   }
 };
-
-// The same steps again, under constant light, on numbers T with C derivatives (double, C = 0: the
-// end alone): the derivative of the flow. Columns of V, size x columns, are directions at the
-// start and what the flow makes of them at the end.
-template <int F, int C, class T, class System>
-void follow(const Problem& p, const double* y0, const double* steps, int64_t count, double* y_end,
-            double* V, int columns, Arena& arena) {
-  const int size = p.rings * (2 * F + 1 + p.order), n = p.rings * F;
-  Past past = {};
-  System system(p, past, arena);
-  T *y = arena.take<T>(size), *out = arena.take<T>(size);
-  Light light[8];
-  light[0] = light_of(arena, n);
-  if (!arena.base) return;
-  light_at(p, places_of(p, 0), p.edges[0], light[0]);
-  for (int q = 1; q < p.method.stages; q++) light[q] = light[0];
-  for (int first = 0; first == 0 || first < columns; first += C) {
-    for (int i = 0; i < size; i++) {
-      y[i] = zero<T>() + y0[i];
-      if constexpr (C > 0)
-        for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
-    }
-    double t = p.edges[0];
-    system.begin(y, true, t);
-    for (int64_t k = 0; k < count; t += steps[k++]) {
-      system.step(y, t, steps[k], light, out);
-      system.accept(t, steps[k], steps[k], t + steps[k]);
-      T* x = y; y = out; out = x;
-    }
-    for (int i = 0; i < size; i++) {
-      y_end[i] = value(y[i]);
-      if constexpr (C > 0)
-        for (int c = 0; c < C && first + c < columns; c++) V[i * columns + first + c] = y[i].d[c];
-    }
-    if (C == 0) break;
-  }
-}

@@ -42,105 +42,106 @@ static double longest_step(const Turns& c, const double* row) {
   return longest;
 }
 
-// On from y for `duration`, or until N rises through `level`, at which y may begin; rows and steps
-// are added to those there are. h: the first step, then the next one; T: the time is added to it.
+// On from y, the states and the time T, for `duration`, or until N rises through `level`, at which
+// y may begin; rows and steps are added to those there are. h: the first step, then the next one.
 // Returns as the loop does; FULL: again with more room.
 EXPORT int ring_turn(Turns* c, double* y, double duration, double level, int above, double rtol,
-                     double* h, double* T) {
+                     double* h) {
   Loop L = {};
+  double& T = y[3 + c->p->order];
   double *rows = c->rows + 5 * c->filled, *steps = c->steps + c->count;
   c->edges[1] = duration;
   L.h = *h, L.rtol = rtol, L.longest = INFINITY, L.per_step = 1;
   L.budget = L.room = c->room - c->count, L.seen = above ? 0 : INFINITY;
   if (level < INFINITY) L.quantity = 2, L.level = level, L.stop = 1;
-  int status = RESTING;
-  for (const int64_t room = c->room - c->filled; status == RESTING;) {
-    status = (int)ring_integrate(c->p, &L, y, rows, room, nullptr, 0, steps, c->memory);
-    if (status != RESTING) break;
+  auto on = [&] {
+    const int64_t room = c->room - c->filled;
+    return (int)ring_integrate(c->p, &L, y, rows, room, nullptr, 0, steps, c->memory);
+  };
+  int status;
+  while ((status = on()) == RESTING) {
     L.cap = longest_step(*c, rows + 5 * (L.filled - 1));
     L.looked = L.h, L.look_again = L.accepted + 20, L.h = fmin(L.h, L.cap);
   }
-  for (int64_t i = 0; i < L.filled; i++) rows[5 * i] += *T;
-  c->filled += L.filled, c->count += L.accepted, *h = L.h, *T += L.t;
+  for (int64_t i = 0; i < L.filled; i++) rows[5 * i] += T;
+  c->filled += L.filled, c->count += L.accepted, *h = L.h, T += L.t;
   return status == STEPS ? FULL : status;
 }
 
 namespace {
-struct Newton {
+struct Newton {  // of the states y and, after them, the time T
   Turns& c;
   const int m, n;  // states; of slow heat
-  double *begin, *end, *expected, *kept, *kept_dT, *A, *b, *rate, *J, *V;
+  double *begin, *end, *expected, *mended, *A, *b, *rate;
   int* pivots;
 
   Newton(Turns& turns, Arena& arena) : c(turns), m(3 + turns.p->order), n((int)turns.n) {
-    begin = arena.take<double>(m), end = arena.take<double>(m), expected = arena.take<double>(m);
-    kept = arena.take<double>(m * n), kept_dT = arena.take<double>(n);
-    A = arena.take<double>(n * n), b = arena.take<double>(n);
-    rate = arena.take<double>(m), J = arena.take<double>(m * m);
-    V = arena.take<double>(m * n), pivots = arena.take<int>(n);
+    begin = arena.take<double>(m + 1), end = arena.take<double>(m + 1);
+    expected = arena.take<double>(m + 1), mended = arena.take<double>((m + 1) * n);
+    A = arena.take<double>(n * n), b = arena.take<double>(n), rate = arena.take<double>(m);
+    pivots = arena.take<int>(n);
   }
-  // M and dT from the steps of the last trace, from `begin` to `end`, which stays in the section.
-  void differentiate(double* M, double* dT) {
-    memset(V, 0, m * n * sizeof(double));
-    for (int j = 0; j < n; j++) V[c.slow[j] * n + j] = 1;
-    ring_follow(c.p, begin, c.steps, c.count, expected, V, n, c.memory);
-    ring_slopes(c.p, end, 0, 0, rate, J, c.memory);
+  // M from the steps of the last trace, whose end stays in the section.
+  void differentiate(double* M) {
+    double* dT = M + m * n;
+    memset(M, 0, m * n * sizeof(double));
+    for (int j = 0; j < n; j++) M[c.slow[j] * n + j] = 1;
+    ring_follow(c.p, begin, c.steps, c.count, rate, M, n, c.memory);
+    ring_slopes(c.p, end, 0, 0, rate, nullptr, 0, c.memory);
     for (int j = 0; j < n; j++) {
-      dT[j] = -V[2 * n + j] / rate[2];
-      for (int i = 0; i < m; i++) M[i * n + j] = V[i * n + j] + rate[i] * dT[j];
+      dT[j] = -M[2 * n + j] / rate[2];
+      for (int i = 0; i < m; i++) M[i * n + j] += rate[i] * dT[j];
     }
-    memcpy(kept, M, m * n * sizeof(double)), memcpy(kept_dT, dT, n * sizeof(double));
+    memcpy(mended, M, (m + 1) * n * sizeof(double));
+  }
+  // Broyden's update: what the last step b did beyond what was expected.
+  void mend() const {
+    double square = 0;
+    for (int j = 0; j < n; j++) square += b[j] * b[j];
+    for (int i = 0; i <= m && square > 0; i++)
+      for (int j = 0; j < n; j++) mended[i * n + j] += (end[i] - expected[i]) * b[j] / square;
   }
   // b and its size, of the warmest state of heat.
-  double step(const double* M, double warmest) {
+  double step(double warmest) {
     for (int i = 0; i < n; i++) {
       b[i] = end[c.slow[i]] - begin[c.slow[i]];
-      for (int j = 0; j < n; j++) A[i * n + j] = (i == j) - M[c.slow[i] * n + j];
+      for (int j = 0; j < n; j++) A[i * n + j] = (i == j) - mended[c.slow[i] * n + j];
     }
     factorize(A, pivots, n), substitute(A, pivots, n, b);
     double size = 0;
     for (int i = 0; i < n; i++) size = fmax(size, fabs(b[i]) / warmest);
     return size;
   }
-  // Broyden's update: what the last step b did beyond what was expected.
-  void mend(double* M, double* dT, double T, double expected_T) const {
-    double square = 0;
-    for (int j = 0; j < n; j++) square += b[j] * b[j];
-    for (int j = 0; j < n && square > 0; j++) {
-      for (int i = 0; i < m; i++) M[i * n + j] += (end[i] - expected[i]) * b[j] / square;
-      dT[j] += (T - expected_T) * b[j] / square;
-    }
-  }
 };
 }  // namespace
 
-// The orbit of `pulses` rises near y, of about the period T: y, T, M (size x n) and dT are
-// replaced. known: M and dT are a neighbour's; rough, fine: tolerances of traces far from the
-// orbit and near it.
-// Returns DONE, FULL, or another number where there is none.
-EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, double* dT,
-                          int pulses, int known, double rough, double fine) {
+// The orbit of `pulses` rises near y, the states and the period, which are replaced, as is M, size
+// x n, with dT as a last row. known: M is a neighbour's; rough, fine: tolerances of traces far from
+// the orbit and near it. Returns DONE, FULL, or another number where there is none.
+EXPORT int64_t ring_close(Turns* turns, double* y, double* M, int pulses, int known, double rough,
+                          double fine) {
   Turns& c = *turns;
   Loop none = {};
-  const int64_t step = ring_integrate(c.p, &none, 0, 0, 0, 0, 0, 0, 0);
-  const int64_t more = ring_follow(c.p, 0, 0, 0, 0, 0, 8, 0) + ring_slopes(c.p, 0, 0, 0, 0, 0, 0);
   Arena arena = {c.memory};
-  arena.take<char>(step > more ? step : more);
+  arena.take<char>(ring_integrate(c.p, &none, 0, 0, 0, 0, 0, 0, 0)
+                   + ring_follow(c.p, 0, 0, 0, 0, 0, 0, 0) + ring_slopes(c.p, 0, 0, 0, 0, 0, 0, 0));
   Newton newton(c, arena);
   if (!c.memory) return (int64_t)arena.used;
   const int m = newton.m, n = newton.n;
-  const double guess = *period, level = y[2];
-  double expected_T = 0, range = 1, moved = 0;
+  const double guess = y[m], level = y[2];
+  double range = 1, moved = 0, *end = newton.end, *expected = newton.expected, *b = newton.b;
   bool near = false, fresh = false, mends = false;
+  if (known) memcpy(newton.mended, M, (m + 1) * n * sizeof(double));
   for (int turn = 0; turn < TURNS; turn++) {
-    memcpy(newton.begin, y, m * sizeof(double)), memcpy(newton.end, y, m * sizeof(double));
-    double T = 0, warmest = 1e-30, low = INFINITY, high = 0;
     const double rtol = (near ? fine : rough) * fmin(1, fmax(SMALLEST, range));
-    c.filled = c.count = 0;
+    double& T = end[m];
+    double warmest = 1e-30, low = INFINITY, high = 0;
+    memcpy(newton.begin, y, m * sizeof(double)), memcpy(end, y, m * sizeof(double));
+    T = 0, c.filled = c.count = 0;
     for (int pulse = 0; pulse < pulses; pulse++) {
       double h = 0;
-      newton.end[2] = level;
-      const int status = ring_turn(&c, newton.end, 4 * guess, level, 1, rtol, &h, &T);
+      end[2] = level;
+      const int status = ring_turn(&c, end, 4 * guess, level, 1, rtol, &h);
       if (status != EVENT) return status == FULL ? FULL : EVENT;
     }
     if (T > LONGER * guess) return EVENT;
@@ -149,29 +150,24 @@ EXPORT int64_t ring_close(Turns* turns, double* y, double* period, double* M, do
       warmest = fmax(warmest, fabs(row[4])), low = fmin(low, row[3]), high = fmax(high, row[3]);
     }
     range = (high - low) / high;
-    if (!known) newton.differentiate(M, dT), known = fresh = true, moved = 0;
-    else if (mends) newton.mend(M, dT, T, expected_T);
-    double size = newton.step(M, warmest);
-    if (!fresh && (size < NEAR || turn > 0)) {
-      newton.differentiate(M, dT), fresh = true, moved = 0;
-      size = newton.step(M, warmest);
+    if (known && mends) newton.mend();
+    double size = known ? newton.step(warmest) : 0;
+    if (!known || (!fresh && (size < NEAR || turn > 0))) {
+      newton.differentiate(M), known = fresh = true, moved = 0;
+      size = newton.step(warmest);
     }
     if (!(size < 1e3)) return EVENT;
-    const bool last = near && size < CLOSED * fine && fabs(T - expected_T) < SAME * T;
+    const bool last = near && size < CLOSED * fine && fabs(T - expected[m]) < SAME * T;
     const double share = fmin(1, LARGEST / size);
-    double *b = newton.b, *next = newton.expected;
-    expected_T = T;
-    memcpy(next, newton.end, m * sizeof(double));
-    for (int j = 0; j < n; j++) {
-      b[j] *= share, expected_T += dT[j] * b[j];
-      for (int i = 0; i < m; i++) next[i] += M[i * n + j] * b[j];
+    for (int j = 0; j < n; j++) b[j] *= share;
+    for (int i = 0; i <= m; i++) {
+      expected[i] = end[i];
+      for (int j = 0; j < n; j++) expected[i] += newton.mended[i * n + j] * b[j];
     }
-    memcpy(y, next, m * sizeof(double));
-    y[2] = level, *period = fmax(expected_T, 0.2 * T), moved += size, mends = true;
+    memcpy(y, expected, m * sizeof(double));
+    y[2] = level, y[m] = fmax(expected[m], 0.2 * T), moved += size, mends = true;
     if (last) {
-      if (moved > MOVED || pulses > 1) newton.differentiate(M, dT);
-      memcpy(M, newton.kept, m * n * sizeof(double));
-      memcpy(dT, newton.kept_dT, n * sizeof(double));
+      if (moved > MOVED || pulses > 1) newton.differentiate(M);
       return DONE;
     }
     if (fresh && size < NEAR) mends = near, near = true;

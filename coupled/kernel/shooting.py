@@ -79,7 +79,7 @@ class Turns:
         self._most = min(MOST_SLOW, problem.order) if isinstance(heat, PoleHeat) else problem.order
         self._c = _Turns(p=problem.address, edges=problem.edges.ctypes.data, n=self._most)
         library().ring_close.restype = c.c_int64
-        size = library().ring_close(c.byref(self._c), *[None] * 4, 1, 0, _D(), _D())
+        size = library().ring_close(c.byref(self._c), None, None, 1, 0, _D(), _D())
         self._memory = np.empty(size + 64, np.uint8)
         self._c.memory = self._memory.ctypes.data + -self._memory.ctypes.data % 64
         self._make_room(ROOM)
@@ -105,20 +105,17 @@ class Turns:
         first_step: float = 0.0,
     ) -> Trace:  # fmt: skip
         """Integrate ``y`` for ``duration`` ns, or until N rises through ``level``; ``above``: N starts on the level."""
-        h, T = c.c_double(), c.c_double()
-        while True:
-            end, h.value, T.value = y.copy(), first_step, 0.0
-            self._c.filled = self._c.count = 0
-            status = library().ring_turn(
-                c.byref(self._c), _P(end.ctypes.data), _D(duration), _D(level), int(above), _D(rtol), c.byref(h),
-                c.byref(T),
-            )  # fmt: skip
-            if status != FULL:
-                break
+        end, h = np.append(y, 0.0), c.c_double(first_step)
+        self._c.filled = self._c.count = 0
+        status = library().ring_turn(
+            c.byref(self._c), _P(end.ctypes.data), _D(duration), _D(level), int(above), _D(rtol), c.byref(h)
+        )
+        if status == FULL:
             self._make_room(2 * len(self._rows))
+            return self.run(y, duration, level=level, above=above, rtol=rtol, first_step=first_step)
         if status == TOO_SMALL:
-            raise no_step(T.value)
-        return Trace(end, T.value, h.value, status == EVENT)
+            raise no_step(end[-1])
+        return Trace(end[:-1], float(end[-1]), h.value, status == EVENT)
 
     def close(self, y: Array, T: float, pulses: int = 1, beside: Closed | None = None) -> Closed | None:
         """Solve for the periodic orbit near ``y`` with a period of about ``T`` ns; None where there is none.
@@ -149,20 +146,17 @@ class Turns:
     def _close(
         self, y: Array, T: float, pulses: int, slow: NDArray[np.int32], known: Closed | None, rough: float, fine: float
     ) -> Closed | None:
-        self._c.slow, self._c.n, n = slow.ctypes.data, slow.size, slow.size
-        while True:
-            state, period = y.copy(), c.c_double(T)
-            M, dT = (np.empty((y.size, n)), np.empty(n)) if known is None else (known.M.copy(), known.dT.copy())
-            status = library().ring_close(
-                c.byref(self._c), _P(state.ctypes.data), c.byref(period), _P(M.ctypes.data), _P(dT.ctypes.data),
-                pulses, int(known is not None), _D(rough), _D(fine),
-            )  # fmt: skip
-            if status != FULL:
-                break
+        self._c.slow, self._c.n, state = slow.ctypes.data, slow.size, np.append(y, T)
+        M = np.empty((state.size, slow.size)) if known is None else np.vstack([known.M, known.dT])
+        status = library().ring_close(
+            c.byref(self._c), _P(state.ctypes.data), _P(M.ctypes.data), pulses, int(known is not None), _D(rough),
+            _D(fine),
+        )  # fmt: skip
+        if status == FULL:
             self._make_room(2 * len(self._rows))
+            return self._close(y, T, pulses, slow, known, rough, fine)
         if status != DONE:
             return None
         every = np.linalg.eigvals(M[slow])
-        return Closed(
-            state, period.value, slow, M, dT, complex(every[np.abs(every).argmax()]), pulses, self.rows.copy()
-        )
+        worst = complex(every[np.abs(every).argmax()])
+        return Closed(state[:-1], float(state[-1]), slow, M[:-1], M[-1], worst, pulses, self.rows.copy())

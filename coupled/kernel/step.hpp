@@ -14,9 +14,7 @@
 #define INLINE __attribute__((always_inline)) inline
 #define INLINE_LAMBDA __attribute__((always_inline))
 
-// S is the number of stages where it is known when this is compiled, and 0 elsewhere.
 constexpr int STAGES = 8;  // at most
-template <int S> inline int stages_of(const Problem& p) { return S ? S : p.method.stages; }
 
 struct Arena {  // hands out the caller's memory; without any it counts what is needed
   char* base;
@@ -29,9 +27,18 @@ struct Arena {  // hands out the caller's memory; without any it counts what is 
 };
 
 inline Light light_of(Arena& arena, int n) {  // of n fields
-  double *in = arena.take<double>(4 * n), *detuning = arena.take<double>(2 * n);
-  return {in, detuning, in + 2 * n, detuning + n};
+  return {arena.take<Dual<1>>(2 * n), arena.take<Dual<1>>(n)};
 }
+struct Stage {  // the coefficients of one stage of a step of h
+  int number;
+  double a[STAGES], c[STAGES], at, slope;
+
+  INLINE Stage(const Method& m, int count, int q, double h)
+      : number(q), at(m.at[q] * h), slope(m.slope[q] * h) {
+    const double per_h = 1 / h;
+    for (int j = 0; j < q; j++) a[j] = m.a[q * count + j], c[j] = m.c[q * count + j] * per_h;
+  }
+};
 
 // x^p near x0, where y0 = x0^p: series of log and exp in short chains (Estrin).
 template <class T> inline T near_power(const T& x, double p, const T& x0, const T& y0) {
@@ -47,17 +54,16 @@ template <class T> inline T near_power(const T& x, double p, const T& x0, const 
 // ---- small linear algebra ---------------------------------------------------------------------
 
 template <class T> inline void invert(T (&m)[3][3]) {  // by cofactors; s keeps it well conditioned
-  const T c0 = m[1][1] * m[2][2] - m[1][2] * m[2][1], c1 = m[1][2] * m[2][0] - m[1][0] * m[2][2];
-  const T c2 = m[1][0] * m[2][1] - m[1][1] * m[2][0];
-  const T d = 1.0 / (m[0][0] * c0 + m[0][1] * c1 + m[0][2] * c2);
-  const T r[3][3] = {
-      {d * c0, d * (m[0][2] * m[2][1] - m[0][1] * m[2][2]),
-       d * (m[0][1] * m[1][2] - m[0][2] * m[1][1])},
-      {d * c1, d * (m[0][0] * m[2][2] - m[0][2] * m[2][0]),
-       d * (m[0][2] * m[1][0] - m[0][0] * m[1][2])},
-      {d * c2, d * (m[0][1] * m[2][0] - m[0][0] * m[2][1]),
-       d * (m[0][0] * m[1][1] - m[0][1] * m[1][0])}};
-  memcpy(m, r, sizeof r);
+  T r[3][3];
+#pragma GCC unroll 3
+  for (int i = 0; i < 3; i++)
+#pragma GCC unroll 3
+    for (int j = 0; j < 3; j++) {
+      const int k = (j + 1) % 3, l = (j + 2) % 3, a = (i + 1) % 3, b = (i + 2) % 3;
+      r[i][j] = m[k][a] * m[l][b] - m[k][b] * m[l][a];
+    }
+  const T d = 1.0 / (m[0][0] * r[0][0] + m[0][1] * r[1][0] + m[0][2] * r[2][0]);
+  for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) m[i][j] = d * r[i][j];
 }
 // Triangular factors of A, n x n, in its place; returns whether det A > 0.
 template <class T> inline bool factorize(T* A, int* order, int n) {
@@ -89,213 +95,202 @@ template <class T> inline void substitute(const T* A, const int* order, int n, T
     x[i] = x[i] / A[i * n + i];
   }
 }
-template <int B, class T> inline void invert(T (&m)[B][B]) {
-  T factors[B * B], column[B];
+template <int B, class T> inline void invert(T (&m)[B][B]) {  // rows solve the transposed system
+  T factors[B][B];
   int order[B];
-  memcpy(factors, m, sizeof m), factorize(factors, order, B);
-  for (int j = 0; j < B; j++) {
-    for (int i = 0; i < B; i++) column[i] = zero<T>() + (i == j);
-    substitute(factors, order, B, column);
-    for (int i = 0; i < B; i++) m[i][j] = column[i];
+  for (int i = 0; i < B; i++) for (int j = 0; j < B; j++) factors[j][i] = m[i][j];
+  factorize(factors[0], order, B);
+  for (int i = 0; i < B; i++) {
+    for (int j = 0; j < B; j++) m[i][j] = zero<T>() + (i == j);
+    substitute(factors[0], order, B, m[i]);
   }
 }
 
 // ---- heat of one ring in a step ----------------------------------------------------------------
 
-// Poles. READ: z = sum read_k x_k rather than sum x_k.
-template <int S, class T, bool READ = false> struct Poles {
-  int n, row, stages;  // states; how far the stages are apart in k; their number
-  const double *gain, *rate, *read;
-  double *damp, G;
-  T* k;
-  const T* x0;
+// dx/dt = A x + H[x, x] + (G x + B) P:  k_x = M^-1 (r_x + b w.k_o),  M = s - A - 2 H[x, .] - G P,
+// b = G x + B; of poles, dx/dt = gain P - rate x, M is s + rate and b the gain. An L-stable step
+// damps a mode that grows faster than s, and its error does not show it; without one det M > 0.
+template <class T, class Real, int kind> struct Heating {
+  int n, row, last;  // states; how far the stages are apart in k; the last one
+  const Problem* p;
+  const double *read, *weight, *gain, *rate;
+  double* damp;      // 1/(s + rate)
+  Real *b, G;        // M^-1 b, and the z of it
+  T *k, *x, *M;      // stages; the state at a stage
+  const T* x0;       // the state at the start
+  int* order;
 
-  Poles(const Problem& p, int ring, T* kx, Arena& arena) {
-    n = p.order, row = p.rings * n, k = kx + ring * n, damp = arena.take<double>(n);
-    stages = stages_of<S>(p);
-    gain = p.gain + ring * n, rate = p.rate + ring * n;
-    read = READ ? p.read + ring * n : nullptr;
+  Heating(const Problem& problem, int ring, T* kx, Arena& arena)
+      : n(problem.order), row(problem.rings * n), last(problem.method.stages - 1), p(&problem),
+        read(p->read + ring * n), weight(p->weight + ring * n), gain(p->gain + ring * n),
+        rate(p->rate + ring * n), k(kx + ring * n) {
+    const int square = kind == QUADRATIC ? n * n : 0;
+    damp = arena.take<double>(n), b = arena.take<Real>(n), x = arena.take<T>(n);
+    M = arena.take<T>(square), order = arena.take<int>(square);
   }
-  T weigh(int i, const T& x) const { return READ ? read[i] * x : x; }
-  T temperature(const T* x) const {
-    T z = zero<T>();
-    for (int i = 0; i < n; i++) z += weigh(i, x[i]);
+  template <class X> INLINE X temperature(const X* state) const {
+    X z = zero<X>();
+    for (int i = 0; i < n; i++) z += read[i] * state[i];
     return z;
   }
-  bool start(const T* x, double s, const T&) {  // false: heat grows faster than a step follows
-    double total = 0;
-    for (int i = 0; i < n; i++) {
-      damp[i] = 1 / (s + rate[i]);
-      total += READ ? read[i] * (gain[i] * damp[i]) : gain[i] * damp[i];
+  bool start(const T* state, double s, const T& P) {  // false: a mode grows too fast for the step
+    bool follows = true;
+    x0 = state;
+    if constexpr (kind == POLES) {
+      for (int i = 0; i < n; i++) damp[i] = 1 / (s + rate[i]), b[i] = gain[i] * damp[i];
+    } else {
+      for (int i = 0; i < n; i++) {
+        b[i] = zero<T>() + p->B[i];
+        for (int j = 0; j < n; j++) {
+          M[i * n + j] = (i == j ? s : 0) - quadratic(*p, i, j, 2, state, P);
+          b[i] += p->G[i * n + j] * state[j];
+        }
+      }
+      follows = factorize(M, order, n), substitute(M, order, n, b);
     }
-    x0 = x, G = total;
-    return true;
+    G = temperature(b);
+    return follows;
   }
-  // The stage q under the power P: its z, without what comes back from light and carriers.
-  INLINE T stage(int q, const double* a, const double* c, const T& P) const {
+  // A stage under the power P: its z, without what comes back from light and carriers.
+  INLINE T stage(const Stage& stage, const T& P) const {
     const double *__restrict g = gain, *__restrict r = rate, *__restrict d = damp;
+    const double* __restrict seen = read;
     const T *__restrict before = k, *__restrict start = x0;
-    T* __restrict now = k + q * row;
+    T* __restrict now = k + stage.number * row;
     T back = zero<T>();
     for (int i = 0; i < n; i++) {
-      T x = start[i], sum = zero<T>();
-      for (int j = 0; j < q; j++)
-        x += a[j] * before[j * row + i], sum += c[j] * before[j * row + i];
-      now[i] = x = (sum - r[i] * x + g[i] * P) * d[i];
-      back += weigh(i, x);
+      T y = start[i], sum = zero<T>();
+      for (int j = 0; j < stage.number; j++)
+        y += stage.a[j] * before[j * row + i], sum += stage.c[j] * before[j * row + i];
+      if constexpr (kind == QUADRATIC) {
+        x[i] = y, now[i] = sum + p->B[i] * P;
+      } else {
+        now[i] = y = (sum - r[i] * y + g[i] * P) * d[i];
+        back += seen[i] * y;
+      }
+    }
+    if constexpr (kind == QUADRATIC) {
+      for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) now[i] += quadratic(*p, i, j, 1, x, P) * x[j];
+      substitute(M, order, n, now);
+      back = temperature(now);
     }
     return back;
   }
   INLINE void feed(int q, const T& power) const {
-    const double *__restrict g = gain, *__restrict d = damp;
+    const Real* __restrict each = b;
     T* __restrict now = k + q * row;
-    for (int i = 0; i < n; i++) now[i] += (g[i] * d[i]) * power;
+    for (int i = 0; i < n; i++) now[i] += each[i] * power;
   }
-  void finish(const double* a, T* __restrict out) const {
+  INLINE void finish(const Stage& last, T* __restrict out) const {
     const T *__restrict all = k, *__restrict start = x0;
-    const int last = (S ? S : stages) - 1;
     for (int i = 0; i < n; i++) {
-      T x = start[i] + all[last * row + i];
-      for (int j = 0; j < last; j++) x += a[j] * all[j * row + i];
-      out[i] = x;
+      T y = start[i] + all[last.number * row + i];
+      for (int j = 0; j < last.number; j++) y += last.a[j] * all[j * row + i];
+      out[i] = y;
     }
   }
   double error() const {
     double e = 0;
-    for (int i = 0; i < n; i++) e += magnitude(weigh(i, k[(stages - 1) * row + i]));
+    for (int i = 0; i < n; i++) e += weight[i] * magnitude(k[last * row + i]);
     return e;
   }
 };
-
-// dx/dt = A x + H[x, x] + (G x + B) P:  k_x = M^-1 (r_x + b w.k_o),  M = s - A - 2 H[x, .] - G P,
-// b = G x + B. An L-stable step damps a mode that grows faster than s, and its error does not show
-// it; without such a mode det M > 0.
-template <class T> struct Quadratic {
-  int n, last;
-  const Problem& p;
-  T *k, *M, *b, *x, G;
-  const T* x0;
-  int* order;
-
-  Quadratic(const Problem& problem, int, T* kx, Arena& arena) : p(problem) {
-    n = p.order, last = p.method.stages - 1, k = kx, M = arena.take<T>(n * n), b = arena.take<T>(n);
-    x = arena.take<T>(n), order = arena.take<int>(n);
-  }
-  T temperature(const T* state) const {
-    T z = zero<T>();
-    for (int i = 0; i < n; i++) z += p.C[i] * state[i];
-    return z;
-  }
-  bool start(const T* state, double s, const T& P) {
-    x0 = state;
-    for (int i = 0; i < n; i++) {
-      b[i] = zero<T>() + p.B[i];
-      for (int j = 0; j < n; j++) {
-        T m = P * -p.G[i * n + j] - p.A[i * n + j];
-        const double* H = p.H + (i * n + j) * n;
-        for (int l = 0; l < n; l++) m -= (2 * H[l]) * state[l];
-        M[i * n + j] = i == j ? m + s : m, b[i] += p.G[i * n + j] * state[j];
-      }
-    }
-    const bool follows = factorize(M, order, n);
-    substitute(M, order, n, b);
-    G = temperature(b);
-    return follows;
-  }
-  T stage(int q, const double* a, const double* c, const T& P) const {
-    T* now = k + q * n;
-    for (int i = 0; i < n; i++) {
-      x[i] = x0[i], now[i] = zero<T>();
-      for (int j = 0; j < q; j++) x[i] += a[j] * k[j * n + i], now[i] += c[j] * k[j * n + i];
-    }
-    for (int i = 0; i < n; i++) now[i] += quadratic(p, i, x, P);
-    substitute(M, order, n, now);
-    return temperature(now);
-  }
-  void feed(int q, const T& power) const {
-    for (int i = 0; i < n; i++) k[q * n + i] += b[i] * power;
-  }
-  void finish(const double*, T* out) const {
-    for (int i = 0; i < n; i++) out[i] = x[i] + k[last * n + i];
-  }
-  double error() const {
-    double e = 0;
-    for (int i = 0; i < n; i++) e += p.weight[i] * magnitude(k[last * n + i]);
-    return e;
-  }
-};
+template <class T> using Poles = Heating<T, double, POLES>;
+template <class T> using Quadratic = Heating<T, T, QUADRATIC>;
 
 // ---- light and carriers of one ring in a step --------------------------------------------------
 
-template <int F, class T> struct Block {  // linearized at the start of the step
+template <int F, class T, class Heat> struct Block {
   static constexpr int B = 2 * F + 1, Z = B + 1;  // unknowns; and z
+  const Ring<F>* ring;
+  Heat* heat;
   T start[Z], f[B], P, u[B], w[B], matrix[B][B], square, known[TERMS];
 
-  void linearize(const Ring<F>& ring, const T* y, const T& z, const T& rise,
-                 const double* detuning) {
+  Block(const Ring<F>* its, Heat* own) : ring(its), heat(own) {}
+
+  // The matrix of light and carriers at the start; false where heat grows too fast for the step.
+  INLINE bool linearize(const T* y, const T* x, const T& rise, const Dual<1>* detuning, double s) {
     using J = Dual<Z, T>;
     for (int m = 0; m < B; m++) start[m] = y[m];
-    start[B] = z, square = y[2 * F] * y[2 * F] + EPS * EPS;
-    for (int k = 0; k < ring.terms; k++)
-      if (ring.e[k] != 0) known[k] = power(square, ring.e[k]);
-    J at[B], slopes[B], added = zero<J>();
+    start[B] = heat->temperature(x), square = y[2 * F] * y[2 * F] + EPS * EPS;
+    for (int k = 0; k < ring->terms; k++)
+      if (ring->term[k].p != 1) known[k] = power(square, ring->term[k].exponent());
+    J at[Z], slopes[B], added = zero<J>();
     added.v = rise;
-    for (int m = 0; m < B; m++) at[m] = seeded<Z, T>(start[m], m);
-    const J heat = optics<F, J>(ring, at, seeded<Z, T>(z, B), added, detuning, slopes,
+    for (int m = 0; m < Z; m++) at[m] = seeded<Z, T>(start[m], m);
+    const J warm = optics<F, J>(*ring, at, at[B], added, detuning, slopes,
                                 [&](int k, const J& x) {
       J r;
-      const T by = ring.e[k] * known[k] / x.v;
+      const T by = ring->term[k].exponent() * known[k] / x.v;
       r.v = known[k];
       for (int i = 0; i < Z; i++) r.d[i] = by * x.d[i];
       return r;
     });
-    for (int m = 0; m < B; m++) {
-      f[m] = slopes[m].v, u[m] = slopes[m].d[B], w[m] = heat.d[m];
-      for (int l = 0; l < B; l++) matrix[m][l] = -slopes[m].d[l];
-    }
-    P = heat.v;
-  }
-  template <class Gain> void eliminate_heat(double s, const Gain& G) {
+    P = warm.v;
+    if (!heat->start(x, s, P)) return false;
+    for (int m = 0; m < B; m++) f[m] = slopes[m].v, u[m] = slopes[m].d[B], w[m] = warm.d[m];
     for (int m = 0; m < B; m++)
-      for (int l = 0; l < B; l++) matrix[m][l] += (m == l ? s : 0.0) - G * (u[m] * w[l]);
+      for (int l = 0; l < B; l++)
+        matrix[m][l] = (m == l ? s : 0.0) - slopes[m].d[l] - heat->G * (u[m] * w[l]);
+    return true;
   }
-  // f and P at a stage; the first one is the start.
-  T stage(int q, const Ring<F>& ring, const T* o, const T& rise, const double* detuning,
-          T* slopes) const {
-    if (q == 0) {
-      for (int m = 0; m < B; m++) slopes[m] = f[m];
-      return P;
+  // What a stage asks: o = start + sum_j a_j k_j, of light, carriers and z; r, of light and
+  // carriers, and the z that heat gives without what comes back. light[0] is that of the start.
+  INLINE void ask(const Stage& stage, const T* k, int row, const Light* light, int i,
+                  const T& rise, T* o, T* r) const {
+    const int q = stage.number;
+    const Dual<1> *in = light[q].in + 2 * F * i, *rising = light[0].in + 2 * F * i;
+    const Dual<1> *detuning = light[q].detuning + F * i, *turn = light[0].detuning + F * i;
+    T slopes[B], heating = P;
+    for (int m = 0; m < Z; m++) o[m] = start[m], r[m] = zero<T>();
+    for (int j = 0; j < q; j++)
+      for (int m = 0; m < Z; m++)
+        o[m] += stage.a[j] * k[j * row + m], r[m] += stage.c[j] * k[j * row + m];
+    if (q == 0) memcpy(slopes, f, sizeof f);
+    else
+      heating = optics<F, T>(*ring, o, o[B], rise, detuning, slopes, [&](int k, const T& x) {
+        return near_power(x, ring->term[k].exponent(), square, known[k]);
+      });
+    r[B] = heat->stage(stage, heating);
+    for (int m = 0; m < B; m++) r[m] += slopes[m] + u[m] * r[B];
+    for (int m = 0; m < 2 * F; m++) {  // i s: -Im s in Re a, Re s in Im a
+      const int other = m ^ 1;
+      const T came = in[other].v + stage.slope * rising[other].d[0]
+                     - (stage.slope * turn[m / 2].d[0]) * start[other];
+      r[m] += m % 2 ? came : -came;
     }
-    return optics<F, T>(ring, o, o[B], rise, detuning, slopes, [&](int k, const T& x) {
-      return near_power(x, ring.e[k], square, known[k]);
-    });
   }
-  // Adds what comes in and how it changes in a stage; light[0] is that of the start.
-  static void shine(const Light& now, const Light& first, int ring, double g, const T* y, T* r) {
-    const double *in = now.in + 2 * F * ring, *rising = first.in_slope + 2 * F * ring;
-    const double* turn = first.detuning_slope + F * ring;
-    for (int f = 0; f < F; f++) {
-      const T &re = y[2 * f], &im = y[2 * f + 1];
-      r[2 * f] += (g * turn[f]) * im - (in[2 * f + 1] + g * rising[2 * f + 1]);
-      r[2 * f + 1] += (in[2 * f] + g * rising[2 * f]) - (g * turn[f]) * re;
+  INLINE void solve(const T* r, T* k) const {  // k of light and carriers; matrix: the inverse
+    for (int m = 0; m < B; m++) {
+      k[m] = zero<T>();
+      for (int l = 0; l < B; l++) k[m] += matrix[m][l] * r[l];
     }
+  }
+  // k of light and carriers is known: that of heat and z.
+  INLINE void answer(int q, T* k) const {
+    T feedback = zero<T>();
+    for (int m = 0; m < B; m++) feedback += w[m] * k[m];
+    heat->feed(q, feedback);
+    k[B] += feedback * heat->G;
+  }
+  // The end of the step, from o and k of the last stage.
+  INLINE void finish(const Stage& last, const T* o, const T* k, T* y, T* x, T* z_start,
+                     T* z_end) const {
+    for (int m = 0; m < B; m++) y[m] = o[m] + k[m];
+    *z_start = start[B], *z_end = o[B] + k[B];
+    heat->finish(last, x);
   }
 };
-// o = start + sum_j a_j k_j and r = sum_j c_j k_j over the stages before q.
-template <int Z, class T>
-INLINE void combine(int q, const double* a, const double* c, const T* k, int row, const T* start,
-                    T* o, T* r) {
-  for (int m = 0; m < Z; m++) o[m] = start[m], r[m] = zero<T>();
-  for (int j = 0; j < q; j++)
-    for (int m = 0; m < Z; m++) o[m] += a[j] * k[j * row + m], r[m] += c[j] * k[j * row + m];
-}
 
 struct Past { double* steps; int64_t filled, room; };  // of a circuit with delays: its last steps
 
 // ---- one ring ----------------------------------------------------------------------------------
 
-template <int F, int S, class T, class Heat> struct Single {
-  static constexpr int B = 2 * F + 1, Z = B + 1;
+// S is the number of stages where it is known when this is compiled, and 0 elsewhere.
+template <int fields, int S, class T, class Heat> struct Single {
+  static constexpr int F = fields, B = 2 * F + 1, Z = B + 1;
   const Problem& p;
   const Ring<F> ring;
   T *k, *kx, z_start[1], z_end[1];  // stages x Z, of light, carriers and z; stages x order, of heat
@@ -306,47 +301,29 @@ template <int F, int S, class T, class Heat> struct Single {
         kx(arena.take<T>(STAGES * p.order)), heat(p, 0, kx, arena) {}
 
   void begin(const T* y, bool, double) { z_start[0] = z_end[0] = heat.temperature(y + B); }
-  double heat_error(int) const { return heat.error(); }
+  double heat_error(int, double) const { return heat.error(); }
   // What only a circuit has: heat of neighbours, waves between the rings, delays.
-  double missed(int) const { return 0; }
-  double other(int) const { return 0; }
-  double other_at(double, int) const { return 0; }
+  double other(double, int) const { return 0; }
   int width() const { return 0; }
-  void waves(const Places&, double, double, const double*, double*) const {}
-  void observe(const Places&, double, double, double, const double*, double*) const {}
-  template <class At> void note(const Places&, double, double, const At&) {}
+  void observe(int, double, double, double, const double*, double*) const {}
+  template <class At> void note(int, double, double, const At&) {}
   void accept(double, double, double, double) {}
   double resolved(double, double h) const { return h; }
 
   // A step of h ns from y to out; light: at the stages. False where there is no answer.
   bool step(const T* __restrict y, double, double h, const Light* __restrict light,
             T* __restrict out) {
-    const double s = 1 / (p.method.gamma * h), per_h = 1 / h;
-    Block<F, T> block;
     const T none = zero<T>();
-    block.linearize(ring, y, heat.temperature(y + B), none, light[0].detuning);
-    if (!heat.start(y + B, s, block.P)) return false;
-    block.eliminate_heat(s, heat.G);
+    const int count = S ? S : p.method.stages;
+    Block<F, T, Heat> block(&ring, &heat);
+    if (!block.linearize(y, y + B, none, light[0].detuning, 1 / (p.method.gamma * h))) return false;
     invert(block.matrix);
-    const int count = stages_of<S>(p);
-    T stages[STAGES * Z], o[Z], r[Z], f[B];
+    T stages[STAGES * Z], o[Z], r[Z];
     auto stage = [&](int q) INLINE_LAMBDA {
-      double a[STAGES], c[STAGES];
-      for (int j = 0; j < q; j++)
-        a[j] = p.method.a[q * count + j], c[j] = p.method.c[q * count + j] * per_h;
-      combine<Z>(q, a, c, stages, Z, block.start, o, r);
-      const T P = block.stage(q, ring, o, none, light[q].detuning, f);
-      const T back = heat.stage(q, a, c, P);
-      for (int m = 0; m < B; m++) r[m] += f[m] + block.u[m] * back;
-      block.shine(light[q], light[0], 0, p.method.slope[q] * h, block.start, r);
-      T feedback = zero<T>(), *now = stages + q * Z;
-      for (int m = 0; m < B; m++) {
-        now[m] = zero<T>();
-        for (int l = 0; l < B; l++) now[m] += block.matrix[m][l] * r[l];
-        feedback += block.w[m] * now[m];
-      }
-      heat.feed(q, feedback);
-      now[B] = back + feedback * heat.G;
+      T* now = stages + q * Z;
+      block.ask(Stage(p.method, count, q, h), stages, Z, light, 0, none, o, r);
+      block.solve(r, now);
+      now[B] = r[B], block.answer(q, now);
     };
     if constexpr (S > 0) {
 #pragma GCC unroll 8
@@ -354,10 +331,8 @@ template <int F, int S, class T, class Heat> struct Single {
     } else {
       for (int q = 0; q < count; q++) stage(q);
     }
-    const T* last = stages + (count - 1) * Z;
-    for (int m = 0; m < B; m++) out[m] = o[m] + last[m];
-    z_start[0] = block.start[B], z_end[0] = o[B] + last[B];
-    heat.finish(p.method.a + (count - 1) * count, out + B);
+    const Stage last(p.method, count, count - 1, h);
+    block.finish(last, o, stages + (count - 1) * Z, out, out + B, z_start, z_end);
     for (int m = 0; m < count * Z; m++) k[m] = stages[m];
     return true;
   }

@@ -36,6 +36,8 @@ async function instantiate({ bytes, tableaus }) {
 const doubles = (at, n) => new Float64Array(wasm.memory.buffer, at, n);
 const integers = (at, n) => new Int32Array(wasm.memory.buffer, at, n);
 
+const identity = (n) => Float64Array.from({ length: n * n }, (_, k) => (k % (n + 1) ? 0 : 1));
+
 /** Address of a named buffer of at least n numbers, which keeps what it holds. */
 function buffer(name, n) {
   const own = (buffers[name] ||= { at: 0, size: 0 });
@@ -54,10 +56,12 @@ function problemOf(system, drive, detuning, stop, method) {
   const s = system;
   const { words, gamma } = methods[method];
   const edges = store("edges", [0, stop]);
-  const constant = (name, value) => [1, 1, 4, edges, store(name, [value, 0, 0, 0])];
+  const zero = store("zero", [0]); // of the only piece of the drive, which neither jumps nor varies
+  const constant = (name, value) => [1, 4, zero, edges, store(name, [value, 0, 0, 0])];
+  const ones = s.gain.map(() => 1);
   const arrays = {
     modes: [s.loss, s.absorbed, s.fca, s.tpa, s.g, s.shift, 1, s.kerr], carriers: [s.tau0, s.a, s.b], dispersion: s.fcd,
-    bend: [s.curvature], own: [0, 0], floor: floorOf(s, drive), gain: s.gain, rate: s.rate,
+    bend: [s.curvature], own: [0, 0], floor: floorOf(s, drive), read: ones, weight: ones, gain: s.gain, rate: s.rate,
   }; // prettier-ignore
   const at = buffer("problem", 34);
   const absent = (n) => Array(n).fill(0);
@@ -65,7 +69,7 @@ function problemOf(system, drive, detuning, stop, method) {
   const tables = [constant("power", drive * drive), constant("phase", 0), constant("detuning", detuning)].flat();
   const light = [store("entry", [1, 0]), store("brightest", [Math.max(drive * drive, 1e-300)])];
   const sizes = [1, 1, s.gain.length, s.fcd.length / 2, 1, 1, 0, 0, 0, 0];
-  integers(at, 68).set([...sizes, ...words, ...pointers, ...absent(8), edges, ...tables, ...light, ...absent(14)]);
+  integers(at, 68).set([...sizes, ...words, ...pointers, ...absent(5), edges, zero, zero, ...tables, ...light, ...absent(13)]);
   doubles(at, 34)[6] = gamma;
   return at;
 }
@@ -109,7 +113,7 @@ export function integrate(system, drive, detuning, start, stop, { method, rtol, 
 }
 
 function slopesAt(problem, y, n) {
-  const [rate, J] = [buffer("slopes", n), buffer("matrix", n * n)];
+  const [rate, J] = [buffer("slopes", n), store("matrix", identity(n))];
   wasm.ring_slopes(problem, y, rate, J);
   return { rate: doubles(rate, n).slice(), J: doubles(J, n * n).slice() };
 }
@@ -123,8 +127,7 @@ export function slopes(system, drive, detuning, y) {
 export function flowAlong(system, drive, detuning, start, steps, method) {
   const n = start.length;
   const problem = problemOf(system, drive, detuning, 1, method);
-  const identity = Float64Array.from({ length: n * n }, (_, k) => (k % (n + 1) ? 0 : 1));
-  const [y, V, kept, end] = [store("y", start), store("matrix", identity), store("steps", steps), buffer("slopes", n)];
+  const [y, V, kept, end] = [store("y", start), store("matrix", identity(n)), store("steps", steps), buffer("slopes", n)];
   wasm.ring_follow(problem, y, kept, steps.length, end, V);
   return doubles(V, n * n).slice();
 }
