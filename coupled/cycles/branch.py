@@ -31,7 +31,7 @@ from ..equilibria.steady_states import states
 from ..heaters import turned_by
 from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS
-from .cycle_problem import LASER, CycleProblem, unit_of
+from .cycle_problem import LASER, CycleProblem, numbers_of
 from .multiple_shooting import (
     COARSE,
     Family,
@@ -297,7 +297,8 @@ def described(family: Family, places: list[Place]) -> dict[str, Any]:
     """Parameters and measures of cycles, in SI: a dict from name to ("point", values, attributes)."""
     p, seen = family.base, [measure(place.orbit.trace.rows) for place in places]
     dropped, values = 2 * p.ring.drop_bus_rate * FJ, np.array([place.values for place in places]).T
-    numbers = {name: (x, unit_of(p, name) or "1", name) for name, x in zip(family.names, values, strict=True)} | {
+    known = numbers_of(p)
+    numbers = {name: (x, known[name][1] or "1", name) for name, x in zip(family.names, values, strict=True)} | {
         "period": ([place.orbit.T * NS for place in places], "s", "period"),
         "duty": ([m.duty for m in seen], "1", "duty cycle"),
         "swing": ([m.swing for m in seen], "K", "temperature swing"),
