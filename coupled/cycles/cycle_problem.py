@@ -12,9 +12,9 @@ from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
 from ..equilibria.steady_states import survey
 from ..heaters import turned_by
-from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat, Problem
+from ..kernel.integrator import CARRIERS, ENERGY, Problem
 from ..kernel.tableaus import Method
-from ..kernel.units import internal_detuning, internal_pump, single_ring
+from ..kernel.units import NS, internal_detuning, internal_pump, single_ring, slowest_rate
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact, compact
@@ -82,15 +82,9 @@ class CycleProblem:
         return survey(*self.laser, at)[0].stable
 
     @property
-    def slowest(self) -> float:
-        """Largest time constant of the thermal model in ns."""
-        heat = self.flow.rough.heat
-        return 1 / float(np.min(heat.rate) if isinstance(heat, PoleHeat) else -np.linalg.eigvals(heat.A).real.max())
-
-    @property
     def longest(self) -> float:
         """Longest transient in ns that is integrated before a cycle must have been found."""
-        return max(LONGEST, min(SLOWEST * self.slowest, MOST))
+        return max(LONGEST, min(SLOWEST / (NS * slowest_rate(self.model)), MOST))
 
     @property
     def where(self) -> str:
@@ -99,10 +93,10 @@ class CycleProblem:
 
     def settled(self, y: Array, begin: str = "a cold ring") -> Orbit:
         """The stable cycle to which the transient from the state ``y`` converges; InputError as `settling.settled`."""
-        slow = self.longest < SLOWEST * self.slowest
         orbit: Orbit = settled(
-            self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where, slow=slow
-        )
+            self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where,
+            slow=self.longest >= MOST,
+        )  # fmt: skip
         return orbit
 
 

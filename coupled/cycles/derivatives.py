@@ -130,9 +130,9 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
         raise checks.InputError(
             f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
         )
-    moves = step[2] / family.ranges[:, None, None]
-    turns, places = moves[:, :, n].sum(axis=1), np.argsort(order)
-    dy, dt = moves[:, places, :n], (np.cumsum(moves[:, :, n], axis=1) - moves[:, :, n])[:, places]
+    tangents, places = step[1].times(np.diag(1 / family.ranges)), np.argsort(order)
+    turns, dh = tangents.h.sum(axis=1), tangents.h
+    dy, dt = tangents.y[:, places], (np.cumsum(dh, axis=1) - dh)[:, places]
     U, dU = (y[:, :2] ** 2).sum(axis=1), np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])
     rise = np.einsum("kn,qkn->qk", _rise_by_heat(p, y), dy[:, :, 3:])
     level = (1 - DUTY_LEVEL) * dU[:, :1] + DUTY_LEVEL * dU[:, 1:2]
