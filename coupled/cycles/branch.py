@@ -149,23 +149,22 @@ def follow(
     family: Family,
     start: Place,
     along: Array,
-    low: Any,
-    high: Any,
+    ends: Any,
     most: int,
     kinds: Collection[str] = KINDS,
 ) -> tuple[list[Found], str]:
     """Return the cycles of a branch, or the folds of a surface of cycles (q = 2), and the reason why it ends.
 
     start, along: the first cycle, and a vector of which the projection on the tangent space is the direction to go.
-    low, high: range of the parameters (SI), at whose ends the branch stops; a curve of folds ends beyond it.
+    ends: of the range of the parameters (SI), numbers or shape (2, q): a branch stops there, a curve of folds beyond.
     most: largest number of cycles. kinds: the bifurcations to locate, of `KINDS`.
     """
     place, step, rows = start, FIRST, start.frame(along)
     out, shortest, folds = [Found(start, "")], start.orbit.T, len(rows) > 1
 
     def outside(q: Place) -> float:
-        """Signed test of the range: negative while the parameters lie between ``low`` and ``high``."""
-        return float(np.max((q.values - low) * (q.values - high)))
+        """Signed test of the range: negative while all parameters lie between their ``ends``."""
+        return float(np.max((q.values - ends[0]) * (q.values - ends[1])))
 
     while len(out) < most:
         step = min(step, _longest(place, rows[0]))
@@ -302,7 +301,7 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
         else:
             start = first_place(family, place.orbit.trace) or place
             along = np.eye(start.unit.size)[-1] * (wanted - here)
-        found, why = follow(family, start, along, *sorted((wanted, 2 * here - wanted)), MOST)
+        found, why = follow(family, start, along, (wanted, 2 * here - wanted), MOST)
         place = found[-1].place
         if abs(float(place.values[0]) - wanted) > 1e-6 * abs(wanted - here):
             raise InputError(

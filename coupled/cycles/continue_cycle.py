@@ -104,7 +104,7 @@ def continue_cycle(
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         start, along = first, np.eye(first.unit.size)[-1] * (ends[0] - here or 1.0)
-    found, why = branch.follow(family, start, along, ends.min(), ends.max(), points)
+    found, why = branch.follow(family, start, along, ends, points)
     path = _dataset(family, found, why).assign_attrs(warm.attributes | doubts)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, runs_of
 from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
@@ -127,10 +127,8 @@ class _Window(NamedTuple):
 def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
     """The midpoint of every sub- or supercritical part of a Hopf curve that bounds a region of stable fixed points."""
     leading, hard = hopf["leading"].values, hopf["lyapunov"].values > 0
-    kind = np.where(leading, np.where(hard, 2, 1), 0)
-    edges = np.flatnonzero(np.diff(kind)) + 1
-    parts = np.split(np.arange(kind.size), edges)
-    return [hopf.isel(point=int(part[part.size // 2])) for part in parts if kind[part[0]] > 0]
+    middles = sorted((first + end) // 2 for kind in (hard, ~hard) for first, end in runs_of(leading & kind))
+    return [hopf.isel(point=k) for k in middles]
 
 
 def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tuple[Family, Place, Array]]:
@@ -141,7 +139,7 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
         start, tangent = born(one, seed)
     except InputError:
         return []
-    found, _ = follow(one, start, tangent, *window.wider(AROUND)[:, 1], SEEDS, ("fold",))
+    found, _ = follow(one, start, tangent, window.wider(AROUND)[:, 1], SEEDS, ("fold",))
     out = []
     for fold in (f.place for f in found if f.kind == "fold"):
         across = np.insert(fold.frame(tangent)[0], -1, 0.0)
@@ -157,7 +155,7 @@ def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[
     """A list with the Dataset of the curve of folds through ``fold``; empty if it has no point in the window."""
     along = fold.frame(across)[1]
     (back, begins), (ahead, ends) = (
-        follow(family, fold, sign * along, *window.wider(MARGIN), POINTS, ()) for sign in (-1, 1)
+        follow(family, fold, sign * along, window.wider(MARGIN), POINTS, ()) for sign in (-1, 1)
     )
     places = [found.place for found in [*back[::-1], *ahead[1:]]]
     curve = xr.Dataset(described(family, places))

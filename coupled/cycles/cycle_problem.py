@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -126,14 +127,15 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
     if name in optical_names(p.ring):
         return replace(p, ring=varied(p.ring, {name: value}))
     if name in LASER:
-        return replace(p, **{name: check_power(value) if name == "power" else value})
+        laser: dict[str, Any] = {name: check_power(value) if name == "power" else value}
+        return replace(p, **laser)
     kind = name.rstrip("0123456789")
     number = int(name.removeprefix(kind)) - 1
     if kind == "fcd":
         terms = [(value, term[1]) if k == number else term for k, term in enumerate(p.ring.fcd)]
         return replace(p, ring=replace(p.ring, fcd=tuple(terms)))
     assert p.poles is not None  # a quadratic model has no such parameter
-    numbers = {key: np.array(getattr(p.poles, key), dtype=float) for key in ("R", "tau")}
+    numbers: dict[str, Any] = {key: np.array(getattr(p.poles, key), dtype=float) for key in ("R", "tau")}
     numbers[kind][number] = value
     network = replace(p.poles, **numbers)  # checks them and sorts them
     checks.keep(network, **numbers)  # states and names keep their poles where one time constant passes another

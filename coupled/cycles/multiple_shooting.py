@@ -137,7 +137,7 @@ class Place(NamedTuple):
 
     def change(self, rows: Array) -> Nodes:
         """Changes of the orbit along vectors of the tangent space, ``rows``, scaled by ``unit``."""
-        return self.tangents.times(np.linalg.lstsq(self.directions.T, rows.T, rcond=None)[0].T)
+        return self.tangents.times(np.asarray(np.linalg.lstsq(self.directions.T, rows.T, rcond=None)[0].T))
 
 
 def extent_of(rows: Array) -> float:
@@ -237,7 +237,8 @@ def corrected(
     """
     n, nodes, most, size, off, g = trial.y.shape[1], trial, FARTHEST * extent, np.inf, 0.0, 0.0
     for k in range(MOST_STEPS if aside == 0 else MOST_TO_FOLD):
-        known, target = linearised(family, nodes, rtol), (rows * unit) @ (trial.x - nodes.x)
+        known = linearised(family, nodes, rtol) if nodes.h.min() > 0 else None
+        target = (rows * unit) @ (trial.x - nodes.x)
         if aside:
             target[1] = 0.0
         found = known and newton(nodes, known, rows, target, unit)
@@ -251,13 +252,12 @@ def corrected(
             slope = (g - before) / off if told else slope
             off = 0.0 if k == 0 else -g / slope if slope else aside
             step = step.plus(tangents.times(np.array([0.0, off])))
-        after = nodes.plus(step)
-        if not max(size, abs(off)) < most or not after.h.min() > 0:
+        if not max(size, abs(off)) < most:
             return None
         if size <= CLOSE_ENOUGH * max(extent, SMALLEST) and (not aside or (slope and abs(off) <= ON_IT)):
             orbit = _orbit(nodes, known, size)
             return Place(nodes, orbit, weights(family, orbit.trace), tangents, k + 1, slope)
-        nodes, most = after, min(FARTHEST * extent, max(2 * size, 30 * abs(aside)))
+        nodes, most = nodes.plus(step), min(FARTHEST * extent, max(2 * size, 30 * abs(aside)))
     return None
 
 
@@ -279,8 +279,6 @@ def predicted(family: Family, place: Place, rows: Array, step: float, rtol: floa
     step: distance from ``place`` along the first row.
     """
     trial, aside = place.nodes.plus(place.change(step * rows[0])), ASIDE * step * (len(rows) - 1)
-    if not trial.h.min() > 0:
-        return None
     return corrected(family, trial, rows, place.unit, extent=place.extent, rtol=rtol, aside=aside, slope=place.slope)
 
 

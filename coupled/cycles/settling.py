@@ -159,10 +159,9 @@ def pulse_train(system: Shooting, y: Array, seen: Part, wary: bool, last: bool) 
         found, why = _stable(system, met, wait, pulses, precisely)
         if found is not None:
             shortest = once(system, found, wait)
-            if comes_nearer(system, met, shortest, wait):
-                closed = system.confirmed(shortest, wait)
-                if closed is not None:
-                    return closed, "", False
+            nearer = comes_nearer(system, met, shortest, wait)
+            if nearer and (closed := system.confirmed(shortest, wait)) is not None:
+                return closed, "", False
         said, unstable = why or said, unstable or bool(why)
     return None, said, unstable
 
