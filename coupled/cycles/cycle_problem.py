@@ -127,8 +127,7 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
     if name in optical_names(p.ring):
         return replace(p, ring=varied(p.ring, {name: value}))
     if name in LASER:
-        laser: dict[str, Any] = {name: check_power(value) if name == "power" else value}
-        return replace(p, **laser)
+        return replace(p, power=check_power(value)) if name == "power" else replace(p, detuning=value)
     kind = name.rstrip("0123456789")
     number = int(name.removeprefix(kind)) - 1
     if kind == "fcd":
