@@ -111,6 +111,8 @@ class Place(NamedTuple):
     """The changes of nodes, durations and parameters along each row of W, shapes (q, m, n), (q, m) and (q, q)."""
     steps: int
     """Number of Newton iterations of the corrector."""
+    extent: float
+    """Amplitude of the orbit, as `extent_of`."""
     slope: float = 0.0
     """On a curve of folds: dg/d(distance across the curve), 0 where it is not known."""
 
@@ -118,11 +120,6 @@ class Place(NamedTuple):
     def values(self) -> Array:
         """Values of the free parameters, shape (q,), in SI."""
         return self.nodes.values
-
-    @property
-    def extent(self) -> float:
-        """Amplitude of the orbit: range of each state over its largest modulus, the largest such ratio."""
-        return extent_of(self.orbit.trace.rows)
 
     @property
     def directions(self) -> Array:
@@ -256,7 +253,8 @@ def corrected(
             return None
         if size <= CLOSE_ENOUGH * max(extent, SMALLEST) and (not aside or (slope and abs(off) <= ON_IT)):
             orbit = _orbit(nodes, known, size)
-            return Place(nodes, orbit, weights(family, orbit.trace), tangents, k + 1, slope)
+            scale = weights(family, orbit.trace)
+            return Place(nodes, orbit, scale, tangents, k + 1, extent_of(orbit.trace.rows), slope)
         nodes, most = nodes.plus(step), min(FARTHEST * extent, max(2 * size, 30 * abs(aside)))
     return None
 
