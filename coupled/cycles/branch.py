@@ -1,4 +1,4 @@
-"""Continuation of periodic orbits (cycles) in one parameter by pseudo-arclength, from one Hopf point to another.
+"""Continuation of cycles in one parameter, and of their folds in two, by pseudo-arclength, between Hopf points.
 
 Bifurcations on a branch, with mu the Floquet multipliers without the trivial multiplier 1:
 
@@ -31,9 +31,8 @@ from ..equilibria.steady_states import states
 from ..heaters import turned_by
 from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS
-from .cycle_problem import LASER, CycleProblem, unit_of
+from .cycle_problem import LASER, CycleProblem, numbers_of
 from .multiple_shooting import (
-    COARSE,
     Family,
     Nodes,
     Place,
@@ -42,7 +41,6 @@ from .multiple_shooting import (
     first_place,
     flow,
     on_good_nodes,
-    position,
     predicted,
     weights,
 )
@@ -50,10 +48,10 @@ from .return_map import FINE, PER_STEP, Orbit, Trace, measure, time_weights
 
 KIND = "Hopf curve"
 BORN, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point
-FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `multiple_shooting.weights`
+FIRST, LONGEST, SHORTEST = 0.01, (0.1, 0.03), 1e-7  # steps, in units of `multiple_shooting.weights`; longest to a fold
 TURN = 0.3  # of the largest values, what the nodes may change in a step
-EASY, HARD = 3, 5  # steps of Newton's method
-SMALL = 0.05  # relative range of a cycle where a branch that shrinks ends in a Hopf point
+EASY, HARD, MORE = 3, 5, 4  # steps of Newton's method; more to a fold
+SMALL, SMALLEST = 0.05, 0.03  # relative range of a cycle, where a branch ends in a Hopf point, folds on a Hopf curve
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
 AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
 REPELLED = 1e10  # multiplier at which the parameter of a canard stays while the cycle changes
@@ -88,14 +86,12 @@ def _at_rest(p: CycleProblem, U: float, D: float) -> tuple[Array, Array]:
 def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
     """Start a branch of cycles at a Hopf point: return its first cycle and the unit tangent towards larger cycles.
 
+    family: its base is at the power and detuning of the point.
     guess: one point of `hopf_curves`.
     size: relative amplitude of the carriers in the first cycle.
     Raises InputError: no eigenvalue near the frequency of the point, or Newton's method finds no small cycle.
     """
-    p = family.base
-    power, detuning = laser_of(guess, turned_by(p.rise, p.ring))
-    p = replace(p, power=power, detuning=detuning)
-    U, omega = float(guess["energy"]) / FJ, 2 * np.pi * NS * float(guess["frequency"])
+    p, U, omega = family.base, float(guess["energy"]) / FJ, 2 * np.pi * NS * float(guess["frequency"])
     rest, J = _at_rest(p, U, float(balance(U, p.internal).shift) - p.laser[1])
     values, vectors = np.linalg.eig(J)
     k = int(np.argmin(np.abs(values - 1j * omega)))
@@ -105,13 +101,12 @@ def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
     outward, T = np.concatenate([q, [0.0, 0.0]]), 2 * np.pi / omega
     for r in (size, size / 4):
         trial = Nodes((rest + r * q)[None], np.array([T]), family.start())
-        turn = flow(family.base.flow.fine, trial.y[0], T, FINE)
+        turn = flow(p.flow.fine, trial.y[0], T, FINE)
         unit = weights(family, Trace(trial.y[0], turn.y, T, turn.rows, []))
         row = outward * unit
         found = corrected(family, trial, (row / np.linalg.norm(row))[None], unit, extent=extent_of(turn.rows))
         if found is not None and found.extent > r / 4:
-            tangent = found.directions[0] * found.unit
-            return found, tangent * np.sign(tangent @ (outward * found.unit)) / np.linalg.norm(tangent)
+            return found, found.frame(outward * found.unit)[0]
     raise InputError("no small cycle was found at the Hopf point given as guess: Newton's method finds none")
 
 
@@ -150,64 +145,57 @@ class Found(NamedTuple):
     kind: str
 
 
-def towards(place: Place, direction: float) -> Array:
-    """Unit tangent of a branch at a cycle, signed so that the parameter changes with the sign of ``direction``."""
-    return _unit(place, place.directions[0] * np.sign(direction * place.directions[0, -1]))
-
-
 def follow(
     family: Family,
     start: Place,
-    tangent: Array,
-    low: float,
-    high: float,
+    along: Array,
+    ends: Any,
     most: int,
     kinds: Collection[str] = KINDS,
 ) -> tuple[list[Found], str]:
-    """Return the cycles of a branch, from ``start`` on along the unit ``tangent``, and the reason why the branch ends.
+    """Return the cycles of a branch, or the folds of a surface of cycles (q = 2), and the reason why it ends.
 
-    low, high: range of the parameter (SI), at whose ends the branch stops.
+    start, along: the first cycle, and a vector of which the projection on the tangent space is the direction to go.
+    ends: of the range of the parameters (SI), numbers or shape (2, q): a branch stops there, a curve of folds beyond.
     most: largest number of cycles. kinds: the bifurcations to locate, of `KINDS`.
     """
-    place, step = start, FIRST
-    out, shortest = [Found(start, "")], start.orbit.T
+    place, step, rows = start, FIRST, start.frame(along)
+    out, shortest, folds = [Found(start, "")], start.orbit.T, len(rows) > 1
 
     def outside(q: Place) -> float:
-        """Signed test of the range: negative while the parameter lies between ``low`` and ``high``."""
-        return float((q.values[0] - low) * (q.values[0] - high))
+        """Signed test of the range: negative while all parameters lie between their ``ends``."""
+        return float(np.max((q.values - ends[0]) * (q.values - ends[1])))
 
     while len(out) < most:
-        step = min(step, _longest(place))
-        ahead = _ahead(family, place, tangent, step)
-        if ahead is None:
+        step = min(step, _longest(place, rows[0]))
+        ahead = predicted(family, place, rows, step)
+        after = ahead.frame((ahead.nodes.x - place.nodes.x) * ahead.unit) if ahead else rows
+        if ahead is None or (after[0] @ rows[0] < 0.8 and step > 1e-4):
             step /= 2
             if step < SHORTEST:
                 return out, "Newton's method finds no next cycle"
             continue
-        after = _unit(ahead, ahead.directions[0])
-        if after @ tangent < 0.8 and step > 1e-4:
-            step /= 2
-            continue
-        special = _between(family, place, ahead, tangent, step, kinds)
-        out += special
+        out += _between(family, place, ahead, rows, step, kinds)
         if outside(ahead) > 0:
-            ends = _located(family, place, tangent, step, outside)
-            return [*out, *([Found(ends, "")] if ends else [])], "the end of the range"
-        good = on_good_nodes(family, ahead, after[None])
+            end = ahead if folds else _located(family, place, rows, step, outside)
+            return [*out, *([Found(end, "")] if end else [])], "the end of the range"
+        good = on_good_nodes(family, ahead, after)
         if good is None:
             return out, "its nodes cannot be placed"
-        finer = good[0]
-        shrinks = finer.extent < place.extent
-        place, tangent = finer, _unit(finer, finer.directions[0])
+        shrinks = good[0].extent < place.extent
+        place, rows = good
         out.append(Found(place, ""))
         shortest = min(shortest, place.orbit.T)
-        if shrinks and place.extent < SMALL and (end := hopf_near(family, place)):
+        if shrinks and folds and place.extent < SMALLEST:
+            return out, "a Hopf curve"
+        if shrinks and not folds and place.extent < SMALL and (end := hopf_near(family, place)):
             return [*out, Found(end, HOPF)], "a Hopf point"
         if place.orbit.size > REPELLED:
             return out, f"the branch turns vertical: a deviation grows by {place.orbit.size:.1g} in a period"
         if SLOWEST * shortest < place.orbit.T:
             return out, "the period grows without bound"
-        step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
+        steps = ahead.steps - (MORE if folds else 0)
+        step *= 1.6 if steps <= EASY else 0.6 if steps >= HARD else 1.0
     return out, "the number of points"
 
 
@@ -223,52 +211,39 @@ def torus(place: Place) -> float:
     return float(np.prod(1 - mu[i] * mu[j]).real)
 
 
-def _unit(place: Place, direction: Array) -> Array:
-    """Scale a change of the unknowns (y_1, T, q) by `multiple_shooting.weights` and normalise it to length 1."""
-    scaled = direction * place.unit
-    return np.asarray(scaled / np.linalg.norm(scaled))
-
-
-def _longest(place: Place) -> float:
+def _longest(place: Place, row: Array) -> float:
     """Longest continuation step at a cycle: the states at the nodes change by at most `TURN` of their largest values.
 
     For a small cycle the limit is proportional to its amplitude, so that no step passes beyond its Hopf point.
     """
-    length = float(np.linalg.norm(place.directions[0] * place.unit))
-    return min(LONGEST, TURN * min(1.0, 2 * place.extent) / max(place.moved(np.array([1 / length])), 1e-12))
-
-
-def _ahead(family: Family, place: Place, tangent: Array, step: float, rtol: float = COARSE) -> Place | None:
-    """The cycle at arclength ``step`` along the tangent (predictor and corrector); None without convergence."""
-    per_length = place.directions[0] * place.unit @ tangent
-    return predicted(family, place, np.array([step / per_length]), tangent[None], rtol)
+    moved = float(np.abs(place.change(row).y * place.unit[: place.orbit.start.size]).max())
+    return min(LONGEST[place.values.size - 1], TURN * min(1.0, 2 * place.extent) / max(moved, 1e-12))
 
 
 def _between(
-    family: Family, place: Place, ahead: Place, tangent: Array, step: float, kinds: Collection[str]
+    family: Family, place: Place, ahead: Place, rows: Array, step: float, kinds: Collection[str]
 ) -> list[Found]:
     """Bifurcations of the given kinds on the branch between a cycle and the next one, in order of arclength."""
 
     def fold(q: Place) -> float:
-        unit = q.unit
-        return float(_unit(q, q.directions[0])[-1] * np.sign((q.directions[0] * unit) @ tangent))
+        return float(q.frame(rows[0])[0, -1])
 
     out = []
     for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
         if kind in kinds and test(place) * test(ahead) < 0:
-            found = _located(family, place, tangent, step, test)
+            found = _located(family, place, rows, step, test)
             if found is not None and _is_there(kind, found):
                 out.append(Found(found, kind))
-    return sorted(out, key=lambda f: float((position(f.place.nodes) - position(place.nodes)) * place.unit @ tangent))
+    return sorted(out, key=lambda f: float((f.place.nodes.x - place.nodes.x) * place.unit @ rows[0]))
 
 
-def _located(family: Family, place: Place, tangent: Array, step: float, test: Callable[[Place], float]) -> Place | None:
+def _located(family: Family, place: Place, rows: Array, step: float, test: Callable[[Place], float]) -> Place | None:
     """The cycle where ``test`` vanishes, by Brent's method in arclength, to 1e-10; None without convergence."""
     seen: dict[float, Place] = {}
 
     def at(s: float) -> float:
         if s not in seen:
-            found = _ahead(family, place, tangent, s, FINE)
+            found = predicted(family, place, rows, s, FINE)
             if found is None:
                 raise ArithmeticError
             seen[s] = found
@@ -297,7 +272,8 @@ def described(family: Family, places: list[Place]) -> dict[str, Any]:
     """Parameters and measures of cycles, in SI: a dict from name to ("point", values, attributes)."""
     p, seen = family.base, [measure(place.orbit.trace.rows) for place in places]
     dropped, values = 2 * p.ring.drop_bus_rate * FJ, np.array([place.values for place in places]).T
-    numbers = {name: (x, unit_of(p, name) or "1", name) for name, x in zip(family.names, values, strict=True)} | {
+    known = numbers_of(p)
+    numbers = {name: (x, known[name][1] or "1", name) for name, x in zip(family.names, values, strict=True)} | {
         "period": ([place.orbit.T * NS for place in places], "s", "period"),
         "duty": ([m.duty for m in seen], "1", "duty cycle"),
         "swing": ([m.swing for m in seen], "K", "temperature swing"),
@@ -311,30 +287,26 @@ def described(family: Family, places: list[Place]) -> dict[str, Any]:
 
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     """The cycle of a problem, by continuation in power and detuning from a Hopf point at another power or detuning."""
-    own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
-    wanted = {"power": p.power, "detuning": p.detuning}
-    far = {"power": abs(p.power / own["power"] - 1), "detuning": abs(p.detuning - own["detuning"]) / p.ring.linear_rate}
+    power, detuning = laser_of(guess, turned_by(p.rise, p.ring))
+    base, place = replace(p, power=power, detuning=detuning), None
+    far = {"power": abs(p.power / power - 1), "detuning": abs(p.detuning - detuning) / p.ring.linear_rate}
     names = sorted((name for name in LASER if far[name] > 0), key=lambda name: -far[name])  # the cycle grows at first
     if not names:
         raise InputError("the Hopf point given as guess is at this power and detuning: its cycle has no size there")
-    base, place = replace(p, power=own["power"], detuning=own["detuning"]), None
     for name in names:
-        ends = sorted((own[name], wanted[name]))
-        span = ends[1] - ends[0]
-        family = Family(base, (name,), np.array([span]))
-        low, high = (ends[0], ends[1] + span) if wanted[name] < own[name] else (ends[0] - span, ends[1])
+        here, wanted = getattr(base, name), getattr(p, name)
+        family = Family(base, (name,), np.array([abs(wanted - here)]))
         if place is None:
-            start, tangent = born(family, guess, FAINT)
+            start, along = born(family, guess, FAINT)
         else:
             start = first_place(family, place.orbit.trace) or place
-            tangent = towards(start, wanted[name] - own[name])
-        found, why = follow(family, start, tangent, low, high, MOST)
+            along = np.eye(start.unit.size)[-1] * (wanted - here)
+        found, why = follow(family, start, along, (wanted, 2 * here - wanted), MOST)
         place = found[-1].place
-        if abs(float(place.values[0]) - wanted[name]) > 1e-6 * span:
+        if abs(float(place.values[0]) - wanted) > 1e-6 * abs(wanted - here):
             raise InputError(
-                f"no cycle at {name} = {wanted[name]:g} on the branch from the Hopf point given as guess: the branch "
+                f"no cycle at {name} = {wanted:g} on the branch from the Hopf point given as guess: the branch "
                 f"ends with {why}; continue_cycle shows where it goes"
             )
-        own[name] = wanted[name]
-        base = replace(base, power=own["power"], detuning=own["detuning"])
+        base = replace(base, **{name: wanted})
     return place.orbit  # type: ignore[union-attr]

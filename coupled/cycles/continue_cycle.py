@@ -98,13 +98,13 @@ def continue_cycle(
     if not ends.min() <= here <= ends.max():
         raise checks.InputError(f"values = {ends.tolist()} do not hold {here:g}, the {parameter} of the first cycle")
     if is_hopf_point(guess):
-        start, tangent = born(family, guess)
+        start, along = born(family, guess)
     else:
         first = first_place(family, cycle_near(p, guess).trace)
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
-        start, tangent = first, branch.towards(first, ends[0] - here or 1.0)
-    found, why = branch.follow(family, start, tangent, ends.min(), ends.max(), points)
+        start, along = first, np.eye(first.unit.size)[-1] * (ends[0] - here or 1.0)
+    found, why = branch.follow(family, start, along, ends, points)
     path = _dataset(family, found, why).assign_attrs(warm.attributes | doubts)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path

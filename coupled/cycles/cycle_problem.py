@@ -2,19 +2,20 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, InputError, OutputMap, Quadratic, checks
+from thermofem import Foster, InputError, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
 from ..equilibria.steady_states import survey
 from ..heaters import turned_by
-from ..kernel.integrator import CARRIERS, ENERGY, PoleHeat, Problem
+from ..kernel.integrator import CARRIERS, ENERGY, Problem
 from ..kernel.tableaus import Method
-from ..kernel.units import internal_detuning, internal_pump, single_ring
+from ..kernel.units import NS, internal_detuning, internal_pump, single_ring, slowest_rate
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact, compact
@@ -66,6 +67,12 @@ class CycleProblem:
         """Pump amplitude in sqrt(fJ)/ns and detuning in rad/ns, heaters included."""
         return internal_pump(self.ring, self.power), internal_detuning(self.total_detuning)
 
+    @property
+    def poles(self) -> Foster | None:
+        """The Foster network of the thermal model, or that below its output map; None for a quadratic model."""
+        linear = self.model.linear if isinstance(self.model, OutputMap) else self.model
+        return linear if isinstance(linear, Foster) else None
+
     @cached_property
     def stable_points(self) -> Array:
         """Stable fixed points, rows (U, N, dT) in internal units; empty if the model has no steady state."""
@@ -76,15 +83,9 @@ class CycleProblem:
         return survey(*self.laser, at)[0].stable
 
     @property
-    def slowest(self) -> float:
-        """Largest time constant of the thermal model in ns."""
-        heat = self.flow.rough.heat
-        return 1 / float(np.min(heat.rate) if isinstance(heat, PoleHeat) else -np.linalg.eigvals(heat.A).real.max())
-
-    @property
     def longest(self) -> float:
         """Longest transient in ns that is integrated before a cycle must have been found."""
-        return max(LONGEST, min(SLOWEST * self.slowest, MOST))
+        return max(LONGEST, min(SLOWEST / (NS * slowest_rate(self.model)), MOST))
 
     @property
     def where(self) -> str:
@@ -93,43 +94,32 @@ class CycleProblem:
 
     def settled(self, y: Array, begin: str = "a cold ring") -> Orbit:
         """The stable cycle to which the transient from the state ``y`` converges; InputError as `settling.settled`."""
-        slow = self.longest < SLOWEST * self.slowest
         orbit: Orbit = settled(
-            self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where, slow=slow
-        )
+            self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where,
+            slow=self.longest >= MOST,
+        )  # fmt: skip
         return orbit
 
 
 STEP = 1e-4  # of a number: its fourth power is the truncation, 1e-16 over it the round-off
-LASER = {"power": "W", "detuning": "Hz"}
+LASER = ("power", "detuning")
 
 
-def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
-    """Names of all parameters that `changed` accepts; "R1" and "tau1" belong to the fastest pole of a network."""
-    own = sorted(optical_names(ring))
-    shifts = [f"fcd{k + 1}" for k in range(len(ring.fcd))]
-    order = 0 if isinstance(model, Quadratic) else _poles_of(model).order
-    poles = [f"{name}{k + 1}" for name in ("R", "tau") for k in range(order)]
-    return [*LASER, *own, *shifts, *poles]
+def numbers_of(p: CycleProblem) -> dict[str, tuple[float, str]]:
+    """Value and unit (SI) of every parameter that `changed` accepts, by name; "R1", "tau1": the fastest pole."""
+    found = {"power": (p.power, "W"), "detuning": (p.detuning, "Hz")}
+    found |= {name: (number_of(p.ring, name), UNITS[name]) for name in sorted(optical_names(p.ring))}
+    found |= {f"fcd{k + 1}": (c, f"m^{3 * power:g}") for k, (c, power) in enumerate(p.ring.fcd)}
+    if poles := p.poles:
+        for name, unit in (("R", "K/W"), ("tau", "s")):
+            found |= {f"{name}{k + 1}": (float(x), unit) for k, x in enumerate(getattr(poles, name))}
+    return found
 
 
 def value_of(p: CycleProblem, name: str) -> float:
     """Return the value of a parameter of a problem by its name, in SI."""
-    if name in optical_names(p.ring):
-        return number_of(p.ring, name)
-    checks.choice("a parameter", name, parameter_names(p.ring, p.model))
-    if name in LASER:
-        return float(getattr(p, name))
-    kind, k = _numbered(name)
-    return float(p.ring.fcd[k][0] if kind == "fcd" else np.asarray(getattr(_poles_of(p.model), kind))[k])
-
-
-def unit_of(p: CycleProblem, name: str) -> str:
-    """SI unit of a parameter of a problem by its name."""
-    if name in optical_names(p.ring):
-        return UNITS[name]
-    kind, k = _numbered(name)
-    return f"m^{3 * p.ring.fcd[k][1]:g}" if kind == "fcd" else {**LASER, "R": "K/W", "tau": "s"}[kind]
+    known = numbers_of(p)
+    return known[checks.choice("a parameter", name, known)][0]
 
 
 def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
@@ -138,15 +128,16 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
         return replace(p, ring=varied(p.ring, {name: value}))
     if name in LASER:
         return replace(p, power=check_power(value)) if name == "power" else replace(p, detuning=value)
-    kind, number = _numbered(name)
+    kind = name.rstrip("0123456789")
+    number = int(name.removeprefix(kind)) - 1
     if kind == "fcd":
         terms = [(value, term[1]) if k == number else term for k, term in enumerate(p.ring.fcd)]
         return replace(p, ring=replace(p.ring, fcd=tuple(terms)))
-    linear = _poles_of(p.model)
-    R, tau = np.array(linear.R, dtype=float), np.array(linear.tau, dtype=float)
-    (R if kind == "R" else tau)[number] = value
-    network = replace(linear, R=R, tau=tau)  # checks them and sorts them
-    checks.keep(network, R=R, tau=tau)  # states and names keep their poles where one time constant passes another
+    assert p.poles is not None  # a quadratic model has no such parameter
+    numbers: dict[str, Any] = {key: np.array(getattr(p.poles, key), dtype=float) for key in ("R", "tau")}
+    numbers[kind][number] = value
+    network = replace(p.poles, **numbers)  # checks them and sorts them
+    checks.keep(network, **numbers)  # states and names keep their poles where one time constant passes another
     model = replace(p.model, linear=network) if isinstance(p.model, OutputMap) else network
     return replace(p, model=compact(model))
 
@@ -160,16 +151,3 @@ def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
     if value != 0 or name == "detuning":
         return [(w / (12 * h), changed(p, name, value + k * h)) for k, w in ((1, 8), (-1, -8), (2, -1), (-2, 1))]
     return [(4 / (2 * h), changed(p, name, h)), (-1 / (2 * h), changed(p, name, 2 * h)), (-3 / (2 * h), p)]
-
-
-def _numbered(name: str) -> tuple[str, int]:
-    """Split "R1", "tau12" or "fcd2" into its letters and its index from 0; (name, 0) if it has no number."""
-    kind = name.rstrip("0123456789")
-    return (kind, int(name[len(kind) :]) - 1) if kind != name else (name, 0)
-
-
-def _poles_of(model: Compact) -> Foster:
-    """The Foster network of a thermal model, or that below its output map; InputError for a quadratic model."""
-    if isinstance(model, Quadratic):
-        raise checks.InputError("a quadratic model has no poles R and tau; name numbers of the ring or of the laser")
-    return model.linear if isinstance(model, OutputMap) else model

@@ -29,7 +29,7 @@ from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
 from ..thermal import provenance, trusted
 from ..unknowns import FROM_ZERO
-from .cycle_problem import CycleProblem, parameter_names, unit_of, value_of
+from .cycle_problem import CycleProblem, numbers_of, value_of
 from .limit_cycle import cycle_near
 from .multiple_shooting import Family, Nodes, flow, linearised, newton, weights
 from .return_map import Orbit, measure
@@ -88,20 +88,21 @@ def cycle_derivatives(
     detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     small = warm.model
-    names = parameter_names(ring, small) if parameters is None else [*checks.instances("parameters", parameters, str)]
     p = CycleProblem(ring, small, float(power), float(detuning), warm.rise)
-    orbit = cycle_near(p, cycle)
+    known = numbers_of(p)
     if parameters is None:
-        names = [name for name in names if name == "detuning" or value_of(p, name) or name in FROM_ZERO]
+        names = [name for name, (value, _) in known.items() if name == "detuning" or value or name in FROM_ZERO]
+    else:
+        names = [*checks.instances("parameters", parameters, str)]
+    orbit = cycle_near(p, cycle)
     rows = derivatives(p, orbit, names)
     about = {"period": "s", "duty": "1", "swing": "K", "extinction": "dB"}
     variables: dict[str, Any] = {
         name: ("parameter", rows[:, k], {"units": f"{unit} {PER}", "long_name": f"derivative of the {name}"})
         for k, (name, unit) in enumerate(about.items())
     }
-    values = [value_of(p, name) for name in names]
-    variables["value"] = ("parameter", values, {"long_name": "value of the parameter"})
-    variables["unit"] = ("parameter", [unit_of(p, name) for name in names], {"long_name": "SI unit of the parameter"})
+    variables["value"] = ("parameter", [known[name][0] for name in names], {"long_name": "value of the parameter"})
+    variables["unit"] = ("parameter", [known[name][1] for name in names], {"long_name": "SI unit of the parameter"})
     seen = measure(orbit.trace.rows)
     trusted(model, seen.hottest)
     attrs = provenance("cycle derivatives", ring, small) | {"input_power": p.power, "detuning": p.detuning}
@@ -129,9 +130,9 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
         raise checks.InputError(
             f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
         )
-    moves = step[2] / family.ranges[:, None, None]
-    turns, places = moves[:, :, n].sum(axis=1), np.argsort(order)
-    dy, dt = moves[:, places, :n], (np.cumsum(moves[:, :, n], axis=1) - moves[:, :, n])[:, places]
+    tangents, places = step[1].times(np.diag(1 / family.ranges)), np.argsort(order)
+    turns, dh = tangents.h.sum(axis=1), tangents.h
+    dy, dt = tangents.y[:, places], (np.cumsum(dh, axis=1) - dh)[:, places]
     U, dU = (y[:, :2] ** 2).sum(axis=1), np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])
     rise = np.einsum("kn,qkn->qk", _rise_by_heat(p, y), dy[:, :, 3:])
     level = (1 - DUTY_LEVEL) * dU[:, :1] + DUTY_LEVEL * dU[:, 1:2]

@@ -1,13 +1,13 @@
 """The limit cycle of a self-pulsing ring or circuit, by Newton's method on its return map."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from thermofem import InputError, checks, dataset
-from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
@@ -24,7 +24,7 @@ from ..thermal import check_geometry, provenance, trusted
 from .branch import is_hopf_point, near_hopf
 from .cycle_problem import CycleProblem
 from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, measure, time_weights
-from .settling import Part, measured, pulse_train
+from .settling import measured, pulse_train
 
 UNSTABLE = 1 + 1e-6  # of a multiplier; their errors are below 3e-7, rarely 2e-6
 SWING = 1e-3  # relative, below which the state of a circuit counts as at rest
@@ -201,8 +201,17 @@ def _of_circuit(
     system = autonomous(circuit, model, power, heaters, detuning)
     rough, fine = (system.problem(method) for method in (Method.RODAS4, Method.RODAS5P))
     run = Flow(fine, fine).run(fine.zero(), settle / NS, MIDDLE)
-    quantity, k, seen = _pulses(run.rows, fine.rings, settle)
-    orbit, why, _ = pulse_train(Flow(rough, fine, quantity, k), run.y, seen, wary=False, last=True)
+    flows = [Flow(rough, fine, CARRIERS, k) for k in range(fine.rings)]
+    if not any(flow.seen(run.rows).any() for flow in flows):
+        flows = [replace(flow, quantity=ENERGY) for flow in flows]
+    parts = [measured(run.rows[:, 0], flow.seen(run.rows), settle / NS) for flow in flows]
+    swings = [(seen.high - seen.low) / max(seen.high, 1e-300) for seen in parts]
+    k = int(np.argmax(swings))  # the ring that pulses most
+    if swings[k] < SWING:
+        raise InputError("the circuit comes to rest and has no pulses there; steady_states finds it")
+    if parts[k].rises < 3:
+        raise InputError(f"settle = {settle:g} s holds fewer than three pulses in its last part; lengthen it")
+    orbit, why, _ = pulse_train(flows[k], run.y, parts[k], wary=False, last=True)
     if orbit is None:
         raise InputError(
             f"settle = {settle:g} s leads to no cycle: {why}",
@@ -222,22 +231,3 @@ def _of_circuit(
     cycle["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
     cycle.attrs["period"] = float(times[-1])
     return cycle
-
-
-def _pulses(rows: Array, rings: int, settle: float) -> tuple[int, int, Part]:
-    """CARRIERS or ENERGY, index of the ring with the largest relative swing late in a run, and measures of its pulses.
-
-    The energy is used where no ring has carriers.
-    """
-    late, states = rows[:, 0] > settle / NS / 2, rows[:, 1 : 1 + 4 * rings].reshape(-1, rings, 4)
-    quantity = CARRIERS if states[:, :, 2].max() > 0 else ENERGY
-    q = states[:, :, 2] if quantity == CARRIERS else (states[:, :, :2] ** 2).sum(axis=2)
-    high = q[late].max(axis=0)
-    swing = (high - q[late].min(axis=0)) / np.maximum(high, 1e-300)
-    k = int(np.argmax(swing))
-    if swing[k] < SWING:
-        raise InputError("the circuit comes to rest and has no pulses there; steady_states finds it")
-    seen = measured(rows[:, 0], q[:, k], settle / NS)
-    if seen.rises < 3:
-        raise InputError(f"settle = {settle:g} s holds fewer than three pulses in its last part; lengthen it")
-    return quantity, k, seen

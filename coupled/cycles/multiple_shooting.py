@@ -20,6 +20,7 @@ from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import null_space
 
 from thermofem.arrays import Array
 from thermofem.checks import InputError
@@ -35,7 +36,10 @@ CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its
 SMALLEST = 0.01  # range of an orbit, of its largest values, to which they are compared at least
 FARTHEST = 0.5  # of the largest values, the first step
 COARSE = 1e-7  # rtol of the traces that are differentiated: multipliers to 1e-6
-MOST_STEPS = 7  # of Newton's method
+MOST_STEPS, MOST_TO_FOLD = 7, 12  # of Newton's method
+ASIDE = 0.1  # of a step along a curve of folds, the first step of the secant method across it
+SECANT = 1e-7  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
+ON_IT = 1e-6  # distance from a fold, in the units of `weights`: the parameters are off by its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +67,10 @@ class Family:
 
 
 class Nodes(NamedTuple):
-    """An approximate periodic orbit: m states on it, the durations between them, and the parameter values."""
+    """An approximate periodic orbit: m states on it, the durations between them, and the parameter values.
+
+    A change of an orbit, such as a tangent, has the same form; several changes have one more axis in front.
+    """
 
     y: Array
     """(m, n): states y_i in internal units."""
@@ -71,6 +78,23 @@ class Nodes(NamedTuple):
     """(m,): durations h_i from each node to the next, ns."""
     values: Array
     """(q,): values of the free parameters, SI."""
+
+    def plus(self, change: "Nodes") -> "Nodes":
+        """The orbit after a change."""
+        return Nodes(*(a + b for a, b in zip(self, change, strict=True)))
+
+    def times(self, along: Array) -> "Nodes":
+        """The sum of several changes, each times a number of ``along``, shape (..., changes)."""
+        return Nodes(*(np.tensordot(along, each, axes=1) for each in self))
+
+    def from_node(self, first: int) -> "Nodes":
+        """The orbit whose first node is that of the index ``first``."""
+        return Nodes(np.roll(self.y, -first, axis=-2), np.roll(self.h, -first, axis=-1), self.values)
+
+    @property
+    def x(self) -> Array:
+        """The unknowns x = (y_1, T, q), shape (n + 1 + q,)."""
+        return np.concatenate([self.y[..., 0, :], self.h.sum(axis=-1, keepdims=True), self.values], axis=-1)
 
 
 class Place(NamedTuple):
@@ -83,12 +107,14 @@ class Place(NamedTuple):
     orbit: Orbit
     unit: Array
     """(n + 1 + q,): factors by which the unknowns (y_1, T, q) are scaled, see `weights`."""
-    directions: Array
-    """(q, n + 1 + q): W, whose rows are tangents in (y_1, T, q), not scaled."""
-    moves: Array
-    """(q, m, n + 1): change of each node y_i and duration h_i along each row of W."""
+    tangents: Nodes
+    """The changes of nodes, durations and parameters along each row of W, shapes (q, m, n), (q, m) and (q, q)."""
     steps: int
     """Number of Newton iterations of the corrector."""
+    extent: float
+    """Amplitude of the orbit, as `extent_of`."""
+    slope: float = 0.0
+    """On a curve of folds: dg/d(distance across the curve), 0 where it is not known."""
 
     @property
     def values(self) -> Array:
@@ -96,14 +122,19 @@ class Place(NamedTuple):
         return self.nodes.values
 
     @property
-    def extent(self) -> float:
-        """Amplitude of the orbit: range of each state over its largest modulus, the largest such ratio."""
-        return extent_of(self.orbit.trace.rows)
+    def directions(self) -> Array:
+        """W, shape (q, n + 1 + q), whose rows are tangents in (y_1, T, q), scaled by ``unit``."""
+        return self.tangents.x * self.unit
 
-    def moved(self, along: Array) -> float:
-        """Largest change of a state at any node, over its largest modulus, for a step W^T ``along`` of shape (q,)."""
-        n = self.nodes.y.shape[1]
-        return float(np.abs(np.tensordot(along, self.moves, axes=1)[:, :n] * self.unit[:n]).max())
+    def frame(self, along: Array) -> Array:
+        """Orthonormal basis of the tangent space, scaled and of the shape of W; first the projection of ``along``."""
+        basis = np.linalg.qr(self.directions.T)[0]
+        first = along @ basis / np.linalg.norm(along @ basis)
+        return np.asarray(np.vstack([first, null_space(first[None]).T]) @ basis.T)
+
+    def change(self, rows: Array) -> Nodes:
+        """Changes of the orbit along vectors of the tangent space, ``rows``, scaled by ``unit``."""
+        return self.tangents.times(np.asarray(np.linalg.lstsq(self.directions.T, rows.T, rcond=None)[0].T))
 
 
 def extent_of(rows: Array) -> float:
@@ -134,14 +165,11 @@ def weights(family: Family, trace: Trace) -> Array:
     return np.concatenate([1 / family.base.flow.scale(trace.rows), [1 / trace.T], 1 / family.ranges])
 
 
-def newton(
-    nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array
-) -> tuple[Nodes, Array, Array, float] | None:
+def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array) -> tuple[Nodes, Nodes] | None:
     """One Newton step of the shooting equations, closed by ``rows`` . dx = ``target``; None if the matrix is singular.
 
     rows [shape (q, n + 1 + q)], target [shape (q,)]: scaled by ``unit``, the factors of `weights`.
-    Returns the new nodes; W, shape (q, n + 1 + q); the change of each node and duration along each row of W, shape
-    (q, m, n + 1); and the largest scaled change of a state or duration in the step.
+    Returns the change of the orbit in the step, and its changes along each row of W.
     """
     m, n = nodes.y.shape
     q, size, T = nodes.values.size, 1 / unit[:n], 1 / unit[n]
@@ -163,10 +191,8 @@ def newton(
         found = np.linalg.solve(A, b).T
     except np.linalg.LinAlgError:
         return None
-    dy, dh, dq = found[:, :at_h].reshape(-1, m, n) * size, found[:, at_h:at_q] * T, found[:, at_q:] / unit[n + 1 :]
-    after = Nodes(nodes.y + dy[0], nodes.h + dh[0], nodes.values + dq[0])
-    directions = np.concatenate([dy[1:, 0], dh[1:].sum(axis=1, keepdims=True), dq[1:]], axis=1)
-    return after, directions, np.concatenate([dy[1:], dh[1:, :, None]], axis=2), float(np.abs(found[0, :at_q]).max())
+    every = Nodes(found[:, :at_h].reshape(-1, m, n) * size, found[:, at_h:at_q] * T, found[:, at_q:] / unit[n + 1 :])
+    return Nodes(*(each[0] for each in every)), Nodes(*(each[1:] for each in every))
 
 
 def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
@@ -195,27 +221,41 @@ def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
 
 
 def corrected(
-    family: Family, trial: Nodes, rows: Array, unit: Array, *, extent: float = 1.0, rtol: float = COARSE
-) -> Place | None:
+    family: Family, trial: Nodes, rows: Array, unit: Array, *, extent: float = 1.0, rtol: float = COARSE,
+    aside: float = 0.0, slope: float = 0.0,
+) -> Place | None:  # fmt: skip
     """Corrector: the periodic orbit with ``rows`` . (x - x_trial) = 0 by Newton's method; None without convergence.
 
     rows [shape (q, n + 1 + q)]: in the scaled unknowns, with the factors ``unit`` of `weights`.
     extent: amplitude of the orbit as in `extent_of`, which limits the first step.
     rtol: relative tolerance of the integrations that are differentiated.
+    aside: not 0 for a fold, where only the first row holds. All Newton steps but the first then also go along the
+        second row, by this distance and after that by those of the secant method for g = det(dq/dW) = 0.
     """
-    nodes, best = trial, np.inf
-    for k in range(MOST_STEPS):
-        known = linearised(family, nodes, rtol)
-        step = known and newton(nodes, known, rows, (rows * unit) @ (position(trial) - position(nodes)), unit)
-        if not known or not step:
+    n, nodes, most, size, off, g = trial.y.shape[1], trial, FARTHEST * extent, np.inf, 0.0, 0.0
+    for k in range(MOST_STEPS if aside == 0 else MOST_TO_FOLD):
+        known = linearised(family, nodes, rtol) if nodes.h.min() > 0 else None
+        target = (rows * unit) @ (trial.x - nodes.x)
+        if aside:
+            target[1] = 0.0
+        found = known and newton(nodes, known, rows, target, unit)
+        if not known or not found:
             return None
-        after, directions, moves, size = step
-        if not size < min(FARTHEST * extent, 2 * best) or not after.h.min() > 0:
+        step, tangents = found
+        told = abs(off) > max(SECANT, size)  # the last step across moved g by more than the last Newton step
+        size = float(max(np.abs(step.y * unit[:n]).max(), np.abs(step.h * unit[n]).max()))
+        if aside:
+            before, g = g, float(np.linalg.det(tangents.values * unit[n + 1 :]))
+            slope = (g - before) / off if told else slope
+            off = 0.0 if k == 0 else -g / slope if slope else aside
+            step = step.plus(tangents.times(np.array([0.0, off])))
+        if not max(size, abs(off)) < most:
             return None
-        if size <= CLOSE_ENOUGH * max(extent, SMALLEST):
+        if size <= CLOSE_ENOUGH * max(extent, SMALLEST) and (not aside or (slope and abs(off) <= ON_IT)):
             orbit = _orbit(nodes, known, size)
-            return Place(nodes, orbit, weights(family, orbit.trace), directions, moves, k + 1)
-        nodes, best = after, size
+            scale = weights(family, orbit.trace)
+            return Place(nodes, orbit, scale, tangents, k + 1, extent_of(orbit.trace.rows), slope)
+        nodes, most = nodes.plus(step), min(FARTHEST * extent, max(2 * size, 30 * abs(aside)))
     return None
 
 
@@ -231,17 +271,13 @@ def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
     return Orbit(Trace(nodes.y[0], runs[-1].y, float(begins[-1]), rows, parts), whole, move)
 
 
-def position(nodes: Nodes) -> Array:
-    """The vector of unknowns x = (y_1, T, q), shape (n + 1 + q,)."""
-    return np.concatenate([nodes.y[0], [nodes.h.sum()], nodes.values])
+def predicted(family: Family, place: Place, rows: Array, step: float, rtol: float = COARSE) -> Place | None:
+    """Predictor and corrector: the next cycle, or the next fold where there are two rows (a `Place.frame`).
 
-
-def predicted(family: Family, place: Place, along: Array, rows: Array, rtol: float = COARSE) -> Place | None:
-    """Predictor and corrector: a step W^T ``along``, ``along`` of shape (q,), from ``place``; then `corrected`."""
-    nodes, n, move = place.nodes, place.nodes.y.shape[1], np.tensordot(along, place.moves, axes=1)
-    values = nodes.values + (along @ place.directions)[n + 1 :]
-    trial = Nodes(nodes.y + move[:, :n], nodes.h + move[:, n], values)
-    return corrected(family, trial, rows, place.unit, extent=place.extent, rtol=rtol) if trial.h.min() > 0 else None
+    step: distance from ``place`` along the first row.
+    """
+    trial, aside = place.nodes.plus(place.change(step * rows[0])), ASIDE * step * (len(rows) - 1)
+    return corrected(family, trial, rows, place.unit, extent=place.extent, rtol=rtol, aside=aside, slope=place.slope)
 
 
 def placed(problem: Problem, nodes: Nodes, size: Array) -> Nodes:
@@ -269,31 +305,24 @@ def placed(problem: Problem, nodes: Nodes, size: Array) -> Nodes:
     return Nodes(np.array(y), np.array([*h, since]), nodes.values)
 
 
-def turned(place: Place, rows: Array) -> tuple[Nodes, Array]:
-    """Renumber the nodes so that the first is where the orbit changes most along the last of ``rows``.
-
-    Returns the nodes and ``rows`` for the new unknowns (y_1, T, q). On a branch of canards the first node and the
-    period may be nearly constant while other parts of the orbit change.
-    """
-    n = place.orbit.start.size
-    along = np.linalg.lstsq((place.directions * place.unit).T, rows.T, rcond=None)[0].T
-    moves = np.tensordot(along, place.moves, axes=1)
-    sizes = np.linalg.norm(moves[-1, :, :n] * place.unit[:n], axis=1)
-    first = int(sizes.argmax()) if sizes.max() > 2 * sizes[0] else 0
-    nodes = place.nodes._replace(y=np.roll(place.nodes.y, -first, axis=0), h=np.roll(place.nodes.h, -first))
-    there = np.concatenate([moves[:, first, :n], (along @ place.directions)[:, n:]], axis=1) * place.unit
-    return nodes, there
-
-
 def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Array] | None:
-    """Choose new nodes for a cycle (`turned`, `placed`) and correct it; return it with ``rows`` at its new y_1."""
-    nodes, rows = turned(place, rows)
-    nodes = placed(family.at(place.values).kernel(Method.RODAS5P), nodes, 1 / place.unit[: place.orbit.start.size])
+    """Choose new nodes for a cycle (`placed`) and correct it; return it with its frame that begins as ``rows``.
+
+    The first node is where the orbit changes most along the last of ``rows``: on a branch of canards another first node
+    and the period may be nearly constant while other parts of the orbit change.
+    """
+    n, change = place.orbit.start.size, place.change(rows)
+    moved = np.linalg.norm(change.y[-1] * place.unit[:n], axis=1)
+    first = int(moved.argmax()) if moved.max() > 2 * moved[0] else 0
+    problem = family.at(place.values).kernel(Method.RODAS5P)
+    nodes = placed(problem, place.nodes.from_node(first), 1 / place.unit[:n])
     if nodes.h.size == place.nodes.h.size == 1:
         return place, rows
-    planes = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    found = corrected(family, nodes, planes, place.unit, extent=place.extent)
-    return found and (found, rows)
+    rows = change.from_node(first).x * place.unit
+    sizes = np.linalg.norm(rows, axis=1)
+    slope = place.slope / float(np.prod(sizes) * sizes[-1])
+    found = corrected(family, nodes, rows / sizes[:, None], place.unit, extent=place.extent, slope=slope)
+    return found and (found, found.frame(rows[0]))
 
 
 def first_place(family: Family, trace: Trace) -> Place | None:

@@ -7,6 +7,7 @@ if the trajectory approaches it further, and, where a stable fixed point exists,
 """
 
 from collections.abc import Callable, Iterator
+from itertools import chain, islice
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -65,19 +66,15 @@ class Part(NamedTuple):
 
 def measured(t: Array, q: Array, duration: float) -> Part:
     """Measure a part of a transient: times t and section's quantity q, shape (rows,); its duration in ns."""
-    half, last = np.searchsorted(t, [duration / 2, 0.75 * duration])
-    lows, highs = [], []
-    for part in (q[half:last], q[last:], q[:half]):
-        lows.append(float(part.min()) if part.size else np.inf)
-        highs.append(float(part.max()) if part.size else -np.inf)
-    low, high = min(lows[:2]), max(highs[:2])
+    parts = np.split(q, np.searchsorted(t, [duration / 2, 0.75 * duration]))  # the first half and two quarters
+    lows, highs = [part.min(initial=np.inf) for part in parts], [part.max(initial=-np.inf) for part in parts]
+    low, high, top = float(min(lows[1:])), float(max(highs[1:])), float(max(highs))
     above = q > 0.5 * (low + high)
     ups = t[1 + np.flatnonzero(above[1:] & ~above[:-1])]
-    ups = ups[np.searchsorted(ups, duration / 4) :]
-    gap = float((ups[1:] - ups[:-1]).max()) if ups.size > 1 else 0.0
-    third, fourth = (max(highs[k] - lows[k], 0.0) for k in (0, 1))
-    top = max(highs)
-    return Part(low, high, third, fourth, ups.size, gap, (top - min(lows)) / max(top, 1e-300))
+    ups = ups[ups >= duration / 4]
+    third, fourth = (max(float(highs[k] - lows[k]), 0.0) for k in (1, 2))
+    gap = float(np.diff(ups).max(initial=0.0))
+    return Part(low, high, third, fourth, ups.size, gap, (top - float(min(lows))) / max(top, 1e-300))
 
 
 class Shooting(Protocol):
@@ -131,19 +128,14 @@ def settled(
                     return found
                 said = "the pulses still change"
         if at is not None:
-            raise RestError(rest_words(where, passed, at, begin))
+            raise RestError(
+                f"no limit cycle{where}: within {passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, "
+                f"{at[0]:.4g} fJ and {at[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
+            )
         duration = seen.following(duration, longest)
     raise UnsettledError(
         f"no settled cycle{where}: {passed / 1e3:.4g} us from {begin} do not lead to one ({said}); give guess= a cycle "
         "nearby" + (SLOW if slow else "")
-    )
-
-
-def rest_words(where: str, passed: float, at: Array, begin: str = "a cold ring") -> str:
-    """Message that the transient from ``begin`` converged to the fixed point ``at`` (U, N, dT) after ``passed`` ns."""
-    return (
-        f"no limit cycle{where}: within {passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, "
-        f"{at[0]:.4g} fJ and {at[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
     )
 
 
@@ -167,10 +159,9 @@ def pulse_train(system: Shooting, y: Array, seen: Part, wary: bool, last: bool) 
         found, why = _stable(system, met, wait, pulses, precisely)
         if found is not None:
             shortest = once(system, found, wait)
-            if comes_nearer(system, met, shortest, wait):
-                closed = system.confirmed(shortest, wait)
-                if closed is not None:
-                    return closed, "", False
+            nearer = comes_nearer(system, met, shortest, wait)
+            if nearer and (closed := system.confirmed(shortest, wait)) is not None:
+                return closed, "", False
         said, unstable = why or said, unstable or bool(why)
     return None, said, unstable
 
@@ -188,12 +179,19 @@ def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> I
         yield back, True
 
 
+def _pulses(system: Shooting, y: Array, wait: float) -> Iterator[Array]:
+    """The state at each pulse that follows after the state ``y``."""
+    while (after := system.turn(y, REACH * wait)) is not None:
+        yield (y := after)
+
+
 def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, float]:
     """Relative distance of the thermal state from its start after 1, 2, ... pulses: a dict from pulses to distance."""
-    at, off = system.turn(y, REACH * wait), dict[int, float]()
-    while at is not None and len(off) < most:
-        off[len(off) + 1] = away = distance(system, at, y)
-        at = None if away <= REPEATS else system.turn(at, REACH * wait)
+    off: dict[int, float] = {}
+    for pulses, at in enumerate(islice(_pulses(system, y, wait), most)):
+        off[pulses + 1] = distance(system, at, y)
+        if off[pulses + 1] <= REPEATS:
+            break
     return off
 
 
@@ -209,12 +207,10 @@ def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: boo
         if orbit.worst.real > -1 or orbit.worst.imag != 0:
             return None, "the cycle there is unstable"
         said = f"a cycle of {pulses} has doubled, with a multiplier of {orbit.worst.real:.3g}"
-        for _ in range(DIFFER):
-            later = system.turn(y, REACH * wait)
-            if later is None:
-                return None, said
-            y = later
-        pulses *= 2
+        later = [*islice(_pulses(system, y, wait), DIFFER)]
+        if len(later) < DIFFER:
+            return None, said
+        y, pulses = later[-1], 2 * pulses
     return None, said
 
 
@@ -232,20 +228,12 @@ def once(system: Shooting, orbit: Any, wait: float) -> Any:
 def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
     """Whether the trajectory from ``y`` approaches the orbit, over as many periods as halve a small perturbation."""
     turns = int(np.clip(np.ceil(np.log(0.5) / np.log(max(orbit.size, 1e-3))), 2, PATIENT))
-    first, last = np.inf, np.inf
-    for k in range((turns + 1) * orbit.pulses):
-        off = distance(system, y, orbit.start)
-        if k < orbit.pulses:
-            first = min(first, off)
-        if first < REPEATS:
-            return True
-        if k >= turns * orbit.pulses:
-            last = min(last, off)
-        after = system.turn(y, REACH * wait)
-        if after is None:
-            return False
-        y = after
-    return last < max((1 + orbit.size**turns) / 2 * first, REPEATS)
+    off = (distance(system, at, orbit.start) for at in chain([y], _pulses(system, y, wait)))
+    first = min(islice(off, orbit.pulses))
+    if first < REPEATS:
+        return True
+    last = [*islice(off, (turns - 1) * orbit.pulses, turns * orbit.pulses)]
+    return len(last) == orbit.pulses and min(last) < max((1 + orbit.size**turns) / 2 * first, REPEATS)
 
 
 def distance(system: Shooting, y: Array, other: Array) -> float:

@@ -90,7 +90,7 @@ def test_small_cycles_grow_as_the_first_lyapunov_coefficient_says(ring, model):
     slope = (rates[0] - rates[1]) / 2e6
     family = Family(CycleProblem(ring, model, P, nu), ("detuning",), np.array([1e9]))
     start, tangent = born(family, hopf)
-    found, _ = follow(family, start, tangent, nu - 1e9, nu + 1e9, 4)
+    found, _ = follow(family, start, tangent, (nu - 1e9, nu + 1e9), 4)
     for cycle in found[1:]:
         orbit = cycle.place.orbit
         N = orbit.trace.rows[:, 3]
