@@ -8,6 +8,7 @@ import pytest
 import coupled
 import surrogate
 from coupled.cycles.cycle_folds import cycle_fold_curves
+from coupled.explore.contents import curves_of
 from coupled.plot import plot_map
 
 RING, NEWTON = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
@@ -50,6 +51,16 @@ def test_the_curve_crosses_a_wide_window_from_every_start(high):
     assert one["power"].values.min() < 2e-3
     assert one["power"].values.max() > high
     assert one.attrs["reason"] == "the end of the range; the end of the range"
+
+
+def test_a_page_shows_the_curve(curve):
+    window = {"power": 10 * np.log10(1e3 * POWERS[[0, -1]]), "detuning": 1e-9 * DETUNINGS[[0, -1]]}
+    (shown,) = curves_of(RING, NEWTON, window)
+    power, detuning = np.array(shown).T
+    inside = (POWERS[0] < power) & (power < POWERS[-1])
+    assert inside.sum() > 10
+    # straight lines between the points of the curve
+    np.testing.assert_allclose(detuning[inside], border(curve, power[inside]), rtol=0, atol=1e-3 * np.ptp(DETUNINGS))
 
 
 def test_settled_maps_pulse_on_one_side_only(curve):
