@@ -46,22 +46,16 @@ def data_of(page):
     return json.loads(text.split('id="data">')[1].split("</script>")[0])
 
 
-def test_heaters_get_sliders_and_their_powers(heated, tmp_path):
+@pytest.mark.parametrize(
+    ("lit", "other", "own", "beside"), [("core", "heater", 7784.3, 1000), ("heater", "core", 1000, 7784.3)]
+)
+def test_heaters_get_sliders_and_their_powers(heated, tmp_path, lit, other, own, beside):
+    """The light heats the part that is named, and the other one is a heater."""
     page = tmp_path / "ring.html"
-    done = run(heated, "--heater", "heater=2.5 mW", "--heated", "core", "--read", "core", "-o", page)
+    done = run(heated, "--heater", f"{other}=2.5 mW", "--heated", lit, "--read", "core", "-o", page)
     assert done.exit_code == 0, done.output
     data = data_of(page)
     assert data["start"]["h0"] == 2.5
-    assert [slider["name"] for slider in data["heaters"]] == ["heater"]
-    assert sum(data["models"][0]["heaters"]["heater"]) == pytest.approx(1000)
-    assert sum(data["models"][0]["R"]) == pytest.approx(1998.1 + 5786.2)
-
-
-def test_the_light_heats_the_part_that_is_named(heated, tmp_path):
-    """What was the core is then a heater."""
-    page = tmp_path / "ring.html"
-    done = run(heated, "--heated", "heater", "--read", "core", "-o", page)
-    assert done.exit_code == 0, done.output
-    data = data_of(page)
-    assert sum(data["models"][0]["R"]) == pytest.approx(1000)
-    assert [slider["name"] for slider in data["heaters"]] == ["core"]
+    assert [slider["name"] for slider in data["heaters"]] == [other]
+    assert sum(data["models"][0]["heaters"][other]) == pytest.approx(beside)
+    assert sum(data["models"][0]["R"]) == pytest.approx(own)

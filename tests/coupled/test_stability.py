@@ -10,7 +10,6 @@ from rings import LUMPED, NEWTON, RING, SECOND_ORDER
 
 import coupled
 import thermofem as th
-from coupled.equilibria.transmission import power_for_drop
 
 TWO = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 SIXTEEN = th.Foster(R=np.linspace(100, 800, 16), tau=np.geomspace(2e-9, 9e-6, 16))
