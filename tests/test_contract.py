@@ -30,8 +30,8 @@ def model(request):
 
 @pytest.fixture(scope="module")
 def slowest(model):
-    """Long after every transient: the slowest time constant of the list is about 12 us and exp(-200/12) = 6e-8."""
-    return 200e-6
+    """Long after every transient: the slowest time constant of the list is about 12 us and exp(-160/12) = 2e-6."""
+    return 160e-6
 
 
 @pytest.fixture(scope="module")

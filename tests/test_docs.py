@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import inspect
 import io
 import re
@@ -13,7 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from paths import ROOT
+from paths import ROOT, module_of
 
 import coupled
 import surrogate
@@ -121,9 +120,7 @@ def test_every_python_block_compiles_and_every_link_leads_somewhere(page):
 
 
 def test_generated_pages_are_up_to_date():
-    spec = importlib.util.spec_from_file_location("generate", DOCS / "generate.py")
-    generate = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(generate)
+    generate = module_of(DOCS / "generate.py")
     for name, text in generate.pages().items():
         assert (DOCS / name).read_text(encoding="utf-8") == text, f"run: python docs/generate.py ({name})"
     required = {
@@ -172,22 +169,15 @@ def test_the_site_builds_without_a_warning(tmp_path):
         assert [name for name in package.__all__ if f">{short}.{name}<" not in re.sub(r"\s", "", api)] == []
 
 
-def hooks():
-    spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_every_public_name_is_in_one_group_of_the_api_page():
-    names = [name for group in hooks().groups() for name in group["names"]]
+    names = [name for group in module_of(DOCS / "hooks.py").groups() for name in group["names"]]
     packages = {"th": th, "surrogate": surrogate, "coupled": coupled}
     assert sorted(names) == sorted(f"{short}.{name}" for short, package in packages.items() for name in package.__all__)
 
 
 def test_every_public_name_has_an_example_that_runs(tmp_path, monkeypatch, needs_mesher):
     monkeypatch.chdir(tmp_path)
-    cells = hooks().examples()
+    cells = module_of(DOCS / "hooks.py").examples()
     for short, package in {"th": th, "surrogate": surrogate, "coupled": coupled}.items():
         for name in package.__all__:
             thing = getattr(package, name)

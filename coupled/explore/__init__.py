@@ -108,8 +108,8 @@ def explore(
     random rings and models: within 1e-6.
 
     >>> import coupled, thermofem as th
-    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
-    >>> coupled.explore(coupled.borghi2021(), {"second order": model}).html.startswith("<!doctype html>")
+    >>> model = th.Foster(R=[2e3, 2e3], tau=[100e-9, 15e-6])
+    >>> coupled.explore(coupled.borghi2021(), {"two poles": model}).html.startswith("<!doctype html>")
     True
     """
     detuning = check_detuning(detuning)

@@ -8,6 +8,7 @@ import pytest
 import coupled
 import surrogate
 from coupled.cycles.cycle_folds import cycle_fold_curves
+from coupled.explore.contents import curves_of
 from coupled.plot import plot_map
 
 RING, NEWTON = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
@@ -16,7 +17,7 @@ POWERS, DETUNINGS = np.geomspace(4.5e-3, 5.5e-3, 3), np.linspace(-5e9, 10e9, 16)
 
 @pytest.fixture(scope="module")
 def curve():
-    (one,) = cycle_fold_curves(RING, NEWTON, POWERS, DETUNINGS)
+    (one,) = cycle_fold_curves(RING, NEWTON, [2e-3, 10e-3], [-20e9, 20e9])
     return one
 
 
@@ -27,29 +28,39 @@ def border(curve, power):
 
 
 def test_the_curve_holds_the_folds_of_branches_in_one_parameter(curve):
-    for k in (2, -3):
-        at = curve.isel(point=k)
-        branch = coupled.continue_cycle(RING, NEWTON, "detuning", (20e9, -2e9), power=float(at["power"]), detuning=-1e9)
+    for power in (4.6e-3, 5.4e-3):
+        at = curve.isel(point=int(np.argmin(np.abs(curve["power"].values - power))))
+        nu, cycle = float(at["detuning"]), None
+        for start in (-1e9, nu - 2e9, nu - 1e9):  # towards the fold, each from the one before
+            cycle = coupled.limit_cycle(RING, NEWTON, power=float(at["power"]), detuning=start, guess=cycle)
+        branch = coupled.continue_cycle(RING, NEWTON, "detuning", (nu + 5e9, nu - 1.5e9), guess=cycle)
         (fold,) = branch["detuning"].values[branch["special"].values == "fold"]
         # both are located to 1e-6 of the length along the branch, whose square moves the detuning; meshes err by 1e-7
-        assert float(at["detuning"]) == pytest.approx(fold, abs=15e9 * 1e-6)
+        assert nu == pytest.approx(fold, abs=15e9 * 1e-6)
         here = branch["period"].values[branch["special"].values == "fold"]
         assert float(at["period"]) == pytest.approx(float(here[0]), rel=1e-4)  # the root of the error above
 
 
-def test_the_curve_crosses_the_window_and_bounds_stable_pulses(curve):
-    assert curve["power"].values.min() < POWERS[0]
-    assert curve["power"].values.max() > POWERS[-1]
-    assert curve["leading"].values.all()
-
-
-@pytest.mark.parametrize("high", [9.9e-3, 10e-3, 10.1e-3])
-def test_the_curve_crosses_a_wide_window_from_every_start(high):
+def test_the_curve_crosses_a_wide_window_from_every_start_and_the_page_shows_it(curve):
     """A slope read off round-off ended it at 2.5 and 9.6 mW of a window of 2 to 10 mW."""
-    (one,) = cycle_fold_curves(RING, NEWTON, [2e-3, high], [-20e9, 20e9])
-    assert one["power"].values.min() < 2e-3
-    assert one["power"].values.max() > high
-    assert one.attrs["reason"] == "the end of the range; the end of the range"
+    assert curve["power"].values.min() < 2e-3
+    assert curve["power"].values.max() > 10e-3
+    assert curve.attrs["reason"] == "the end of the range; the end of the range"
+    window = {"power": 10 * np.log10([2.0, 9.9]), "detuning": [-20.0, 20.0]}  # dBm and GHz
+    (shown,) = curves_of(RING, NEWTON, window)
+    power, detuning = np.array(shown).T
+    assert power.min() < 2e-3
+    assert power.max() > 9.9e-3
+    inside = (power > 2e-3) & (power < 10e-3)
+    assert inside.sum() > 20
+    # straight lines between the points of the curve
+    np.testing.assert_allclose(detuning[inside], border(curve, power[inside]), rtol=0, atol=1e-3 * 40e9)
+
+
+def test_the_curve_bounds_stable_pulses(curve):
+    between = (POWERS[0] < curve["power"].values) & (curve["power"].values < POWERS[-1])
+    assert between.sum() > 5
+    assert curve["leading"].values[between].all()
 
 
 def test_settled_maps_pulse_on_one_side_only(curve):

@@ -1,4 +1,4 @@
-"""Fixed points and stability of rings and heat beyond the paper's: Kerr shift, scattering, one bus, an output map."""
+"""Fixed points and stability of the paper's ring, and beyond it: Kerr shift, scattering, one bus, an output map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rings import BENT, RING, SECOND_ORDER
+from rings import BENT, LUMPED, NETWORKS, NEWTON, RING, SECOND_ORDER
 from scipy import constants
 from support import ring_ode
 
@@ -17,6 +17,9 @@ from coupled.equilibria.transmission import power_for_drop
 MAPPED = th.OutputMap(th.Foster(R=[2e3, 3e3, 3e3], tau=[5e-8, 4e-7, 1.5e-6]), -4e-3)  # ten times silicon in oxide
 KERR = replace(RING, kerr_coefficient=2e-16)  # about fifty times silicon's
 CASES = {
+    "paper": (RING, SECOND_ORDER),
+    "newton": (LUMPED, NEWTON),
+    "sixteen poles": (RING, NETWORKS[16]),
     "kerr": (KERR, SECOND_ORDER),
     "scattering": (replace(RING, loss_rate=2e9, scattering_rate=8e9), SECOND_ORDER),
     "output map": (RING, MAPPED),
@@ -38,10 +41,12 @@ def test_fixed_points_rest_and_their_eigenvalues_are_those_of_the_differentiated
         assert np.abs(f[:2]).max() < 1e-11 * np.sqrt(2 * ring.bus_rate * power)
         assert np.all(np.abs(f[3:]) <= 1e-11 * np.abs(np.diag(J))[3:] * np.abs(y[3:]).sum())
         growth, frequency, growing = ring_ode.leading(J)
-        # as for the paper's ring: round-off of the differences, 3e-11 per ns, magnified up to 2e4 times
+        # Differences: truncation (h^4/30) f^(5) ~ 1e-12, round-off 1e-16 x 300/(1e-3) = 3e-11 per ns; an eigenvalue of
+        # 5e-3 per ns that is a small difference of rates of 100 per ns magnifies them by their ratio, 2e4: 1e-6.
         assert float(branch.growth_rate) == pytest.approx(growth, rel=1e-6)
-        assert float(branch.frequency) == pytest.approx(frequency, rel=1e-5)
+        assert float(branch.frequency) == pytest.approx(frequency, rel=2e-6, abs=0)
         assert (growing == 0) == (branch.regime.item() == "stable")
+        assert (growing % 2 == 1) == (branch.regime.item() == "saddle")
         energy = branch["drop"] + branch.through + branch.absorbed + 2 * ring.scattering_rate * branch.energy
         assert float(energy) == pytest.approx(power, rel=1e-10, abs=0)
 
@@ -50,17 +55,24 @@ def test_fixed_points_rest_and_their_eigenvalues_are_those_of_the_differentiated
 def test_curves(case):
     ring, model = CASES[case]
     powers, detunings = np.geomspace(1e-3, 2e-2, 8), np.linspace(-60e9, 40e9, 9)
-    points = [c.isel(point=k) for c in coupled.hopf_curves(ring, model, powers, detunings) for k in (1, 12)]
+    curves = coupled.hopf_curves(ring, model, powers, detunings)
+    points = [c.isel(point=k) for c in curves for k in range(1, c.sizes["point"], 11)]
     assert points
     for point in points:
         states = coupled.steady_states(ring, model, power=float(point.power), detuning=float(point.detuning))
         branch = states.isel(branch=int(np.abs(states.energy.values - float(point.energy)).argmin()))
+        assert float(branch.energy) == pytest.approx(float(point.energy), rel=1e-8, abs=0)
+        # Newton's method ends at round-off of a sum of terms of 1e4 per ns^2, 1e-12, over a slope of 1e2 per ns.
         if bool(point.leading):
             assert abs(float(branch.growth_rate)) < 1e-8 * 2 * np.pi * float(point.frequency)
-    for curve in coupled.fold_curves(ring, model, powers, detunings):
-        for k in (1, 100):
+            assert float(branch.frequency) == pytest.approx(float(point.frequency), rel=1e-7)
+    curves = coupled.fold_curves(ring, model, powers, detunings)
+    assert curves
+    for curve in curves:
+        for k in range(1, curve.sizes["point"], 40):
             P, nu = float(curve.power[k]), float(curve.detuning[k])
             drop = 2 * ring.drop_bus_rate * float(curve.energy[k])
+            assert power_for_drop(ring, model, drop=drop, detuning=nu) == pytest.approx(P, rel=1e-11, abs=0)
             sides = [power_for_drop(ring, model, drop=drop * (1 + j * 1e-3), detuning=nu) for j in (-2, -1, 1, 2)]
             slope = (sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / 12e-3
             assert abs(float(slope)) < 1e-7 * P  # dP/dU = 0; truncation of the differences is 1e-12

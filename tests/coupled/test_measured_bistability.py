@@ -5,12 +5,11 @@ Data: github.com/DejavuITA/AOD-ANN, MIT, Copyright (c) 2017 Davide Bazzanella.
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from paths import MEASURED, ROOT
+from paths import MEASURED, ROOT, module_of
 from scipy.constants import c
 
 from coupled.equilibria.transmission import power_for_drop
@@ -18,18 +17,11 @@ from coupled.equilibria.transmission import power_for_drop
 LOOPS = MEASURED / "ring_bistability"
 
 
-def example():
-    spec = importlib.util.spec_from_file_location("measured", ROOT / "examples" / "measured_bistability.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def script():
     if not LOOPS.is_dir():
         pytest.skip(f"the measured loops are not part of the project: {LOOPS} is absent")
-    return example()
+    return module_of(ROOT / "examples" / "measured_bistability.py")
 
 
 @pytest.fixture(scope="module")

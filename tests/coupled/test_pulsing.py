@@ -190,24 +190,20 @@ def test_extinction_is_the_ratio_of_the_drop_power():
 SECOND_ORDER = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
 
 
-@pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-8])
-def test_an_unstable_fixed_point_is_left_at_every_tolerance(rtol):
+@pytest.mark.parametrize(
+    ("dBm", "GHz", "rtol", "period", "within"),
+    [
+        *((4, -6, rtol, 634.2e-9, 5e-4) for rtol in (1e-5, 1e-6, 1e-8)),  # reduced to 1e-6: 634.12 and 634.20
+        (7.25, 26.571, 1e-6, 4.076e-6, 3e-4),  # reduced to 1e-6: 4.0760
+    ],
+)
+def test_an_unstable_fixed_point_is_left_at_every_tolerance_and_pulses_may_slow_down(dBm, GHz, rtol, period, within):
     """The steps may not damp what grows: the ring rests first, near a focus that grows at 9e5 1/s, and then pulses."""
     model = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-5).model
-    run = coupled.simulate(coupled.borghi2021(), model, power=1e-3 * 10**0.4, detuning=-6e9, duration=60e-6, rtol=rtol)
-    found = coupled.pulsing(run)
+    light = {"power": 1e-3 * 10 ** (dBm / 10), "detuning": GHz * 1e9}
+    found = coupled.pulsing(coupled.simulate(coupled.borghi2021(), model, **light, duration=60e-6, rtol=rtol))
     assert found.regime == "self-pulsing"
-    assert found.period == pytest.approx(634.2e-9, rel=5e-4, abs=0)  # reduced to 1e-6: 634.12 and 634.20
-
-
-def test_pulses_that_slow_down_on_the_way_to_a_long_cycle_do_not_die_away():
-    model = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-5).model
-    run = coupled.simulate(
-        coupled.borghi2021(), model, power=1e-3 * 10**0.725, detuning=26.571e9, duration=60e-6, rtol=1e-6
-    )
-    found = coupled.pulsing(run)
-    assert found.regime == "self-pulsing"
-    assert found.period == pytest.approx(4.076e-6, rel=3e-4, abs=0)  # reduced to 1e-6: 4.0760
+    assert found.period == pytest.approx(period, rel=within, abs=0)
 
 
 def test_a_ring_on_one_bus_is_judged_by_its_energy():

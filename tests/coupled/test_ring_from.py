@@ -118,6 +118,7 @@ def test_a_file_takes_the_rest_from_its_base_in_one_line(caplog):
 
 LIGHT = {"power": 1e-3, "detuning": 0.0}
 AXES = {"powers": [1e-3, 2e-3], "detunings": [-1e9, 1e9]}
+RESTING = th.Foster(R=[2e3, 2e3], tau=[1e-7, 15e-6])  # has no folds of cycles, which a page takes seconds for
 ROUTES = {
     "simulate": lambda ring, model, heat: coupled.simulate(ring, model, **LIGHT, duration=1e-7),
     "simulate a circuit": lambda ring, model, heat: coupled.simulate(
@@ -129,7 +130,7 @@ ROUTES = {
     "pulsing_map": lambda ring, model, heat: coupled.pulsing_map(ring, model, **AXES),
     "limit_cycle": lambda ring, model, heat: coupled.limit_cycle(ring, model, power=6.31e-3, detuning=0.0),
     "cosimulate": lambda ring, model, heat: coupled.cosimulate(ring, heat, **LIGHT, duration=1e-8),
-    "explore": lambda ring, model, heat: coupled.explore(ring, model),
+    "explore": lambda ring, model, heat: coupled.explore(ring, replace(RESTING, origin=model.origin)),
 }
 
 
