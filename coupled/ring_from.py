@@ -17,8 +17,7 @@ import numpy as np
 from scipy.constants import c
 
 import thermofem as th
-from thermofem import checks
-from thermofem.checks import InputError
+from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.geometry import Bus
 from thermofem.optics import shape

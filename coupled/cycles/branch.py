@@ -31,19 +31,9 @@ from ..equilibria.steady_states import states
 from ..heaters import turned_by
 from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS
+from . import multiple_shooting as shooting
 from .cycle_problem import LASER, CycleProblem, numbers_of
-from .multiple_shooting import (
-    Family,
-    Nodes,
-    Place,
-    corrected,
-    extent_of,
-    first_place,
-    flow,
-    on_good_nodes,
-    predicted,
-    weights,
-)
+from .multiple_shooting import Family, Nodes, Place
 from .return_map import FINE, PER_STEP, Orbit, Trace, measure, time_weights
 
 KIND = "Hopf curve"
@@ -101,10 +91,10 @@ def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
     outward, T = np.concatenate([q, [0.0, 0.0]]), 2 * np.pi / omega
     for r in (size, size / 4):
         trial = Nodes((rest + r * q)[None], np.array([T]), family.start())
-        turn = flow(p.flow.fine, trial.y[0], T, FINE)
-        unit = weights(family, Trace(trial.y[0], turn.y, T, turn.rows, []))
-        row = outward * unit
-        found = corrected(family, trial, (row / np.linalg.norm(row))[None], unit, extent=extent_of(turn.rows))
+        turn = shooting.flow(p.flow.fine, trial.y[0], T, FINE)
+        unit = shooting.weights(family, Trace(trial.y[0], turn.y, T, turn.rows, []))
+        row, extent = outward * unit, shooting.extent_of(turn.rows)
+        found = shooting.corrected(family, trial, (row / np.linalg.norm(row))[None], unit, extent=extent)
         if found is not None and found.extent > r / 4:
             return found, found.frame(outward * found.unit)[0]
     raise InputError("no small cycle was found at the Hopf point given as guess: Newton's method finds none")
@@ -132,7 +122,7 @@ def hopf_near(family: Family, place: Place) -> Place | None:
     T = 2 * np.pi / root.imag
     if abs(value - start) > 0.05 * span or abs(T - orbit.T) > 0.1 * orbit.T:
         return None
-    row = flow(family.at(np.array([value])).kernel(Method.RODAS4), y, 1e-3, 1e-5).rows[0]
+    row = shooting.flow(family.at(np.array([value])).kernel(Method.RODAS4), y, 1e-3, 1e-5).rows[0]
     rows = np.column_stack([np.linspace(0, T, PER_STEP + 1), np.tile(row[1:], (PER_STEP + 1, 1))])
     rest = Orbit(Trace(y, y, T, rows, [(y, np.array([T]))]), expm(J * T), 0.0)
     return place._replace(nodes=Nodes(y[None], np.array([T]), np.array([value])), orbit=rest)
@@ -168,7 +158,7 @@ def follow(
 
     while len(out) < most:
         step = min(step, _longest(place, rows[0]))
-        ahead = predicted(family, place, rows, step)
+        ahead = shooting.predicted(family, place, rows, step)
         after = ahead.frame((ahead.nodes.x - place.nodes.x) * ahead.unit) if ahead else rows
         if ahead is None or (after[0] @ rows[0] < 0.8 and step > 1e-4):
             step /= 2
@@ -179,7 +169,7 @@ def follow(
         if outside(ahead) > 0:
             end = ahead if folds else _located(family, place, rows, step, outside)
             return [*out, *([Found(end, "")] if end else [])], "the end of the range"
-        good = on_good_nodes(family, ahead, after)
+        good = shooting.on_good_nodes(family, ahead, after)
         if good is None:
             return out, "its nodes cannot be placed"
         shrinks = good[0].extent < place.extent
@@ -243,7 +233,7 @@ def _located(family: Family, place: Place, rows: Array, step: float, test: Calla
 
     def at(s: float) -> float:
         if s not in seen:
-            found = predicted(family, place, rows, s, FINE)
+            found = shooting.predicted(family, place, rows, s, FINE)
             if found is None:
                 raise ArithmeticError
             seen[s] = found
@@ -299,7 +289,7 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
         if place is None:
             start, along = born(family, guess, FAINT)
         else:
-            start = first_place(family, place.orbit.trace) or place
+            start = shooting.first_place(family, place.orbit.trace) or place
             along = np.eye(start.unit.size)[-1] * (wanted - here)
         found, why = follow(family, start, along, (wanted, 2 * here - wanted), MOST)
         place = found[-1].place

@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermofem import checks
-from thermofem.models import OutputMap, Quadratic, StateSpace, ThermalModel
-from thermofem.models.contract import bare
-from thermofem.models.foster import newton, second_order
+from thermofem.models import OutputMap, Quadratic, StateSpace, ThermalModel, bare, newton, second_order
 
 from .. import parameters
 from ..arguments import check_ring

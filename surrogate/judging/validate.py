@@ -11,18 +11,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 
-from thermofem import (
-    Chirp,
-    Foster,
-    OutputMap,
-    Pulse,
-    Quadratic,
-    SquareWave,
-    StateSpace,
-    Telegraph,
-    checks,
-    waveforms,
-)  # fmt: skip
+from thermofem import Foster, OutputMap, Quadratic, SquareWave, StateSpace, checks, waveforms
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import in_si
@@ -344,9 +333,10 @@ def held_out_drives(power: float = 2e-3) -> list[Waveform]:
 
     power [W]: the largest of each drive.
     """
-    pulses = [Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
-    noise: list[Waveform] = [Telegraph(power, 2e-7, 2e-5, seed=1), Telegraph(power, 2e-6, 1e-4, seed=2)]
-    return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, *noise, Chirp(power, 1e-7, 1e-5, 1e-4)]
+    pulses = [waveforms.Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
+    noise = [waveforms.Telegraph(power, *times, seed=k) for k, times in enumerate(((2e-7, 2e-5), (2e-6, 1e-4)), 1)]
+    chirp = waveforms.Chirp(power, 1e-7, 1e-5, 1e-4)
+    return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, *noise, chirp]
 
 
 def _rise_under(model: ThermalModel, drive: Waveform) -> Array:
