@@ -66,15 +66,15 @@ class Part(NamedTuple):
 
 def measured(t: Array, q: Array, duration: float) -> Part:
     """Measure a part of a transient: times t and section's quantity q, shape (rows,); its duration in ns."""
-    parts = np.split(q, np.searchsorted(t, [duration / 2, 0.75 * duration]))  # the first half and two quarters
-    lows, highs = [part.min(initial=np.inf) for part in parts], [part.max(initial=-np.inf) for part in parts]
-    low, high, top = float(min(lows[1:])), float(max(highs[1:])), float(max(highs))
+    parts = [0, *np.searchsorted(t, [duration / 2, 0.75 * duration])]  # the first half and two quarters
+    lows, highs = (extreme.reduceat(q, parts).tolist() for extreme in (np.minimum, np.maximum))
+    low, high, top = min(lows[1:]), max(highs[1:]), max(highs)
     above = q > 0.5 * (low + high)
     ups = t[1 + np.flatnonzero(above[1:] & ~above[:-1])]
     ups = ups[ups >= duration / 4]
-    third, fourth = (max(float(highs[k] - lows[k]), 0.0) for k in (1, 2))
+    third, fourth = (highs[k] - lows[k] for k in (1, 2))
     gap = float(np.diff(ups).max(initial=0.0))
-    return Part(low, high, third, fourth, ups.size, gap, (top - float(min(lows))) / max(top, 1e-300))
+    return Part(low, high, third, fourth, ups.size, gap, (top - min(lows)) / max(top, 1e-300))
 
 
 class Shooting(Protocol):
