@@ -307,18 +307,17 @@ def measures(orbits: Sequence[Array]) -> list[Measures]:
     Extrema and crossings come from polynomials through five rows; splines through the rows of an accurate integration
     agree to 3e-10.
     """
-    apart = [np.append(True, np.diff(rows[:, 0]) > 1e-13 * rows[-1, 0]) for rows in orbits]
-    traces = [rows[keep, ::4].T for rows, keep in zip(orbits, apart, strict=True)]
-    energies = [(rows[keep, 1:3] ** 2).sum(axis=1) for rows, keep in zip(orbits, apart, strict=True)]
-    both = [(t, x) for (t, dT), U in zip(traces, energies, strict=True) for x in (U, dT)]
+    every = [rows[np.append(True, np.diff(rows[:, 0]) > 1e-13 * rows[-1, 0])].T for rows in orbits]
+    traces = [(t, re * re + im * im, dT) for t, re, im, _, dT in every]
+    both = [(t, x) for t, *several in traces for x in several]
     places, values = _roots([(t, x, k) for t, x in both for k in (x.argmin(), x.argmax())], 1).reshape(2, -1, 4)
     levels = values[:, 0] + DUTY_LEVEL * (values[:, 1] - values[:, 0])
-    offs = [U - level for U, level in zip(energies, levels, strict=True)]
+    offs = [U - level for (_, U, _), level in zip(traces, levels, strict=True)]
     before = [np.flatnonzero((off[1:] > 0) != (off[:-1] > 0)) for off in offs]
-    near = [(t, off, k) for (t, _), off, at in zip(traces, offs, before, strict=True) for k in at]
+    near = [(t, off, k) for (t, *_), off, at in zip(traces, offs, before, strict=True) for k in at]
     times, out = np.split(_roots(near, 0)[0], np.cumsum([at.size for at in before]))[:-1], []
     columns = (traces, offs, before, times, places, values)
-    for (t, _), off, at, crossings, extremes, found in zip(*columns, strict=True):
+    for (t, *_), off, at, crossings, extremes, found in zip(*columns, strict=True):
         (low, high, coldest, hottest), rising = found.tolist(), off[at + 1] > 0
         duty = float(np.where(rising, -crossings, crossings).sum() / t[-1]) + float(off[0] > 0)
         dB = 10 * math.log10(high / low) if low > 0 else math.inf
