@@ -242,11 +242,11 @@ def corrected(
         if not known or not found:
             return None
         step, tangents = found
-        told = abs(off) > max(SECANT, size)  # the last step across moved g by more than the last Newton step
+        clear = abs(off) > max(SECANT, size)  # the last step across moved g by more than the last Newton step
         size = float(max(np.abs(step.y * unit[:n]).max(), np.abs(step.h * unit[n]).max()))
         if aside:
             before, g = g, float(np.linalg.det(tangents.values * unit[n + 1 :]))
-            slope = (g - before) / off if told else slope
+            slope = (g - before) / off if clear else slope
             off = 0.0 if k == 0 else -g / slope if slope else aside
             step = step.plus(tangents.times(np.array([0.0, off])))
         if not max(size, abs(off)) < most:
