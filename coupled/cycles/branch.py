@@ -38,7 +38,8 @@ from .return_map import FINE, PER_STEP, Orbit, Trace, measure, time_weights
 
 KIND = "Hopf curve"
 BORN, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point
-FIRST, LONGEST, SHORTEST = 0.01, (0.1, 0.03), 1e-7  # steps, in units of `multiple_shooting.weights`; longest to a fold
+FIRST, SHORTEST = 0.01, 1e-7  # steps, in units of `multiple_shooting.weights`
+LONGEST = (0.1, 0.03)  # step of a branch, and of a curve of folds
 TURN = 0.3  # of the largest values, what the nodes may change in a step
 EASY, HARD, MORE = 3, 5, 4  # steps of Newton's method; more to a fold
 SMALL, SMALLEST = 0.05, 0.03  # relative range of a cycle, where a branch ends in a Hopf point, folds on a Hopf curve

@@ -110,7 +110,7 @@ class _Window(NamedTuple):
 
     @property
     def size(self) -> Array:
-        """Its width in both coordinates, not too small a one."""
+        """Its width in both coordinates, shape (2,), but at least a tenth of an e-folding and 1 GHz."""
         return np.maximum(self.high - self.low, [0.1, 1e9])
 
     def wider(self, share: float) -> Array:

@@ -84,8 +84,10 @@ def transmission(
     P, nu = _checked(power, detuning)
     swept = P if P.size > 1 else nu
     if P.size + nu.size != 3 or swept[0] >= swept[1]:
-        rule = "one of power and detuning must be a pair (first, last) with first < last, the other one number"
-        raise checks.InputError(rule)
+        raise checks.InputError(
+            f"power = {power!r}, detuning = {detuning!r}: one must be a pair (first, last) with first < last, "
+            "the other one number"
+        )
     at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
     U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
     found = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)

@@ -57,6 +57,7 @@ _Problem = _structure(
     ("energies", _I),
     ("hair", _D),
 )
+# arrays of `_Problem` that hold complex numbers, and integers; all others hold floats
 COMPLEX = {"own", "entry", "between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"}
 WHOLE = {"sequence", "jumps", "varies"}
 _Loop = _structure(

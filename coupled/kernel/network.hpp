@@ -9,7 +9,7 @@
 #include "loop.hpp"
 
 constexpr double FOLLOW = 2.0;  // lengths of past steps that a step may span; at 1 none could grow
-constexpr double EVER = -1e200;  // ns: the time before the start, at which heat was what it is then
+constexpr double LONG_AGO = -1e200;  // ns: since then heat has been what it is at the start
 
 // The cubic in the fraction of a step through p at 0, 1/3, 2/3 and 1, `apart` numbers apart.
 inline void cubic_through(const double* p, int apart, double* c) {
@@ -19,8 +19,8 @@ inline void cubic_through(const double* p, int apart, double* c) {
   c[3] = -4.5 * p0 + 13.5 * p1 - 13.5 * p2 + 4.5 * p3;
 }
 // z at the fraction f of a step that begins with `before`, dz/df = gain P - x z: by its power
-// series or, where that is long, by the cubic that solves the equation and what decays to it.
-// Energies have x = 0, detectors gain = x = corner h.
+// series (16 terms leave 1e-18) or, where that is long, by the cubic that solves the equation and
+// what decays to it. Energies have x = 0, detectors gain = x = corner h.
 inline double gathered_at(const double* P, double gain, double x, double f, double before) {
   double cubic[5] = {0, 0, 0, 0, 0}, sum = before, term = before, f_m = f;
   if (x * f > 0.5) {
@@ -79,7 +79,7 @@ template <class T> struct Network {
       z_start[i] = z_end[i] = heat[i].temperature(y + R * B + i * K);
     if (!fresh) return;
     memset(nodes, 0, 10 * Q * sizeof(double)), memset(after, 0, 4 * R * sizeof(T));
-    past.filled = 0, times[0] = times[1] = times[2] = EVER;
+    past.filled = 0, times[0] = times[1] = times[2] = LONG_AGO;
     neighbours(y);
     remember(t);
   }

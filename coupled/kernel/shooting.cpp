@@ -11,13 +11,14 @@
 // Broyden's updates mend it from turn to turn.
 #include "kernel.hpp"
 
-constexpr double SMALLEST = 0.02;  // relative range of N, in proportion to which they are stricter
-constexpr double NEAR = 1e-3;      // relative step of Newton's method from which traces are fine
-constexpr double CLOSED = 30;      // tolerances that the last step is
-constexpr double SAME = 4e-7;      // error of the T that it foretold
-constexpr double MOVED = 2e-3;                // since M was computed, after which it is again
-constexpr double LARGEST = 0.3, LONGER = 2.5; // step; T, of the one at the beginning
-constexpr int TURNS = 14;
+constexpr double SMALLEST = 0.02;  // rtol is times the relative range of N, or times this if larger
+constexpr double NEAR = 1e-3;      // relative step of Newton's method, below which traces are fine
+constexpr double CLOSED = 30;      // largest last step, in tolerances of the traces
+constexpr double SAME = 4e-7;      // largest relative error of the T that the step before predicted
+constexpr double MOVED = 2e-3;     // sum of the steps since M was computed, above which it is anew
+constexpr double LARGEST = 0.3;    // relative step of Newton's method
+constexpr double LONGER = 2.5;     // T over its first guess, above which there is no orbit
+constexpr int TURNS = 14;          // most steps of Newton's method
 
 struct Turns {
   const Problem* p;

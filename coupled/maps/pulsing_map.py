@@ -277,7 +277,7 @@ def _row(
 def stored_rows(
     file: str | Path | None, identity: dict[str, Any]
 ) -> Iterator[tuple[dict[int, list[Cell]], Callable[[int, list[Cell]], None]]]:
-    """Yield the finished rows of a map by number, and a function that adds one to them and to the file, locked.
+    """Lock the file of a map; yield its finished rows by number, and a function that adds a row to them and to it.
 
     The file has one JSON line that identifies the map, then one for each finished row with its hash, in the order of
     completion. A damaged line, as an interrupted run leaves it, is ignored: its row is computed again.

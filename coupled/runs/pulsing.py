@@ -247,7 +247,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     left = [f"cycles differ by {100 * unequal:.2g} %"] if 10 * noise < unequal < np.inf else []
     if abs(drift) > STEADY_PERIOD:
         left.append(f"the period {'grows' if drift > 0 else 'falls'} by {100 * abs(drift):.2g} % per cycle")
-    # the largest that so many samples per cycle cause
+    # the largest errors that so many samples per cycle cause (measured)
     errors = f", {samples:.0f} samples a cycle: period within {50 / samples:.1g} %, "
     errors += f"duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
     last = (t >= begin) & (t <= end)

@@ -93,8 +93,9 @@ export function hopfCurves(sys, powers, detunings) {
   const { U, w } = gridsOf(sys, powers, detunings);
   const known = Array.from(U, (u) => secular(Math.exp(u), sys));
   const row = (v) => {
-    const [w, Z] = [Math.exp(v), impedance(0, Math.exp(v), sys)];
-    return (j) => hopfAt(known[j], w, Z).f;
+    const omega = Math.exp(v);
+    const Z = impedance(0, omega, sys);
+    return (j) => hopfAt(known[j], omega, Z).f;
   };
   const at = (u, v) => hopfAt(secular(Math.exp(u), sys), Math.exp(v), impedance(0, Math.exp(v), sys));
   const line = lineAt(1e-4 * Math.min(...sys.rate), sys); // the pair at +- i w itself lies to the left
