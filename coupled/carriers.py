@@ -103,7 +103,8 @@ class ShockleyReadHall:
         """The terms tau_p (n0 + n1) + tau_n (p0 + p1) in s/m^3, and n0 + p0 in 1/m^3."""
         n0, p0 = self.intrinsic_density**2 / self.hole_density, self.hole_density
         boltzmann = math.exp(self.trap_energy / self.thermal_energy)
-        n1, p1 = self.intrinsic_density * boltzmann, self.intrinsic_density / boltzmann
+        n1 = self.intrinsic_density * boltzmann
+        p1 = self.intrinsic_density / boltzmann
         return self.tau_p * (n0 + n1) + self.tau_n * (p0 + p1), n0 + p0
 
     @property
@@ -230,7 +231,8 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     found = np.exp(best.x)  # N0, tau0, tau_high
     n0, p0 = material.intrinsic_density**2 / material.hole_density, material.hole_density
     boltzmann = np.exp(material.trap_energy / material.thermal_energy)
-    electrons, holes = n0 + material.intrinsic_density * boltzmann, p0 + material.intrinsic_density / boltzmann
+    electrons = n0 + material.intrinsic_density * boltzmann
+    holes = p0 + material.intrinsic_density / boltzmann
     slopes = np.linalg.inv([[holes / (n0 + p0), electrons / (n0 + p0)], [1.0, 1.0]])  # of (tau_n, tau_p)
     tau_n, tau_p = (slopes @ found[1:]).tolist()
     if min(tau_n, tau_p) <= 0:

@@ -60,7 +60,8 @@ def channels(
         a heater, where heaters are given, and the output of the same name.
     Raises InputError: several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
     """
-    names, system = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}"), bare(model)
+    names = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
+    system = bare(model)
     several = isinstance(system, StateSpace) and (len(system.inputs), len(system.outputs)) != (1, 1)
     single = None if several else compact(model)
     inputs, outputs = system.inputs, system.outputs
@@ -128,11 +129,13 @@ def heating(
     for name in given:
         hint = "" if poles else "the thermal model has no heaters among its inputs"
         checks.choice("a name in heaters", name, poles, hint=hint)
-    powers, dark = {name: power_of(name, p, duration) for name, p in given.items()}, Pieces.constant(0.0, duration, 0.0)
+    powers = {name: power_of(name, p, duration) for name, p in given.items()}
+    dark = Pieces.constant(0.0, duration, 0.0)
     stops = np.cumsum([0, *(each.rate.size for each in poles.values())])
     started = np.zeros(stops[-1]) if before is None else before
     checks.shape("initial.attrs['heater_states'] for the heaters of this model", started, (stops[-1],))
-    begin, every = [started[i:j] for i, j in pairwise(stops)], [[dark] * rings]
+    begin = [started[i:j] for i, j in pairwise(stops)]
+    every = [[dark] * rings]
     for k, (name, (rate, gain)) in enumerate(poles.items()):
         value = given.get(name, 0.0)
         settled = float(value) / rate if hasattr(value, "__float__") else None
@@ -178,8 +181,10 @@ def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | N
     starts = zip(edges[:-1], np.diff(edges), np.abs(slope), strict=True)
     nodes = [_nodes(start, length, weight * bend, rate) for start, length, bend in starts]
     t = np.append(np.concatenate(nodes), edges[-1])
-    x, on = states_of(rate, power, t, begin), power.on(t)
-    falling, total = x @ (gain * rate).T, gain.sum(axis=1)
+    x = states_of(rate, power, t, begin)
+    on = power.on(t)
+    falling = x @ (gain * rate).T
+    total = gain.sum(axis=1)
     first = np.multiply.outer(on.coefficients[:, 0], total) - falling[:-1]
     last = np.multiply.outer(on.ends, total) - falling[1:]
     return [hermite(t, *columns) for columns in zip((x @ gain.T).T, first.T, last.T, strict=True)]

@@ -176,7 +176,8 @@ def values(functions: Polynomials, times: Array) -> Array:
     """Values of piecewise polynomials in the kernel's format at m times in s, shape (functions, m)."""
     t = times / NS
     k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
-    u, found = t - functions.edges[k], np.zeros((functions.coefficients.shape[1], t.size))
+    u = t - functions.edges[k]
+    found = np.zeros((functions.coefficients.shape[1], t.size))
     for c in functions.coefficients.T[::-1]:
         found = found * u + c[:, k]
     return found

@@ -100,8 +100,10 @@ def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed
 def _white(density: float, bandwidth: float, duration: float, seed: int, source: int) -> tuple[Array, Array]:
     """Times (s) and samples, both (n + 1,), of white noise below ``bandwidth``; ``source`` gives independent noise."""
     duration = checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
-    seed, length = checks.seed(seed), LONGER * duration
-    most, hint = MOST / (OVERSAMPLED * length), f"{duration:g} s hold one period at least and {MOST} samples at most"
+    seed = checks.seed(seed)
+    length = LONGER * duration
+    most = MOST / (OVERSAMPLED * length)
+    hint = f"{duration:g} s hold one period at least and {MOST} samples at most"
     bandwidth = checks.between("bandwidth", bandwidth, 1 / length, min(most, 1e13), unit="Hz", hint=hint)
     n = max(int(np.ceil(length * OVERSAMPLED * bandwidth)), 2 * OVERSAMPLED)
     lines = max(int(bandwidth * length), 1)

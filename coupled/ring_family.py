@@ -101,7 +101,8 @@ class MovingRing:
         """Difference of each ring parameter (SI, by name) at a member from the given ring; same resonance order."""
         order = _order(self._start)
         n = self._numbers(values)
-        begin, end = (fields_of(one, order) for one in (self._start, n))
+        begin = fields_of(self._start, order)
+        end = fields_of(n, order)
         ratios = {name: end[name] / value for name, value in begin.items() if value}
         ratios.setdefault("drop_rate", ratios["bus_rate"])
         if self.ring.index_confinement is None:  # the printed rules: the shift is in proportion to thermo_optic

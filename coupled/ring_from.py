@@ -92,8 +92,10 @@ class MadeRing:
         InputError
             as `thermofem.optics.Mode.derivatives`.
         """
-        at, order = _numbers(self.mode, self._loss, self._buses, self._rules), round(self.mode.order)
-        varied, rows = shape.variations(self.mode.light, parameters), []
+        at = _numbers(self.mode, self._loss, self._buses, self._rules)
+        order = round(self.mode.order)
+        varied = shape.variations(self.mode.light, parameters)
+        rows = []
         for one in varied:
             slopes = shape.slopes(self.mode, one, **self._rules)
             slopes["loss"] = one.change.optical.get(("light", "loss"), 0.0)
@@ -196,7 +198,8 @@ def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
 
     n: as `thermofem.optics.shape.numbers`, and loss [1/m], "kappa 0" and "kappa 1" (kappa^2).
     """
-    length, speed = 2 * math.pi * n["radius"], c / n["n_g"]
+    length = 2 * math.pi * n["radius"]
+    speed = c / n["n_g"]
     rates = [-speed / (2 * length) * np.log1p(-n[name]) for name in n if name.startswith("kappa")]
     return {
         "frequency": c / n["wavelength"] + order * speed / length - n["n_eff"] * speed / n["wavelength"],
@@ -216,7 +219,9 @@ def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
 
 def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Sequence[_Bus]) -> dict[str, Origin]:
     """Origin and relative error of every field of the ring, by name."""
-    error, computed, material = found.error / found.n_eff, f"computed: mode {found.name}", found.core_material
+    error = found.error / found.n_eff
+    computed = f"computed: mode {found.name}"
+    material = found.core_material
     away = (ring.frequency - c / found.wavelength) / 1e9
     drop = (buses[1].origin, buses[1].error) if len(buses) > 1 else ("given", 0.0)
     words = {

@@ -119,7 +119,9 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
     """
     table = files.from_toml(text)
     found = read_table(table, _KEYS, "the ring file")
-    name, terms, law = (found.pop(key, None) for key in ("name", "dispersion", "carriers"))
+    name = found.pop("name", None)
+    terms = found.pop("dispersion", None)
+    law = found.pop("carriers", None)
     rates = read_table(found.pop("rates", {}), RATES, "[rates]")
     source = found.pop("base", None)
     base = None if source is None else published[checks.choice("base", source, published)]()
@@ -165,7 +167,8 @@ def _resolve(values: dict[str, Any], rates: dict[str, float], frequency: float |
         )
     measured = values.keys() & {"loaded_q", "resonance_shift"}
     nu = checked("frequency", values.get("frequency", frequency)) if measured else math.nan
-    buses, share = values.pop("buses", 2), values.pop("absorbed_fraction", None)
+    buses = values.pop("buses", 2)
+    share = values.pop("absorbed_fraction", None)
     checks.choice("buses", f"{buses:g}", ("1", "2"))
     if "loaded_q" in values:
         q = values.pop("loaded_q"), values.pop("intrinsic_q")
@@ -200,7 +203,8 @@ def rates_of(
     loaded_q = checks.between("loaded_q", loaded_q, 10, intrinsic_q * (1 - 1e-9), hint=hint)
     absorbed_fraction = checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
     buses = checks.integer("buses", buses, 1, 2)
-    whole, own = pi * frequency / loaded_q, pi * frequency / intrinsic_q
+    whole = pi * frequency / loaded_q
+    own = pi * frequency / intrinsic_q
     bus = (whole - own) / buses
     return {
         "frequency": frequency,
@@ -259,7 +263,8 @@ def _carrier_keys(law: type[Any]) -> dict[str, tuple[str, str, float]]:
 def _carriers(item: dict[str, Any]) -> ShockleyReadHall | ConstantLifetime:
     constant = "lifetime" in item
     law: type[Any] = ConstantLifetime if constant else ShockleyReadHall
-    keys, where = _carrier_keys(law), "[carriers] with a constant lifetime" if constant else "[carriers]"
+    keys = _carrier_keys(law)
+    where = "[carriers] with a constant lifetime" if constant else "[carriers]"
     needed = [keys[one.name][0] for one in dataclasses.fields(law) if one.default is MISSING]
     given = read_table(item, {"lifetime": "s", **{key: unit for key, unit, _ in keys.values()}}, where, required=needed)
     return law(**{name: given[key] * one for name, (key, _, one) in keys.items() if key in given})

@@ -96,7 +96,8 @@ def final_state(run: xr.Dataset, size: int | None = None, known: Mapping[str, An
     values = checks.array("initial.attrs['final_state']", attrs.get("final_state", ()), hint=hint)
     checks.shape("initial.attrs['final_state']", values, (size or values.size,))
     if known and "model_tau" in known and "model_tau" in attrs:
-        kept, own = (np.append(one["model_tau"], one.get("model_coefficient", 0.0)) for one in (attrs, known))
+        kept = np.append(attrs["model_tau"], attrs.get("model_coefficient", 0.0))
+        own = np.append(known["model_tau"], known.get("model_coefficient", 0.0))
         if kept.shape != own.shape or not np.allclose(kept, own, rtol=SAME, atol=0):
             raise checks.InputError(
                 f"initial was made with other time constants ({kept[0]:.4g} s, ..) or another output map "

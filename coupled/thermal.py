@@ -146,7 +146,8 @@ def long_enough(model: ThermalModel) -> float:
     also ten and a hundred times slower, and reductions of two geometries): with this duration no setting was still in
     a slow transient, with half of it up to two were. For the ring over a cavity, 30 were after 20 us.
     """
-    small, times = compact(model), np.geomspace(1e-10, 1.0, 10_001)
+    small = compact(model)
+    times = np.geomspace(1e-10, 1.0, 10_001)
     left = np.flatnonzero(small.step_response(times) < 0.95 * small.thermal_resistance)
     return min(float(f"{10 * times[left[-1]]:.1e}"), 1.0) if left.size else 1e-9
 

@@ -143,7 +143,8 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
         raise checks.InputError(f"free = {list(free)} has no thermal parameter", hint)
     poles = linear(model, f"free {list(free)}") if newton or {*free} & {*POLES} else compact(model)
     if newton and isinstance(poles, Foster) and poles.order == 1:
-        tau, R = float(np.ravel(poles.tau)[0]), float(np.ravel(poles.R)[0])
+        tau = float(np.ravel(poles.tau)[0])
+        R = float(np.ravel(poles.R)[0])
         return {"tau_th": tau, HEAT_CAPACITY: tau / R}, None
     return {}, poles
 

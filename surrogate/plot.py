@@ -130,7 +130,8 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         rise = np.asarray(model.response(response.wave, response.times))
     upper, lower = _axes(ax, (WIDTH, 4.2), 2, sharex=True, height_ratios=[3, 1])
     rise_unit = unit_of(data.attrs.get("assumed", ""))
-    (t, unit), missed = readable(response.times, "s"), rise - response.rise
+    t, unit = readable(response.times, "s")
+    missed = rise - response.rise
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
     gaps = np.diff(t)

@@ -29,7 +29,8 @@ def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
     [(0, 2), (3, 4)]
     """
     change = np.diff(np.concatenate([[0], holds.astype(int), [0]]))
-    starts, stops = (np.flatnonzero(change == step).tolist() for step in (1, -1))
+    starts = np.flatnonzero(change == 1).tolist()
+    stops = np.flatnonzero(change == -1).tolist()
     return list(zip(starts, stops, strict=True))
 
 

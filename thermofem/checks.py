@@ -203,7 +203,8 @@ def flag(name: str, value: Any) -> bool:
 
 def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None = None, hint: str = "") -> str:
     """Return ``value``, ``default`` for None, or raise InputError naming the nearest of ``choices``."""
-    known, value = sorted(choices), default if value is None else value
+    known = sorted(choices)
+    value = default if value is None else value
     if isinstance(value, str) and value in known:
         return value
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)

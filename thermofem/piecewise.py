@@ -19,7 +19,10 @@ TO_COEFFICIENTS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at t
 
 def cubic(coefficients: Array, u: Array) -> Array:
     """Evaluate cubics at ``u``; coefficients of rising powers stand along the last axis."""
-    a, b, c, d = (coefficients[..., j] for j in range(4))
+    a = coefficients[..., 0]
+    b = coefficients[..., 1]
+    c = coefficients[..., 2]
+    d = coefficients[..., 3]
     return np.asarray(a + u * (b + u * (c + u * d)))
 
 
@@ -66,7 +69,8 @@ class Pieces(NamedTuple):
     def repeated(self, start: float, stop: float) -> Pieces:
         """The function repeated periodically, over all periods that touch [start, stop]."""
         length = self.edges[-1] - self.edges[0]
-        first, last = np.floor((start - self.edges[0]) / length), np.ceil((stop - self.edges[0]) / length)
+        first = np.floor((start - self.edges[0]) / length)
+        last = np.ceil((stop - self.edges[0]) / length)
         cycles = np.arange(first - 1, last + 1)
         edges = np.append((self.edges[:-1] + length * cycles[:, None]).ravel(), self.edges[0] + length * (last + 1))
         return Pieces(edges, np.tile(self.coefficients, (cycles.size, 1)))
@@ -97,7 +101,8 @@ def hermite(times: Array, values: Array, first: Array, last: Array) -> Pieces:
     """Cubics through values, shape (n + 1,), with slopes at the start and the end of each piece, shape (n,)."""
     h = np.diff(times)
     mean = np.diff(values) / h
-    square, cube = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+    square = (3 * mean - 2 * first - last) / h
+    cube = (first + last - 2 * mean) / h**2
     return Pieces(times, np.stack([values[:-1], first, square, cube], axis=1))
 
 
@@ -158,7 +163,9 @@ def _stretch(
     function: Any, a: float, b: float, level: int, seen: tuple[Array, Array], allowed: float
 ) -> tuple[Array, Array]:
     """Edges (all but the last) and coefficients of the cubics over [a, b], which has no breakpoints inside."""
-    left, length, depth = np.array([a]), b - a, 0
+    left = np.array([a])
+    length = b - a
+    depth = 0
     done: list[tuple[Array, Array]] = []
     while left.size:
         size = length / 2**depth

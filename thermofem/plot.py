@@ -91,8 +91,11 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     """
     data = check_field(data)
     ax = axes(ax, size=(4.2, 3.4))
-    field, r, z = data["field"].isel(field_time=at).values, data["r"].values * 1e6, data["z"].values * 1e6
-    hottest, half = int(np.argmax(field)), half_width * 1e6
+    field = data["field"].isel(field_time=at).values
+    r = data["r"].values * 1e6
+    z = data["z"].values * 1e6
+    hottest = int(np.argmax(field))
+    half = half_width * 1e6
     window = (np.abs(r - r[hottest]) < 1.6 * half) & (np.abs(z - z[hottest]) < 1.6 * half)
     grid = Triangulation(r, z, data["triangles"].values)
     hot = float(field[window].max())
@@ -115,13 +118,16 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
     figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, 7.6), layout="constrained")
     for ax in (above, below):
         colours = _draw_materials(geometry, ax)
-    low, high = min(p.bottom for p in geometry.parts), max(geometry.top_z, *(p.top for p in geometry.parts))
-    inner, outer = min(p.inner_radius for p in geometry.parts), max(p.outer_radius for p in geometry.parts)
+    low = min(p.bottom for p in geometry.parts)
+    high = max(geometry.top_z, *(p.top for p in geometry.parts))
+    inner = min(p.inner_radius for p in geometry.parts)
+    outer = max(p.outer_radius for p in geometry.parts)
     room = max(0.3 * (high - low), 0.3 * (outer - inner), 1.5e-6)
     above.set_xlim(max(inner - room, geometry.inner_end) * 1e6, (outer + room) * 1e6)
     above.set_ylim(max(low - room, geometry.bottom_z) * 1e6, (high + 0.8 * room) * 1e6)
     heated = next(part for part in geometry.parts if part.heated)
-    r, z = (heated.inner_radius + heated.outer_radius) / 2e-6, (heated.bottom + heated.height / 2) * 1e6
+    r = (heated.inner_radius + heated.outer_radius) / 2e-6
+    z = (heated.bottom + heated.height / 2) * 1e6
     half = np.clip(2.5e6 * max(heated.outer_radius - heated.inner_radius, heated.height), 1, 10)
     below.triplot(*(mesh.points.T * 1e6), mesh.triangles, color=INK, linewidth=0.15)
     below.set(xlim=(max(geometry.inner_end * 1e6, r - half), r + half), ylim=(z - 0.75 * half, z + 0.75 * half))
@@ -156,9 +162,11 @@ def _name_parts(geometry: CrossSection, ax: Axes) -> None:
     """Write the name of every part beside the axes, heated ones marked, from top to bottom, with a line to it."""
     low, high = (end * 1e-6 for end in ax.get_ylim())
     parts = sorted(enumerate(geometry.parts), key=lambda one: -(one[1].bottom + one[1].height / 2))
-    step, beside = min(LINE, 1 / len(parts)), 1.0 + LINE / 2
+    step = min(LINE, 1 / len(parts))
+    beside = 1.0 + LINE / 2
     for rank, (number, part) in enumerate(parts):
-        r, z = (part.inner_radius + part.outer_radius) / 2, part.bottom + part.height / 2
+        r = (part.inner_radius + part.outer_radius) / 2
+        z = part.bottom + part.height / 2
         left = step * (len(parts) - 1 - rank)  # what the names below need
         beside = max(min((z - low) / (high - low), beside - step), left + step / 2)
         if any(

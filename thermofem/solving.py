@@ -140,7 +140,9 @@ def _solved(
     checks.choice("method", method, ("auto", "stepping"))
     heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = heated if read is None else read
-    system, ledger, run = heat.model(heated, read), heat.audit(heated), None
+    system = heat.model(heated, read)
+    ledger = heat.audit(heated)
+    run = None
     if method == "auto" and isinstance(system, StateSpace):
         run = heat.modal(heated).run(
             system.C, wave, times, rtol=rtol, ledger=ledger, snapshots=field_times, periodic=periodic

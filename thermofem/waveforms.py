@@ -405,7 +405,8 @@ class Samples(Waveform, stored=False):
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
         """A straight line between each two samples at different times."""
-        times, values = np.asarray(self.times), np.asarray(self.values)
+        times = np.asarray(self.times)
+        values = np.asarray(self.values)
         long = np.diff(times) > 0
         a, slope = values[:-1][long], np.diff(values)[long] / np.diff(times)[long]
         return Pieces(np.unique(times), np.stack([a, slope, 0 * a, 0 * a], axis=1))

@@ -165,7 +165,8 @@ def model_of(
             checks.choice(option, given, names)
     several = len(model.inputs) > 1 or len(model.outputs) > 1
     if several and heated is None and not list(heaters):
-        first, other = shlex.quote(model.inputs[0]), shlex.quote(f"{model.inputs[-1]}=5 mW")
+        first = shlex.quote(model.inputs[0])
+        other = shlex.quote(f"{model.inputs[-1]}=5 mW")
         raise InputError(
             f"{path} has several parts (inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}): pick "
             f"the one that the light heats with --heated {first}, and give others power with --heater {other}"

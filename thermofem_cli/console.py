@@ -140,12 +140,14 @@ def written(value: float, unit: str, error: float | None = None) -> str:
         return text
     number, _, prefixed = text.partition(" ")
     factor = quantity.parse(f"1 {prefixed}", unit) if unit in quantity.SI else 1.0
-    size, off = value / factor, float(f"{error / factor:.2g}")
+    size = value / factor
+    off = float(f"{error / factor:.2g}")
     said = f"{off:g}"
     if size and 0 < off < math.inf:
         places = 1 - math.floor(math.log10(off))
         if 4 <= places + math.floor(math.log10(abs(size))) + 1 <= 10:
-            number, said = (f"{round(x, places):.{max(places, 0)}f}" for x in (size, off))
+            number = f"{round(size, places):.{max(places, 0)}f}"
+            said = f"{round(off, places):.{max(places, 0)}f}"
     return f"{number} ± {said} {prefixed}".rstrip()
 
 

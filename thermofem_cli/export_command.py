@@ -41,7 +41,8 @@ def export(
         raise InputError(f"--ring {ring} and --circuit {circuit} exclude each other; a circuit file has its rings")
     if power is None:
         options.unused(context, "is of the run that --power writes", "detuning")
-    loaded, provenance = surrogate.load_model(model), th.models.load_provenance(model)
+    loaded = surrogate.load_model(model)
+    provenance = th.models.load_provenance(model)
     target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
     demo = target.with_name(f"{target.stem}_demo{DEMONSTRATIONS.get(to, '')}") if power and (ring or circuit) else None
     check_outputs([target, demo], inputs=[model, ring, circuit])

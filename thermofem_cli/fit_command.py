@@ -72,7 +72,8 @@ def fit(
         options.unused(context, "shows temperatures; with --readout there are none in the data", "figure")
         mzi = th.MZI(shift=1.0 if phase is None else quantity.parse(phase, "rad/K", name="--phase"))
         kind, order = "foster", order or "2"
-        baseline, sensitivity = baseline or "0 K", sensitivity or "1 V/K"  # light has no rest to subtract
+        baseline = baseline or "0 K"
+        sensitivity = sensitivity or "1 V/K"  # light has no rest to subtract
     if kind != "foster":
         options.unused(context, f"goes with --kind foster; {kind} has its own number of poles", "order")
     if kind == "sindy":

@@ -60,7 +60,8 @@ def show(
     expect(file, "model")
     if kind is None and file.is_file() and file.suffix.lower() != ".json":
         raise InputError(f"{file} is nothing that show knows: a thermal model (JSON), or a ring or geometry (TOML)")
-    loaded, provenance = surrogate.load_model(file), th.models.model_files.load_provenance(file)
+    loaded = surrogate.load_model(file)
+    provenance = th.models.model_files.load_provenance(file)
     numbers, lines = _card(loaded, provenance)
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
     volts = in_volts(numbers["assumed"])
@@ -99,7 +100,8 @@ def _card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], list[
     """Return the numbers on the card of a model, and its lines: a label and a text each."""
     single = len(model.inputs) == len(model.outputs) == 1
     gain = [[float(model.thermal_resistance)]] if single else np.asarray(model.gain).tolist()
-    steps, poles = channel_steps(model), _poles(model)
+    steps = channel_steps(model)
+    poles = _poles(model)
     numbers: dict[str, Any] = {
         "kind": type(model).__name__,
         "heated": list(model.inputs),

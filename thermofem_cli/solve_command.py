@@ -116,7 +116,8 @@ def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
         line = f"R_th of {name if name == source else f'{name} heated by {source}'} = {R / 1e3:.4g} K/mW"
         if power:
             share = rise / (R * power)
-            low, high = (float(np.interp(x, share, times)) for x in (0.1, 0.9))
+            low = float(np.interp(0.1, share, times))
+            high = float(np.interp(0.9, share, times))
             rise_times[name] = high - low if share[-1] >= 0.9 else None
             line += f", rise 10-90 % in {written(high - low, 's')}" if share[-1] >= 0.9 else ""
             line += f", {share[-1]:.0%} of the steady rise at the end of the run" if share[-1] < 0.99 else ""

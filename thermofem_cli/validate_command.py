@@ -42,7 +42,8 @@ def validate(
     Given a geometry, the usual kinds of model are trained on it and judged by its FEM, with k(T) at the power asked;
     given models, those.
     """
-    low, high = quantity.positive(shortest, "s", name="--shortest"), quantity.positive(longest, "s", name="--longest")
+    low = quantity.positive(shortest, "s", name="--shortest")
+    high = quantity.positive(longest, "s", name="--longest")
     checks.ordered("--shortest", low, "--longest", high, unit="s")
     wave = {
         "periods": np.geomspace(low, high, 41),
@@ -50,7 +51,8 @@ def validate(
         "duty": duty,
     }
     image = output is not None and output.suffix.lower() in IMAGES
-    figures, curves = [path for path in (figure, output if image else None) if path], None if image else output
+    figures = [path for path in (figure, output if image else None) if path]
+    curves = None if image else output
     geometry = any(path.suffix.lower() == ".toml" for path in inputs)
     if geometry and (len(inputs) > 1 or reference):
         raise InputError("validate takes one geometry alone; models with --reference, without a geometry")
@@ -63,7 +65,9 @@ def validate(
     if geometry:
         found, title, more = _geometry(inputs[0], accuracy, heated, read, wave)
     else:
-        found, title, more = _models(inputs, reference, heated, read, wave), "", {}
+        found = _models(inputs, reference, heated, read, wave)
+        title = ""
+        more = {}
     for picture in figures:
         _draw(found, picture, title)
     if curves:
@@ -128,11 +132,13 @@ def _against_power(system: Any) -> list[str]:
     """Return in words up to which power the steady rise of a linear model and an output map agree with that of k(T)."""
     from surrogate.judging.ladder import linear_reach
 
-    found, lines = linear_reach(system), []
+    found = linear_reach(system)
+    lines = []
     power, rise, off = found["power"].values, found["rise"].values, np.abs(found["linear_error"].values)
     for share in (0.01, 0.1):
         crossing = min(share, float(off[-1]))  # off grows with power
-        at, warm = float(np.interp(crossing, off, power)), float(np.interp(crossing, off, rise))
+        at = float(np.interp(crossing, off, power))
+        warm = float(np.interp(crossing, off, rise))
         end = " and beyond" if at >= power[-1] else "; above, take an output map or a quadratic reduction"
         reach = f"up to {at * 1e3:.3g} mW, a rise of {warm:.3g} K"
         lines.append(f"k(T): the steady rise of linear models is within {100 * share:g} % {reach}{end}")

@@ -26,8 +26,10 @@ from thermofem.data.files import NUMBER, TABLES, TEXT, read_table
 
 from ..resonator import PUBLISHED, RingResonator
 
-IN, OUT = ("in", "add"), ("through", "drop")  # of a ring
-SPLITTER_IN, SPLITTER_OUT = ("in 1", "in 2"), ("out 1", "out 2")
+IN = ("in", "add")
+OUT = ("through", "drop")  # of a ring
+SPLITTER_IN = ("in 1", "in 2")
+SPLITTER_OUT = ("out 1", "out 2")
 
 
 def _transmission(self: Waveguide | LaserPort) -> complex:

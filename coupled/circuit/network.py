@@ -78,15 +78,21 @@ def light_of(circuit: Circuit) -> Light:
     """
     entry = {name: k for k, name in enumerate(circuit.entries)}
     exit = {name: k for k, name in enumerate(circuit.exits)}
-    n, size = len(circuit.names), len(entry)
-    late, lossy = [w for w in circuit.waveguides if w.delay > 0], [w for w in circuit.waveguides if w.loss > 0]
+    n = len(circuit.names)
+    size = len(entry)
+    late = [w for w in circuit.waveguides if w.delay > 0]
+    lossy = [w for w in circuit.waveguides if w.loss > 0]
     sources: list[Any] = [*circuit.lasers, *late]
-    K, C, ED = (np.zeros((size, m), dtype=complex) for m in (n, size, len(sources)))
+    K = np.zeros((size, n), dtype=complex)
+    C = np.zeros((size, size), dtype=complex)
+    ED = np.zeros((size, len(sources)), dtype=complex)
     S = np.eye(size, dtype=complex)
     for i, ring in enumerate(circuit.resonators):
-        K[2 * i, i], K[2 * i + 1, i] = np.sqrt(2 * ring.bus_rate), np.sqrt(2 * ring.drop_bus_rate)
+        K[2 * i, i] = np.sqrt(2 * ring.bus_rate)
+        K[2 * i + 1, i] = np.sqrt(2 * ring.drop_bus_rate)
     for k, splitter in enumerate(circuit.splitters, n):
-        straight, cross = np.sqrt(1 - splitter.cross), 1j * np.sqrt(splitter.cross)
+        straight = np.sqrt(1 - splitter.cross)
+        cross = 1j * np.sqrt(splitter.cross)
         S[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[straight, cross], [cross, straight]]
     for w in circuit.waveguides:
         if w.delay == 0:
@@ -123,9 +129,12 @@ def network_of(light: Light, *, detected: bool, energies: bool, hair: float) -> 
     detected: whether to integrate the low passes of the detectors.
     energies: whether to integrate the output powers. hair [ns]: round-off error of times.
     """
-    M, root, corner = light.between * eq.NS, np.sqrt(eq.NS), light.corner * eq.NS * detected
+    M = light.between * eq.NS
+    root = np.sqrt(eq.NS)
+    corner = light.corner * eq.NS * detected
     feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
-    between, feeders = np.where(feeds, M, 0), {i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)}
+    between = np.where(feeds, M, 0)
+    feeders = {i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)}
     try:
         order = np.fromiter(TopologicalSorter(feeders).static_order(), np.int32)
     except CycleError:  # the rings form a loop
@@ -196,13 +205,15 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
         Its rings are matched by name if the names agree, else by order.
     Raises InputError: another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
     """
-    model, rings = bare(thermal), len(names)
+    model = bare(thermal)
+    rings = len(names)
     if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):
         return _of_array(model, names)
     small = compact(model)
     network = small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit")
     read = np.eye(rings)[:, :, None] * np.ones(network.order)
-    gain, rate = (np.tile(values, (rings, 1)) for values in (network.gain, 1 / np.asarray(network.tau)))
+    gain = np.tile(network.gain, (rings, 1))
+    rate = np.tile(1 / np.asarray(network.tau), (rings, 1))
     return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, {})
 
 
@@ -229,7 +240,9 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
     most = max(k.size for k in heated[:rings])
     # from 8 states on a multiple of 4, the numbers that a processor adds at once
     most = most if most < 8 else -(-most // 4) * 4
-    gain, rates, read = np.zeros((rings, most)), np.full((rings, most), rate.max()), np.zeros((rings, rings, most))
+    gain = np.zeros((rings, most))
+    rates = np.full((rings, most), rate.max())
+    read = np.zeros((rings, rings, most))
     for j, k in enumerate(heated[:rings]):
         gain[j, : k.size], rates[j, : k.size], read[:, j, : k.size] = B[k, j], rate[k], C[:, k]
     later = zip(model.inputs, B.T, heated, strict=True)
@@ -242,7 +255,8 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
 def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
     """Decay rates (1/s), input matrix B and output matrix C in the eigenmodes of a small symmetric system."""
     checks.integer("states of thermal", model.order, 1, MOST, hint="reduce it first (surrogate.reduce_array)")
-    E, A = (m.toarray() if hasattr(m, "toarray") else np.asarray(m, dtype=float) for m in (model.E, model.A))
+    E = model.E.toarray() if hasattr(model.E, "toarray") else np.asarray(model.E, dtype=float)
+    A = model.A.toarray() if hasattr(model.A, "toarray") else np.asarray(model.A, dtype=float)
     if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))) and np.diag(A).max() < 0:
         return -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)  # its own modes
     rate, modes = eigenmodes(model)

@@ -96,7 +96,8 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     ('through', 'drop')
     """
     every = _several(rings)
-    n, quarter = len(every), -math.pi / 2
+    n = len(every)
+    quarter = -math.pi / 2
     for k, ring in enumerate(every, 1):
         checks.positive(f"drop_rate of ring {k}", ring.drop_bus_rate, hint="a second coupler leads to the next ring")
     ways = _chain(n, "drop", "in", 0.0, quarter) + _chain(n, "through", "add", 0.0, quarter, back=True)

@@ -59,7 +59,9 @@ def run_circuit(
         beat = np.ptp(np.append(system.lights.turning[lit], 0.0))  # rad/ns, of the lit lasers and the frame
         longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat, 1e-300))
     asked, kept = dense_times(thermal, times, duration)
-    y, units, tau = problem.zero(), eq.units(problem.order, problem.rings), 1 / system.heat.rate
+    y = problem.zero()
+    units = eq.units(problem.order, problem.rings)
+    tau = 1 / system.heat.rate
     if initial is not None:
         y = final_state(initial, y.size, {"model_tau": tau}) / units
     run = problem.integrate(
@@ -92,7 +94,9 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
         waves = (further[: 2 * Q : 2] + 1j * further[1 : 2 * Q : 2]) * eq.UW**0.5
     else:  # no delays
         waves = light.seen_ring @ fields + light.seen_laser @ system.lights.amplitudes(time)
-    energy, power, ports = np.abs(fields) ** 2, np.abs(waves) ** 2, slice(D, D + len(circuit.ports))
+    energy = np.abs(fields) ** 2
+    power = np.abs(waves) ** 2
+    ports = slice(D, D + len(circuit.ports))
     scattering = np.array([[2 * ring.scattering_rate] for ring in circuit.resonators])
     given = np.array([np.maximum(p(time), 0) for p in system.lights.powers])
     on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
@@ -103,7 +107,8 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
     if average:
         lag = np.divide(1.0, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
         energies = further[2 * Q : 3 * Q][ports] * eq.FJ - lag * shown
-        length, gathered = np.diff(time, prepend=0.0), np.diff(energies, prepend=0.0, axis=1)
+        length = np.diff(time, prepend=0.0)
+        gathered = np.diff(energies, prepend=0.0, axis=1)
         by_port["mean_output"] = np.divide(gathered, length, out=shown.copy(), where=length > 0)
     by_ring = {"energy": energy, "carriers": N, "delta_T": rise, "absorbed": absorbed, "scattered": scattering * energy}
     overall = {"lost": light.lost @ power + on_the_way @ given}

@@ -141,7 +141,8 @@ def _state_at(system: System, D: Array) -> Array:
     between = system.light.between * eq.NS
     rates = eq.Mode(*system.rings.modes[:, 0].T)
     tau0, a, b = system.rings.carriers.T
-    U, N = np.zeros(n), np.zeros(n)
+    U = np.zeros(n)
+    N = np.zeros(n)
     for _ in range(SWEEPS):
         field = np.linalg.solve(np.diag(rates.loss + rates.fca * N + rates.tpa * U - 1j * D) - between, 1j * into)
         U = 0.5 * U + 0.5 * np.abs(field) ** 2
@@ -179,7 +180,8 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
 
     [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
     """
-    nu, names = check_axis("detuning", detuning), [one.name for one in circuit.lasers]
+    nu = check_axis("detuning", detuning)
+    names = [one.name for one in circuit.lasers]
     lit = {name: watts for name, watts in checks.mapping("power", power).items() if watts > 0} or {names[0]: 0.0}
     for name in lit:
         checks.choice("power", name, names)

@@ -78,7 +78,8 @@ def _rings(circuit: Circuit, heat: RingHeat, drive: Drive) -> Rings:
     The floor of a ring that no laser reaches directly is computed from the total laser power.
     """
     coupler = np.sqrt([2 * ring.bus_rate * eq.NS for ring in circuit.resonators])
-    whole, reaching = np.sqrt(drive.brightest.sum()) * coupler, np.abs(drive.entry) @ np.sqrt(drive.brightest)
+    whole = np.sqrt(drive.brightest.sum()) * coupler
+    reaching = np.abs(drive.entry) @ np.sqrt(drive.brightest)
     pumps = np.where(reaching < 1e-6 * whole, whole, reaching)
     each = [
         eq.internal_rings([ring], float(pump), float(R) * eq.UW)
@@ -87,7 +88,9 @@ def _rings(circuit: Circuit, heat: RingHeat, drive: Drive) -> Rings:
     dispersion = np.tile([0.0, 1.0], (len(each), max(one.dispersion.shape[1] for one in each), 1))
     for row, one in zip(dispersion, each, strict=True):
         row[: one.dispersion.shape[1]] = one.dispersion[0]
-    modes, carriers, floor = (np.concatenate([getattr(one, k) for one in each]) for k in ("modes", "carriers", "floor"))
+    modes = np.concatenate([one.modes for one in each])
+    carriers = np.concatenate([one.carriers for one in each])
+    floor = np.concatenate([one.floor for one in each])
     return Rings(modes, carriers, dispersion, floor, heat.curvature)
 
 

@@ -82,19 +82,23 @@ def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
     size: relative amplitude of the carriers in the first cycle.
     Raises InputError: no eigenvalue near the frequency of the point, or Newton's method finds no small cycle.
     """
-    p, U, omega = family.base, float(guess["energy"]) / FJ, 2 * np.pi * NS * float(guess["frequency"])
+    p = family.base
+    U = float(guess["energy"]) / FJ
+    omega = 2 * np.pi * NS * float(guess["frequency"])
     rest, J = _at_rest(p, U, float(balance(U, p.internal).shift) - p.laser[1])
     values, vectors = np.linalg.eig(J)
     k = int(np.argmin(np.abs(values - 1j * omega)))
     if not abs(values[k] - 1j * omega) < 1e-3 * omega:
         raise InputError("guess is a Hopf point of another ring or model: no pair of eigenvalues is at its frequency")
     q = np.asarray((-1j * vectors[:, k] * rest[2] / vectors[2, k]).real)  # the carriers rise through their mean
-    outward, T = np.concatenate([q, [0.0, 0.0]]), 2 * np.pi / omega
+    outward = np.concatenate([q, [0.0, 0.0]])
+    T = 2 * np.pi / omega
     for r in (size, size / 4):
         trial = Nodes((rest + r * q)[None], np.array([T]), family.start())
         turn = shooting.flow(p.flow.fine, trial.y[0], T, FINE)
         unit = shooting.weights(family, Trace(trial.y[0], turn.y, T, turn.rows, []))
-        row, extent = outward * unit, shooting.extent_of(turn.rows)
+        row = outward * unit
+        extent = shooting.extent_of(turn.rows)
         found = shooting.corrected(family, trial, (row / np.linalg.norm(row))[None], unit, extent=extent)
         if found is not None and found.extent > r / 4:
             return found, found.frame(outward * found.unit)[0]
@@ -103,7 +107,9 @@ def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
 
 def hopf_near(family: Family, place: Place) -> Place | None:
     """The Hopf point where a branch of shrinking cycles ends, as a cycle of zero amplitude; None if none is near."""
-    orbit, start, span = place.orbit, float(place.values[0]), float(family.ranges[0])
+    orbit = place.orbit
+    start = float(place.values[0])
+    span = float(family.ranges[0])
     energy = float(time_weights(orbit) @ (orbit.trace.rows[:, 1:3] ** 2).sum(axis=1)) / orbit.T
 
     def pair(value: float) -> tuple[Array, complex, Array]:
@@ -151,7 +157,9 @@ def follow(
     most: largest number of cycles. kinds: the bifurcations to locate, of `KINDS`.
     """
     place, step, rows = start, FIRST, start.frame(along)
-    out, shortest, folds = [Found(start, "")], start.orbit.T, len(rows) > 1
+    out = [Found(start, "")]
+    shortest = start.orbit.T
+    folds = len(rows) > 1
 
     def outside(q: Place) -> float:
         """Signed test of the range: negative while all parameters lie between their ``ends``."""
@@ -262,7 +270,8 @@ def _is_there(kind: str, place: Place) -> bool:
 def described(family: Family, places: list[Place]) -> dict[str, Any]:
     """Parameters and measures of cycles, in SI: a dict from name to ("point", values, attributes)."""
     p, seen = family.base, [measure(place.orbit.trace.rows) for place in places]
-    dropped, values = 2 * p.ring.drop_bus_rate * FJ, np.array([place.values for place in places]).T
+    dropped = 2 * p.ring.drop_bus_rate * FJ
+    values = np.array([place.values for place in places]).T
     known = numbers_of(p)
     numbers = {name: (x, known[name][1] or "1", name) for name, x in zip(family.names, values, strict=True)} | {
         "period": ([place.orbit.T * NS for place in places], "s", "period"),
@@ -285,7 +294,8 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     if not names:
         raise InputError("the Hopf point given as guess is at this power and detuning: its cycle has no size there")
     for name in names:
-        here, wanted = getattr(base, name), getattr(p, name)
+        here = getattr(base, name)
+        wanted = getattr(p, name)
         family = Family(base, (name,), np.array([abs(wanted - here)]))
         if place is None:
             start, along = born(family, guess, FAINT)

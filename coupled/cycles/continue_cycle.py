@@ -127,7 +127,9 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
 
 def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
     """The cycles of a branch as a Dataset over point, in SI, with their stability, bifurcations and multipliers."""
-    p, places, kind = family.base, [f.place for f in found], {"units": "1", "long_name": "kind of the cycle"}
+    p = family.base
+    places = [f.place for f in found]
+    kind = {"units": "1", "long_name": "kind of the cycle"}
     variables = branch.described(family, places)
     variables["stability"] = ("point", [stability(place.orbit) for place in places], kind)
     special = {"units": "1", "long_name": "where the stability changes"}

@@ -85,7 +85,8 @@ def cycle_fold_curves(
     4.0 to 6.1 mW
     """
     check_ring(ring)
-    P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
+    P = check_axis("powers", powers)
+    nu = check_axis("detunings", detunings)
     warm = constant(model, heaters, heated, read)
     window = _Window(*np.transpose([np.log(P[[0, -1]]), nu[[0, -1]]]))
     watts, offsets = window.wider(AROUND).T
@@ -134,7 +135,8 @@ def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
 def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tuple[Family, Place, Array]]:
     """Folds on the branch of cycles in detuning from a Hopf point: family, cycle, and tangent of that branch there."""
     ranges = window.size * [np.exp((window.low[0] + window.high[0]) / 2), 1.0]
-    one, both = Family(p, ("detuning",), ranges[1:]), Family(p, ("power", "detuning"), ranges)
+    one = Family(p, ("detuning",), ranges[1:])
+    both = Family(p, ("power", "detuning"), ranges)
     try:
         start, tangent = born(one, seed)
     except InputError:
@@ -154,9 +156,8 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
 def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
     """A list with the Dataset of the curve of folds through ``fold``; empty if it has no point in the window."""
     along = fold.frame(across)[1]
-    (back, begins), (ahead, ends) = (
-        follow(family, fold, sign * along, window.wider(MARGIN), POINTS, ()) for sign in (-1, 1)
-    )
+    back, begins = follow(family, fold, -1 * along, window.wider(MARGIN), POINTS, ())
+    ahead, ends = follow(family, fold, 1 * along, window.wider(MARGIN), POINTS, ())
     places = [found.place for found in [*back[::-1], *ahead[1:]]]
     curve = xr.Dataset(described(family, places))
     at = window.at(curve.power, curve.detuning)

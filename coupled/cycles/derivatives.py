@@ -125,15 +125,18 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), family.start())
     q, n = len(names), orbit.start.size
     known = linearised(family, nodes, ACCURATE)
-    planes, unit = np.eye(n + 1 + q)[n + 1 :], weights(family, orbit.trace)
+    planes = np.eye(n + 1 + q)[n + 1 :]
+    unit = weights(family, orbit.trace)
     if known is None or (step := newton(nodes, known, planes, np.zeros(q), unit)) is None:
         raise checks.InputError(
             f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
         )
-    tangents, places = step[1].times(np.diag(1 / family.ranges)), np.argsort(order)
+    tangents = step[1].times(np.diag(1 / family.ranges))
+    places = np.argsort(order)
     turns, dh = tangents.h.sum(axis=1), tangents.h
     dy, dt = tangents.y[:, places], (np.cumsum(dh, axis=1) - dh)[:, places]
-    U, dU = (y[:, :2] ** 2).sum(axis=1), np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])
+    U = (y[:, :2] ** 2).sum(axis=1)
+    dU = np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])
     rise = np.einsum("kn,qkn->qk", _rise_by_heat(p, y), dy[:, :, 3:])
     level = (1 - DUTY_LEVEL) * dU[:, :1] + DUTY_LEVEL * dU[:, 1:2]
     slopes = np.array([2 * one[:2] @ p.flow.fine.slopes(one)[0][:2] for one in y[4:]])

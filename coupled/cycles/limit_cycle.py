@@ -101,7 +101,8 @@ def limit_cycle(
         return _of_circuit(ring, model, power, heaters, detuning, settle)
     check_ring(ring)
     doubts = check_geometry(ring, model)
-    power, detuning = check_power(power), check_detuning(detuning)
+    power = check_power(power)
+    detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     p = CycleProblem(ring, warm.model, float(power), float(detuning), warm.rise)
     orbit = cycle_near(p, guess)
@@ -143,7 +144,9 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
 def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
     """Return a cycle of a ring as the Dataset of `limit_cycle`, in SI."""
     t, re, im, N, dT = orbit.trace.rows.T
-    ring, U, into = p.ring, re**2 + im**2, np.sqrt(p.power / UW)
+    ring = p.ring
+    U = re**2 + im**2
+    into = np.sqrt(p.power / UW)
     values = {
         "energy": U * FJ,
         "carriers": N * DENSITY,
@@ -165,7 +168,8 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
 
 def _numbers(orbit: Orbit) -> dict[str, Any]:
     """Attributes of the Dataset of a cycle: period, measures, settling time, stability and the reason in words."""
-    seen, period = measure(orbit.trace.rows), orbit.T * NS
+    seen = measure(orbit.trace.rows)
+    period = orbit.T * NS
     kind, worst, size = stability(orbit), orbit.worst, orbit.size
     settling = period / -np.log(size) if 0 < size < 1 else 0.0 if size == 0 else np.inf
     words = {
@@ -199,7 +203,8 @@ def _of_circuit(
     """The cycle of a circuit: a transient from cold of ``settle`` seconds, then shooting by `settling.pulse_train`."""
     settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
     system = autonomous(circuit, model, power, heaters, detuning)
-    rough, fine = (system.problem(method) for method in (Method.RODAS4, Method.RODAS5P))
+    rough = system.problem(Method.RODAS4)
+    fine = system.problem(Method.RODAS5P)
     run = Flow(fine, fine).run(fine.zero(), settle / NS, MIDDLE)
     flows = [Flow(rough, fine, CARRIERS, k) for k in range(fine.rings)]
     if not any(flow.seen(run.rows).any() for flow in flows):

@@ -172,13 +172,18 @@ def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array)
     Returns the change of the orbit in the step, and its changes along each row of W.
     """
     m, n = nodes.y.shape
-    q, size, T = nodes.values.size, 1 / unit[:n], 1 / unit[n]
+    q = nodes.values.size
+    size = 1 / unit[:n]
+    T = 1 / unit[n]
     across = np.stack([known.problem.slopes(y)[0] for y in nodes.y]) / size
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    A, b = np.zeros((m * (n + 1) + q,) * 2), np.zeros((m * (n + 1) + q, 1 + q))
-    at_h, at_q = m * n, m * (n + 1)
+    A = np.zeros((m * (n + 1) + q,) * 2)
+    b = np.zeros((m * (n + 1) + q, 1 + q))
+    at_h = m * n
+    at_q = m * (n + 1)
     for i in range(m):
-        here, after = slice(i * n, (i + 1) * n), (i + 1) % m * n
+        here = slice(i * n, (i + 1) * n)
+        after = (i + 1) % m * n
         A[here, here] = known.V[i] * size / size[:, None]
         A[here, after : after + n] -= np.eye(n)
         A[here, at_h + i] = known.problem.slopes(known.runs[i].y)[0] * T / size
@@ -202,7 +207,9 @@ def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
     """
     m, n = nodes.y.shape
     arcs = [*zip(nodes.y, nodes.h, strict=True)]
-    V, P, none = np.empty((m, n, n)), np.zeros((m, n, nodes.values.size)), np.empty((n, 0))
+    V = np.empty((m, n, n))
+    P = np.zeros((m, n, nodes.values.size))
+    none = np.empty((n, 0))
     try:
         p = family.at(nodes.values)
         problem = p.kernel(Method.RODAS5P)
@@ -255,7 +262,8 @@ def corrected(
             orbit = _orbit(nodes, known, size)
             scale = weights(family, orbit.trace)
             return Place(nodes, orbit, scale, tangents, k + 1, extent_of(orbit.trace.rows), slope)
-        nodes, most = nodes.plus(step), min(FARTHEST * extent, max(2 * size, 30 * abs(aside)))
+        nodes = nodes.plus(step)
+        most = min(FARTHEST * extent, max(2 * size, 30 * abs(aside)))
     return None
 
 
@@ -276,7 +284,8 @@ def predicted(family: Family, place: Place, rows: Array, step: float, rtol: floa
 
     step: distance from ``place`` along the first row.
     """
-    trial, aside = place.nodes.plus(place.change(step * rows[0])), ASIDE * step * (len(rows) - 1)
+    trial = place.nodes.plus(place.change(step * rows[0]))
+    aside = ASIDE * step * (len(rows) - 1)
     return corrected(family, trial, rows, place.unit, extent=place.extent, rtol=rtol, aside=aside, slope=place.slope)
 
 
@@ -285,7 +294,9 @@ def placed(problem: Problem, nodes: Nodes, size: Array) -> Nodes:
 
     size [shape (n,)]: scales of the states.
     """
-    y, h, since = [nodes.y[0]], [], 0.0
+    y = [nodes.y[0]]
+    h = []
+    since = 0.0
     grown = np.empty((0, size.size, size.size))  # from every place since the last node to here
     for at, duration in zip(nodes.y, nodes.h, strict=True):
         steps = flow(problem, at, duration, COARSE).steps
@@ -301,7 +312,9 @@ def placed(problem: Problem, nodes: Nodes, size: Array) -> Nodes:
                 y.append(flow(problem, at, passed, FINE).y if passed > 0 else at)
                 h.append(since)
                 since, grown = 0.0, V[None]
-            now, passed, since = after, passed + float(part.sum()), since + float(part.sum())
+            now = after
+            passed = passed + float(part.sum())
+            since = since + float(part.sum())
     return Nodes(np.array(y), np.array([*h, since]), nodes.values)
 
 
@@ -327,7 +340,9 @@ def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Arr
 
 def first_place(family: Family, trace: Trace) -> Place | None:
     """The periodic orbit near an almost closed trajectory, with parameters held; None without convergence."""
-    n, q, unit = trace.start.size, len(family.names), weights(family, trace)
+    n = trace.start.size
+    q = len(family.names)
+    unit = weights(family, trace)
     whole = Nodes(trace.start[None], np.array([trace.T]), family.start())
     nodes = placed(family.base.flow.fine, whole, 1 / unit[:n])
     return corrected(family, nodes, np.eye(n + 1 + q)[n + 1 :], unit)

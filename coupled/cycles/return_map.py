@@ -110,11 +110,13 @@ class Flow:
 
     def normal(self, y: Array) -> Array:
         """Gradient dq/dy of the section's quantity, shape (n,)."""
-        w, a = np.zeros(y.size), self.ring * self.rough.block
+        w = np.zeros(y.size)
+        a = self.ring * self.rough.block
         if self.quantity == CARRIERS:
             w[a + 2] = 1.0
         else:
-            w[a], w[a + 1] = 2 * y[a], 2 * y[a + 1]
+            w[a] = 2 * y[a]
+            w[a + 1] = 2 * y[a + 1]
         return w
 
     def seen(self, rows: Array) -> Array:
@@ -178,19 +180,23 @@ class Flow:
 
     def derivative(self, trace: Trace, rtol: float) -> Array:
         """V = d(end)/d(start) along the steps of a trajectory, shape (n, n); ``rtol`` selects the method."""
-        problem, V = self.rough if rtol >= MIDDLE else self.fine, np.eye(trace.end.size)
+        problem = self.rough if rtol >= MIDDLE else self.fine
+        V = np.eye(trace.end.size)
         for start, steps in trace.parts:
             _, V = problem.follow(start, steps, V)
         return V
 
     def projected(self, columns: Array, end: Array) -> Array:
         """Project derivatives of the end state, shape (n, k), along dy/dt onto the section's tangent plane."""
-        rate, w = self.rough.slopes(end)[0], self.normal(end)
+        rate = self.rough.slopes(end)[0]
+        w = self.normal(end)
         return np.asarray(columns - np.outer(rate, w @ columns) / (w @ rate))
 
     def scale(self, rows: Array) -> Array:
         """Scales of the states along an orbit, (n,): largest |a|, N of each ring; its largest dT for x."""
-        problem, sizes, heat = self.rough, [], []
+        problem = self.rough
+        sizes = []
+        heat = []
         for i in range(problem.rings):
             own = rows[:, 1 + i * (problem.block + 1) :][:, : problem.block + 1]
             field = max(float(np.hypot(own[:, 0], own[:, 1]).max()), 1e-12)  # of a dark ring
@@ -211,7 +217,9 @@ def close(
     """
     most = np.inf if beside is None else NEAR if rtol == FINE else rtol
     tolerances = [each for each in CLOSED if rtol <= each <= most]
-    tolerance, before, V = tolerances.pop(0), np.inf, np.empty((0, 0))
+    tolerance = tolerances.pop(0)
+    before = np.inf
+    V = np.empty((0, 0))
     A, row = V, 0
     if beside is not None:
         before = 1.0
@@ -256,7 +264,9 @@ def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> t
     A rank-one correction makes V f(y_0) = f(y_T) exact, so that the trivial multiplier is 1. The error of the period at
     FINE is the difference of the periods at two tolerances, both orbits closed (``A``, ``row``: `_bordered`), scaled.
     """
-    scale, (begin, end) = flow.scale(trace.rows), (flow.fine.slopes(y)[0] for y in (trace.start, trace.end))
+    scale = flow.scale(trace.rows)
+    begin = flow.fine.slopes(trace.start)[0]
+    end = flow.fine.slopes(trace.end)[0]
     others: list[Trace] = []
     for rtol in FOLLOWED:
         others.append(flow.trace(trace.start, rtol, len(trace.parts), longest) or trace)
@@ -264,7 +274,8 @@ def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> t
         defect = end - V @ begin
         if np.linalg.norm(defect / scale) <= DEFECT * np.linalg.norm(begin / scale):
             break
-    w, missed = flow.normal(trace.start), others[0].end - trace.end
+    w = flow.normal(trace.start)
+    missed = others[0].end - trace.end
     missed[row] = 0.0
     change = others[0].T - trace.T - w @ V @ np.linalg.solve(A, missed) / (w @ end)
     along = begin / scale**2
@@ -273,7 +284,8 @@ def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> t
 
 def _bordered(M: Array, w: Array) -> tuple[Array, int]:
     """The matrix 1 - M with one row, that of the largest entry of w, replaced by w; and the index of that row."""
-    A, row = np.eye(len(M)) - M, int(np.abs(w).argmax())
+    A = np.eye(len(M)) - M
+    row = int(np.abs(w).argmax())
     A[row] = w
     return A, row
 
@@ -315,10 +327,12 @@ def measures(orbits: Sequence[Array]) -> list[Measures]:
     offs = [U - level for (_, U, _), level in zip(traces, levels, strict=True)]
     before = [np.flatnonzero((off[1:] > 0) != (off[:-1] > 0)) for off in offs]
     near = [(t, off, k) for (t, *_), off, at in zip(traces, offs, before, strict=True) for k in at]
-    times, out = np.split(_roots(near, 0)[0], np.cumsum([at.size for at in before]))[:-1], []
+    times = np.split(_roots(near, 0)[0], np.cumsum([at.size for at in before]))[:-1]
+    out = []
     columns = (traces, offs, before, times, places, values)
     for (t, *_), off, at, crossings, extremes, found in zip(*columns, strict=True):
-        (low, high, coldest, hottest), rising = found.tolist(), off[at + 1] > 0
+        low, high, coldest, hottest = found.tolist()
+        rising = off[at + 1] > 0
         duty = float(np.where(rising, -crossings, crossings).sum() / t[-1]) + float(off[0] > 0)
         dB = 10 * math.log10(high / low) if low > 0 else math.inf
         out.append(Measures(duty, hottest - coldest, dB, low, high, hottest, crossings, rising, extremes))
@@ -340,7 +354,8 @@ def _roots(near: list[tuple[Array, Array, Any]], order: int) -> Array:
         for j in range(3, passed - 1, -1):
             c[j] += (begin - at[j - passed]) * c[j + 1]
     wanted = c[1:] * FACTORS if order else c
-    slope, u = wanted[1:] * FACTORS[: len(wanted) - 1], np.zeros(begin.size)
+    slope = wanted[1:] * FACTORS[: len(wanted) - 1]
+    u = np.zeros(begin.size)
     for _ in range(4):
         by = _horner(slope, u)
         step = np.divide(_horner(wanted, u), by, out=np.zeros(u.size), where=by != 0)

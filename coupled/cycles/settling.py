@@ -67,12 +67,16 @@ class Part(NamedTuple):
 def measured(t: Array, q: Array, duration: float) -> Part:
     """Measure a part of a transient: times t and section's quantity q, shape (rows,); its duration in ns."""
     parts = [0, *np.searchsorted(t, [duration / 2, 0.75 * duration])]  # the first half and two quarters
-    lows, highs = (extreme.reduceat(q, parts).tolist() for extreme in (np.minimum, np.maximum))
-    low, high, top = min(lows[1:]), max(highs[1:]), max(highs)
+    lows = np.minimum.reduceat(q, parts).tolist()
+    highs = np.maximum.reduceat(q, parts).tolist()
+    low = min(lows[1:])
+    high = max(highs[1:])
+    top = max(highs)
     above = q > 0.5 * (low + high)
     ups = t[1 + np.flatnonzero(above[1:] & ~above[:-1])]
     ups = ups[ups >= duration / 4]
-    third, fourth = (highs[k] - lows[k] for k in (1, 2))
+    third = highs[1] - lows[1]
+    fourth = highs[2] - lows[2]
     gap = float(np.diff(ups).max(initial=0.0))
     return Part(low, high, third, fourth, ups.size, gap, (top - min(lows)) / max(top, 1e-300))
 
@@ -117,7 +121,8 @@ def settled(
     while passed < longest:
         look()
         y, step, rows, q = system.part(y, duration, min(step, FIRST_STEP))
-        passed, seen = passed + duration, measured(rows[:, 0], q, duration)
+        passed = passed + duration
+        seen = measured(rows[:, 0], q, duration)
         at = resting(rows[-1], points()) if seen.rests else None
         if seen.pulses(points):
             found, said, unstable = pulse_train(system, y, seen, wary, passed >= longest)
@@ -162,7 +167,8 @@ def pulse_train(system: Shooting, y: Array, seen: Part, wary: bool, last: bool) 
             nearer = comes_nearer(system, met, shortest, wait)
             if nearer and (closed := system.confirmed(shortest, wait)) is not None:
                 return closed, "", False
-        said, unstable = why or said, unstable or bool(why)
+        said = why or said
+        unstable = unstable or bool(why)
     return None, said, unstable
 
 

@@ -68,7 +68,8 @@ class Heat(NamedTuple):
             return P * f[0], f[0]
         inside = np.minimum(P, self.top)
         x = 2 * inside / self.top - 1
-        share, share_slope = (chebyshev.chebval(x, c, tensor=False) for c in (f, chebyshev.chebder(f)))
+        share = chebyshev.chebval(x, f, tensor=False)
+        share_slope = chebyshev.chebval(x, chebyshev.chebder(f), tensor=False)
         slope = share + inside * share_slope * 2 / self.top
         return inside * share + (P - inside) * slope, slope
 
@@ -166,10 +167,13 @@ def absorbable(ring: RingResonator, power: float) -> float:
 def dispersion(N: ArrayLike, fcd: Array) -> tuple[Array, Array]:
     """Return the free-carrier dispersion S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) in rad/ns, and dS/dN."""
     N = np.asarray(N)
-    square, S, slope = N * N + EPSILON**2, np.zeros(N.shape), np.zeros(N.shape)
+    square = N * N + EPSILON**2
+    S = np.zeros(N.shape)
+    slope = np.zeros(N.shape)
     for c, p in fcd:
         factor = c * square ** (0.5 * (p - 1))
-        S, slope = S + factor * N, slope + factor * (1 + (p - 1) * N * N / square)
+        S = S + factor * N
+        slope = slope + factor * (1 + (p - 1) * N * N / square)
     return S, slope
 
 
@@ -219,8 +223,10 @@ def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing
 
     top: the energy on resonance, `peak` of the pump.
     """
-    share, U = np.tanh(t), np.asarray(top / np.cosh(t) ** 2)
-    at, square = balance(U, ring), pump**2 / U
+    share = np.tanh(t)
+    U = np.asarray(top / np.cosh(t) ** 2)
+    at = balance(U, ring)
+    square = pump**2 / U
     per_U = 2 * U * at.gamma * at.gamma_slope
     far = share**2 > 1e-8  # nearer to the peak a difference of gammas is less exact than their slope
     ratio = np.sqrt(square + np.where(far, pump**2 / top - at.gamma**2, per_U) / np.where(far, share**2, 1.0))

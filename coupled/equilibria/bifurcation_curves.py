@@ -90,7 +90,8 @@ def hopf_curves(
 
     Accuracy, from the eigenvalues of the Jacobian at the returned points: the pair's real part is below 3e-13 w.
     """
-    plane, curves = _plane(ring, model, powers, detunings), []
+    plane = _plane(ring, model, powers, detunings)
+    curves = []
     for line in (part for whole in _lines(plane) for part in _inside(plane, whole)):
         U, D, omega = _values(plane, line)
         growth, leading = _criticality(plane, U, D, omega)
@@ -115,8 +116,10 @@ def fold_curves(
 def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> Plane:
     """Check the window and compute the range of energies of its fixed points."""
     check_ring(ring)
-    P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
-    at, shifts = internal_ring(ring, model, absorbable(ring, P[-1])), 2 * np.pi * NS * nu
+    P = check_axis("powers", powers)
+    nu = check_axis("detunings", detunings)
+    at = internal_ring(ring, model, absorbable(ring, P[-1]))
+    shifts = 2 * np.pi * NS * nu
     faint, high = peak([internal_pump(ring, P[0]), internal_pump(ring, P[-1])], at)
     low = faint / np.cosh(farthest(np.abs(shifts).max(), high, at)) ** 2
     return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES))
@@ -138,17 +141,21 @@ def _secular(U: Array, ring: InternalRing) -> tuple[Array, ...]:
     made = 4 * rates.g * U * U
     rho = (1 + rates.b * at.N * (2 + rates.a * at.N)) / (rates.tau0 * (1 + rates.a * at.N) ** 2)
     heat = 4 * rates.thermal_shift * (rates.absorbed + rates.fca * at.N + 2 * rates.tpa * U) * U
-    alpha, beta = rates.fca * made, dispersion(at.N, ring.fcd)[1] * made
-    cross, kerr = 2 * rates.thermal_shift * rates.fca * U * made, 2 * rates.kerr * U
+    alpha = rates.fca * made
+    beta = dispersion(at.N, ring.fcd)[1] * made
+    cross = 2 * rates.thermal_shift * rates.fca * U * made
+    kerr = 2 * rates.kerr * U
     return at.gamma, at.gamma + 2 * rates.tpa * U, rho, alpha, beta, heat, cross, kerr, at.P_abs
 
 
 def _lines(plane: Plane) -> list[Array]:
     """All curves of Hopf points, each an array of rows log U, arsinh D/loss and log w, shape (3, points)."""
-    here, tiny = balance(plane.energies, plane.at), np.finfo(float).tiny
+    here = balance(plane.energies, plane.at)
+    tiny = np.finfo(float).tiny
     highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
     slowest = NS * slowest_rate(plane.at.model)
-    log_U, log_w = np.log(plane.energies), np.log(np.geomspace(1e-4 * slowest, 2 * highest, FREQUENCIES))
+    log_U = np.log(plane.energies)
+    log_w = np.log(np.geomspace(1e-4 * slowest, 2 * highest, FREQUENCIES))
 
     def resultant(x: Array, k: NDArray[np.intp]) -> Array:
         A, B = _terms(plane, log_U[k], x)
@@ -158,7 +165,9 @@ def _lines(plane: Plane) -> list[Array]:
     root, k = zeros(resultant, log_w, log_U.size)
     A, B = _terms(plane, log_U[k], root)
     left = np.column_stack([log_U[k], np.arcsinh(A.imag / (B.imag + tiny) / plane.at.rates.loss), root])
-    low, high, lines = np.array([log_U[0], log_w[0]]), np.array([log_U[-1], log_w[-1]]), []
+    low = np.array([log_U[0], log_w[0]])
+    high = np.array([log_U[-1], log_w[-1]])
+    lines = []
     while len(left):
         start, left = _hopf_point(plane, left[0]), left[1:]
         if start is None:
@@ -185,7 +194,10 @@ def _line(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -
             if found is None or abs(found[1] @ t) < BEND or np.linalg.norm(there - at) > max(FINE, outside / 2):
                 step /= 2
                 continue
-            x, t, at, step = found[0], found[1] * np.sign(found[1] @ t), there, min(1.5 * step, LONGEST)
+            x = found[0]
+            t = found[1] * np.sign(found[1] @ t)
+            at = there
+            step = min(1.5 * step, LONGEST)
             line.append(x)
         line.reverse()
     return np.array(line).T
@@ -281,7 +293,8 @@ def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDA
     """
     y, detuning = states(U, D, plane.at)
     size = np.abs(y)
-    size[:, :2], size[:, 2] = np.sqrt(U)[:, None], np.maximum(size[:, 2], 1e-12)
+    size[:, 2] = np.maximum(size[:, 2], 1e-12)
+    size[:, :2] = np.sqrt(U)[:, None]
     size[:, 3:] = np.maximum(size[:, 3:].sum(axis=1), 1e-12)[:, None]
     carriers = plane.at.rates.g > 0
     unit = np.full(U.size, 2) if carriers else np.abs(y[:, :2]).argmax(axis=1)

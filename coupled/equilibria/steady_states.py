@@ -87,11 +87,14 @@ def first_lyapunov(
     k = np.abs(values - 1j * omega[:, None]).argmin(axis=1)
     w, q = values[m, k].imag, vectors[m, :, k]
     size_of = (2 * q[m, unit])[:, None]
-    q, p = q / size_of, np.linalg.inv(vectors)[m, k] * size_of  # p as a row, conjugate
+    q = q / size_of
+    p = np.linalg.inv(vectors)[m, k] * size_of  # p as a row, conjugate
     h = STEP / np.max(np.abs(q) / size, axis=1)
-    first, second = np.zeros(A.shape, dtype=complex), np.zeros(A.shape)
+    first = np.zeros(A.shape, dtype=complex)
+    second = np.zeros(A.shape)
     for part, factor in ((q.real, 1), (q.imag, 1j)):
-        ahead, behind = jacobians(x + h[:, None] * part), jacobians(x - h[:, None] * part)
+        ahead = jacobians(x + h[:, None] * part)
+        behind = jacobians(x - h[:, None] * part)
         first += factor * (ahead - behind) / (2 * h[:, None, None])
         second += (ahead - 2 * A + behind) / h[:, None, None] ** 2
 
@@ -121,7 +124,8 @@ class Fixed(NamedTuple):
 def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> list[Fixed]:
     """Return the fixed points and their stability, one `Fixed` for each setting (sqrt(fJ)/ns, rad/ns) of shape (m,)."""
     U, D, cell = fixed_points(pump, detuning, ring)
-    values, here = eigenvalues(U, D, ring), balance(U, ring)
+    values = eigenvalues(U, D, ring)
+    here = balance(U, ring)
     growth, omega, growing = leading(values)
     fastest = np.where(values.real > 0, np.abs(values), 0.0).max(axis=1)
     longest = np.where(growing > 0, CAP / np.where(growing > 0, fastest, 1.0), np.inf)
@@ -224,7 +228,8 @@ def described(
     here = balance(U, at)
     growth, omega, growing = leading(eigenvalues(U, D, at))
     unstable = np.where(growing % 2, "saddle", np.where(omega > 0, "unstable focus", "unstable node"))
-    coupling, dropped = 2 * ring.bus_rate * NS, 2 * ring.drop_bus_rate * NS
+    coupling = 2 * ring.bus_rate * NS
+    dropped = 2 * ring.drop_bus_rate * NS
     values = further | {
         "energy": U * FJ,
         "carriers": here.N * DENSITY,

@@ -100,7 +100,8 @@ def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[
     s is t of the tilted resonance at one power, log U at one detuning. The curve is a function of s, shape (n,): U, D,
     power (W), detuning (Hz) and a function that vanishes at the folds, over the range of the swept quantity.
     """
-    shifts, unit = 2 * np.pi * NS * nu, internal_pump(ring, 1.0)
+    shifts = 2 * np.pi * NS * nu
+    unit = internal_pump(ring, 1.0)
     weak, strong = (internal_pump(ring, p) for p in P[[0, -1]])
     faint, top = peak([weak, strong], at).tolist()
     end = farthest(float(np.abs(shifts).max()), top, at)
@@ -110,7 +111,8 @@ def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[
         return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS), slope
 
     def line(s: Array) -> tuple[Array, ...]:
-        U, here = np.exp(s), balance(np.exp(s), at)
+        U = np.exp(s)
+        here = balance(np.exp(s), at)
         D = here.shift - shifts[0]
         square = here.gamma**2 + D**2
         rises = 1 + 2 * U * (here.gamma * here.gamma_slope + D * here.shift_slope) / square  # d log P/d log U
@@ -199,7 +201,8 @@ def sweep(
         raise checks.InputError("one of power and detuning must be an array of steps, the other one number")
     at = internal_ring(ring, model, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
-    P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
+    P = np.broadcast_to(P, steps)
+    nu = np.broadcast_to(nu, steps)
     pump = internal_pump(ring, 1.0) * np.sqrt(P)
     U, D, step = fixed_points(pump, 2 * np.pi * NS * nu, at)
     stable = eigenvalues(U, D, at).real.max(axis=1) < 0
@@ -208,7 +211,8 @@ def sweep(
     place = np.log(U) if np.ptp(P) else np.copysign(np.arccosh(tilt), D)
     grid = np.linspace(place.min(), place.max(), int(np.ceil(np.ptp(place) / SPACING)) + 2)
     branch = np.searchsorted(zeros(lambda s, _: curve(s)[4], grid)[0], place)  # pieces between two folds
-    path, jumped = np.empty(steps, dtype=int), np.zeros(steps, dtype=bool)
+    path = np.empty(steps, dtype=int)
+    jumped = np.zeros(steps, dtype=bool)
     for k in range(steps):
         here = np.flatnonzero(step == k)
         same = here[branch[here] == branch[path[k - 1]]] if k else here[:0]
@@ -228,7 +232,8 @@ def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tup
     lengths = np.diff(parts, axis=1)[:, 0]
     counts = 2 + ((POINTS - 2 * len(parts)) * lengths / lengths.sum()).astype(int)
     s = np.concatenate([np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)])
-    values, border = curve(s)[:4], np.isin(s, parts)
+    values = curve(s)[:4]
+    border = np.isin(s, parts)
     values[row][border] = ends[np.abs(values[row][border, None] - ends).argmin(axis=1)]  # to the last digit
     return values
 

@@ -16,18 +16,22 @@ def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array
     f(x): values and slopes, elementwise.
     ends, values [shape (2, n)]: ends of the brackets, and f there, of opposite signs.
     """
-    (low, high), rises, step = ends, values[1] > 0, ends[1] - ends[0]
+    low, high = ends
+    rises = values[1] > 0
+    step = ends[1] - ends[0]
     done = np.zeros(low.shape, dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):
         x = np.fmin(np.fmax(low - values[0] * step / (values[1] - values[0]), low), high)
         for _ in range(200):
             value, slope = f(x)
             beyond = (value > 0) == rises
-            low, high = np.where(beyond, low, x), np.where(beyond, x, high)
+            low = np.where(beyond, low, x)
+            high = np.where(beyond, x, high)
             following = x - value / slope
             good = (low <= following) & (following <= high) & (2 * np.abs(following - x) <= np.abs(step))
             following = np.where(good, following, (low + high) / 2)
-            step, x = following - x, np.where(done, x, following)
+            step = following - x
+            x = np.where(done, x, following)
             done |= (good & (np.abs(step) < 1e-9)) | (high - low <= 4e-16 * np.abs(x))
             if done.all():  # the error is the square of a step
                 break
@@ -47,7 +51,9 @@ def zeros(
     x, y = grid[i], f(grid[i], k) if values is None else values
     changed = (y[:, 1:] > 0) != (y[:, :-1] > 0)
     brackets = [[v[changed] for v in (x[:, :-1], x[:, 1:], y[:, :-1], y[:, 1:], k[:, 1:])]]
-    before, here, after = (np.abs(y[:, part]) for part in (slice(-2), slice(1, -1), slice(2, None)))
+    before = np.abs(y[:, slice(-2)])
+    here = np.abs(y[:, slice(1, -1)])
+    after = np.abs(y[:, slice(2, None)])
     dip = ~changed[:, 1:] & ~changed[:, :-1] & (here < before) & (here <= after)
     dip &= (after - before) ** 2 > 8 * (1 - DEEP) * here * (before - 2 * here + after)  # by the parabola
     if dip.any():

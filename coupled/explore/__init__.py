@@ -168,7 +168,8 @@ def explore(
 
 def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | None) -> dict[str, float]:
     """Return the initial powers of the heaters in mW, with the keys "h0", "h1", ... of their sliders; default 0."""
-    names, given = [slider["name"] for slider in sliders], checks.mapping("heaters", powers)
+    names = [slider["name"] for slider in sliders]
+    given = checks.mapping("heaters", powers)
     for name in given:
         checks.choice("heaters", name, names)
     return {f"h{k}": 1e3 * heater_power(name, given.get(name, 0.0)) for k, name in enumerate(names)}

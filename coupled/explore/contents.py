@@ -216,7 +216,8 @@ def place_of(ring: RingResonator, rings: list[dict[str, Any]]) -> int:
 
 def same_numbers(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether two rings have equal numbers; name, window and Python text are not compared."""
-    first, second = ({key: value for key, value in ring.items() if key not in LABELS} for ring in (one, other))
+    first = {key: value for key, value in one.items() if key not in LABELS}
+    second = {key: value for key, value in other.items() if key not in LABELS}
     return _same(first, second)
 
 

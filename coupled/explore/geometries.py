@@ -24,8 +24,10 @@ def family_of(family: Any) -> dict[str, Any]:
     unit. Only the first three parameters vary; the others are fixed at the middle of their range.
     """
     checks.has("family", family, "names", "box", "model", hint="surrogate.train_family or load_family makes one")
-    low, high = (np.asarray(getattr(family.box, name), dtype=float) for name in ("low", "high"))
-    names, units = list(family.names), list(family.box.units)
+    low = np.asarray(family.box.low, dtype=float)
+    high = np.asarray(family.box.high, dtype=float)
+    names = list(family.names)
+    units = list(family.box.units)
     moved = min(len(names), 3)
     points = POINTS[moved]
     middle = dict(zip(names, (low + high) / 2, strict=True))

@@ -30,7 +30,8 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
     R, tau, modes, heaters = _fields(reduction, parts)
     kept = np.sort(np.argsort(-R)[:MODES])
     r, z = _window(heat)
-    at_r, at_z = (edges[0] + (np.arange(n) + 0.5) / n * (edges[1] - edges[0]) for edges, n in ((r, WIDTH), (z, HEIGHT)))
+    at_r = r[0] + (np.arange(WIDTH) + 0.5) / WIDTH * (r[1] - r[0])
+    at_z = z[0] + (np.arange(HEIGHT) + 0.5) / HEIGHT * (z[1] - z[0])
     fields = heat.field(np.concatenate([modes[kept], *heaters.values()]))
     grid = np.stack(np.meshgrid(at_r, at_z), axis=-1)
     shown = LinearNDInterpolator(heat.mesh.points, fields.T, fill_value=0.0)(grid) * _within(heat, grid)[..., None]
@@ -79,9 +80,12 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
     """Return the drawn rectangle in m, (r_min, r_max), (z_min, z_max): around the heated parts, within the domain."""
     geometry = heat.geometry
     parts = [part for part in geometry.parts if part.name in geometry.heated]
-    inner, outer = min(part.inner_radius for part in parts), max(part.outer_radius for part in parts)
-    low, top = min(part.bottom for part in parts), max(part.top for part in parts)
-    middle_r, middle_z = (inner + outer) / 2, (low + top) / 2
+    inner = min(part.inner_radius for part in parts)
+    outer = max(part.outer_radius for part in parts)
+    low = min(part.bottom for part in parts)
+    top = max(part.top for part in parts)
+    middle_r = (inner + outer) / 2
+    middle_z = (low + top) / 2
     span = max(SPAN, 1.6 * (outer - inner), 1.6 * (top - low) * WIDTH / HEIGHT)
     left = max(min(middle_r - span / 2, geometry.outer_radius - span), 0.0)
     high = span * HEIGHT / WIDTH

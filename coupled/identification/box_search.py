@@ -84,11 +84,14 @@ def central_slopes(f: Residuals, x: Array, r: Array, traces: int) -> Array:
 
     At a discontinuity (a trace stops pulsing) it is the one-sided slope of smaller modulus, or 0 if the signs differ.
     """
-    J, middle = np.zeros((traces, r.size // traces, x.size)), r.reshape(traces, -1)
+    J = np.zeros((traces, r.size // traces, x.size))
+    middle = r.reshape(traces, -1)
     for k, unit in enumerate(np.eye(x.size)):
-        left, best = list(range(traces)), np.full(traces, np.inf)
+        left = list(range(traces))
+        best = np.full(traces, np.inf)
         for h in STEPS:
-            above, below = f(x + h * unit), f(x - h * unit)
+            above = f(x + h * unit)
+            below = f(x - h * unit)
             if above is None or below is None:
                 continue
             for i, (a, b) in enumerate(zip(above.reshape(traces, -1), below.reshape(traces, -1), strict=True)):
@@ -99,7 +102,8 @@ def central_slopes(f: Residuals, x: Array, r: Array, traces: int) -> Array:
                 if bent < best[i]:
                     best[i], J[i, :, k] = bent, (a - b) / (2 * h)
                     if bent > JUMP:
-                        up, down = (a - middle[i]) / h, (middle[i] - b) / h
+                        up = (a - middle[i]) / h
+                        down = (middle[i] - b) / h
                         smaller = np.sign(up) * np.minimum(np.abs(up), np.abs(down))
                         J[i, :, k] = np.where(up * down > 0, smaller, 0.0)
                 if bent < STRAIGHT or change < SMALL:

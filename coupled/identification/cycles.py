@@ -111,7 +111,8 @@ def cycles_in(t: Array, drop: Array) -> tuple[float, Complex]:
     All cycles have a common phase; the drift of their phases corrects the period. Without pulses: nan, and the mean.
     """
     t, drop = _second_half(t, drop)
-    clock, k = _repetition(t, drop), np.arange(HARMONICS + 1)
+    clock = _repetition(t, drop)
+    k = np.arange(HARMONICS + 1)
     if not np.isfinite(clock):
         return clock, drop.mean() * (k == 0)[None].astype(complex)
     for _ in range(ROUNDS):
@@ -217,7 +218,8 @@ def lag(model: Complex, measured: Complex) -> float:
     shift = float(np.argmax(np.fft.irfft(np.concatenate([[0], products]), n))) / n
     for _ in range(4):
         turning = products * np.exp(2j * np.pi * k * shift)
-        slope, bend = float(np.sum(-k * turning.imag)), float(np.sum(-(k**2) * turning.real))
+        slope = float(np.sum(-k * turning.imag))
+        bend = float(np.sum(-(k**2) * turning.real))
         if bend >= 0:
             break
         shift -= slope / bend / (2 * np.pi)
@@ -279,7 +281,8 @@ class Target:
         t, drop, T = self.times, self.drop, self.period
         late = t >= (t[0] + t[-1]) / 2
         every = -(-int(late.sum()) // MOST)  # samples of long traces are averaged
-        t, drop = (x[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1) for x in (t, drop))
+        t = t[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1)
+        drop = drop[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1)
         t = t - t[0]
         if not np.isfinite(T):
             own = max(float(drop.std()), noise_of(self.drop)) * np.sqrt(2 / drop.size)
@@ -296,8 +299,10 @@ class Target:
             left = drop - A @ c
             T *= float(np.exp(np.clip(np.linalg.lstsq(B, left, rcond=None)[0][-1], -0.02, 0.02)))
         s = np.sqrt(left @ left / max(t.size - B.shape[1], 1))
-        harmonics, deviations = np.zeros(HARMONICS + 1, dtype=complex), np.full(HARMONICS + 1, np.inf)
-        harmonics[: k.size + 1], deviations[: k.size + 1] = np.append(c[0], z), s * np.sqrt(2 / t.size)
+        harmonics = np.zeros(HARMONICS + 1, dtype=complex)
+        deviations = np.full(HARMONICS + 1, np.inf)
+        harmonics[: k.size + 1] = np.append(c[0], z)
+        deviations[: k.size + 1] = s * np.sqrt(2 / t.size)
         return Seen(Cycle(T, harmonics), float(s * np.sqrt(np.linalg.pinv(B.T @ B)[-1, -1])), deviations)
 
 

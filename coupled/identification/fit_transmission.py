@@ -154,7 +154,9 @@ def _sweep(name: str, given: Any, ring: RingResonator) -> _Sweep:
         value = known[key].values if key in known.variables else known.attrs.get(key)
         return None if value is None else np.asarray(value, dtype=float)
 
-    power, nu, wavelength = (of(key) for key in ("power", "detuning", "wavelength"))
+    power = of("power")
+    nu = of("detuning")
+    wavelength = of("wavelength")
     nu = c / wavelength - ring.frequency if wavelength is not None else nu
     moves = [value is not None and bool(np.ptp(value) > 0) for value in (power, nu)]
     if power is None or nu is None or sum(moves) != 1 or (power if moves[0] else nu).shape != y.shape:
@@ -201,17 +203,20 @@ class _Search:
     def build(self, x: Array) -> tuple[RingResonator, Foster, float]:
         """Ring, thermal model and factor on all powers at the unknowns ``x``, shape (unknowns,)."""
         values = self.values(x)
-        resistance, factor = values.pop(RESISTANCE, self.resistance), values.pop(POWER, 1.0)
+        resistance = values.pop(RESISTANCE, self.resistance)
+        factor = values.pop(POWER, 1.0)
         return varied(self.ring, values), Foster(R=[resistance], tau=[1e-6]), factor
 
     def curves(self, x: Array) -> list[xr.Dataset]:
         """The curve of all fixed points for each sweep at the unknowns ``x``, as `transmission` returns it."""
         ring, heat, factor = self.build(x)
-        shift, side = ring.frequency - self.ring.frequency, SIDE * self.linewidth
+        shift = ring.frequency - self.ring.frequency
+        side = SIDE * self.linewidth
 
         def curve(power: float | None, detuning: float | None) -> xr.Dataset:
             moved = np.concatenate([one.x for one in self.data if (one.power is None) is (power is None)])
-            low, high = moved.min(), moved.max()
+            low = moved.min()
+            high = moved.max()
             if power is not None:
                 span = (low - shift - side, high - shift + side)
                 return transmission(ring, heat, power=power * factor, detuning=span)
@@ -263,7 +268,9 @@ def _search(
     given = checks.mapping("bounds", bounds, hint='such as {"loss_rate": (1e9, 1e10)}')
     for name in given:
         checks.choice("a name in bounds", name, free)
-    low, high, start = [], [], []
+    low = []
+    high = []
+    start = []
     width = ring.linear_rate / pi
     others = {RESISTANCE: resistance, POWER: 1.0}
     for name in free:
@@ -329,7 +336,8 @@ def _result(search: _Search, x: Array, r: Array, J: Array, doubts: tuple[str, ..
     relative = np.sqrt((along[:, seen] ** 2 / size[seen] ** 2).sum(axis=1)) * max(misfit, 1.0)
     relative[np.linalg.norm(along[:, ~seen], axis=1) > OPEN * np.linalg.norm(along, axis=1)] = np.inf
     every = values | dict(zip(("loaded_q", "intrinsic_q", "heating"), np.exp(derived(x)).tolist(), strict=True))
-    deviations, notes = {}, list(doubts)
+    deviations = {}
+    notes = list(doubts)
     for (name, value), s in zip(every.items(), relative, strict=True):
         known = s < UNKNOWN
         deviations[name] = (s * (search.linewidth if name == "frequency" else value)) if known else np.inf

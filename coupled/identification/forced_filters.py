@@ -79,7 +79,8 @@ class Forced:
         scale [W per unit of the trace]: 1 for a trace in W.
         """
         rates, fcd = units.internal_rates(ring)
-        unit, step = scale / (2 * ring.drop_bus_rate * FJ), self.step / NS  # fJ per unit of the trace; ns
+        unit = scale / (2 * ring.drop_bus_rate * FJ)
+        step = self.step / NS  # fJ per unit of the trace; ns
         U = self.drop * unit
         square = U**2 - (self.noise * unit) ** 2  # the noise adds its variance to U^2
         N = _carriers(rates.g * square, step, rates, self.cold)
@@ -149,7 +150,8 @@ def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Prior
     n, loose = what.start.size, [k for k, trace in enumerate(traces) if not trace.absolute]
     cold = 4 * what.ring.drop_bus_rate * what.ring.bus_rate / what.ring.linear_rate**2
     top = np.array([np.log(cold * traces[k].power / np.quantile(traces[k].drop, 0.999)) for k in loose])
-    low, high = (np.append(end, top + np.log(s)) for end, s in ((what.low, SCALE[0]), (what.high, SCALE[1])))
+    low = np.append(what.low, top + np.log(SCALE[0]))
+    high = np.append(what.high, top + np.log(SCALE[1]))
 
     def residuals(every: int, row: Callable[[Array, Forced], Array]) -> Residuals:
         def of(x: Array) -> Array | None:

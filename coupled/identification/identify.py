@@ -163,7 +163,8 @@ def _followed(what: Unknowns, targets: list[Target], start: Prior, seed: int) ->
     drawn = np.random.default_rng(seed).standard_normal((DRAWN, start.centre.size)) / np.sqrt(weights)
     points = start.centre + np.vstack([np.outer(ALONG, weak), drawn @ directions.T])
     points = np.clip(points, what.low, what.high)
-    first, last = residuals(what, targets, STAGES[0]), residuals(what, targets, STAGES[-1])
+    first = residuals(what, targets, STAGES[0])
+    last = residuals(what, targets, STAGES[-1])
     costs = [np.inf if (r := first(x)) is None else float(r @ r) for x in points]
     for k in np.argsort(costs)[:TRIES]:
         if not np.isfinite(costs[k]):
@@ -209,7 +210,8 @@ def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, hig
     slopes taken across the onset of self-pulsing, that deviation is widened until it does.
     """
     variances, directions = np.linalg.eigh(C)
-    factors, least = np.ones(x.size), cost(x)
+    factors = np.ones(x.size)
+    least = cost(x)
     for k, (s, along) in enumerate(zip(np.sqrt(variances), directions.T, strict=True)):
         for _ in range(WIDENED):
             ends = [x + sign * 2 * s * factors[k] * along for sign in (1, -1)]
@@ -223,7 +225,8 @@ def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, hig
 
 def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Prior) -> tuple[Array, float]:
     """Standard deviations of the parameters (logarithms), nan on a bound, and the largest widening by the profile."""
-    found, free = np.full(x.size, np.nan), np.flatnonzero(~at_bound(x, what.low, what.high))
+    found = np.full(x.size, np.nan)
+    free = np.flatnonzero(~at_bound(x, what.low, what.high))
     if not free.size:
         return found, 1.0
     last = residuals(what, targets, STAGES[-1])
@@ -234,13 +237,15 @@ def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Prior) -
     def cost(part: Array) -> float:
         y = x.copy()
         y[free] = part
-        left, off = last(y), part - start.centre[free]
+        left = last(y)
+        off = part - start.centre[free]
         return np.inf if left is None else float(left @ left + off @ L @ off)
 
     C, factor = _widened(
         cost, x[free], np.asarray(np.linalg.inv(J.T @ J + L), dtype=float), what.low[free], what.high[free]
     )
-    rms, many = _rms(r, x.size), np.count_nonzero(r) > MANY + x.size
+    rms = _rms(r, x.size)
+    many = np.count_nonzero(r) > MANY + x.size
     found[free] = np.sqrt(np.diag(C)) * (rms if many else max(rms, 1.0))
     found[found > UNKNOWN] = np.inf
     return found, factor
@@ -249,7 +254,10 @@ def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Prior) -
 def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Identification:
     """Test the best fit against the noise and assemble the Identification."""
     (misfit, end, start), others = found[0], found[1:]
-    x, failed, notes, n = end.x, misfit > NOISE, [], end.x.size
+    x = end.x
+    failed = misfit > NOISE
+    notes = []
+    n = end.x.size
     if failed:
         notes.append(
             f"the fit failed: the best model found misses the traces by {misfit:.3g} times their noise; the law cannot "
@@ -268,7 +276,8 @@ def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End,
             notes.append("another set of parameters fits as well: free fewer, or give traces of other powers")
     errors, cycles, more = comparison(*what.build(x), targets)
     if more:
-        notes, spread = [*notes, *more], np.full(n, np.nan)
+        notes = [*notes, *more]
+        spread = np.full(n, np.nan)
     for note in notes:
         log.warning("%s", note)
     values = np.exp(x)

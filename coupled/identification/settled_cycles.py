@@ -51,7 +51,8 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
     """Simulate the model under the drive of a trace: the run, and its mean cycle in the part that is compared."""
     begin, end = target.window(model)
     middle = (begin + end) / 2
-    early, late = max(EARLY, middle / MOST), max(LATE, (end - middle) / MOST)
+    early = max(EARLY, middle / MOST)
+    late = max(LATE, (end - middle) / MOST)
     times = np.concatenate([np.arange(0.0, middle, early), np.arange(middle + late, end, late)])
     run = simulate(
         ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, times=times,
@@ -122,7 +123,9 @@ def comparison(
 ) -> tuple[xr.Dataset, xr.Dataset, tuple[str, ...]]:
     """Dataset of errors over trace, Dataset of cycles over trace and phase, and notes on periods not comparable."""
     phase = np.linspace(0, 1, 256, endpoint=False)
-    rows, curves, notes = [], [], []
+    rows = []
+    curves = []
+    notes = []
     for k, target in enumerate(targets):
         (run, own), trace = free_run(ring, model, target), target.seen.cycle
         _, aligned = compared(own, target.seen, STAGES[-1], target.absolute)

@@ -124,7 +124,8 @@ class Polynomials(NamedTuple):
         They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
         """
         c, place = self.coefficients, np.zeros(len(edges) - 1, dtype=int)
-        jumped, varies = place > 0, np.any(c[:, :, 1:], axis=(1, 2))
+        jumped = place > 0
+        varies = np.any(c[:, :, 1:], axis=(1, 2))
         if len(c) > 1:
             place = np.searchsorted(self.edges[1:-1], (edges[1:] + edges[:-1]) / 2, side="right")
             ends = (c * np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])).sum(axis=2)
@@ -153,7 +154,9 @@ class Drive(NamedTuple):
     def constant(cls, power: float, detuning: float, duration: float) -> Drive:
         """Return the drive of one ring under constant light: 2 gamma_e P (fJ/ns^2), detuning (rad/ns), length (ns)."""
         edges = np.array([0.0, duration])
-        P, none, turn = (Polynomials(edges, np.array([[[value, 0.0, 0.0, 0.0]]])) for value in (power, 0.0, detuning))
+        P = Polynomials(edges, np.array([[[power, 0.0, 0.0, 0.0]]]))
+        none = Polynomials(edges, np.array([[[0.0, 0.0, 0.0, 0.0]]]))
+        turn = Polynomials(edges, np.array([[[detuning, 0.0, 0.0, 0.0]]]))
         return cls(edges, P, none, turn, np.ones((1, 1), dtype=complex), np.array([max(power, 1e-300)]))
 
 
@@ -237,7 +240,8 @@ class Problem:
         """Store pointers to all arrays; an array is copied only where its type or memory order differs."""
         self.heat, self.edges = heat, np.ascontiguousarray(drive.edges, dtype=float)
         self._kept: list[Any] = []
-        self._c, m = _Problem(), tableau(method)
+        self._c = _Problem()
+        m = tableau(method)
         R, F = rings.modes.shape[:2]
         if F > 4:
             raise InputError(f"lasers are on {F} resonances; at most 4 are possible")
@@ -261,7 +265,9 @@ class Problem:
         ):
             functions: Polynomials = getattr(drive, name)
             place, jumped, changing = functions.over(self.edges, size, least)
-            jumps, varies, (_, *sizes) = jumps | jumped, varies | changing, functions.coefficients.shape
+            jumps = jumps | jumped
+            varies = varies | changing
+            _, *sizes = functions.coefficients.shape
             setattr(self._c, name, _Table(*sizes, self._at(place, np.int32), *map(self._at, functions)))
         self._detunings = self._kept[-1]
         self._set(edges=self.edges, jumps=jumps, varies=varies, entry=drive.entry, brightest=drive.brightest)
@@ -332,7 +338,8 @@ class Problem:
         y = np.array(y, dtype=float)
         wanted = 0 if times is None else len(times)
         at = None if times is None else np.ascontiguousarray(times, dtype=float)
-        rows, steps = np.empty((wanted or 4096, self.width)), np.empty(4096 if keep_steps else 0)
+        rows = np.empty((wanted or 4096, self.width))
+        steps = np.empty(4096 if keep_steps else 0)
         loop = _Loop(t=self.edges[0], h=first_step, rtol=rtol, longest=longest, seen=np.inf, per_step=per_step)
         if event is not None:
             loop.quantity, loop.level, loop.ring, loop.stop = event.quantity, event.level, event.ring, int(event.stop)
@@ -342,13 +349,15 @@ class Problem:
         crossings: list[float] = []
         budget, began, looks = 1000, time.perf_counter(), 10.0
         while True:
-            loop.budget, loop.room = min(budget, MAX_STEPS + 1 - loop.accepted - loop.rejected), len(steps)
+            loop.budget = min(budget, MAX_STEPS + 1 - loop.accepted - loop.rejected)
+            loop.room = len(steps)
             status = self._call(
                 "ring_integrate", c.byref(loop), _pointer(y), _pointer(rows), _L(len(rows)), _pointer(at), _L(wanted),
                 _pointer(steps) if keep_steps else None,
             )  # fmt: skip
             if status == STEPS:
-                elapsed, began = time.perf_counter() - began, time.perf_counter()
+                elapsed = time.perf_counter() - began
+                began = time.perf_counter()
                 budget = int(budget * min(max(RETURN / max(elapsed, 1e-6), 0.5), 8.0)) + 1
                 if progress:
                     progress(loop.t)
@@ -407,7 +416,9 @@ class Problem:
         found = np.concatenate([np.linalg.eigvals(J[np.ix_(part, part)]) for part in parts])
         growing = np.abs(found[found.real > 0])
         loop.cap = CAP / growing.max() if growing.size else np.inf
-        loop.looked, loop.look_again, loop.h = loop.h, loop.accepted + 20, min(loop.h, loop.cap)
+        loop.looked = loop.h
+        loop.look_again = loop.accepted + 20
+        loop.h = min(loop.h, loop.cap)
         return looks
 
     def follow(self, y: Array, steps: Array, V: Array) -> tuple[Array, Array]:
@@ -418,8 +429,10 @@ class Problem:
             end alone (fixed steps make the end a smooth function of every parameter).
         Returns the final state, shape (n,), and d(end)/d(y) V, shape (n, directions). Only for one field per ring.
         """
-        y, steps = np.ascontiguousarray(y, dtype=float), np.ascontiguousarray(steps, dtype=float)
-        V, end = np.array(V, dtype=float, order="C"), np.empty(self.size)
+        y = np.ascontiguousarray(y, dtype=float)
+        steps = np.ascontiguousarray(steps, dtype=float)
+        V = np.array(V, dtype=float, order="C")
+        end = np.empty(self.size)
         self._call(
             "ring_follow", _pointer(y), _pointer(steps), _L(len(steps)), _pointer(end), _pointer(V), _I(V.shape[1])
         )
@@ -427,7 +440,9 @@ class Problem:
 
     def slopes(self, y: Array, piece: int = 0, t: float | None = None) -> tuple[Array, Array]:
         """Return dy/dt, shape (n,), and its derivative with respect to y, (n, n), at t (ns) in a piece of the drive."""
-        y, rate, J = np.ascontiguousarray(y, dtype=float), np.empty(self.size), np.eye(self.size)
+        y = np.ascontiguousarray(y, dtype=float)
+        rate = np.empty(self.size)
+        J = np.eye(self.size)
         at = _D(self.edges[piece] if t is None else t)
         self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J), _I(self.size))
         return rate, J

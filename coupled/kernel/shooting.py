@@ -87,7 +87,8 @@ class Turns:
     def _make_room(self, room: int) -> None:
         if room > MOST_ROOM:
             raise InputError(f"a trace of {MOST_ROOM} steps does not end; the model's largest numbers may tell why")
-        self._rows, self._steps = np.empty((room, 5)), np.empty(room)
+        self._rows = np.empty((room, 5))
+        self._steps = np.empty(room)
         self._c.rows, self._c.steps, self._c.room = self._rows.ctypes.data, self._steps.ctypes.data, room
 
     def near(self, fixed: Array) -> None:
@@ -105,7 +106,8 @@ class Turns:
         first_step: float = 0.0,
     ) -> Trace:  # fmt: skip
         """Integrate ``y`` for ``duration`` ns, or until N rises through ``level``; ``above``: N starts on the level."""
-        end, h = np.append(y, 0.0), c.c_double(first_step)
+        end = np.append(y, 0.0)
+        h = c.c_double(first_step)
         self._c.filled = self._c.count = 0
         status = library().ring_turn(
             c.byref(self._c), _P(end.ctypes.data), _D(duration), _D(level), int(above), _D(rtol), c.byref(h)

@@ -49,7 +49,10 @@ def tableau(method: Method) -> Tableau:
     Section IV.7, Eq. 7.25).
     """
     table = json.loads(files(__package__).joinpath("tableaus.json").read_text())[method.value]
-    a, c, dense = (np.array(table[name]) for name in ("a", "c", "dense"))
+    a = np.array(table["a"])
+    c = np.array(table["c"])
+    dense = np.array(table["dense"])
     inverse = np.linalg.inv(np.eye(len(c)) / table["gamma"] - c)
-    at, slope = (a @ inverse).sum(axis=1), inverse.sum(axis=1)
+    at = (a @ inverse).sum(axis=1)
+    slope = inverse.sum(axis=1)
     return Tableau(table["order"], table["gamma"], a, c, dense, at, np.where(np.abs(slope) < 1e-9, 0.0, slope))

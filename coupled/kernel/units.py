@@ -133,9 +133,11 @@ def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_res
     pump: largest drive amplitude, sqrt(fJ)/ns; thermal_resistance [K/uW].
     """
     own = resonances[0]
-    (first, fcd), modes = internal_rates(own), []
+    first, fcd = internal_rates(own)
+    modes = []
     for one in resonances:
-        r, turn = internal_rates(one)[0], one.index_rate / own.index_rate
+        r = internal_rates(one)[0]
+        turn = one.index_rate / own.index_rate
         modes.append(Mode(r.loss, r.absorbed, r.fca, r.tpa, r.g, r.thermal_shift, turn, r.kerr))
     floor = floor_of(first, pump, thermal_resistance)
     return Rings(np.array([modes]), np.array([[first.tau0, first.a, first.b]]), fcd[None], floor[None])
@@ -146,9 +148,14 @@ def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
     if isinstance(model, OutputMap):
         return internal_heat(model.linear)[0], float(model.coefficient)
     if isinstance(model, Foster):
-        R, tau = np.asarray(model.R, dtype=float), np.asarray(model.tau, dtype=float)
+        R = np.asarray(model.R, dtype=float)
+        tau = np.asarray(model.tau, dtype=float)
         return PoleHeat((R * UW * NS / tau)[None], (NS / tau)[None]), 0.0
-    A, H, G, B, C = (np.array(getattr(model, name), dtype=float, order="C") for name in "AHGBC")
+    A = np.array(model.A, dtype=float, order="C")
+    H = np.array(model.H, dtype=float, order="C")
+    G = np.array(model.G, dtype=float, order="C")
+    B = np.array(model.B, dtype=float, order="C")
+    C = np.array(model.C, dtype=float, order="C")
     static = np.linalg.solve(A, B)
     weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
     return QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight), 0.0
@@ -166,6 +173,7 @@ def single_ring(
     ring: RingResonator, model: Compact, power: float, detuning: float, duration: float, method: Method
 ) -> Problem:
     """Return the `Problem` of one ring under constant light; power in W, detuning in Hz, duration in s."""
-    pump, (heat, bend) = internal_pump(ring, power), internal_heat(model)
+    pump = internal_pump(ring, power)
+    heat, bend = internal_heat(model)
     rings = internal_rings([ring], pump, model.thermal_resistance * UW)._replace(bend=bend)
     return Problem(rings, heat, Drive.constant(pump**2, internal_detuning(detuning), duration / NS), method)

@@ -152,7 +152,8 @@ class FEM:
 
     def begin(self, rise: Array) -> None:
         """Set the state at t = 0 to a temperature field ``rise`` in K, shape (unknowns,)."""
-        self.state, self.fields = self.field.begin(rise), []
+        self.state = self.field.begin(rise)
+        self.fields = []
         self.stored_before = self.field.stored(self.state)
 
     @property
@@ -178,12 +179,14 @@ class FEM:
             return foster(basis.reduced(self.linear).channel(self.heated, self.heated))
         inflow = curved.inverse * basis.rate
         H, b = (inflow + inflow.transpose(0, 2, 1)) / 2 - curved.flow, basis.heating[:, 0]
-        C, name = self.linear.C[0] @ basis.vectors, (self.heated,)
+        C = self.linear.C[0] @ basis.vectors
+        name = (self.heated,)
         return Quadratic(np.diag(-basis.rate), H, -(curved.inverse @ b), b, C, name, name)
 
     def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
         """Return the rise in K at ``times`` (s), shape (n,), by those heaters that are inputs of ``reduced``."""
-        reduced, rise = reduced or self.basis.reduced(self.linear), np.zeros(np.size(times))
+        reduced = reduced or self.basis.reduced(self.linear)
+        rise = np.zeros(np.size(times))
         for name, wave in self.heaters.items():
             if name in reduced.inputs:
                 rise = rise + foster(reduced.channel(name, self.heated)).response(wave, times)
@@ -223,7 +226,8 @@ def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...]) -> 
     """Return the system with the given inputs only; its single output is the part of the first input."""
     linear = system.linear if isinstance(system, NonlinearSystem) else system
     checks.choice("heated", inputs[0], linear.outputs, hint="the part that the light heats must also be read")
-    columns, row = [linear.inputs.index(name) for name in inputs], linear.outputs.index(inputs[0])
+    columns = [linear.inputs.index(name) for name in inputs]
+    row = linear.outputs.index(inputs[0])
     B, C = linear.B[:, columns], linear.C[[row]]
     picked = StateSpace(linear.E, linear.A, B, C, inputs=inputs, outputs=(inputs[0],))
     return replace(system, linear=picked) if isinstance(system, NonlinearSystem) else picked

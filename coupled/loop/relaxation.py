@@ -113,7 +113,8 @@ class Relaxation:
                     f"the co-simulation stops at t = {start:g} s: {reason} even in a window of {stop - start:g} s; "
                     "does the corrector return the same result for the same power?"
                 )
-            self.index, self.level = 2 * self.index, self.level + 1
+            self.index = 2 * self.index
+            self.level = self.level + 1
 
     def _window(self, start: float, stop: float) -> tuple[Passed | None, str]:
         """Iterate one window from ``start`` to ``stop`` in s; return None and the reason if it does not converge."""
@@ -222,10 +223,12 @@ class Relaxation:
         if self.background is not None:
             self.rest -= float(self.background(np.array([self.time]))[0])
         if found.passes > MANY:
-            self.index, self.level = 2 * self.index, self.level + 1
+            self.index = 2 * self.index
+            self.level = self.level + 1
         # of more than 1000 steps of the light a window does not double
         elif found.passes <= FEW and found.run.time.size <= 1000 and self.index % 2 == 0 and self.level > 0:
-            self.index, self.level = self.index // 2, self.level - 1
+            self.index = self.index // 2
+            self.level = self.level - 1
 
 
 def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
@@ -236,14 +239,17 @@ def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
 def _spline(times: Array, values: Array, allowed: float) -> Any:
     """Return a cubic Hermite spline through some of the samples, with an error below ``allowed`` at all others."""
     slope = np.gradient(values, times, edge_order=2 if times.size > 2 else 1)
-    knots, open_ = {0, times.size - 1}, [(0, times.size - 1)]
+    knots = {0, times.size - 1}
+    open_ = [(0, times.size - 1)]
     while open_:
         a, b = open_.pop()
         if b - a < 2:
             continue
         inside = slice(a + 1, b)
         u = (times[inside] - times[a]) / (h := times[b] - times[a])
-        rise, d0, d1 = values[b] - values[a], h * slope[a], h * slope[b]
+        rise = values[b] - values[a]
+        d0 = h * slope[a]
+        d1 = h * slope[b]
         cubic = values[a] + u * (d0 + u * (3 * rise - 2 * d0 - d1 + u * (d0 + d1 - 2 * rise)))
         if np.abs(cubic - values[inside]).max() > allowed:
             middle = (a + b) // 2

@@ -99,7 +99,8 @@ def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
     groups = list(of_rings.values())
     for cells in groups:
         ring, (powers, detunings) = points[cells[0]][0], np.array([points[k][1:] for k in cells]).T
-        pump, shift = internal_pump(ring, 1.0) * np.sqrt(powers), internal_detuning(1.0) * detunings
+        pump = internal_pump(ring, 1.0) * np.sqrt(powers)
+        shift = internal_detuning(1.0) * detunings
         try:
             found: Sequence[Fixed | str] = survey(
                 pump, shift, internal_ring(ring, model, absorbable(ring, powers.max()))

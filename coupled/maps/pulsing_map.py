@@ -203,7 +203,8 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, which compares simulated and measured maps so.
     """
-    first, second = in_si("first", first), in_si("second", second)
+    first = in_si("first", first)
+    second = in_si("second", second)
     one, other = first["regime"], second["regime"]
     for axis in one.dims:
         a, b = one[axis].values, other[axis].values if axis in other.dims else np.empty(0)
@@ -290,7 +291,8 @@ def stored_rows(
     if file is None:
         yield rows, rows.__setitem__
         return
-    path, head = checks.path("file", file), json.dumps({"journal": VERSION, **files.plain(identity)}, sort_keys=True)
+    path = checks.path("file", file)
+    head = json.dumps({"journal": VERSION, **files.plain(identity)}, sort_keys=True)
 
     def store(row: int, cells: list[Cell]) -> None:
         rows[row] = cells
@@ -305,7 +307,8 @@ def stored_rows(
         content = files.read_bytes(path, "map").decode(errors="replace") if os.path.lexists(path) else ""
         first, *lines = content.splitlines() or [""]
         if first != head and (lines or not head.startswith(content)):  # a kill may cut off the head, too
-            found, wanted = _parsed(first), json.loads(head)
+            found = _parsed(first)
+            wanted = json.loads(head)
             known = found if isinstance(found, dict) else {}
             other = sorted(k for k in {*known, *wanted} if known.get(k) != wanted.get(k))
             raise checks.InputError(

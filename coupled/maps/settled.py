@@ -164,7 +164,8 @@ class _Row:
         """Whether a trace that starts off the cycle approaches it as the return map predicts, within 3 periods."""
         slow, M = found.slow, found.M[found.slow]
         aside = ASIDE * np.abs(found.start[3:]).max()
-        y, off = found.start.copy(), np.full(slow.size, aside)
+        y = found.start.copy()
+        off = np.full(slow.size, aside)
         y[slow] += off
         for _ in range(AGAIN * found.pulses):
             run = self.turns.run(y, REACH * found.T, level=found.start[2], above=True, rtol=FINE)

@@ -95,7 +95,9 @@ def _survey(model: Compact, grid: Grid) -> Array:
     for found in fixed_of(model, points):
         if isinstance(found, str):
             raise InputError(found)
-        least, stable = found.growth.argmin(), (found.growth <= 0).sum()
-        growth, omega = found.growth[least] / NS, found.omega[least] / (2 * np.pi * NS)
+        least = found.growth.argmin()
+        stable = (found.growth <= 0).sum()
+        growth = found.growth[least] / NS
+        omega = found.omega[least] / (2 * np.pi * NS)
         rows.append([found.growth.size, stable, growth, omega, found.every[:, 2].max()])
     return np.array(rows).T.reshape(5, *(axis.size for axis in grid.axes))

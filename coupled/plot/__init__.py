@@ -41,10 +41,12 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     unit, label = (1e3, "drop power (mW)") if given == "W" else (1.0, f"drop signal ({given})")
     column = np.atleast_1d(new_axes(axes, (WIDTH, 2.2 * n + 0.4), n, sharey=given == "W"))
     for k, ax in enumerate(column):
-        one, at = cycles.isel(trace=k), errors.isel(trace=k)
+        one = cycles.isel(trace=k)
+        at = errors.isel(trace=k)
         first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
         phase = one["phase"].values
-        measured, model = (np.roll(one[name].values, -first) * unit for name in ("drop", "drop_model"))
+        measured = np.roll(one["drop"].values, -first) * unit
+        model = np.roll(one["drop_model"].values, -first) * unit
         ax.plot(phase, measured, color=INK, linewidth=2.4, alpha=0.45, label="measured")
         ax.plot(phase, model, color=HEAT, linewidth=1.3, label="model")
         drive = f"{dbm(at['power'].values):.0f} dBm, {float(at['detuning']) * 1e-9:.0f} GHz"

@@ -72,10 +72,13 @@ def plot_transmission(
     unit, label = labels[show]
     by_power = np.ptp(curve["detuning"].values) == 0
     name, scale = ("power", 1e3) if by_power else ("detuning", 1e-9)
-    x, y = curve[name].values * scale, curve[show].values * unit
+    x = curve[name].values * scale
+    y = curve[show].values * unit
     stable = curve["regime"].values == "stable"
     ends = _leaves(x, y)
-    x, y, stable = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan), np.insert(stable, ends, False)
+    x = np.insert(x, ends, np.nan)
+    y = np.insert(y, ends, np.nan)
+    stable = np.insert(stable, ends, False)
     draw_stability(ax, x, y, stable, color=INK, labels=("stable", "unstable"))
     for (title, run), colour in zip(mapping("sweeps", sweeps).items(), cycle((LIGHT, HEAT, GREEN, PURPLE))):
         at, seen = _swept(f"sweeps[{title!r}]", run, name, show)
@@ -100,7 +103,8 @@ def _leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     The points of a curve have equal distances along it; a step in y of ten times the usual height, at an edge, is not
     part of the curve.
     """
-    steps, span = np.abs(np.diff(y)), np.ptp(x)
+    steps = np.abs(np.diff(y))
+    span = np.ptp(x)
     middle = (x[1:] + x[:-1]) / 2
     edge = np.minimum(middle - x.min(), x.max() - middle) < 0.02 * span
     return np.flatnonzero(edge & (steps > 10 * np.quantile(steps, 0.95))) + 1

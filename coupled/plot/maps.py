@@ -76,7 +76,8 @@ def plot_map(
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     ax = new_axes(ax, (5, 3.8))
     (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, dim) for dim in dims)
-    x, y = _edges(x_axis), _edges(y_axis)
+    x = _edges(x_axis)
+    y = _edges(y_axis)
     if show == "regime":
         _draw_regimes(data, ax, x, y)
         if key:
@@ -89,7 +90,8 @@ def plot_map(
             ax.figure.colorbar(cells, ax=ax, label=_SCALED[show][1])
         ax.set_facecolor("white")  # no colour of a regime: points without this number are of any
     for curve in hopf:
-        nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
+        nu = curve["detuning"].values * 1e-9
+        power = dbm(curve["power"].values)
         leading, hard = curve["leading"].values, curve["lyapunov"].values > 0
         for name, part in (("supercritical", leading & ~hard), ("subcritical", leading & hard), ("", ~leading)):
             if part.any():
@@ -115,10 +117,12 @@ def plot_maps(
     show: what to draw, as in `plot_map`.
     hopf, folds [mapping from the model's name to its curves]
     """
-    lines, borders = mapping("hopf", hopf), mapping("folds", folds)
+    lines = mapping("hopf", hopf)
+    borders = mapping("folds", folds)
     for title in (*lines, *borders):
         choice("a name in hopf and folds", title, maps)
-    rows, across = len(show), len(maps)
+    rows = len(show)
+    across = len(maps)
     width = max(WIDTH, 1.6 * across + 0.9)
     shared: dict[str, Any] = {"layout": "constrained", "sharex": True, "sharey": True, "squeeze": False}
     figure, axes = plt.subplots(rows, across, figsize=(width, 2.6 * rows + 0.6), **shared)
@@ -153,7 +157,8 @@ def _draw_regimes(data: xr.Dataset, ax: Axes, x: np.ndarray, y: np.ndarray) -> N
     """Draw the cells of a map, each in the colour of its regime."""
     names, regime = list(REGIMES), data["regime"].values
     index = np.select([regime == name for name in names], list(range(len(names))), default=len(names) - 1)
-    colours, norm = ListedColormap(list(REGIMES.values())), BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
+    colours = ListedColormap(list(REGIMES.values()))
+    norm = BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
     ax.pcolormesh(x, y, index, cmap=colours, norm=norm, rasterized=True)
 
 

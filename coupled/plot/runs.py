@@ -51,7 +51,8 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         column[0].figure.align_ylabels(column)
         ax.set_title(_title(run), fontsize="small", loc="left")
     else:
-        right, style = ax.twinx(), (0, (5, 1))
+        right = ax.twinx()
+        style = (0, (5, 1))
         ax.set_xlabel(f"time ({time_unit})")
     ax.plot(t, drop, color=LIGHT, linewidth=1.1)
     ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)

@@ -184,7 +184,8 @@ def warming(found: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
     if several or "model_R" not in run.attrs or "absorbed" not in run.variables:
         return found
     last = np.append(t[-1] - found.period, t[t > t[-1] - found.period])
-    absorbed, rise = (np.trapezoid(np.interp(last, t, v), last) for v in (_values(run, "absorbed"), dT))
+    absorbed = np.trapezoid(np.interp(last, t, _values(run, "absorbed")), last)
+    rise = np.trapezoid(np.interp(last, t, dT), last)
     final = float(checks.array("run.attrs['model_R']", np.ravel(run.attrs["model_R"])).sum()) * absorbed
     if not abs(rise - final) > SETTLED * final:
         return found
@@ -221,7 +222,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     # the fewest cycles after which heights and lengths return; what settles looks like a pattern of close ones, too
     together = next((n for n in range(1, LONGEST_PATTERN + 1) if miss(heights, waits[:-1], n) <= close), 1)
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
-    limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
+    limit = amplitude_limit(tops)
+    seen = f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
         reason = seen + "an oscillation that dies away"
         return Pulsing(Regime.STABLE, reason, swing=swing, cycles=heights.size)
@@ -233,7 +235,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     if together == 1 and doubled(heights, max(10 * noise, missed)):
         together = 2
     change = limit / tops[tops.size // 3] - 1
-    begin, end = float(up[-1 - together]), float(up[-1])
+    begin = float(up[-1 - together])
+    end = float(up[-1])
     lengths = -np.diff(up[::-together])[::-1]  # of whole patterns, the last one at the end
     *_, earlier, drift = (0.0, 0.0, *(lengths[1:] / lengths[:-1] - 1))
     # while heat settles, the change gets smaller from cycle to cycle; one that grows may end the pulses
@@ -251,7 +254,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     errors = f", {samples:.0f} samples a cycle: period within {50 / samples:.1g} %, "
     errors += f"duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
     last = (t >= begin) & (t <= end)
-    low, high = drop[last].min(), drop[last].max()
+    low = drop[last].min()
+    high = drop[last].max()
     return Pulsing(
         Regime.SELF_PULSING,
         seen
@@ -289,13 +293,15 @@ def crossings(t: Array, x: Array, level: float) -> Array:
     i = np.clip(at - 1, 0, t.size - 4)[:, None] + np.arange(4)
     s, v = t[i].T, x[i].T - level
     a, b, c = np.diff(v, axis=0) / np.diff(s, axis=0)  # divided differences
-    ab, bc = (b - a) / (s[2] - s[0]), (c - b) / (s[3] - s[1])
+    ab = (b - a) / (s[2] - s[0])
+    bc = (c - b) / (s[3] - s[1])
     abc = (bc - ab) / (s[3] - s[0])
     left, right = t[at], t[at + 1]
     for _ in range(32):  # to 2e-10 of a sample
         middle = 0.5 * (left + right)
         below = v[0] + (middle - s[0]) * (a + (middle - s[1]) * (ab + (middle - s[2]) * abc)) < 0
-        left, right = np.where(below, middle, left), np.where(below, right, middle)
+        left = np.where(below, middle, left)
+        right = np.where(below, right, middle)
     return np.asarray(0.5 * (left + right))
 
 

@@ -37,7 +37,8 @@ class Rest(NamedTuple):
 
     def nearest(self, energy: float, delta_T: float) -> tuple[int, float]:
         """Return the index of the fixed point nearest to a state, and the larger relative error of energy and rise."""
-        at, here = np.array([self.energy, self.delta_T]), np.array([[energy], [delta_T]])
+        at = np.array([self.energy, self.delta_T])
+        here = np.array([[energy], [delta_T]])
         off = (np.abs(at - here) / np.maximum(np.abs(at), np.abs(here) + TINY)).max(axis=0)
         return int(off.argmin()), float(off.min())
 
@@ -51,7 +52,8 @@ def rest_of_run(run: xr.Dataset) -> Rest | None:
     if "lasers" in attrs:
         return None
     try:
-        ring, rise = ring_in(attrs["ring_parameters"]), float(attrs.get("heater_rise", 0.0))
+        ring = ring_in(attrs["ring_parameters"])
+        rise = float(attrs.get("heater_rise", 0.0))
         light = (run[name].values[-1] if name in run.variables else attrs[name] for name in ("input_power", "detuning"))
         power, detuning = map(float, light)
         model: Any = Foster(np.atleast_1d(attrs["model_R"]), np.atleast_1d(attrs["model_tau"]))

@@ -157,7 +157,8 @@ def simulate(
     ]
     picked = channels(model, heaters, heated, read)
     small, poles = picked.model, picked.poles
-    doubts, described = check_geometry(ring, model), attributes(small)
+    doubts = check_geometry(ring, model)
+    described = attributes(small)
     heat = heating(poles, heaters, duration, rtol, np.zeros(small.order * len(poles)))
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
@@ -205,9 +206,9 @@ def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
     attrs = getattr(initial, "attrs", {})
     if "final_fields" not in attrs:
         return {}
-    fields, places = (
-        checks.array(f"initial.attrs[{name!r}]", np.ravel(attrs.get(name, ())), empty=True)
-        for name in ("final_fields", "final_resonances")
+    fields = checks.array(f"initial.attrs[{'final_fields'!r}]", np.ravel(attrs.get("final_fields", ())), empty=True)
+    places = checks.array(
+        f"initial.attrs[{'final_resonances'!r}]", np.ravel(attrs.get("final_resonances", ())), empty=True
     )
     checks.shape("initial.attrs['final_fields']", fields, (2 * places.size,))
     return dict(zip(places.tolist(), fields.reshape(-1, 2), strict=True))

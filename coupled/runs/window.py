@@ -142,8 +142,10 @@ def advance(
     pump = float((np.abs(drive.entry) * np.sqrt(drive.brightest)).max())
     rings = eq.internal_rings(resonances, pump, model.thermal_resistance * eq.UW)
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
-    problem, F = Problem(rings._replace(bend=bend), heat, drive, chosen), len(resonances)
-    unit, beat = eq.units(problem.order), float(np.abs(light.turning).max()) if len(lasers) >= F else 0.0
+    problem = Problem(rings._replace(bend=bend), heat, drive, chosen)
+    F = len(resonances)
+    unit = eq.units(problem.order)
+    beat = float(np.abs(light.turning).max()) if len(lasers) >= F else 0.0
     own = state.as_array() / unit
     others = np.ravel([(fields or {}).get(one.frequency, (0.0, 0.0)) for one in resonances[1:]]) / eq.FJ**0.5
     run = problem.integrate(
@@ -177,7 +179,8 @@ def _event(event: Event | None) -> Crossing | None:
     if event is None:
         return None
     checks.instance("event", event, Event, hint="give coupled.Event('delta_T', 5.0) or another")
-    level, stop = checks.finite("event.level", event.level), checks.flag("event.stop", event.stop)
+    level = checks.finite("event.level", event.level)
+    stop = checks.flag("event.stop", event.stop)
     kind = QUANTITIES.index(checks.choice("event", event.quantity, QUANTITIES))
     return Crossing(1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], stop)
 
@@ -234,11 +237,12 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
 
     light: power and detuning of the first laser, floats or functions of time.
     """
-    U, resonances, incoming = np.abs(run.fields) ** 2, run.resonances, run.lights.incoming(run.time)
-    bus, drop, scattering = (
-        np.array([[2 * getattr(one, name)] for one in resonances])
-        for name in ("bus_rate", "drop_bus_rate", "scattering_rate")
-    )
+    U = np.abs(run.fields) ** 2
+    resonances = run.resonances
+    incoming = run.lights.incoming(run.time)
+    bus = np.array([[2 * one.bus_rate] for one in resonances])
+    drop = np.array([[2 * one.drop_bus_rate] for one in resonances])
+    scattering = np.array([[2 * one.scattering_rate] for one in resonances])
     found: dict[str, Array] = {
         "energy": U,
         "carriers": run.carriers,
@@ -255,7 +259,8 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
         found["detuning"] = light["detuning"](run.time)
     variables: dict[str, Any] = {}
     for name, rows in found.items():
-        about, own = dataset.describe(name), rows if rows.ndim == 1 else rows[0]
+        about = dataset.describe(name)
+        own = rows if rows.ndim == 1 else rows[0]
         if name != "input_power" or not isinstance(light[name], float) or np.any(own != own[:1]):
             variables[name] = ("time", own, about)
         if rows.ndim == 2 and len(resonances) > 1:

@@ -20,7 +20,8 @@ MOST = 4000  # bytes of a file within which it stands
 
 def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
     """Header lines of an exported file: kind of model and size, heated and read parts, error, units, geometry."""
-    name, order = type(model).__name__, getattr(model, "order", None)
+    name = type(model).__name__
+    order = getattr(model, "order", None)
     lines = [
         f"{MARK} {thermofem.__version__}: {name}" + (f" with {order} poles" if order else ""),
         f"heated: {', '.join(model.inputs)}; read: {', '.join(model.outputs)}; thermal resistance {_gain(model)} K/W",
@@ -59,7 +60,8 @@ def _gain(model: Any) -> str:
 
 def _error(provenance: Mapping[str, Any]) -> str:
     """Error of a model as text: the proven bound of a reduction, the misfit of a fit, or "not recorded"."""
-    bound, residual = provenance.get("error_bound"), provenance.get("residual_K")
+    bound = provenance.get("error_bound")
+    residual = provenance.get("residual_K")
     if isinstance(bound, (int, float)):
         mesh = provenance.get("mesh_accuracy")
         of = f" of mesh accuracy {mesh:g}" if isinstance(mesh, (int, float)) else ""
@@ -96,7 +98,8 @@ def identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]
 
     Double underscores are left to the exporters' own nodes.
     """
-    used, result = {name.lower() for name in taken}, []
+    used = {name.lower() for name in taken}
+    result = []
     for name in names:
         base = re.sub(r"[\W_]+", "_", name, flags=re.ASCII).strip("_")
         base = base if base[:1].isalpha() else f"n_{base}"

@@ -95,7 +95,9 @@ def write(
     """Write the FMU, and a script that runs it in FMPy beside it; see `surrogate.export_model`."""
     for name in platforms:
         checks.choice("platforms", name, PLATFORMS)
-    rates, poles, name = None if ring is None else ring_rates(ring), poles_of(model), identifiers([path.stem])[0]
+    rates = None if ring is None else ring_rates(ring)
+    poles = poles_of(model)
+    name = identifiers([path.stem])[0]
     numbers = _numbers(model, poles, rates)
     code = [files(__package__).joinpath(file).read_text(encoding="utf-8") for file in ("unit.c", f"fmi{fmi}.c")]
     token = "{" + hashlib.sha256("\n".join([numbers, *code]).encode()).hexdigest()[:32] + "}"
@@ -157,7 +159,8 @@ def _row(values: Any) -> str:
 
 def _variables(poles: Poles, rates: RingRates | None) -> list[Variable]:
     """All variables of the FMU: inputs, tolerance, outputs, states, and derivatives in the order of the states."""
-    light, more = rates is not None, ", besides that of the light" if rates is not None else ""
+    light = rates is not None
+    more = ", besides that of the light" if rates is not None else ""
     inputs = [*(LIGHT_INPUTS if light else ())]
     for word, part in zip(identifiers(poles.inputs), poles.inputs, strict=True):
         inputs.append((f"power_{word}", "W", f"power absorbed by {part}{more}"))
@@ -189,8 +192,10 @@ def _description(
     guid = "guid" if fmi == 2 else "instantiationToken"
     root = Element("fmiModelDescription", {"fmiVersion": f"{fmi}.0", "modelName": name, guid: token,
         "description": about, "generationTool": "thermofem"})  # fmt: skip
-    exchange, cosimulation = SubElement(root, "ModelExchange"), SubElement(root, "CoSimulation")
-    every, state = {"modelIdentifier": name}, "state" if fmi == 2 else "State"
+    exchange = SubElement(root, "ModelExchange")
+    cosimulation = SubElement(root, "CoSimulation")
+    every = {"modelIdentifier": name}
+    state = "state" if fmi == 2 else "State"
     keep = {f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true"}
     held = {"canHandleVariableCommunicationStepSize": "true"}
     if fmi == 2:
@@ -215,7 +220,8 @@ def _description(
 
 def _list(root: Element, fmi: int, variables: list[Variable]) -> None:
     """Add the variables to a model description, with the lists of outputs and derivatives."""
-    listed, structure = SubElement(root, "ModelVariables"), SubElement(root, "ModelStructure")
+    listed = SubElement(root, "ModelVariables")
+    structure = SubElement(root, "ModelStructure")
     if fmi == 3:
         time = {"name": "time", "valueReference": "9999", "causality": "independent", "variability": "continuous"}
         SubElement(listed, "Float64", time)

@@ -59,7 +59,8 @@ def poles_of(model: Any) -> Poles:
             f"a {type(model).__name__} is not a set of independent poles: the format mat takes it; the others take "
             "Foster, StateSpace, Network, Cauer and OutputMap"
         )
-    R, tau = np.asarray(small.R), np.asarray(small.tau)
+    R = np.asarray(small.R)
+    tau = np.asarray(small.tau)
     kept = R != 0
     share = np.ones((1, int(kept.sum())))
     return Poles(1 / tau[kept], (R / tau)[kept, None], share, model.inputs, model.outputs)
@@ -73,7 +74,8 @@ def _of_state_space(model: StateSpace) -> Poles:
             "reduce finite elements (surrogate.reduce); of an array take fewer rings, a larger tolerance, or to='mat'",
         )
     rate, vectors = eigenmodes(model)
-    B, C = vectors.T @ np.asarray(model.B), np.asarray(model.C) @ vectors
+    B = vectors.T @ np.asarray(model.B)
+    C = np.asarray(model.C) @ vectors
     scale = np.abs(C).max(axis=0)
     kept = (scale > 0) & np.any(B != 0, axis=1)
     rate, B, C, scale = rate[kept], B[kept], C[:, kept], scale[kept]
@@ -114,7 +116,8 @@ def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
     found = poles_of(model)
     parts = list(dict.fromkeys([*found.inputs, *found.outputs]))
     pins = identifiers(parts, taken=taken)
-    heated, read = [parts.index(p) for p in found.inputs], [parts.index(p) for p in found.outputs]
+    heated = [parts.index(p) for p in found.inputs]
+    read = [parts.index(p) for p in found.outputs]
     if len(parts) == 1 and not found.coefficient:  # one pin and a linear model
         size, shares = found.B[:, 0] * found.C[0], None
     else:

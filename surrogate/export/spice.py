@@ -134,7 +134,8 @@ def _circuit(
     lines = [*RING_USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", f"circuit: {circuit.name}"]
     deck = ""
     if run is not None:
-        step, outputs = min(run.largest_step(rates) for rates in kinds), dict(zip(ports[1:], ports[1:], strict=True))
+        step = min(run.largest_step(rates) for rates in kinds)
+        outputs = dict(zip(ports[1:], ports[1:], strict=True))
         deck = _deck(path, run, step, [f"X1 {pins} 0 {name}"], ports[0], outputs)
     return [*lines, "", *header], body, deck
 
@@ -158,7 +159,8 @@ def _heat_of_rings(
             f"model has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {count} rings: one of "
             "each for every ring is needed (surrogate.reduce_array), or one model for all rings"
         )
-    lines, lit = [], []
+    lines = []
+    lit = []
     pins: list[str] = []
     for k, ring in enumerate(rings):
         pin = {part: ring if part == heated else f"{ring}_{word}" for part, word in zip(parts, net.pins, strict=True)}
@@ -177,8 +179,10 @@ def _waves(circuit: Any, ports: list[str]) -> list[str]:
     entry = {terminal: f"e__{k}" for k, terminal in enumerate(circuit.entries)}
     exit = {terminal: f"x__{k}" for k, terminal in enumerate(circuit.exits)}
     for k, splitter in enumerate(circuit.splitters, len(circuit.names)):
-        straight, cross = math.sqrt(1 - splitter.cross), math.sqrt(splitter.cross)
-        first, second = f"e__{2 * k}", f"e__{2 * k + 1}"
+        straight = math.sqrt(1 - splitter.cross)
+        cross = math.sqrt(splitter.cross)
+        first = f"e__{2 * k}"
+        second = f"e__{2 * k + 1}"
         for out, own, other in ((f"x__{2 * k}", first, second), (f"x__{2 * k + 1}", second, first)):
             lines.append(f"B{out}_re {out}_re 0 V = {straight!r}*V({own}_re)-{cross!r}*V({other}_im)")
             lines.append(f"B{out}_im {out}_im 0 V = {straight!r}*V({own}_im)+{cross!r}*V({other}_re)")
@@ -202,7 +206,9 @@ def _waves(circuit: Any, ports: list[str]) -> list[str]:
 
 def _rotated(out: str, start: str, loss: float, angle: str) -> list[str]:
     """Sources that make field ``out`` = 10^(-loss/20) exp(-i angle) times field ``start``; angle: expression in rad."""
-    size, re, im = 10 ** (-loss / 20), f"V({start}_re)", f"V({start}_im)"
+    size = 10 ** (-loss / 20)
+    re = f"V({start}_re)"
+    im = f"V({start}_im)"
     return [
         f"B{out}_re {out}_re 0 V = {size!r}*(cos({angle})*{re}+sin({angle})*{im})",
         f"B{out}_im {out}_im 0 V = {size!r}*(cos({angle})*{im}-sin({angle})*{re})",
@@ -261,7 +267,8 @@ def _heat(name: str, net: RCNetwork) -> list[str]:
 
 def _ladder(name: str, pin: str, resistances: Any, capacities: Any, *, foster: bool) -> list[str]:
     """Subcircuit of R and C from pin to ambient: each C parallel to its R (Foster), or to the ambient (Cauer)."""
-    R, C = np.asarray(resistances).tolist(), np.asarray(capacities).tolist()
+    R = np.asarray(resistances).tolist()
+    C = np.asarray(capacities).tolist()
     nodes = [pin, *(f"n__{k}" for k in range(1, len(R))), "ambient"]
     lines = [f".subckt {name} {pin} ambient"]
     for k, ends in enumerate(itertools.pairwise(nodes)):
@@ -312,7 +319,8 @@ def _deck(path: Path, run: Demonstration, step: float, wires: list[str], laser: 
     wires: netlist lines that connect the subcircuit.
     laser, outputs: the laser's pair of pins, and the pair of each column of the table; without _re and _im.
     """
-    file, table = plain_name(path.name), f"{path.stem}_demo.csv"
+    file = plain_name(path.name)
+    table = f"{path.stem}_demo.csv"
     about = [
         f"{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold: ngspice -b {path.stem}_demo.cir",
         f"it writes {table}: time in s, power in W; largest step {step:.3g} s: {run.reason()}",

@@ -79,11 +79,17 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
     """Write the module named after the file, and a netlist of VACASK beside it; see `surrogate.export_model`."""
     name, deck = identifiers([path.stem], taken=KEYWORDS)[0], ""
     if ring is None:
-        net, light = rc_network(model, taken=(*KEYWORDS, name)), []
-        thermal, signals, disciplines, lines = net.pins, [], [], header
+        net = rc_network(model, taken=(*KEYWORDS, name))
+        light = []
+        thermal = net.pins
+        signals = []
+        disciplines = []
+        lines = header
     else:
         net, read = ring_network(model, taken=(*KEYWORDS, *LIGHT, *NAMES, name))
-        rates, signals, disciplines = ring_rates(ring), list(LIGHT), DISCIPLINES
+        rates = ring_rates(ring)
+        signals = list(LIGHT)
+        disciplines = DISCIPLINES
         thermal, light = net.pins, _light(rates, read)
         lines = [*RING_USAGE, f"ring: {ring.name}", "", *header]
         if run is not None:
@@ -139,7 +145,8 @@ def _light(r: RingRates, read: str) -> list[str]:
 def _netlist(name: str, path: Path, run: Demonstration, rates: RingRates, pins: list[str]) -> str:
     """A netlist of VACASK that runs the module from cold."""
     step, port = run.largest_step(rates), rates.output_port
-    file, demo = plain_name(path.name), f"{path.stem}_demo"
+    file = plain_name(path.name)
+    demo = f"{path.stem}_demo"
     return "\n".join(
         [
             f"{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold",  # the first line is a title

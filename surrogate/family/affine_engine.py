@@ -45,7 +45,8 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
     metrics = [det * inverse[:, None, along] * inverse[None, :, along] for along in (0, 1)]
     stiffness = [(m[:, :, None] * w).reshape(-1, t).T @ integrals.stiffness for m in metrics for w in weights]
     shares = [(det * w).T for w in weights]
-    capacity, load = [share @ integrals.mass for share in shares], [share @ integrals.load for share in shares]
+    capacity = [share @ integrals.mass for share in shares]
+    load = [share @ integrals.load for share in shares]
     return np.reshape(stiffness, (4, t, n, n)), np.reshape(capacity, (2, t, n, n)), np.array(load)
 
 
@@ -137,8 +138,10 @@ class AffineEngine:
         full[self.reference.discretization.free] = V
         terms = element_terms(basis)
         count, n = len(self.grid.owner), V.shape[1]
-        K, M = np.zeros((4, count, n, n)), np.zeros((2, count, n, n))
-        L, volume = np.zeros((2, count, n)), np.zeros((2, count))
+        K = np.zeros((4, count, n, n))
+        M = np.zeros((2, count, n, n))
+        L = np.zeros((2, count, n))
+        volume = np.zeros((2, count))
         for c in range(count):
             here = np.flatnonzero(self.cell == c)
             local = full[basis.element_dofs.T[here]]  # (t, b, N)
@@ -155,8 +158,10 @@ class AffineEngine:
             K_terms = np.concatenate([K_terms, np.array(extra)])
         M_terms = _summed(M.reshape(-1, n, n), coefficients.capacity)
         inside = np.array([[owner == name for owner in self.grid.owner] for name in ports])[:, None]
-        P, volumes = inside[..., None] * L, inside * volume
-        K, M = ((x + x.transpose(0, 2, 1)) / 2 for x in (K_terms, M_terms))
+        P = inside[..., None] * L
+        volumes = inside * volume
+        K = (K_terms + K_terms.transpose(0, 2, 1)) / 2
+        M = (M_terms + M_terms.transpose(0, 2, 1)) / 2
         size = len(ports), -1
         return AffineMembers(coefficients, K, M, P.reshape(*size, n), volumes.reshape(size))
 
@@ -214,7 +219,8 @@ class AffineMembers:
         result = np.empty(len(rows))
         for start in range(0, len(rows), CHUNK):
             K, _, volume = self.coefficients(rows[start : start + CHUNK])
-            b, c = ((volume @ self.ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
+            b = volume @ self.ports[heated] / (volume @ self.volumes[heated])[:, None]
+            c = volume @ self.ports[read] / (volume @ self.volumes[read])[:, None]
             fields = np.linalg.solve(np.tensordot(K, self.K, 1), b[..., None])[..., 0]
             result[start : start + CHUNK] = np.einsum("nk,nk->n", c, fields)
         return result

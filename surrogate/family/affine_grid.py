@@ -114,12 +114,16 @@ class CellGrid:
     def coefficients(self, rows: Array, at: Properties) -> tuple[Array, Array, Array]:
         """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
         names, index = self._materials
-        k_r, k_z, c = (2 * np.pi * np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
+        k_r = 2 * np.pi * np.array([at.k_r[m] for m in names])[index].T
+        k_z = 2 * np.pi * np.array([at.k_z[m] for m in names])[index].T
+        c = 2 * np.pi * np.array([at.capacity[m] for m in names])[index].T
         offset = rows - self.box.middle
         a, b = (x[:, self.left] for x in self.r.maps(offset))
         d = self.z.maps(offset)[1][:, self.lower]
-        ratio, area = d / b, 2 * np.pi * b * d
-        along_r, along_z = k_r * ratio, k_z / ratio
+        ratio = d / b
+        area = 2 * np.pi * b * d
+        along_r = k_r * ratio
+        along_z = k_z / ratio
         stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
         volume = np.concatenate([area * a, area * b], axis=1)
         return stiffness, np.concatenate([c, c], axis=1) * volume / (2 * np.pi), volume
@@ -163,7 +167,8 @@ def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
 
 def _gaps(axis: Axis, ranges: tuple[Array, Array]) -> tuple[Array, Array]:
     """Smallest and largest gap of each two neighbouring lines over the box in m, each of shape (l - 1,)."""
-    base, slope = np.diff(axis.base), np.diff(axis.slope, axis=0)
+    base = np.diff(axis.base)
+    slope = np.diff(axis.slope, axis=0)
     each = np.stack([slope * ranges[0], slope * ranges[1]])
     return base + each.min(axis=0).sum(axis=1), base + each.max(axis=0).sum(axis=1)
 
@@ -171,7 +176,8 @@ def _gaps(axis: Axis, ranges: tuple[Array, Array]) -> tuple[Array, Array]:
 def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[float]) -> Axis:
     """Add lines near walls of heated parts that move along with the wall, where a gap changes over the box."""
     low, high = _gaps(axis, ranges)
-    base, slope = list(axis.base), list(axis.slope)
+    base = list(axis.base)
+    slope = list(axis.slope)
     for k in range(len(low)):
         if high[k] < 1.1 * low[k]:  # 1.1: a gap that changes by less over the box needs no such line
             continue
@@ -222,7 +228,8 @@ class SurfacePoints:
     def pick(self, chosen: NDArray[np.intp]) -> SurfacePoints:
         """The points with the indices ``chosen``."""
         arrays = {name: getattr(self, name)[chosen] for name in ARRAYS}
-        series, material = ([words[k] for k in chosen] for words in (self.series, self.material))
+        series = [self.series[k] for k in chosen]
+        material = [self.material[k] for k in chosen]
         return SurfacePoints(**arrays, series=series, material=material)
 
     def weights(self, grid: CellGrid, rows: Array, at: Properties) -> Array:
@@ -231,7 +238,8 @@ class SurfacePoints:
         (a, b), (c, d) = (
             [x[:, self.interval[:, k]] for x in axis.maps(offset)] for k, axis in enumerate((grid.r, grid.z))
         )
-        r, z = a + b * self.place[:, 0], c + d * self.place[:, 1]
+        r = a + b * self.place[:, 0]
+        z = c + d * self.place[:, 1]
         measure = 2 * np.pi * r * np.hypot(b * self.along[:, 0], d * self.along[:, 1])
         height = z - _source(grid, offset)[:, None]
         h = np.empty(r.shape)
@@ -248,7 +256,8 @@ def _source(grid: CellGrid, offset: Array) -> Array:
     """z in m of the middle of the first heated part, shape (n,), at parameters middle + ``offset`` (n, p)."""
     part = next(part for part in grid.box.base.parts if part.heated)
     positions = grid.z.at(offset)
-    low, high = (int(np.abs(grid.z.base - z).argmin()) for z in (part.bottom, part.top))
+    low = int(np.abs(grid.z.base - part.bottom).argmin())
+    high = int(np.abs(grid.z.base - part.top).argmin())
     return np.asarray((positions[:, low] + positions[:, high]) / 2)
 
 
@@ -269,7 +278,8 @@ def surface_points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[Surf
         return None
     found, traces = zip(*pairs, strict=True)
     arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
-    series, material = ([x for one in found for x in getattr(one, name)] for name in ("series", "material"))
+    series = [x for one in found for x in one.series]
+    material = [x for one in found for x in one.material]
     return SurfacePoints(**arrays, series=series, material=material), vstack(traces).tocsr()
 
 

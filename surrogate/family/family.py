@@ -247,7 +247,8 @@ class Family:
         modal = self.modal_derivative(row, (a, b))
         t = None if times is None else step_times(times)
         f = None if frequencies is None else checks.array("frequencies", frequencies)
-        step, impedance = None if t is None else modal.step_response(t), None if f is None else modal.impedance(f)
+        step = None if t is None else modal.step_response(t)
+        impedance = None if f is None else modal.impedance(f)
         parameters = list(zip(self.names, row.tolist(), self.box.units, strict=True))
         data = dataset_of(parameters, (modal.resistance(), step, impedance), t, f)
         return data.assign_attrs(heated=self.ports[a], read=self.ports[b])
@@ -277,11 +278,15 @@ class Family:
         row = np.where(contact, np.maximum(row, 1e-11), row)
         small = self.members.member(row)
         rate, v = eigh(small.K, small.M, check_finite=False)
-        K, M, heating, reading = [], [], [], []
+        K = []
+        M = []
+        heating = []
+        reading = []
         for k, h in enumerate(STEP * np.where(contact, row, self.box.high - self.box.low)):
             shift = np.zeros_like(row)
             shift[k] = h
-            up, down = self.members.member(row + shift), self.members.member(row - shift)
+            up = self.members.member(row + shift)
+            down = self.members.member(row - shift)
             K.append(v.T @ ((up.K - down.K) / (2 * h)) @ v)
             M.append(v.T @ ((up.M - down.M) / (2 * h)) @ v)
             ports = (up.ports - down.ports) / (2 * h) @ v

@@ -48,7 +48,8 @@ def save(family: Family, path: str | Path) -> Path:
         mesh, moved = family.members.moved.mesh, family.members.moved
         more = {"regions": mesh.region_names, "accuracy": moved.accuracy}
         own = {"points": mesh.points, "triangles": mesh.triangles, "region": mesh.region, "basis": family.members.basis}
-    content, arrays = content | more, arrays | own
+    content = content | more
+    arrays = arrays | own
     if maps is not None:
         content["output_maps"] = {"power": maps.power, "error": maps.error}
         arrays |= {"map_shares": maps.shares, "map_coefficients": maps.coefficients}
@@ -95,8 +96,11 @@ def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
 
 
 def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:
-    box, error, maps = _box(content["campaign"], a), content["error"], content.get("output_maps")
-    inputs, outputs = (check_names(kind, content[kind]) for kind in ("inputs", "outputs"))
+    box = _box(content["campaign"], a)
+    error = content["error"]
+    maps = content.get("output_maps")
+    inputs = check_names("inputs", content["inputs"])
+    outputs = check_names("outputs", content["outputs"])
     if content["engine"].startswith("affine"):
         members: AffineMembers | MovedMeshMembers = _lines(content, a, box)
     else:
@@ -136,14 +140,16 @@ def _box(stored: dict[str, Any], a: dict[str, Array]) -> Box:
 
 
 def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
-    r, z = (Axis(a[f"{name}_base"], a[f"{name}_slope"]) for name in "rz")
+    r = Axis(a[f"{'r'}_base"], a[f"{'r'}_slope"])
+    z = Axis(a[f"{'z'}_base"], a[f"{'z'}_slope"])
     grid = CellGrid(box, r, z, a["left"], a["lower"], content["owner"])
     surface = None
     if "surface" in content:
         series = [tuple(one) for one in content["surface"]["series"]]
         fields = {name: a[f"surface_{name}"] for name in ARRAYS}
         surface = SampledWeights(SurfacePoints(**fields, **{**content["surface"], "series": series}), a["modes"])
-    stiffness, capacity = ((a[f"{name}_kind"], a[f"{name}_ratio"]) for name in ("stiffness", "capacity"))
+    stiffness = (a[f"{'stiffness'}_kind"], a[f"{'stiffness'}_ratio"])
+    capacity = (a[f"{'capacity'}_kind"], a[f"{'capacity'}_ratio"])
     n = a["ports"].shape[-1]
     i, j = np.triu_indices(n)
     square = {name: np.zeros((len(a[name]), n, n)) for name in ("K", "M")}

@@ -140,13 +140,15 @@ class OutputMaps:
     def slopes(self, box: Box, row: Array) -> Array:
         """Derivatives of a with respect to the parameters at ``row`` (SI), shape (p,)."""
         step = 1e-4 * (box.high - box.low)  # 1e-4 of a range: half the width of the differences of a
-        up, down = (self._curve(box.share(np.clip(row + sign * np.diag(step), box.low, box.high))) for sign in (1, -1))
+        up = self._curve(box.share(np.clip(row + 1 * np.diag(step), box.low, box.high)))
+        down = self._curve(box.share(np.clip(row + -1 * np.diag(step), box.low, box.high)))
         width = np.minimum(row + step, box.high) - np.maximum(row - step, box.low)
         return np.asarray((up - down) / width)
 
     def on(self, linear: Foster, share: Array) -> OutputMap:
         """Output map of the member at fractions ``share`` of the ranges, over its model ``linear`` at small power."""
-        a, z = self.coefficient(share), linear.thermal_resistance * self.power
+        a = self.coefficient(share)
+        z = linear.thermal_resistance * self.power
         return OutputMap(linear, a, largest_rise=float(z + a * z * z))
 
 
@@ -284,7 +286,9 @@ class OpticalNumbers:
     def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
         """The polynomials that `content` gave as JSON fields and arrays."""
         names = checks.check_names("optics", words["names"])
-        powers, coefficients, errors = (arrays[f"optics_{name}"] for name in ("powers", "coefficients", "errors"))
+        powers = arrays[f"optics_{'powers'}"]
+        coefficients = arrays[f"optics_{'coefficients'}"]
+        errors = arrays[f"optics_{'errors'}"]
         checks.shape("optics: coefficients", coefficients, (len(powers), len(names)))
         checks.shape("optics: errors", errors, (len(names),))
         return cls(names, powers, coefficients, errors, checks.integer("solved", words["solved"], 1, np.inf))
@@ -300,11 +304,13 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
     powers = total_degree(box.size, MOST_TERMS)
     rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
     test = box.draw(LEFT_OUT, seed, unseen=True)
-    every, base = np.vstack([rows, test]), box.base.to_toml()
+    every = np.vstack([rows, test])
+    base = box.base.to_toml()
     tasks = [(base, box.geometry(row).to_toml()) for row in every]
     found = solver(numbers_of, tasks, every)
     made = [one if isinstance(one, dict) else None for one in found]
-    missing, reason = made.count(None), next((one for one in found[::-1] if isinstance(one, str)), "")
+    missing = made.count(None)
+    reason = next((one for one in found[::-1] if isinstance(one, str)), "")
     if missing > len(made) / 4:
         raise checks.InputError(f"{missing} of {len(made)} members are no rings; the last one said: {reason}")
     if missing:

@@ -80,5 +80,6 @@ class MovedMeshMembers:
 def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> MemberMatrices:
     """Project a member, given by its heat problem, on the functions V, shape (unknowns, N)."""
     d = heat.discretization
-    K, M = (V.T @ (matrix @ V) for matrix in (d.K, d.E))
+    K = V.T @ (d.K @ V)
+    M = V.T @ (d.E @ V)
     return MemberMatrices((K + K.T) / 2, (M + M.T) / 2, np.array([d.means[name][d.free] @ V for name in ports]))

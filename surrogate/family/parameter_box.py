@@ -102,7 +102,8 @@ class Box:
 
     def at(self, share: Array) -> Array:
         """Parameters (SI) at fractions 0 to 1 of their ranges, shape (..., p)."""
-        low, high = self._spacing(self.low), self._spacing(self.high)
+        low = self._spacing(self.low)
+        high = self._spacing(self.high)
         x = low + share * (high - low)
         return np.asarray(np.exp(x, out=x, where=self.logarithmic))
 
@@ -113,7 +114,8 @@ class Box:
 
         rows [shape (..., p), SI]: parameters x; the result has the same shape.
         """
-        low, high = self._spacing(self.low), self._spacing(self.high)
+        low = self._spacing(self.low)
+        high = self._spacing(self.high)
         return np.asarray((self._spacing(rows) - low) / (high - low))
 
     def slope(self, share: Array) -> Array:
@@ -184,7 +186,8 @@ class Box:
         ambient = np.full(count, base.ambient)
         for column, middle, variation in zip(rows.T, self.middle, self.campaign.variations, strict=True):
             for path in variation.paths:
-                surface, (kind, _, rest) = path.rpartition(".")[0], path.partition(".")
+                surface = path.rpartition(".")[0]
+                kind, _, rest = path.partition(".")
                 if path == "ambient":
                     ambient = column
                 elif kind == "material":
@@ -196,7 +199,9 @@ class Box:
                 elif kind == "boundary":
                     resistance[surface] = 1 / Boundary.KINDS[path.rpartition(".")[2]].exchange(column)
         made = {name: _material(material, given[name], ambient) for name, material in self.materials.items()}
-        k_r, k_z, capacity = ({name: one[k] for name, one in made.items()} for k in range(3))
+        k_r = {name: one[0] for name, one in made.items()}
+        k_z = {name: one[1] for name, one in made.items()}
+        capacity = {name: one[2] for name, one in made.items()}
         return Properties(k_r, k_z, capacity, resistance)
 
 

@@ -159,10 +159,12 @@ def train_family(
     tolerance = checks.between(
         "tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member"
     )
-    held_out, seed = checks.integer("held_out", held_out, 1, 1000), checks.seed(seed)
+    held_out = checks.integer("held_out", held_out, 1, 1000)
+    seed = checks.seed(seed)
     box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
     inputs, outputs = _channels(box)
-    ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
+    ports = tuple(dict.fromkeys((*inputs, *outputs)))
+    heated = len(inputs)
     key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"
     store = None if folder is None else Store(checks.path("folder", folder), ".npz")
     solver = Solver(key, executor, store)

@@ -71,11 +71,13 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
 
     Source of the form: Borghi et al., Opt. Express 29, 4363 (2021), Section 5, C_s exp(-t/tau_s) + C_f exp(-t/tau_f).
     """
-    t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
+    t = checks.array("times", times, increasing=True)
+    y = checks.array("rise", rise, most=np.inf)
     order = checks.integer("order", order, 1, 5)
     checks.shape("rise", y, t.shape)
     checks.enough("rise", t.size, 2 * order + 1)
-    span, size = np.ptp(t), float(np.abs(y).max()) or 1.0
+    span = np.ptp(t)
+    size = float(np.abs(y).max()) or 1.0
     hint = "0 is the end of the power: subtract that moment"
     checks.between("times[0]", t[0], -LATEST * span, LATEST * span, unit="s", hint=hint)
     y = y / size  # SciPy's tolerance of the gradient is absolute
@@ -152,7 +154,8 @@ def fit_spectrum(
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True)
     problem = training.problem
     shortest, longest = problem.span
-    low, high = shortest / MARGIN, longest * (MARGIN if problem.thermal_resistance is not None else 1)
+    low = shortest / MARGIN
+    high = longest * (MARGIN if problem.thermal_resistance is not None else 1)
     tau = np.geomspace(low, high, int(np.ceil(per_decade * np.log10(high / low))) + 1)
     phi = problem.columns(-np.log(tau))
     gain = problem.gains(phi)

@@ -108,7 +108,8 @@ def fit_second_order(
     training = Training.of(data, transfer=transfer)
     found = training.search(2, method)
     (slow, fast), (g_s, g_f) = np.exp(found.log_rate), found.gain
-    c_f, c_s = g_f * heat_capacity, g_s * heat_capacity
+    c_f = g_f * heat_capacity
+    c_s = g_s * heat_capacity
     poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow], **training.parts)
     parameters = parameters_of(poles, heat_capacity)
     if min(c_f, c_s) < 0 and not training.transfer:
@@ -186,7 +187,9 @@ def fit_foster(
     kept = found.gain != 0 if training.transfer else found.gain > 0
     rate, gain = np.exp(found.log_rate), found.gain
     fastest_first = np.flatnonzero(kept)[::-1]
-    R, tau, n = gain / rate, 1 / rate, rate.size
+    R = gain / rate
+    tau = 1 / rate
+    n = rate.size
     jacobian = np.block([[-np.diag(R), np.diag(1 / rate)], [-np.diag(tau), np.zeros((n, n))]])
     numbers = range(1, fastest_first.size + 1)
     names = [*(f"R_{k}" for k in numbers), *(f"tau_{k}" for k in numbers)]
@@ -208,7 +211,8 @@ def _smallest_order(training: Training) -> int:
         unseen = np.any(found.gain == 0) or found.deviation.max() > UNSEEN or tau.max() > OUTSIDE * longest
         if order > 1 and (unseen or tau.min() < shortest / OUTSIDE):
             return order - 1
-        misfit, n = max(found.relative_residual, ROUND_OFF), max(found.independent, math.e)
+        misfit = max(found.relative_residual, ROUND_OFF)
+        n = max(found.independent, math.e)
         if order > 1 and n * np.log(before / misfit) < np.log(n):
             return order - 1
         if misfit == ROUND_OFF:
@@ -250,7 +254,8 @@ class Training:
         elif impose:
             thermal_resistance = common([d.thermal_resistance for d in responses])
         geometry = common([d.attrs.get("geometry") for d in datasets])
-        heated, read = (common([d.attrs.get(name) for d in datasets]) for name in ("heated", "read"))
+        heated = common([d.attrs.get("heated") for d in datasets])
+        read = common([d.attrs.get("read") for d in datasets])
         known = bool(heated and read)
         apart = known and heated != read
         transfer = apart if transfer is None else checks.flag("transfer", transfer)

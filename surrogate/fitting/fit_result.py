@@ -124,7 +124,8 @@ def starts(found: Optimum) -> list[str]:
     """Sentences on the start of the heating of measured traces where it was fitted with the poles."""
     notes = []
     for shift, error in zip(found.shift, found.shift_error, strict=True):
-        size, side = quantity.rounded(abs(shift), "s", 2), "later" if shift > 0 else "earlier"
+        size = quantity.rounded(abs(shift), "s", 2)
+        side = "later" if shift > 0 else "earlier"
         if error == np.inf:
             notes.append(f"the heating begins {size} {side} than the trace shows, or more: take more poles")
         elif error > 0:
@@ -147,7 +148,8 @@ def other_gain(model: Foster, stated: float | None) -> list[str]:
     # 0.1: relative difference of thermal resistances that is reported
     if stated is None or abs(model.thermal_resistance - stated) <= 0.1 * abs(stated):
         return []
-    own, true = (quantity.rounded(R, "K/W") for R in (model.thermal_resistance, stated))
+    own = quantity.rounded(model.thermal_resistance, "K/W")
+    true = quantity.rounded(stated, "K/W")
     return [f"R_th is {own} where the data state {true}: the model holds for heating like its training, not at rest"]
 
 
@@ -156,7 +158,8 @@ def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
 
     shares [shape (n,), unit]: R of every pole, or its amplitude.
     """
-    largest, total = float(np.abs(shares).max()), abs(float(np.sum(shares)))
+    largest = float(np.abs(shares).max())
+    total = abs(float(np.sum(shares)))
     if largest <= 100.0 * total:  # 100.0: R of a pole over R_th from which poles of opposite sign count as one
         return []
     return [
@@ -172,7 +175,8 @@ def undetermined(found: Optimum, span: tuple[float, float], jacobian: Array) -> 
     jacobian [shape (parameters, 2n)]: derivatives of the parameters with respect to (log_rate, gain).
     """
     tau, n = np.exp(-found.log_rate), found.gain.size
-    slow, fast = tau > OUTSIDE * span[1], tau < span[0] / OUTSIDE
+    slow = tau > OUTSIDE * span[1]
+    fast = tau < span[0] / OUTSIDE
     along = np.vstack([np.eye(n), np.diag(np.where(fast, found.gain, 0.0))])[:, (slow | fast) & (found.gain != 0)]
     return np.asarray((np.abs(jacobian @ along) > 1e-9 * (np.abs(jacobian) @ np.abs(along))).any(axis=1))
 

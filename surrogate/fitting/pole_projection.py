@@ -313,7 +313,8 @@ def _starts(problem: FitProblem, order: int) -> list[Array]:
     if order <= 3:  # 3: up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
         grid = np.log(np.geomspace(0.3 / longest, 0.3 / shortest, 14))
         return [grid[_best_columns(problem.columns(grid), problem.target, order)]]
-    slow, fast = np.log(1 / longest), np.log(1 / shortest)
+    slow = np.log(1 / longest)
+    fast = np.log(1 / shortest)
     spans = [(0.0, 0.0), (0.2, 0.2)]
     return [np.linspace(slow + a * (fast - slow), fast - b * (fast - slow), order) for a, b in spans]
 
@@ -322,7 +323,8 @@ def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
     """Indices of the ``count`` columns that together fit the target best, by trying all sets."""
     gram = columns.T @ columns
     norm = np.sqrt(gram.diagonal())
-    gram, right = gram / np.outer(norm, norm), columns.T @ target / norm
+    gram = gram / np.outer(norm, norm)
+    right = columns.T @ target / norm
 
     def explained(pick: list[int]) -> float:
         return float(right[pick] @ np.linalg.lstsq(gram[np.ix_(pick, pick)], right[pick], rcond=1e-12)[0])
@@ -332,7 +334,8 @@ def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
 
 def _conclude(problem: FitProblem, end: Array) -> Optimum:
     """The `Optimum` at the unknowns ``end`` of a search: gains, covariance and residuals."""
-    shift, free = _shift(problem, end), np.flatnonzero(problem.within)
+    shift = _shift(problem, end)
+    free = np.flatnonzero(problem.within)
     n = end.size - free.size
     log_rate = np.sort(end[:n])
     end = np.append(log_rate, end[n:])
@@ -373,7 +376,8 @@ def _offset(response: Response, log_rate: Array, gain: Array, shift: float, cova
     rows = response.times.size + response.rest_rows
     if not np.isfinite(rows):
         return 0.0, 0.0
-    mean, other = (_late_responses(response, np.exp(log_rate + by), shift).sum(axis=0) / rows for by in (0.0, STEP))
+    mean = _late_responses(response, np.exp(log_rate + 0.0), shift).sum(axis=0) / rows
+    other = _late_responses(response, np.exp(log_rate + STEP), shift).sum(axis=0) / rows
     level = float(response.rise.sum() / rows - mean @ gain)
     slope = np.concatenate([(other - mean) / STEP * gain, mean])
     left = response.rise - _late_responses(response, np.exp(log_rate), shift) @ gain - level

@@ -150,7 +150,8 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
     n, step, hint = gains.size, float(probed.times[1] - probed.times[0]), "from one sample to a third of the data"
     given = WINDOW * step if window is None else window
     half = checks.between("window", given, step * (1 - 1e-9), float(probed.times[-1]) / 3, unit="s", hint=hint)
-    power, time = float(probed.rise[:, 0].max()) / gains[0], UNIT * step  # W, s
+    power = float(probed.rise[:, 0].max()) / gains[0]
+    time = UNIT * step  # W, s
     rise = gains * power  # K, of each probe
     # rows of [A, b], one equation after the other: every row sums to zero at rest, and power enters the core only
     at_rest = np.kron(np.eye(n), np.ones(n + 1))
@@ -166,7 +167,9 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
         tol=1e-12,
     )
     terms = pysindy.PolynomialLibrary(degree=1, include_bias=False)
-    states, u, times = probed.rise / rise, probed.wave(probed.times)[:, None] / power, probed.times / time
+    states = probed.rise / rise
+    u = probed.wave(probed.times)[:, None] / power
+    times = probed.times / time
     before = np.random.get_state()  # noqa: NPY002 - pysindy draws the places of its test functions from the global state
     np.random.seed(0)  # noqa: NPY002
     try:

@@ -107,7 +107,8 @@ def train_all(
         quadratic = reduce_quadratic(model, hot)
         reference, error = quadratic.model, quadratic.static_error
         makers["output map"] = lambda: output_map(model, hot)
-    models, refused = {}, {}
+    models = {}
+    refused = {}
     for name in makers if names is None else checks.instances("names", names, str):
         make = makers[checks.choice("names", name, makers)]
         try:
@@ -121,7 +122,8 @@ def training_data(
     exact: Foster, power: float, duty: float, channel: Mapping[str, str] | None = None
 ) -> tuple[Any, Any]:
     """Training data of a precise model: one period of a 1 us square wave, and a step from 1 ns until it has settled."""
-    square, constant = SquareWave(power, 1e-6, duty), Constant(power)
+    square = SquareWave(power, 1e-6, duty)
+    constant = Constant(power)
     times, build = waveforms.period_times(square, SAMPLES), dataset.build
     periodic = build(times, exact.periodic_response(square, SAMPLES), square, periodic=True, attributes=channel)
     times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
@@ -152,10 +154,12 @@ def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list
     From a certified reduction with all of them as outputs, in closed form, sampled every 2 ns for 40 us.
     """
     probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
-    probed, read = assemble(replace(heat.geometry, probes=probes), heat.accuracy), (part, *(p.name for p in probes))
+    probed = assemble(replace(heat.geometry, probes=probes), heat.accuracy)
+    read = (part, *(p.name for p in probes))
     fine = reduce(probed.channels(part, read), 1e-5).model
     parts = [foster(fine.channel(part, name)) for name in read]  # type: ignore[union-attr]  # several outputs
-    times, wave = np.arange(20_000) * 2e-9, Telegraph(power, dwell=5e-7, duration=4e-5, seed=1)
+    times = np.arange(20_000) * 2e-9
+    wave = Telegraph(power, dwell=5e-7, duration=4e-5, seed=1)
     rises = np.stack([p.response(wave, times) for p in parts], axis=1)
     return dataset.build(times, rises, wave, read=read), [p.thermal_resistance for p in parts]
 
@@ -192,7 +196,9 @@ def judge(
     watts = checks.array("powers", powers, increasing=True)
     checks.unique("powers", watts.tolist())
     shape = (len(models), watts.size, periods.size)
-    error, swing, ends = np.empty(shape), np.empty(shape), np.empty((*shape[:2], 2))
+    error = np.empty(shape)
+    swing = np.empty(shape)
+    ends = np.empty((*shape[:2], 2))
     for j, power in enumerate(watts):
         exact = swings(reference, periods, float(power), duty)
         for i, model in enumerate(models.values()):
@@ -278,7 +284,8 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     needed = ("model", "power", "period", "states", "period_error")
     judged = contents("judged", judged, needed, what="a Dataset of surrogate.judge")
     lines = []
-    low, high = float(judged["period"][0]), float(judged["period"][-1])
+    low = float(judged["period"][0])
+    high = float(judged["period"][-1])
     for power in judged["power"].values:
         here = judged.sel(power=power)
         worst = abs(here["period_error"]).max("period")

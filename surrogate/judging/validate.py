@@ -74,7 +74,8 @@ def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float,
     """`period_error` for given swings in K of the reference at the periods."""
     look = swing_over_period(model, periods, power, duty)
     found = np.array([period_of(look, s, t) for s, t in zip(swing, periods, strict=True)])
-    error, own = periods - found, np.array([look(t) for t in periods])
+    error = periods - found
+    own = np.array([look(t) for t in periods])
     variables = {
         "period_model": ("period", found, {"units": "s", "long_name": "period at which the model has the swing"}),
         "error": ("period", error, {"units": "s", "long_name": "period error"}),
@@ -142,7 +143,8 @@ def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Ca
     def exact(log_period: float) -> float:
         return _swing(model, SquareWave(power, float(np.exp(log_period)), duty))
 
-    low, high = np.log(periods[0] / 2), np.log(periods[-1] * 2)
+    low = np.log(periods[0] / 2)
+    high = np.log(periods[-1] * 2)
     # 1.25: between the periods of a `_table`: interpolation leaves 1e-5 of the swing (measured)
     nodes = np.linspace(low, high, 1 + int(np.ceil((high - low) / np.log(1.25))))
     spline = CubicSpline(nodes, np.log([exact(node) for node in nodes]))
@@ -164,7 +166,8 @@ def _swing(model: ThermalModel, wave: SquareWave) -> float:
     if isinstance(poles, Foster | Network | Cauer) or (isinstance(poles, StateSpace) and poles.order <= 200):
         poles = poles.dynamics
     if isinstance(poles, Foster) and poles.passive:
-        on, off = (-share * wave.period / np.asarray(poles.tau) for share in (wave.duty, 1 - wave.duty))
+        on = -wave.duty * wave.period / np.asarray(poles.tau)
+        off = -(1 - wave.duty) * wave.period / np.asarray(poles.tau)
         return float(-wave.power * np.asarray(poles.R) @ (np.expm1(on) * np.expm1(off) / np.expm1(on + off)))
     linear = poles.dynamics.linear if isinstance(poles, OutputMap) else poles
     if isinstance(linear, Foster) and not linear.passive:
@@ -172,7 +175,8 @@ def _swing(model: ThermalModel, wave: SquareWave) -> float:
         rise = pole_responses(1 / tau, wave, _after_edges(wave, tau), periodic=True) @ linear.gain
         return float(np.ptp(poles.of(rise) if isinstance(poles, OutputMap) else rise))
     if isinstance(poles, Quadratic) and not np.array_equal(poles.A, poles.A.T):  # no reduction of a FEM
-        start, tau = poles.periodic_states(wave, SAMPLES)[0], -1 / np.linalg.eigvals(poles.A).real
+        start = poles.periodic_states(wave, SAMPLES)[0]
+        tau = -1 / np.linalg.eigvals(poles.A).real
         return float(np.ptp(poles.states(wave, _after_edges(wave, tau), initial=start) @ poles.C))
     return float(np.ptp(model.periodic_response(wave, SAMPLES)))
 
@@ -194,9 +198,13 @@ def period_of(look: Callable[[float], float], swing: float, near: float) -> floa
 
     inner = outer = float(np.log(near))
     # 1e4: a period this many times longer or shorter than the reference's counts as never reached
-    step, farthest, side = np.log(1.5), np.log(1e4), -1.0 if excess(inner) > 0 else 1.0
+    step = np.log(1.5)
+    farthest = np.log(1e4)
+    side = -1.0 if excess(inner) > 0 else 1.0
     while side * excess(outer) < 0:
-        inner, outer, step = outer, outer + side * step, 1.5 * step
+        inner = outer
+        outer = outer + side * step
+        step = 1.5 * step
         if abs(outer - np.log(near)) > farthest:
             return float("inf") if side > 0 else 0.0
     return float(np.exp(brentq(excess, inner, outer, xtol=1e-10))) if inner != outer else near
@@ -221,7 +229,8 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> list[tuple[float, 
         raise checks.InputError("curve.relative_error needs one number for each period; pick one model of several")
     y = np.abs(error.values.ravel())
     good = np.concatenate([[False], y <= within, [False]])
-    first, last = np.flatnonzero(~good[:-1] & good[1:]), np.flatnonzero(good[:-1] & ~good[1:]) - 1
+    first = np.flatnonzero(~good[:-1] & good[1:])
+    last = np.flatnonzero(good[:-1] & ~good[1:]) - 1
 
     def crossing(inside: int, outside: int) -> float:
         if not (0 <= outside < x.size and np.isfinite(y[outside])):
@@ -244,7 +253,8 @@ def widest_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, floa
 
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
     """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us (trained at 1 us) and from 3 to 4.1 us'."""
-    at, percent = curve.attrs.get("training_period"), 100 * float(within)
+    at = curve.attrs.get("training_period")
+    percent = 100 * float(within)
     trained = "" if at is None else f" (trained at {at * 1e6:.3g} us)"
     words = []
     for low, high in valid_range(curve, within=within):
@@ -309,7 +319,8 @@ def compare(
     variables["states"] = ("model", states, {"units": "1", "long_name": "number of states"})
     periods = checks.array("periods", periods, increasing=True, empty=True)
     if periods.size:
-        power, duty = max(map(_largest, drives)), 1 / 3
+        power = max(map(_largest, drives))
+        duty = 1 / 3
         swing = swings(reference, periods, power, duty)
         words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]
         variables["validity"] = ("model", words, {"long_name": "range of validity on the period"})

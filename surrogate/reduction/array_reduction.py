@@ -199,7 +199,8 @@ class Sources:
 
 def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
     """Reduce the heat fields of rings of kind ``g``, as every ring reads them at its distance ``apart`` [(N, N), m]."""
-    row, readers = np.zeros(apart.shape, dtype=np.intp), []
+    row = np.zeros(apart.shape, dtype=np.intp)
+    readers = []
     known: dict[tuple[int, int], int] = {}
     for i, j in zip(*np.nonzero(~np.eye(len(apart), dtype=bool)), strict=True):
         if g not in (rings.of[i], rings.of[j]):
@@ -222,10 +223,14 @@ def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tole
 
 def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
     """The model in which all rings read all sources; bound and number of poles of each channel, shape (N, inputs)."""
-    n, kinds = len(rings.of), ("ring", *heaters)
+    n = len(rings.of)
+    kinds = ("ring", *heaters)
     names = [f"{kind} {j + 1}" for kind in kinds for j in range(n)]
-    bounds, poles = np.zeros((n, len(names))), np.zeros((n, len(names)), dtype=np.int64)
-    rates, inputs, outputs = [], [], []
+    bounds = np.zeros((n, len(names)))
+    poles = np.zeros((n, len(names)), dtype=np.int64)
+    rates = []
+    inputs = []
+    outputs = []
     for column, (m, j) in enumerate(np.ndindex(len(kinds), n)):
         for g, source in enumerate(sources):
             # between rings of two kinds half of each source; heater and core are no pair that could be exchanged
@@ -242,7 +247,8 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
             outputs.append(share[:, None] * pair.read[rows])
             bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
             poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
-    rate, B = np.concatenate(rates), np.vstack(inputs)
+    rate = np.concatenate(rates)
+    B = np.vstack(inputs)
     outs = tuple(f"ring {i + 1}" for i in range(n))
     E, A = np.ones(rate.size), -rate
     full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")

@@ -93,7 +93,8 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     """
     fine = project(system, tolerance)
     check_single(system)
-    heated, read = int(fine.heated[0]), int(fine.read[0])
+    heated = int(fine.heated[0])
+    read = int(fine.read[0])
     rate, F = fine.projection.rate, fine.projection.ports
     order = checks.integer("order", order, 1, rate.size, hint="a smaller tolerance gives more to choose from")
     own = fine.projection.gain.diagonal()
@@ -106,7 +107,8 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     lost = abs(static - float(R.sum()))
     if lost > 0.5 * abs(static):
         raise checks.InputError(f"order = {order} keeps {R.sum() / static:.0%} of the static gain; take more poles")
-    tail, certificate = 2 * float(sigma[order:].sum()), float(fine.certificate.top.max())
+    tail = 2 * float(sigma[order:].sum())
+    certificate = float(fine.certificate.top.max())
     alpha = static / float(R.sum())
     restoring = abs(alpha - 1) * float(np.abs(R).sum())  # between two parts R_i of either sign: |H_r| may exceed H_r(0)
     model = Foster(

@@ -174,7 +174,8 @@ def leftover(projection: Projection, defect: Array, weight: Array) -> float:
 
 def _frequencies(projection: Projection, shifts: Array, per_decade: int) -> Array:
     """Angular frequencies in rad/s at which the bound is sampled, shape (m,)."""
-    low, high = projection.rate[0] / BEYOND, max(projection.rate[-1], *shifts) * BEYOND
+    low = projection.rate[0] / BEYOND
+    high = max(projection.rate[-1], *shifts) * BEYOND
     return np.geomspace(low, high, int(np.ceil(np.log10(high / low) * per_decade)))
 
 
@@ -205,7 +206,8 @@ def _certificate(projection: Projection, omega: Array, bounds: Array, pairs: tup
 
 def _rho(omega: Array, s: float, t: float) -> Array:
     """rho_jl of shifts s, t: least sqrt(lambda^2 + w^2)/sqrt((lambda + s)(lambda + t)), lambda >= 0; shape (m,)."""
-    c, d = s * t / omega**2, (s + t) / omega
+    c = s * t / omega**2
+    d = (s + t) / omega
     return np.asarray(np.sqrt(2 / (1 + c + np.hypot(1 - c, d))))
 
 
@@ -343,9 +345,13 @@ def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> t
     """
     slowest, fastest = projection.rate[0], float(np.max(krylov.slopes(M, ports) / projection.gain.diagonal()))
     if tolerance >= 1e-4:
-        count, low, high = 2, max(20.0, 40 * (1e-4 / tolerance) ** 0.22) * slowest, 2.5 * tolerance**-0.3 * fastest
+        count = 2
+        low = max(20.0, 40 * (1e-4 / tolerance) ** 0.22) * slowest
+        high = 2.5 * tolerance**-0.3 * fastest
     else:
-        count, low, high = 3, 18 * slowest, 1.1 * tolerance**-0.5 * fastest
+        count = 3
+        low = 18 * slowest
+        high = 1.1 * tolerance**-0.5 * fastest
     low = min(low, high / 10)
     # 200.0: between two shifts: beyond, the bound in their middle is three times the error (measured)
     between = [np.sqrt(low * high)] if count == 2 and high > 200.0 * low else []

@@ -181,7 +181,8 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
         a system that is linear or has several channels, a power without a steady state.
     """
     power = check_nonlinear(system, power)
-    full, half = system.steady_state(power), system.steady_state(power / 2)
+    full = system.steady_state(power)
+    half = system.steady_state(power / 2)
     rom = reduce(system.linear, tolerance)
     fields = [rom.basis, full]
     if not system.content.laws:
@@ -216,19 +217,26 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
     """The model of the module's docstring from modes and steady fields, the one at full power first."""
     n, linear = rate.size, system.linear
     full = steady[0][0]
-    b, c = V.T @ linear.B[:, 0], V.T @ linear.C[0]
-    z, y = V.T @ (linear.E @ full), float(linear.C[0] @ full)
-    Q, m = _flow_terms(system, V, full), _content_terms(system, V, full)
+    b = V.T @ linear.B[:, 0]
+    c = V.T @ linear.C[0]
+    z = V.T @ (linear.E @ full)
+    y = float(linear.C[0] @ full)
+    Q = _flow_terms(system, V, full)
+    m = _content_terms(system, V, full)
     slope = V.T @ (system.flow.jacobian(full) @ V)
     N = (np.diag(rate) + 2 * Q @ z - slope) / y
     inflow = m * rate
-    A, B, C = np.diag(np.append(-rate, -rate[-1])), np.append(b, 0), np.append(c, 0)
-    H, G = np.zeros((n + 1, n + 1, n + 1)), np.zeros((n + 1, n + 1))
+    A = np.diag(np.append(-rate, -rate[-1]))
+    B = np.append(b, 0)
+    C = np.append(c, 0)
+    H = np.zeros((n + 1, n + 1, n + 1))
+    G = np.zeros((n + 1, n + 1))
     H[:n, :n, :n] = (inflow + inflow.transpose(0, 2, 1)) / 2 - Q
     H[:n, :n, :n] += np.einsum("ijk,j,klm->ilm", m, z / 2, Q, optimize=True)
     G[:n, :n] = -(m @ b)
     H[n, :n, :n] = np.outer(c, c) * (rate[-1] / y)
-    missing, terms = [], []
+    missing = []
+    terms = []
     for x, power in steady:
         rise = float(linear.C[0] @ x)
         state = np.append(V.T @ (linear.E @ x), rise**2 / y)

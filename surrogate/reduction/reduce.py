@@ -233,7 +233,8 @@ def _model(
 
 def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     """K, M, the distinct columns of [B, C^T], and the index of the column of each input and each output."""
-    K, M = -csr_matrix(system.A), csr_matrix(system.E)
+    K = -csr_matrix(system.A)
+    M = csr_matrix(system.E)
     check_symmetric(E=M, A=K, hint="this reduction and its bound need the matrices of heat flow")
     ports: list[Array] = []
     where: list[int] = []
@@ -278,7 +279,8 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     checks.instance("reduction.model", model, Foster, hint="reduce one channel, heat.channels(heated, read)")
     heated, read = model.inputs[0], model.outputs[0]
     d = heat.discretization
-    b, c = (d.means[name][d.free] for name in (heated, read))
+    b = d.means[heated][d.free]
+    c = d.means[read][d.free]
     V = reduction.basis / np.sqrt(np.einsum("nk,nk->k", reduction.basis, d.E @ reduction.basis))
     rate = 1 / np.asarray(model.tau)
     own = V.T @ (-heat.channels(heated, read).A @ V) / np.sqrt(np.outer(rate, rate))

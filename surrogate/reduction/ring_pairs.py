@@ -206,7 +206,9 @@ def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance:
 
 def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Array:
     """Real and imaginary parts of the field of the heated ring at ``count`` frequencies, columns of length 1."""
-    E, A, b = csc_matrix(system.E), csc_matrix(system.A), np.asarray(system.B[:, 0]) + 0j
+    E = csc_matrix(system.E)
+    A = csc_matrix(system.A)
+    b = np.asarray(system.B[:, 0]) + 0j
     low, high = RANGE
     fields = [
         splu(1j * w * E - A, permc_spec="MMD_AT_PLUS_A").solve(b) for w in slowest * np.geomspace(low, high, count)
@@ -259,7 +261,8 @@ def _references(
 
 def _difference(rate: Array, residue: Array, other: ChannelReference) -> float:
     """Largest difference, over frequency, of a sum of poles from a reference in K/W, with a margin between samples."""
-    low, high = min(rate[0], other.rate[0]) / 1e3, max(rate[-1], other.rate[-1]) * 1e3
+    low = min(rate[0], other.rate[0]) / 1e3
+    high = max(rate[-1], other.rate[-1]) * 1e3
     s = 1j * np.geomspace(low, high, int(np.log10(high / low) * PER_DECADE))[:, None]
     gap = (residue / (rate + s)).sum(axis=1) - (other.residue / (other.rate + s)).sum(axis=1)
     return BETWEEN * float(np.abs(gap).max())
@@ -271,7 +274,8 @@ def _bound(pairs: Pairs, k: int, reference: ChannelReference) -> float:
 
 def _without_fast_poles(pairs: Pairs, scale: Array, tolerance: float) -> Pairs:
     """Leave out the fast poles of every pair of rings that the tolerance does not need; static gains stay."""
-    read, bound = pairs.read.copy(), pairs.bound.copy()
+    read = pairs.read.copy()
+    bound = pairs.bound.copy()
     for k in range(1, len(read)):
         residue = pairs.source * pairs.read[k]
         whole = ChannelReference(pairs.rate, residue, 0.0)

@@ -132,7 +132,8 @@ def calibrate(
         return (np.concatenate([_rise(family.at(values_of(x)), d) for d in responses]) - measured) / scale
 
     def jacobian(x: Array) -> Array:
-        row, model = span.at(x), family.at(values_of(x))
+        row = span.at(x)
+        model = family.at(values_of(x))
         modal = family.modal_derivative(row, channel)
         each = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
         if isinstance(model, OutputMap) and family.output_maps is not None:  # dT = z + a z^2
@@ -146,7 +147,8 @@ def calibrate(
         least_squares(misfit, start, jacobian, bounds=(0, 1), xtol=1e-12, ftol=1e-14, gtol=1e-12) for start in starts
     ]
     best = min(ends, key=lambda end: float(end.cost))
-    x, left = np.asarray(best.x), np.asarray(best.fun)
+    x = np.asarray(best.x)
+    left = np.asarray(best.fun)
     freedom = measured.size - len(low)
     variance = 1.0 if noise is not None else float(left @ left) / freedom
     parts = np.split(left, np.cumsum([d.rise.size for d in responses])[:-1])

@@ -186,7 +186,8 @@ def _message(
     found = f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
     if active:
         found += f"; at the end of its range: {', '.join(active)}"
-    wanted, free = len(search.wanted), len(search.moving)
+    wanted = len(search.wanted)
+    free = len(search.moving)
     if reached and wanted < free:
         at = ", ".join(f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items())
         found += f"; {wanted} wanted and {free} free: one solution of many, the nearest to {at} in units of the ranges"

@@ -266,7 +266,9 @@ def search_of(
 ) -> Search:
     """Check targets, ranges and fixed values, and make the `Search`."""
     fixed = checks.mapping("fixed", fixed)
-    low, high, held = family.box.low.copy(), family.box.high.copy(), family.box.middle.copy()
+    low = family.box.low.copy()
+    high = family.box.high.copy()
+    held = family.box.middle.copy()
     for name in (*(free or {}), *fixed):
         checks.choice("parameter", name, family.names)
     checks.unique("free and fixed", [*(free or {}), *fixed], hint="a parameter is one of them")

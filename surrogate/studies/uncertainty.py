@@ -172,7 +172,8 @@ class _Study:
                     f"{' to '.join(quantities.rounded(end, unit, 6) for end in ends)}; "
                     "train one that reaches four standard deviations beyond the mean"
                 )
-        A, B = (np.clip(x, low[:, None], high[:, None]) for x in (A, B))
+        A = np.clip(A, low[:, None], high[:, None])
+        B = np.clip(B, low[:, None], high[:, None])
         return [A, B, *(np.where(np.arange(p)[:, None] == k, B, A) for k in range(p))]
 
     def values(self, x: Array) -> Any:
@@ -186,7 +187,8 @@ class _Study:
 
     def per_deviation(self) -> Array:
         """Half the change of the property from the 16 to the 84 % quantile of one parameter at a time, shape (p,)."""
-        ends, found = self.quantiles(np.tile(ONE_DEVIATION, (len(self.distributions), 1))), []
+        ends = self.quantiles(np.tile(ONE_DEVIATION, (len(self.distributions), 1)))
+        found = []
         for name, (low, high) in zip(self.distributions, ends.tolist(), strict=True):
             found.append((self.one(self.medians | {name: high}) - self.one(self.medians | {name: low})) / 2)
         return np.array(found, dtype=float)
@@ -215,7 +217,8 @@ def _indices(f: Array) -> Array:
 
 def _of_numbers(f: Array, names: list[str], attrs: dict[str, Any]) -> xr.Dataset:
     """Statistics of a scalar property with values f (p + 2, n); intervals of the Sobol indices by bootstrap."""
-    every, centred = f[:2].ravel(), _centred(f)
+    every = f[:2].ravel()
+    centred = _centred(f)
     there, rng = every[~np.isnan(every)], np.random.default_rng(0)
     n = f.shape[1]
     again = [_indices(centred[:, rng.integers(n, size=n)]) for _ in range(RESAMPLES)]

@@ -76,7 +76,8 @@ class Pencil:
         triangles = [_upper_triangle(matrix) for matrix in (E, K)]
         (place, _), (other, _) = triangles
         self._pattern = place if np.array_equal(place, other) else np.union1d(place, other)
-        self._indices, self._indptr = self._pattern % n, np.searchsorted(self._pattern, np.arange(n + 1) * n)
+        self._indices = self._pattern % n
+        self._indptr = np.searchsorted(self._pattern, np.arange(n + 1) * n)
         self._data = np.zeros((2, self._pattern.size))
         for row, (at, data) in zip(self._data, triangles, strict=True):
             row[np.searchsorted(self._pattern, at)] = data
@@ -100,7 +101,9 @@ class Pencil:
     def _release(self) -> list[Any]:
         """Drop all factors; returns the qdldl solvers, which take other values on the same sparsity pattern."""
         solvers = [*self._spare, *self._factors.values()] if self._updates else []
-        self._factors, self._shared, self._spare = {}, None, []
+        self._factors = {}
+        self._shared = None
+        self._spare = []
         return solvers
 
     @property

@@ -59,7 +59,8 @@ class Basis:
 
     def reduced(self, system: StateSpace) -> StateSpace:
         """The reduced model with the inputs and outputs of ``system``."""
-        E, A = np.eye(self.rate.size), -np.diag(self.rate)
+        E = np.eye(self.rate.size)
+        A = -np.diag(self.rate)
         return replace(system, E=E, A=A, B=self.heating, C=self.read(system.C))
 
 
@@ -78,7 +79,9 @@ class KrylovSpace:
     def __init__(self, K: Any, M: Any, B: Array, smallest: float = 1e-16) -> None:
         self.K, self.M, self.B, self.smallest = K, M, B, smallest
         self.V = self.MV = np.empty((B.shape[0], 0), order="F")
-        self.stiffness, self.inside, self.remainder = np.empty((0, 0)), np.empty((0, B.shape[1])), B
+        self.stiffness = np.empty((0, 0))
+        self.inside = np.empty((0, B.shape[1]))
+        self.remainder = B
 
     @property
     def order(self) -> int:
@@ -95,8 +98,10 @@ class KrylovSpace:
         if W.shape[1] == 0:
             return False
         KW = self.K @ W
-        across, corner = self.V.T @ KW, W.T @ KW
-        self.V, self.MV = np.hstack([self.V, W]), np.hstack([self.MV, MW])
+        across = self.V.T @ KW
+        corner = W.T @ KW
+        self.V = np.hstack([self.V, W])
+        self.MV = np.hstack([self.MV, MW])
         self.stiffness = np.block([[self.stiffness, across], [across.T, symmetric_part(corner)]])
         inside = W.T @ self.remainder
         self.inside = np.vstack([self.inside, inside])
@@ -131,7 +136,8 @@ class Rounds(KrylovSpace):
             w, _ = orthonormal(one, self.M, V, self.MV[:, :size], smallest=self.smallest)
             Kw = self.K @ w
             across = V.T @ Kw
-            V, inside = np.column_stack([V, w]), np.vstack([inside, w.T @ self.B])
+            V = np.column_stack([V, w])
+            inside = np.vstack([inside, w.T @ self.B])
             stiffness = np.block([[stiffness, across], [across.T, w.T @ Kw]])
         # slow fields come first: this triangle keeps the slow rates, and with them the heat balance, to 1e-11
         rate, rotation = np.linalg.eigh(stiffness, UPLO="U")
@@ -144,7 +150,8 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     Raises InputError: a system that is not one of heat flow: E and -A symmetric positive definite.
     """
     check_symmetric(E=system.E, A=system.A, hint=REFUSAL)
-    M, K = csr_matrix(system.E), -csr_matrix(system.A)
+    M = csr_matrix(system.E)
+    K = -csr_matrix(system.A)
     static = factorize(K)
     slow, fast = rates(system, static)
     # 4: 0, and three from 30 times the slowest to 300 times the fastest of `rates`
@@ -160,9 +167,11 @@ def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
 
     Raises InputError: a static gain, a heat content or a heat capacity that is not positive.
     """
-    B, M = np.asarray(system.B, dtype=float), csr_matrix(system.E)
+    B = np.asarray(system.B, dtype=float)
+    M = csr_matrix(system.E)
     x = np.column_stack([static(b) for b in B.T])
-    gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
+    gain = np.einsum("ij,ij->j", B, x)
+    content = np.einsum("ij,ij->j", x, M @ x)
     for name, values in (("static gain", gain), ("heat content", content)):
         checks.positive(name, values.min(), hint=REFUSAL)
     return float((gain / content).min()), float((slopes(M, B) / gain).max())
@@ -199,9 +208,11 @@ def orthonormal(
     size = np.einsum("ij,ij->j", W, MW)
     checks.positive("heat content of a field", size.min(), hint=REFUSAL)
     inside = MV.T @ W
-    W, MW = (W - V @ inside) / np.sqrt(size), (MW - MV @ inside) / np.sqrt(size)
+    W = (W - V @ inside) / np.sqrt(size)
+    MW = (MW - MV @ inside) / np.sqrt(size)
     room = W.shape[1] if most is None else min(most, W.shape[1])
-    found, heavy = (np.empty((W.shape[0], room), order="F") for _ in range(2))
+    found = np.empty((W.shape[0], room), order="F")
+    heavy = np.empty((W.shape[0], room), order="F")
     for k in range(room):
         left = np.einsum("ij,ij->j", W, MW)
         if left.max() <= MUCH:  # differences of M W know lengths no better
@@ -217,11 +228,13 @@ def orthonormal(
             w = w - V @ (MV.T @ w) - found[:, :k] @ (heavy[:, :k].T @ w)
             heavy[:, k] = M @ w
             length = np.sqrt(w @ heavy[:, k])
-            w, heavy[:, k] = w / length, heavy[:, k] / length
+            w = w / length
+            heavy[:, k] = heavy[:, k] / length
         found[:, k] = w
         if k + 1 < room:
             share = heavy[:, k] @ W
-            W, MW = W - np.outer(w, share), MW - np.outer(heavy[:, k], share)
+            W = W - np.outer(w, share)
+            MW = MW - np.outer(heavy[:, k], share)
     return found, heavy
 
 

@@ -16,7 +16,8 @@ def phi(y: Array) -> Array:
 
     Backward recursion from a series below y = 1, forward recursion above: no cancellation in either.
     """
-    small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
+    small = np.minimum(y, 1.0)
+    large = np.maximum(y, 1.0)
     out = np.empty((4, *y.shape))
     out[3] = 0.0
     for j in range(16, -1, -1):  # phi_3 = 3! sum_j (-y)^j / (j + 4)!

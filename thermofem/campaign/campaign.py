@@ -156,7 +156,8 @@ class Campaign:
         points = self._hypercube(drawn) if drawn else [[]]
         for listed in itertools.product(*(v.values for v in self.variations if v.values)):
             for point in points:
-                grid, free = iter(listed), iter(point)
+                grid = iter(listed)
+                free = iter(point)
                 yield tuple(next(grid) if v.values else next(free) for v in self.variations)
 
     def _hypercube(self, drawn: list[Variation]) -> list[list[float]]:
@@ -228,7 +229,8 @@ class Campaign:
         hint = "add a [[drive]] table (a family needs none)"
         checks.enough(f"campaign {self.name!r}", len(self.drives), 1, "drives", hint=hint)
         report = report or (lambda summary: None)
-        folder, cases = Folder(Path(directory).absolute()), self.cases()  # workers have other working folders
+        folder = Folder(Path(directory).absolute())
+        cases = self.cases()  # workers have other working folders
         with folder.opened():
             folder.write_plan(self, cases)
             there = folder.store.intact([case.key for case in cases])

@@ -61,7 +61,8 @@ class Variation:
         checks.choice(f"vary {self.name!r}: unit", self.unit, quantity.SI, hint="it is in SI")
         if self.values:
             return
-        low, high = checks.finite(f"{self.name}: from", self.low), checks.finite(f"{self.name}: to", self.high)
+        low = checks.finite(f"{self.name}: from", self.low)
+        high = checks.finite(f"{self.name}: to", self.high)
         checks.ordered(f"{self.name}: from", low, "to", high)
         if self.logarithmic:
             checks.positive(f"{self.name}: from", low, hint="the spacing is logarithmic")
@@ -166,7 +167,8 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     paths = checks.check_names(f"{where}: path", [given] if isinstance(given, str) else given)
     name = table.get("name", paths[0])
     logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
-    listed, keys = table.get("values"), {"values", "from", "to", "count"} & set(table)
+    listed = table.get("values")
+    keys = {"values", "from", "to", "count"} & set(table)
     empty = listed is not None and not (isinstance(listed, list) and listed)
     if empty or keys not in ({"values"}, {"from", "to"}, {"from", "to", "count"}):
         raise checks.InputError(f"{where}: give values = [...], or from and to, not both")
@@ -199,7 +201,8 @@ def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
 def _drive(table: dict[str, Any], k: int) -> Drive:
     where = f"drive {table.get('name', k)}"
     table = read_table(table, _DRIVE, where)
-    watts, periodic = table.get("power", 1e-3), table.get("periodic", False)
+    watts = table.get("power", 1e-3)
+    periodic = table.get("periodic", False)
     kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
     spacing = table.get("spacing", "log" if kind == "step" else "linear")
     for key, needed, other in (

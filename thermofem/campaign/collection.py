@@ -176,7 +176,9 @@ def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
         data[name] = (("case", *dims), np.array([none if row is None else row[name] for row in found]), attrs)
 
     for drive in plan["drives"]:
-        name, times, wave = drive["name"], np.array(drive["times"]), waveforms.from_json(drive["waveform"])
+        name = drive["name"]
+        times = np.array(drive["times"])
+        wave = waveforms.from_json(drive["waveform"])
         time = f"time_{name}"
         coords[time] = (time, times, describe("time"))
         data[f"power_{name}"] = (time, wave(times), {**describe("power"), "waveform": drive["waveform"]})

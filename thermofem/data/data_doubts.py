@@ -56,7 +56,8 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
     if R is None or _varies(data):
         return tuple(notes)
     pieces = wave.pieces(float(times[0]), float(times[-1]))
-    most, slack = R * bounds(pieces)[1], 10.0 * _rtol(data)  # 10 rtol: errors of the solver add up to a few rtol
+    most = R * bounds(pieces)[1]
+    slack = 10.0 * _rtol(data)  # 10 rtol: errors of the solver add up to a few rtol
     if rise.max() > most * (1 + slack) + noise:
         raise checks.InputError(
             f"delta_T reaches {rise.max():.4g} K, but thermal_resistance = {R:.5g} K/W allows {most:.4g} K at this "
@@ -64,7 +65,8 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         )
     if periodic and abs(times[-1] - times[0] - (wave.period or 0.0)) < 1e-6 * (times[-1] - times[0]):
         length = float(times[-1] - times[0])
-        mean, coarse = (float(np.trapezoid(rise[::k], times[::k])) / length for k in (1, 2))
+        mean = float(np.trapezoid(rise[::1], times[::1])) / length
+        coarse = float(np.trapezoid(rise[::2], times[::2])) / length
         sampling = abs(mean - coarse) if times.size % 2 else swing / times.size
         due = R * pieces.integral() / length
         if abs(mean - due) > slack * most + noise + 2 * sampling:
@@ -117,7 +119,8 @@ def clipping(y: Array, unit: str = "K") -> str:
         first, stop = max(runs_of(at), key=lambda run: run[1] - run[0])
         begin = int(np.flatnonzero(np.append(True, below[:first] > 0.5))[-1])  # of the way to the end
         way = below[begin:first][~at[begin:first]]
-        near, before = int(np.sum(way < 0.02)), int(np.sum((way >= 0.02) & (way < 0.1)))
+        near = int(np.sum(way < 0.02))
+        before = int(np.sum((way >= 0.02) & (way < 0.1)))
         if stop - first >= FEWEST and before >= 3 and 2 * near < before:
             return (
                 f"{int(at.sum())} rows hold the {end} value, {y[first]:.6g} {unit}: the trace looks clipped; if it is, "

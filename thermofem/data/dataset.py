@@ -89,7 +89,8 @@ def build(
         more than one period where ``periodic``.
     """
     read = checks.instances("read", read, str)
-    times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
+    times = checks.array("times", times, increasing=True)
+    rise = checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):
         raise checks.InputError(
             f"delta_T has shape {rise.shape}; a value for each of {times.size} times is needed, or for each of "
@@ -132,7 +133,8 @@ def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
         data = data.sel(probe=read) if several else data
     if "probe" not in getattr(data, "coords", {}) or data["probe"].ndim:
         return data
-    name, names = str(data["probe"].values), [n.strip() for n in str(data.attrs.get("read", "")).split(",")]
+    name = str(data["probe"].values)
+    names = [n.strip() for n in str(data.attrs.get("read", "")).split(",")]
     if name not in names or len(names) == 1:
         return data
     gains = np.ravel(data.attrs.get("thermal_resistances", ()))
@@ -197,7 +199,8 @@ def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None
 
 def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:
     """Uncertainty of start or baseline that a measured trace states, 0 to ``most``; ``known`` where it states none."""
-    name, value = f"data.attrs[{name!r}]", data.attrs.get(name)
+    value = data.attrs.get(name)
+    name = f"data.attrs[{name!r}]"
     return known if value is None else checks.between(name, value, 0, most)
 
 
@@ -251,7 +254,9 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
     """Raise InputError where the power variable contradicts the waveform; at a jump either side's value is right."""
     if "power" not in data:
         return
-    power, right, left = checks.array("data.power", data["power"].values), wave(times), wave.before(times)
+    power = checks.array("data.power", data["power"].values)
+    right = wave(times)
+    left = wave.before(times)
     checks.shape("data.power", power, times.shape)
     scale = max(float(np.max(np.abs(right))), np.finfo(float).tiny)
     wrong = np.minimum(np.abs(power - right), np.abs(power - left)) > 1e-6 * scale
@@ -276,7 +281,8 @@ def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
         for k, part in parts[1:]:
             first, other = parts[0]
             if part != other:
-                here, there = f"data[{k}] was {what} in {checks.shown(part)}", f"data[{first}] in {checks.shown(other)}"
+                here = f"data[{k}] was {what} in {checks.shown(part)}"
+                there = f"data[{first}] in {checks.shown(other)}"
                 raise checks.InputError(f"{here} and {there}: two channels; fit each on its own")
     return tuple(
         words.format(" and ".join(map(checks.shown, found)))

@@ -185,7 +185,8 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
 def check_target(path: str | Path) -> Path:
     """Path at which a file will be written, links followed; InputError where no file can be written."""
     path = Path(os.path.realpath(checks.path("path", path)))
-    folder, there = path.parent.is_dir(), path.exists()
+    folder = path.parent.is_dir()
+    there = path.exists()
     if not folder or (there and not path.is_file()) or not os.access(path if there else path.parent, os.W_OK):
         rule = f"{path} is a folder or a device, or write-protected; give the name of a file"
         raise checks.InputError(

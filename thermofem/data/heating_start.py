@@ -151,15 +151,20 @@ def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
 
 def _best(rows: Rows) -> tuple[float, float]:
     """Start in s with the smallest sum of squares, and that sum, by a scan that is refined around its best point."""
-    first, last = float(rows.t[0]), float(rows.t[-dataset.FEWEST])
-    low, high, few, best = first, last, rows.thin(), (first, np.inf)
+    first = float(rows.t[0])
+    last = float(rows.t[-dataset.FEWEST])
+    low = first
+    high = last
+    few = rows.thin()
+    best = (first, np.inf)
     for _ in range(PASSES):
         starts = np.linspace(low, high, STARTS)
         misfits = [_misfit(few, float(s))[0] for s in starts]
         k = int(np.argmin(misfits))
         best = float(starts[k]), float(misfits[k])
         width = (high - low) / (STARTS - 1)
-        low, high = max(best[0] - width, first), min(best[0] + width, last)
+        low = max(best[0] - width, first)
+        high = min(best[0] + width, last)
         if width < 0.02 * rows.step:
             break
     return best
@@ -256,5 +261,6 @@ def sampled_power(times: Array, power: Array) -> Waveform:
             times[steep[0]],
         )
     if times[0] > 0:
-        times, power = np.append(0.0, times), np.append(power[0], power)
+        times = np.append(0.0, times)
+        power = np.append(power[0], power)
     return Sampled(times, power)

@@ -97,7 +97,8 @@ def read_trace(
         table = number_table(content)
         del content
         said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
-        found, given = _columns(table, columns, time, temperature, power), _units(units)
+        found = _columns(table, columns, time, temperature, power)
+        given = _units(units)
         unit = given.get("time") or _named_unit(found[0], time)
         t = _times(table, found[0], unit, said)
         wave = watts = None
@@ -257,7 +258,8 @@ def _temperatures(
     size, role = 1.0, "temperature"
     if sensitivity is not None:
         size, measured = _sensitivity(sensitivity)
-        readings, role = (measured,), f"reading, whose sensitivity is {sensitivity}"
+        readings = (measured,)
+        role = f"reading, whose sensitivity is {sensitivity}"
         said.append(f"{column.label} is in {unit}: divided by {sensitivity}")
     scale, y = _scaled(column, unit, role, readings)
     kelvin = 1 / size

@@ -76,9 +76,12 @@ def scale_of(text: str) -> Scale | None:
     match = _UNIT.fullmatch(word if _SPELLED_OUT.fullmatch(word) else SPELLED.get(word, bare))
     if match is None:
         return None
-    size, unit = float(match[1] or 1), SPELLED.get(match[2].lower(), match[2])
-    zero, one = (registry().Quantity(k, registry().parse_units(unit)).to_base_units() for k in (0.0, 1.0))
-    low, high = float(zero.magnitude), float(one.magnitude)
+    size = float(match[1] or 1)
+    unit = SPELLED.get(match[2].lower(), match[2])
+    zero = registry().Quantity(0.0, registry().parse_units(unit)).to_base_units()
+    one = registry().Quantity(1.0, registry().parse_units(unit)).to_base_units()
+    low = float(zero.magnitude)
+    high = float(one.magnitude)
     factor = float(f"{size * (high - low):.15g}")
     return Scale(str(zero.units), low, factor) if math.isfinite(factor) else None
 
@@ -170,9 +173,12 @@ def number_table(content: bytes) -> NumberTable:
     if len(counted) == 2 and {"start", "increment"} <= set(lower[0]) and "sequence" in lower[1]:
         # the first column counts the samples (Rigol): "X,CH1,Start,Increment," above "Sequence,Volt,-3.0e-06,1.0e-08"
         with prefixed("line 2 has no numbers below Start and Increment", ValueError, IndexError):
-            at, step = (float(counted[1][lower[0].index(word)].replace(",", ".")) for word in ("start", "increment"))
+            at = float(counted[1][lower[0].index("start")].replace(",", "."))
+            step = float(counted[1][lower[0].index("increment")].replace(",", "."))
         values = np.column_stack([at + step * values[:, 0], values[:, 1:]])
-        names, units, above = counted[0], ["s", *counted[1][1:]], []
+        names = counted[0]
+        units = ["s", *counted[1][1:]]
+        above = []
     else:
         names, units, head = _header(head, divider, width, places)
         above = [*head, *filter(None, above)]
@@ -298,7 +304,8 @@ def _header(head: list[str], divider: str, width: int, columns: list[int]) -> tu
 
     Raises InputError: a line below the names begins with a number, like a damaged row.
     """
-    names, units = [""] * width, [""] * width
+    names = [""] * width
+    units = [""] * width
     for number in range(len(head), 0, -1):
         line = head[number - 1]
         cells = _titles(line.strip().lstrip(MARKS) if divider == " " else line.lstrip(MARKS), divider, width, columns)

@@ -163,7 +163,8 @@ def _factor(given: str, unit: str) -> tuple[float, str]:
 
         units = registry()  # kept: threads that call this at once may each make their own
         try:
-            found, wanted = (units.Quantity(1.0, units.parse_units(one)) for one in (text, unit))
+            found = units.Quantity(1.0, units.parse_units(text))
+            wanted = units.Quantity(1.0, units.parse_units(unit))
             # in root units angles are kept: rad/s is not Hz
             if found.to_root_units().units == wanted.to_root_units().units:
                 return float((found / wanted).to_base_units().magnitude), ""

@@ -111,7 +111,8 @@ def in_si(name: str, data: xr.Dataset) -> xr.Dataset:
     what = f"{name}: variable"
     changed = {}
     for key, variable in data.variables.items():
-        field, given = known(str(key)), variable.attrs.get("units")
+        field = known(str(key))
+        given = variable.attrs.get("units")
         if field is None or _is_derivative(str(key), variable, field.unit):
             continue
         if given is None or str(given) == field.unit or (str(given) in ("", "1") and field.unit in ("", "1")):
@@ -133,7 +134,9 @@ def _is_derivative(name: str, variable: Any, unit: str) -> bool:
 def _line(given: Any, field: Variable, name: str) -> tuple[float, float]:
     """Offset and factor that convert a unit to SI (offset 0 for a rise); InputError for a unit such as dBm."""
     unit = "" if field.unit == "1" else field.unit
-    zero, one, two = (quantity.parse(f"{k} {given}", unit, name=name) for k in (0, 1, 2))
+    zero = quantity.parse(f"{0} {given}", unit, name=name)
+    one = quantity.parse(f"{1} {given}", unit, name=name)
+    two = quantity.parse(f"{2} {given}", unit, name=name)
     if abs(two - 2 * one + zero) > 1e-9 * abs(one):
         raise InputError(f"{name} = {shown(given)} is no straight scale; write the numbers in {unit}")
     return (0.0 if "rise" in field.long_name else zero), one - zero

@@ -156,7 +156,8 @@ def _longest(mesh: Mesh) -> Array:
 def _largest(share: Array, wanted: float) -> NDArray[np.bool_]:
     """The fewest triangles whose division brings the sum of error shares to ``wanted``, with at most `BULK` of it."""
     order = np.argsort(share)[::-1]
-    so_far, total = np.cumsum(share[order]), float(share.sum())
+    so_far = np.cumsum(share[order])
+    total = float(share.sum())
     needed = min((total - wanted) / (1 - LEFT), BULK * total)
     chosen = np.zeros(share.size, dtype=bool)
     chosen[order[: int(np.searchsorted(so_far, needed)) + 1]] = True

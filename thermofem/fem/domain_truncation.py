@@ -72,7 +72,8 @@ def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
     source = heat.discretization.surfaces.source[1]
     R, depth = geometry.outer_radius, source - geometry.bottom_z
     far = sizes * max(R, depth)
-    grown, slack = (heat.mesh.points, heat.mesh.triangles, np.arange(len(heat.mesh.triangles))), 1e-9 * R
+    grown = (heat.mesh.points, heat.mesh.triangles, np.arange(len(heat.mesh.triangles)))
+    slack = 1e-9 * R
     if "outer" in sides:
         grown = _extended(*grown, 0, R, R * _steps(far / R), slack)
         if geometry.inner_end < 0:
@@ -127,7 +128,8 @@ def _extended(
     layers[:, :, axis] = levels[:, None]
     number = np.arange(layers[..., 0].size).reshape(len(levels), -1) + len(points)
     number = np.vstack([vertices, number])
-    (a, b), (c, e) = number[:-1, local].swapaxes(0, 1), number[1:, local].swapaxes(0, 1)
+    a, b = number[:-1, local].swapaxes(0, 1)
+    c, e = number[1:, local].swapaxes(0, 1)
     new = np.stack([np.stack([a, b, e], axis=-1), np.stack([a, e, c], axis=-1)]).reshape(-1, 3)
     points = np.concatenate([points, layers.reshape(-1, 2)])
     return points, np.concatenate([triangles, new]), np.concatenate([owner, np.tile(beside, 2 * len(levels))])

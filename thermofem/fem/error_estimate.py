@@ -114,7 +114,8 @@ def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray
     return float(np.sqrt(max(squares[1 if len(free) == len(slopes) else 0], 0.0)))
 
 
-_QUADRATIC, _CUBIC = [0, 1, 2, 3, 5, 7], [4, 6, 8, 9]  # local functions of `ElementTriP2Enriched`
+_QUADRATIC = [0, 1, 2, 3, 5, 7]
+_CUBIC = [4, 6, 8, 9]  # local functions of `ElementTriP2Enriched`
 
 
 class ElementTriP2Enriched(ElementH1):
@@ -184,7 +185,8 @@ class Enrichment:
         """Assemble the matrices for k_r, k_z (2, triangles) in W/(m K) and rho c_p (triangles,) in J/(m^3 K)."""
         self.functions = Functions.of(d.basis)
         count = self.functions.quadratic
-        K, M = element_conduction(self.functions, conductivity), element_capacity(self.functions, heat_capacity)
+        K = element_conduction(self.functions, conductivity)
+        M = element_capacity(self.functions, heat_capacity)
         each = K[:, _CUBIC] + 1j * M[:, _CUBIC]
         matrix = assembled(self.functions, each, _CUBIC)
         if d.surfaces.any:
@@ -212,7 +214,9 @@ class Enrichment:
         def at(numbers: Any) -> Any:
             return numbers.real + s * numbers.imag
 
-        size, diagonal, found = self.own.shape, at(self.own.diagonal()), np.zeros_like(load)
+        size = self.own.shape
+        diagonal = at(self.own.diagonal())
+        found = np.zeros_like(load)
         own = LinearOperator(size, lambda x: at(self.own @ x), dtype=float)
         scaled = LinearOperator(size, lambda x: x / diagonal, dtype=float)
         for column, b in zip(found.T, (load[self.free] - at(self.across @ quadratic)).T, strict=True):
@@ -321,14 +325,18 @@ class MeshError:
         totals, shares = (np.array(one) for one in zip(*each, strict=True))
         between = (self.shifts > 0) & (self.shifts < self.shifts.max())
         factor = SATURATION * np.where(between, PEAK, 1.0)
-        errors, local, weights = {}, {}, {}
+        errors = {}
+        local = {}
+        weights = {}
         for heated, read in channels:
-            i, j = names.index(heated), names.index(read)
+            i = names.index(heated)
+            j = names.index(read)
             scale = values[:, j, i] if i == j else values[-1, j, i]
             pair = np.sqrt(np.abs(shares[:, j] * shares[:, i]))
             whole = np.abs(totals[:, j, i])
             if self.strong:
-                whole, pair = whole + pair @ self.unseen, pair * (1 + self.unseen)
+                whole = whole + pair @ self.unseen
+                pair = pair * (1 + self.unseen)
             each = ((factor if i == j else CROSS * factor) / np.abs(scale))[:, None] * pair
             errors[heated, read] = factor * whole / np.abs(scale) if i == j else each.sum(axis=1)
             local[heated, read] = each

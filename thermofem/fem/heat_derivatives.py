@@ -130,9 +130,9 @@ class ModalDerivative:
         of_R, of_tau = self.poles()
         rate, gain = self.rate, self.heating * self.reading
         of_rate = -of_tau * rate**2
-        X, up, down = (
-            pole_responses(rate * factor, wave, times, periodic=periodic) for factor in (1, 1 + STEP, 1 - STEP)
-        )
+        X = pole_responses(rate * 1, wave, times, periodic=periodic)
+        up = pole_responses(rate * (1 + STEP), wave, times, periodic=periodic)
+        down = pole_responses(rate * (1 - STEP), wave, times, periodic=periodic)
         of_X = (up - down) / (2 * STEP * rate)
         return np.asarray((of_R * rate + gain / rate * of_rate) @ X.T + (gain * of_rate) @ of_X.T)
 

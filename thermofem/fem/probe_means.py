@@ -54,7 +54,9 @@ def shell_integral(
     thicker [m]: added to the thickness of the probe.
     """
     edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
-    outline, grid, thickness = np.concatenate(edges), basis.mesh, float(probe.shell or 0)
+    outline = np.concatenate(edges)
+    grid = basis.mesh
+    thickness = float(probe.shell or 0)
     corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))  # in the order of the basis, which may not be ours
     far = distance(corners, outline)
     sides = corners - np.roll(corners, 1, axis=1)
@@ -76,7 +78,8 @@ def shell_integral(
     edge = sides[cells, lengths[cells].argmax(axis=1)]
     depth = (thickness + thicker - far) / (np.sqrt((edge**2).sum(axis=-1))[:, None] / FINENESS)
     share = np.where(np.abs(depth.real) < 0.5, 0.5 + depth, depth.real > 0)
-    (x, y), (s, t) = (corners[cells, 1] - corners[cells, 0]).T, (corners[cells, 2] - corners[cells, 0]).T
+    x, y = (corners[cells, 1] - corners[cells, 0]).T
+    s, t = (corners[cells, 2] - corners[cells, 0]).T
     area = magnitude(x * t - s * y) / 2
     weight = 2 * np.pi * radii(small[..., 0], grid.depth) * share * area[:, None] / len(local)
     total = volume(basis, inside, points)
@@ -88,7 +91,8 @@ def shell_integral(
 def _centroids(n: int) -> Array:
     """Centroids of the n^2 equal triangles that fill the reference triangle, shape (n^2, 2)."""
     i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-    up, down = i + j < n, i + j < n - 1
+    up = i + j < n
+    down = i + j < n - 1
     return np.concatenate([np.column_stack([i, j])[up] + 1 / 3, np.column_stack([i, j])[down] + 2 / 3]) / n
 
 
@@ -101,7 +105,9 @@ def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = No
     r, z, area = _cross_section(geometry, probe)
     if geometry.length is not None:
         if geometry.mirrored:
-            r, z, area = np.append(r, -r), np.append(z, z), np.append(area, area)
+            r = np.append(r, -r)
+            z = np.append(z, z)
+            area = np.append(area, area)
         return np.stack([r + float(probe.distance or 0), z], axis=-1), geometry.length * area
     if steps is None:
         steps = int(np.clip(np.ceil(PER_GAP * np.pi * r.max() / _gap(geometry, probe)), FEWEST, MOST))
@@ -132,7 +138,8 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]) * 1e-6
     (X, Y), W = get_quadrature(RefTri, 8)  # a rule of degree 8
     points = np.einsum("kq,ckx->cqx", np.array([1 - X - Y, X, Y]), corners)
-    (a, b), (c, e) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    a, b = (corners[:, 1] - corners[:, 0]).T
+    c, e = (corners[:, 2] - corners[:, 0]).T
     area = np.abs(a * e - b * c)[:, None] * W
     return points[..., 0].ravel(), points[..., 1].ravel(), area.ravel()
 

@@ -68,7 +68,8 @@ class Side:
         turned = (first != vertices[0]).astype(np.intp)
         kind: Any = type(basis.elem)
         numbers, shapes, at, weight = _tables(kind)
-        along, inward = ends[:, 1] - ends[:, 0], corners.mean(axis=1) - ends.mean(axis=1)
+        along = ends[:, 1] - ends[:, 0]
+        inward = corners.mean(axis=1) - ends.mean(axis=1)
         outward = np.sign((along[0] * inward[1] - along[1] * inward[0]).real)
         dofs = basis.element_dofs[numbers[local].T, cells].T
         return cls(basis, cells, dofs, shapes[local, turned], at, weight, ends, outward)
@@ -95,8 +96,11 @@ def _tables(element: Any) -> tuple[NDArray[np.intp], Array, Array, Array]:
     """Functions of each edge (3, m), their values at Gauss points in both directions (3, 2, m, q), points, weights."""
     elem = element()
     nodes, weights = np.polynomial.legendre.leggauss(elem.maxdeg + 1)
-    at, weight = (1 + nodes) / 2, weights / 2
-    corners, numbers, shapes = elem.refdom.p, [], []
+    at = (1 + nodes) / 2
+    weight = weights / 2
+    corners = elem.refdom.p
+    numbers = []
+    shapes = []
     for a, b in elem.refdom.facets:
         X = corners[:, a, None] * (1 - at) + corners[:, b, None] * at
         values = np.array([elem.lbasis(X, k)[0] for k in range(len(elem.doflocs))])

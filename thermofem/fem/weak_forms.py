@@ -73,7 +73,8 @@ class Discretization:
 
     def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
         """StateSpace E = M, A = -K on the free unknowns, with B and C from the volume means."""
-        B, C = (np.array([self.means[name][self.free] for name in names]) for names in (heated, read))
+        B = np.array([self.means[name][self.free] for name in heated])
+        C = np.array([self.means[name][self.free] for name in read])
         return StateSpace(E=self.E, A=-self.K, B=B.T, C=C, inputs=heated, outputs=read)
 
     @cached_property
@@ -178,7 +179,8 @@ def element_capacity(basis: Any, heat_capacity: ArrayLike, points: Any = None) -
 def assembled(basis: Any, elements: Array, local: Any = slice(None)) -> Any:
     """Assemble the matrices of all triangles, or the rows of their ``local`` functions, to a sparse matrix."""
     dofs = basis.element_dofs.T
-    rows, columns = (np.broadcast_to(d, elements.shape).ravel() for d in (dofs[:, local, None], dofs[:, None, :]))
+    rows = np.broadcast_to(dofs[:, local, None], elements.shape).ravel()
+    columns = np.broadcast_to(dofs[:, None, :], elements.shape).ravel()
     return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
 
 
@@ -190,7 +192,8 @@ def maps(grid: Grid, points: Any = None) -> tuple[Array, Array, Array]:
     points [shape (2, vertices), m]: default those of the grid; complex where a derivative is taken by a complex step.
     """
     corners = (grid.p if points is None else points)[:, grid.t]
-    (a, c), (b, d) = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    a, c = corners[:, 1] - corners[:, 0]
+    b, d = corners[:, 2] - corners[:, 0]
     det = a * d - b * c
     return np.array([[d, -b], [-c, a]]) / det, magnitude(det), radii(corners[0], grid.depth)
 

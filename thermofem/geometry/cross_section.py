@@ -217,7 +217,8 @@ class CrossSection:
 
     def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
         """Which of the points (r, z) in m lie on ``side``: "bottom", "top", "outer", "axis" or "wall" (of a void)."""
-        r, z = checks.numbers("r", r), checks.numbers("z", z)
+        r = checks.numbers("r", r)
+        z = checks.numbers("z", z)
         return self.subdivision.on_side(side, r, z)
 
     def opened(self) -> CrossSection:

@@ -78,7 +78,8 @@ def as_text(path: str, value: Any) -> Any:
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
-    number, unit = checks.finite(path, value), unit_of(path)
+    number = checks.finite(path, value)
+    unit = unit_of(path)
     return value if unit is None else quantity.write(number, unit)
 
 
@@ -135,7 +136,8 @@ def _each(
 
 def _part(**values: Any) -> Part:
     """Make a part from its radius and width, its inner and outer radius, or its x and width."""
-    by_centre, by_edges = {"radius", "width"} & set(values), {"inner_radius", "outer_radius"} & set(values)
+    by_centre = {"radius", "width"} & set(values)
+    by_edges = {"inner_radius", "outer_radius"} & set(values)
     if "x" in values and not by_edges and "radius" not in values:
         return Part(**values)
     where = f"part {values['name']!r}"
@@ -238,7 +240,8 @@ def _boundary_value(boundary: Boundary) -> Any:
 
 
 def _material_values(m: Material) -> dict[str, Any]:
-    conductivity, specific_heat = (write_property(m, key, UNITS[key]) for key in ("conductivity", "specific_heat"))
+    conductivity = write_property(m, "conductivity", UNITS["conductivity"])
+    specific_heat = write_property(m, "specific_heat", UNITS["specific_heat"])
     density = as_text("density", m.density)
     optical = _texts({key: getattr(m, key) or None for key in _OPTICAL})
     optical |= {} if m.index is None else {"index": write_index(m.index)}
@@ -249,7 +252,8 @@ def _material_values(m: Material) -> dict[str, Any]:
 def _part_values(part: Part) -> dict[str, Any]:
     """Fields of a part in a file: radius and width where they give exactly the same edges, else both radii."""
     inner, outer = part.inner_radius, part.outer_radius
-    radius, width = float(f"{(inner + outer) / 2:.12g}"), float(f"{outer - inner:.12g}")
+    radius = float(f"{(inner + outer) / 2:.12g}")
+    width = float(f"{outer - inner:.12g}")
     if part.straight:
         sizes = {"x": part.x, "width": part.width}
     elif inner and (radius - width / 2, radius + width / 2) == (inner, outer):

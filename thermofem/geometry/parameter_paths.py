@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 _NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part", "bus": "name"}
 _TABLES = ("material", "boundary", "light")
 _LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
-_CENTRE, _EDGES = ("radius", "width"), ("inner_radius", "outer_radius")
+_CENTRE = ("radius", "width")
+_EDGES = ("inner_radius", "outer_radius")
 _FORMS = f"{' and '.join(_CENTRE)}, or {' and '.join(_EDGES)}"
 _HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
 _STEP, _LEAST = 1e-4, 1e-9  # of the differences: relative, whose square is their error, and of a number that is 0
@@ -173,7 +174,9 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
             place(new, path, as_text(path, value + steps * step))
         return _numbers(geometry, fields(files.to_toml(new)))
 
-    now, next_, last = (after(steps) for steps in range(3))
+    now = after(0)
+    next_ = after(1)
+    last = after(2)
     ten_digits = np.vectorize(lambda x: float(f"{x:.10g}"))  # beyond is round-off of the numbers, 1e-16, over the step
 
     def slope(kind: str, key: Any) -> Any:

@@ -113,12 +113,14 @@ def distance(points: Array, edges: Array) -> Array:
 def nearest(points: Array, edges: Array) -> tuple[Array, NDArray[np.intp], Array]:
     """`distance` from points to the edges, index of the nearest edge, and fraction of it at the nearest point."""
     away = np.full(points.shape[:-1], np.inf)
-    index, place = np.zeros(away.shape, dtype=np.intp), np.zeros(away.shape)
+    index = np.zeros(away.shape, dtype=np.intp)
+    place = np.zeros(away.shape)
     for k, (start, stop) in enumerate(edges):
         along = stop - start
         share = np.clip((points - start) @ along / (along @ along), 0, 1)
         far = np.linalg.norm(points - start - share[..., None] * along, axis=-1)
-        index, place = np.where(far < away, k, index), np.where(far < away, share, place)
+        index = np.where(far < away, k, index)
+        place = np.where(far < away, share, place)
         away = np.minimum(far, away)
     return away, index, place
 
@@ -129,7 +131,8 @@ def subdivide(geometry: CrossSection) -> Subdivision:
     Raises InputError: a part that is wholly hidden, or a face thinner than an atom.
     """
     found = outlines(geometry)
-    shown, voids = cut(found), {part.name for part in geometry.parts if part.material == VOID}
+    shown = cut(found)
+    voids = {part.name for part in geometry.parts if part.material == VOID}
     for part in geometry.parts:
         if part.name in found and part.name not in {face.owner for face in shown}:
             own = shapely.Polygon(found[part.name])
@@ -146,7 +149,9 @@ def subdivide(geometry: CrossSection) -> Subdivision:
             a, b = (number.setdefault((r, z), len(number)) for r, z in edge)
             key, side = ((a, b), 0) if a < b else ((b, a), 1)
             beside.setdefault(key, [-1, -1])[side] = k
-    corners, ends, both = np.array(list(number)), np.array(list(beside)), np.array(list(beside.values()))
+    corners = np.array(list(number))
+    ends = np.array(list(beside))
+    both = np.array(list(beside.values()))
     return Subdivision(faces, corners, ends, both, _sides(geometry, faces, corners[ends], both))
 
 

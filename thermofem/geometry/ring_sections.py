@@ -40,10 +40,9 @@ def strip_ring(
     ('substrate', 'box', 'cladding', 'core')
     """
     outer_radius = length("outer_radius", outer_radius, typical=60e-6)  # floats: what is float32 would be added as such
-    box, cladding, substrate = (
-        length(name, value, typical=typical)
-        for name, value, typical in (("box", box, 2e-6), ("cladding", cladding, 2e-6), ("substrate", substrate, 30e-6))
-    )
+    box = length("box", box, typical=2e-06)
+    cladding = length("cladding", cladding, typical=2e-06)
+    substrate = length("substrate", substrate, typical=3e-05)
     height = length("height", height, typical=220e-9)
     checks.between("radius", radius, 0, outer_radius, unit="m", hint=slip(radius, 8e-6, outer_radius))
     inner, outer = ring(radius, width)
@@ -123,7 +122,8 @@ def disc(
     >>> disc().heated
     ('core',)
     """
-    rim, radius = length("rim", rim, typical=1e-6), length("radius", radius, typical=5e-6)
+    rim = length("rim", rim, typical=1e-6)
+    radius = length("radius", radius, typical=5e-6)
     checks.between("rim", rim, 0, radius, unit="m", hint="it is narrower than radius")
     base = strip_ring(radius - rim / 2, rim, height, box, cladding)
     inside = Part("disc", "Si", 0.0, radius - rim, bottom=0.0, height=height)

@@ -90,7 +90,8 @@ class Part:
         of = f"part {self.name!r}: "
         checks.check_name("part", self.name)
         if self.x is None and self.width is None:
-            outer, hint = length(f"{of}outer_radius", self.outer_radius, typical=8e-6), slip(self.inner_radius, 5e-6)
+            outer = length(f"{of}outer_radius", self.outer_radius, typical=8e-6)
+            hint = slip(self.inner_radius, 5e-6)
             checks.between(f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=hint)
             checks.ordered(f"{of}inner_radius", self.inner_radius, "outer_radius", outer, unit="m")
         else:
@@ -188,7 +189,9 @@ class Boundary:
         return self.kind != "insulated"
 
 
-ISOTHERMAL, INSULATED, OPEN = Boundary("isothermal"), Boundary("insulated"), Boundary("open")
+ISOTHERMAL = Boundary("isothermal")
+INSULATED = Boundary("insulated")
+OPEN = Boundary("open")
 
 
 @dataclass(frozen=True)
@@ -336,6 +339,7 @@ def slip(value: float | None, typical: float, at_most: float = _LONGEST) -> chec
         return checks.Hint("lengths are in metres")
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
     power = 3 * math.floor(math.log10(abs(meant)) / 3)
-    number, written = f"{meant / 10**power:g}e{power}", quantity.rounded(meant, "m", 6)
+    number = f"{meant / 10**power:g}e{power}"
+    written = quantity.rounded(meant, "m", 6)
     text = f'did you mean "{written}" ({number} m)?'
     return checks.Hint(f"lengths are in metres (did you mean {number}?)", text=text)

@@ -58,10 +58,12 @@ class PowerLaw:
 
         f is constant below 1 K.
         """
-        start, rise = _start(start), _kelvins("rise", rise)
+        start = _start(start)
+        rise = _kelvins("rise", rise)
         above = np.maximum(rise, COLDEST - start)
         log = np.log1p(above / start)
-        n, scale = self.exponent + 1, (start / self.reference) ** self.exponent * start
+        n = self.exponent + 1
+        scale = (start / self.reference) ** self.exponent * start
         below = (rise - above) * (COLDEST / self.reference) ** self.exponent
         return np.asarray((scale / n * np.expm1(n * log) if n else scale * log) + below)
 
@@ -107,7 +109,8 @@ class Polynomial:
 @lru_cache(maxsize=64)
 def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
     """Coefficients of the integral of f from ``start`` as a polynomial in the rise; cached."""
-    x, f = start - law.reference, np.polynomial.Polynomial((1.0, *law.coefficients))
+    x = start - law.reference
+    f = np.polynomial.Polynomial((1.0, *law.coefficients))
     about = (float(f.deriv(k)(x)) / math.factorial(k + 1) for k in range(len(law.coefficients) + 1))
     return (0.0, *about)
 
@@ -264,7 +267,8 @@ class IndexTable:
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        L, n = checks.array("wavelength", self.wavelengths), checks.array("values", self.values)
+        L = checks.array("wavelength", self.wavelengths)
+        n = checks.array("values", self.values)
         if L.size != n.size or L.size < 4 or np.any(np.diff(L) <= 0) or n.min() < 1 or n.max() > MOST:
             raise checks.InputError(
                 "an index table needs four or more increasing wavelengths, and an index >= 1 for each"

@@ -280,7 +280,9 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
     """
     if not isinstance(given, dict):
         return {key: quantity.parse(given, unit, name=f"{where} {key}")}
-    of, value, name = f"{where} {key}", given.get("value", given.get("r")), "r" if "z" in given else "value"
+    of = f"{where} {key}"
+    value = given.get("value", given.get("r"))
+    name = "r" if "z" in given else "value"
     with checks.prefixed(of):
         law = _law(given, unit, of)
         for broken, rule in (
@@ -300,7 +302,8 @@ def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
     own = float(law.value(law.reference))
     if value is None or math.isclose(value, own, rel_tol=SAME):
         return own if value is None else value
-    said, there = quantity.write(value, unit), quantity.rounded(own, unit, 6)
+    said = quantity.write(value, unit)
+    there = quantity.rounded(own, unit, 6)
     raise checks.InputError(f"{name} = {said}, but the table has {there} at {law.reference:g} K; leave it out")
 
 
@@ -350,7 +353,8 @@ def write_property(material: Material, key: str, unit: str) -> str | dict[str, A
 
     A `Table` with values in proportion to those of the property is written with the property's own values.
     """
-    value, law = getattr(material, key), getattr(material, f"{key}_law")
+    value = getattr(material, key)
+    law = getattr(material, f"{key}_law")
     items: dict[str, Any] = {"value": quantity.write(value, unit)}
     if key == "conductivity" and material.conductivity_z is not None:
         items["z"] = quantity.write(material.conductivity_z, unit)

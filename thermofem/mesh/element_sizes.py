@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 
 LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
-THICKNESS, EXTENT = 450e-9 * 220e-9 / 1340e-9, math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
+THICKNESS = 450e-9 * 220e-9 / 1340e-9
+EXTENT = math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
 THICK, WIDE = 60.0, 500e-6  # times the reference core, and m: sizes grow in proportion beyond both, see `fitted`
 
 
@@ -78,7 +79,8 @@ def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
     areas = np.array([face.area for face in faces])
     perimeters = np.array([_perimeter(face.edges(), mirrored=geometry.mirrored) for face in faces])
     areas = areas * (2 if geometry.mirrored else 1)
-    thickness, extent = float((areas / perimeters).min()) / THICKNESS, float(np.sqrt(areas).min()) / EXTENT
+    thickness = float((areas / perimeters).min()) / THICKNESS
+    extent = float(np.sqrt(areas).min()) / EXTENT
     grown = max(1.0, min(thickness / THICK, geometry.outer_radius / WIDE))
     h = at.h * grown * min(thickness, 16.0) ** 0.25
     return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST * grown)
@@ -133,10 +135,12 @@ def _corners(cut: Subdivision, ends: NDArray[np.intp], heated: Any, h_c: float) 
     """r, z and element size in m at ends of edges, except at convex corners in the open, where the field is smooth."""
     turns: dict[tuple[float, float], list[float]] = {}
     for ring in (ring for face in cut.faces for ring in face.rings):
-        before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+        before = ring - np.roll(ring, 1, axis=0)
+        after = np.roll(ring, -1, axis=0) - ring
         for (r, z), turn in zip(ring.tolist(), before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], strict=True):
             turns.setdefault((r, z), []).append(turn)
-    at_end, in_the_open = (set(cut.ends[np.isin(cut.side, s)].flat) for s in (["axis", "outer"], ["top", "wall"]))
+    at_end = set(cut.ends[np.isin(cut.side, ["axis", "outer"])].flat)
+    in_the_open = set(cut.ends[np.isin(cut.side, ["top", "wall"])].flat)
     found = []
     for k in ends:
         r, z = cut.corners[k].tolist()

@@ -72,7 +72,8 @@ class Motion:
         """
         points, slack = self._once.points, NEAR * float(np.abs(self.corners).max())
         shares = np.zeros((len(points), len(self.corners)))
-        held, ends = np.zeros((len(points), 2), dtype=bool), np.zeros((len(points), 2), dtype=np.intp)
+        held = np.zeros((len(points), 2), dtype=bool)
+        ends = np.zeros((len(points), 2), dtype=np.intp)
         for a, b in self._cut.ends.tolist():
             origin, along = self.corners[a], self.corners[b] - self.corners[a]
             length = float(np.hypot(*along))
@@ -154,7 +155,9 @@ class Motion:
 
 def quality(points: Array, triangles: NDArray[np.int64]) -> Array:
     """4 sqrt(3) area over the sum of the squared edges: 1 for an equilateral triangle, 0 for a degenerate one."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
+    a = points[triangles[:, 0]]
+    b = points[triangles[:, 1]]
+    c = points[triangles[:, 2]]
     squares = sum(np.sum(edge**2, axis=1) for edge in (b - a, c - b, a - c))
     return np.asarray(4 * np.sqrt(3) * signed_areas(points, triangles) / squares)
 
@@ -165,8 +168,10 @@ def _rings(faces: tuple[Face, ...]) -> list[Array]:
 
 def _aligned(ring: Array, old: Array) -> Array:
     """Corners of a closed polygon, renumbered cyclically so that their distances from those of ``old`` are least."""
-    shape, before = ring - ring.mean(axis=0), old - old.mean(axis=0)
-    shape, before = shape / np.ptp(shape, axis=0), before / np.ptp(before, axis=0)
+    shape = ring - ring.mean(axis=0)
+    before = old - old.mean(axis=0)
+    shape = shape / np.ptp(shape, axis=0)
+    before = before / np.ptp(before, axis=0)
     costs = [float(np.sum((np.roll(shape, -k, axis=0) - before) ** 2)) for k in range(len(ring))]
     return np.roll(ring, -int(np.argmin(costs)), axis=0)
 
@@ -177,7 +182,8 @@ def _stiffness(mesh: Mesh) -> Any:
     edges = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # opposite to each corner
     area = signed_areas(mesh.points, mesh.triangles)
     local = np.einsum("eix,ejx->eij", edges, edges) / (4 * area ** (1 + SOFT / 2))[:, None, None]
-    rows, columns = (np.broadcast_to(t, local.shape) for t in (mesh.triangles[:, :, None], mesh.triangles[:, None, :]))
+    rows = np.broadcast_to(mesh.triangles[:, :, None], local.shape)
+    columns = np.broadcast_to(mesh.triangles[:, None, :], local.shape)
     return csr_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(mesh.points),) * 2)
 
 
@@ -242,7 +248,8 @@ class CornerMotion:
 
         All ``hard`` ones must hold; ``soft`` ones, of edges within one material, as far as possible.
         """
-        velocity, free = np.zeros(2), np.eye(2)
+        velocity = np.zeros(2)
+        free = np.eye(2)
         scale = max((abs(speed) for _, speed in hard + soft), default=0.0)
         for rows, must in ((hard, True), (soft, False)):
             if not rows or not (free.size or must):
@@ -336,7 +343,8 @@ def vertex_velocities(
     moving = [k for k, change in enumerate(changes) if change.moves]
     if not moving:
         return total
-    outlines, motion = CornerMotion(geometry, roles), Motion(mesh, geometry)
+    outlines = CornerMotion(geometry, roles)
+    motion = Motion(mesh, geometry)
     for k in moving:
         total[k] = motion.velocity(outlines.corner_velocities(changes[k]))
     return total

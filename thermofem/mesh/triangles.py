@@ -47,7 +47,8 @@ class Mesh:
 
     def __post_init__(self) -> None:
         names = checks.check_names("region_names", self.region_names)
-        points, triangles = checks.numbers("points", self.points), np.asarray(self.triangles)
+        points = checks.numbers("points", self.points)
+        triangles = np.asarray(self.triangles)
         region = np.asarray(self.region)
         if points.shape[1:] != (2,) or triangles.shape[1:] != (3,) or not len(triangles):
             raise checks.InputError(
@@ -58,7 +59,9 @@ class Mesh:
                 f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on"
             )
         checks.shape("region", region, (len(triangles),))
-        a, b, c = (points[triangles[:, k]] for k in range(3))
+        a = points[triangles[:, 0]]
+        b = points[triangles[:, 1]]
+        c = points[triangles[:, 2]]
         area = signed_areas(points, triangles)
         longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
         flat = 2 * np.abs(area) <= 1e-10 * longest  # 1e-10: height over longest side, of a triangle that has no area
@@ -113,8 +116,11 @@ def radii(r: NDArray[np.float64], depth: float | None) -> NDArray[np.float64]:
 
 def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
     """Area of each triangle in m^2, positive where its corners run counterclockwise."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    u, v = b - a, c - a
+    a = points[triangles[:, 0]]
+    b = points[triangles[:, 1]]
+    c = points[triangles[:, 2]]
+    u = b - a
+    v = c - a
     return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
 
 
@@ -128,8 +134,12 @@ def locate(grid: Any, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], ND
     inside, first = np.unique(which, return_index=True)  # a point on an edge lies in two triangles
     cells = np.full(len(points), -1)
     cells[inside] = around[first]
-    origin, one, two = (corners[cells, k] for k in range(3))
-    (a, c), (b, d), (x, y) = (one - origin).T, (two - origin).T, (points - origin).T
+    origin = corners[cells, 0]
+    one = corners[cells, 1]
+    two = corners[cells, 2]
+    a, c = (one - origin).T
+    b, d = (two - origin).T
+    x, y = (points - origin).T
     return cells, np.array([d * x - b * y, a * y - c * x]) / (a * d - b * c)
 
 

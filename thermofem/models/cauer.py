@@ -54,7 +54,8 @@ class Cauer(Delegates):
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        R, C = checks.array("R", self.R), checks.array("C", self.C)
+        R = checks.array("R", self.R)
+        C = checks.array("C", self.C)
         checks.shape("C", C, R.shape)
         checks.positive("R of the ladder", R.min(), unit="K/W")
         checks.positive("C of the ladder", C.min(), unit="J/K")
@@ -114,13 +115,15 @@ def cauer(model: ThermalModel) -> Cauer:
     if isinstance(model, Cauer):
         return model
     model = linear_poles(model, "has a Cauer ladder")
-    R, tau = np.asarray(model.R), np.asarray(model.tau)
+    R = np.asarray(model.R)
+    tau = np.asarray(model.tau)
     if not model.passive or not np.any(R > 0):
         raise checks.InputError("model has no ladder: it is not passive (an R is negative), or never warms up (all 0)")
     tau, group = np.unique(tau[R > 0], return_inverse=True)
     R = np.bincount(group, weights=R[R > 0])
     checks.integer("poles of the ladder", R.size, 1, MOST, hint=FEWER)
-    ladder_R, ladder_C = [], []
+    ladder_R = []
+    ladder_C = []
     with localcontext() as context:
         # 12: more for each pole: the continued fraction loses up to the square of the ratio of neighbours
         context.prec = 40 + 12 * R.size  # 40 decimal digits kept, and
@@ -137,7 +140,8 @@ def cauer(model: ThermalModel) -> Cauer:
 
 def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[Any, Any]:
     """Numerator and denominator of Z(s) = sum_i R_i/(1 + s tau_i), as coefficients of falling powers of s."""
-    top, bottom = np.array(R[:1]), np.array([tau[0], Decimal(1)])
+    top = np.array(R[:1])
+    bottom = np.array([tau[0], Decimal(1)])
     for r, t in zip(R[1:], tau[1:], strict=True):
         pole = np.array([t, Decimal(1)])
         top = np.polyadd(np.convolve(top, pole), r * bottom)
@@ -165,7 +169,8 @@ def foster_of(ladder: Cauer) -> Foster:
     InputError
         no ladder.
     """
-    R, C = np.asarray(ladder.R), np.asarray(ladder.C)
+    R = np.asarray(ladder.R)
+    C = np.asarray(ladder.C)
     D = np.eye(R.size) - np.eye(R.size, k=1)
     _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))
     tau = 1 / sigma**2

@@ -53,7 +53,8 @@ class Foster:
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        R, tau = checks.array("R", self.R), checks.array("tau", self.tau)
+        R = checks.array("R", self.R)
+        tau = checks.array("tau", self.tau)
         checks.shape("tau", tau, R.shape)
         for end in (tau.min(), tau.max()):
             checks.between("tau", end, SHORTEST, LONGEST, unit="s", hint="a negative time constant grows without bound")
@@ -86,7 +87,8 @@ class Foster:
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
-        R, tau = np.asarray(self.R), np.asarray(self.tau)
+        R = np.asarray(self.R)
+        tau = np.asarray(self.tau)
         f = checks.numbers("frequency", frequency)
         return in_pieces(lambda f: (R / (1 + 2j * np.pi * f * tau)).sum(axis=-1), f, self.order)
 
@@ -225,7 +227,8 @@ def second_order(
     kappa = checks.positive("kappa", kappa, unit="1/s", at_most=1e12, hint="8.87e-4 /ns is 8.87e5 1/s")
     eta = checks.positive("eta", eta, at_most=100, hint="eta has no unit")
     checks.ordered("tau_f", tau_f, "tau_s", tau_s, unit="s", hint="are they swapped?")
-    fast, slow = 1 / tau_f, 1 / tau_s
+    fast = 1 / tau_f
+    slow = 1 / tau_s
     hint = "outside eta/tau_s to eta/tau_f one of the poles cools when heated; 8.87e-4 /ns is 8.87e5 1/s"
     checks.between("kappa", kappa, eta * slow, eta * fast, unit="1/s", hint=hint)
     return second_order_poles(kappa, tau_f, tau_s, eta, check_heat_capacity(heat_capacity))
@@ -233,7 +236,8 @@ def second_order(
 
 def second_order_poles(kappa: float, tau_f: float, tau_s: float, eta: float, heat_capacity: float) -> Foster:
     """The two poles of Eq. 3, whose R may be negative here; `second_order` checks the values first."""
-    fast, slow = 1 / tau_f, 1 / tau_s
+    fast = 1 / tau_f
+    slow = 1 / tau_s
     c_f = (eta * fast - kappa) / (fast - slow)
     c_s = (kappa - eta * slow) / (fast - slow)
     return Foster(R=[c_f * tau_f / heat_capacity, c_s * tau_s / heat_capacity], tau=[tau_f, tau_s])
@@ -248,7 +252,8 @@ def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEA
     >>> print(f"{found['kappa']:.4g}, {found['eta']:.4g}")
     8.87e+05, 0.31
     """
-    tau, c = np.asarray(model.tau, dtype=float), model.gain * heat_capacity  # in order of tau: fast, slow
+    tau = np.asarray(model.tau, dtype=float)
+    c = model.gain * heat_capacity  # in order of tau: fast, slow
     return {
         "kappa": float(c[0] / tau[1] + c[1] / tau[0]),
         "tau_f": float(tau[0]),

@@ -109,7 +109,8 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
     InputError
         complex or growing poles, a negative residue, or a static gain off by more than 1e-3.
     """
-    A, b = checks.numbers("A", A), checks.array("b", b)
+    A = checks.numbers("A", A)
+    b = checks.array("b", b)
     static = checks.positive("static", static, unit="K/W")
     checks.shape("A", A, (b.size, b.size))
     rate, modes = np.linalg.eig(A)

@@ -154,7 +154,8 @@ class Quadratic:
         InputError
             no steady state at this power: the quadratic terms have taken over.
         """
-        power, x = checks.finite("power", power, unit="W"), np.zeros(self.order)
+        power = checks.finite("power", power, unit="W")
+        x = np.zeros(self.order)
         for share in np.linspace(0.125, 1, 8):
             for _ in range(20):
                 change = np.linalg.solve(self.jacobian(x, share * power), self.rate(x, share * power))
@@ -218,7 +219,8 @@ class Quadratic:
         start, stop = times[0], times[-1]
         first = max(int(np.searchsorted(pieces.edges, start + 1e-9 * (stop - start), side="right")) - 1, 0)
         last = int(np.searchsorted(pieces.edges, stop - 1e-9 * (stop - start), side="left"))
-        edges, coefficients = pieces.edges[first:last] - start, pieces.coefficients[first:last].tolist()
+        edges = pieces.edges[first:last] - start
+        coefficients = pieces.coefficients[first:last].tolist()
         if not np.any(x) and not np.any(coefficients):
             return np.zeros((times.size, x.size))
         starts = edges.tolist()
@@ -262,7 +264,11 @@ class Quadratic:
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Quadratic:
         """The system that the content of a model file describes."""
-        A, H, G, B, C = (content[name] for name in ("A", "H", "G", "B", "C"))
+        A = content["A"]
+        H = content["H"]
+        G = content["G"]
+        B = content["B"]
+        C = content["C"]
         model = cls(A, H, G, B, C, **parts(content), largest_rise=content.get("largest_rise"))
         model._check_gain()
         return model

@@ -130,7 +130,8 @@ class StateSpace:
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
         check_single(self)
-        E, A = self._sparse("E"), self._sparse("A")
+        E = self._sparse("E")
+        A = self._sparse("A")
         wanted = checks.numbers("frequency", frequency)
         f = wanted.ravel()
         with singular_refused():
@@ -189,7 +190,8 @@ class StateSpace:
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> StateSpace:
         """The system that the content of a model file describes."""
-        E, A = (_square(content, name) for name in ("E", "A"))
+        E = _square(content, "E")
+        A = _square(content, "A")
         model = cls(E, A, content["B"], content["C"], **parts(content))
         model.check_passive()
         return model
@@ -198,11 +200,15 @@ class StateSpace:
         """Raise InputError where a mode does not decay, or a pole cools a part that is heated and read."""
         own = [(self.outputs.index(part), i) for i, part in enumerate(self.inputs) if part in self.outputs]
         if self.order > LARGEST:  # of a file: both are diagonal
-            capacity, rate, B, C = self._sparse("E").diagonal(), -self._sparse("A").diagonal(), self.B, self.C
+            capacity = self._sparse("E").diagonal()
+            rate = -self._sparse("A").diagonal()
+            B = self.B
+            C = self.C
             checks.positive("smallest entry of E and -A", min(capacity.min(), rate.min()))
         else:
             rate, modes = eigenmodes(self)
-            B, C = modes.T @ self.B, self.C @ modes
+            B = modes.T @ self.B
+            C = self.C @ modes
         for j, i in own:
             check_residues(C[j] * B[:, i] / rate, round_off=ROUND_OFF)
 
@@ -254,7 +260,8 @@ def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
 
     Raises InputError: matrices that are not symmetric, E not positive definite, or a mode that does not decay.
     """
-    E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (system.E, system.A))
+    E = system.E.toarray() if issparse(system.E) else np.asarray(system.E, dtype=float)
+    A = system.A.toarray() if issparse(system.A) else np.asarray(system.A, dtype=float)
     check_symmetric(E=E, A=A, hint="only a symmetric system is a Foster network")
     try:
         rate, modes = eigh(-A, E)

@@ -101,7 +101,8 @@ class Coupling:
 
         bus: name of the [[bus]], whose gap and straight section the parameter may be.
         """
-        gap, straight = (one.change.optical.get((bus, key), 0.0) for key in ("gap", "straight"))
+        gap = one.change.optical.get((bus, "gap"), 0.0)
+        straight = one.change.optical.get((bus, "straight"), 0.0)
         corners = one.change.outlines.get(self.mode.core)
         wall = 0.0 if corners is None else float(corners[1:3, 0].mean()) - one.centre
         velocity = one.on(self.window)  # the middle of the gap follows the wall
@@ -129,7 +130,8 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
     gap = checks.between("gap", gap, least, LARGEST, unit="m", hint="did you mean 250e-9? It is that at half height")
     straight = checks.between("straight", straight, 0, 1e-2, unit="m", hint="did you mean 3e-6?")
     bend = checks.positive("radius of the bends", mode.radius if radius is None else radius, unit="m")
-    foot, middle = float(outer.max()) * UM, float(outer.mean()) * UM + gap * UM / 2
+    foot = float(outer.max()) * UM
+    middle = float(outer.mean()) * UM + gap * UM / 2
     room = light.reach(mode.n_eff, 1e-7)
     low, _, bottom, top = light.box(room, 0.0, room, room)
     left = max(low, light.centre - foot / UM - room)
@@ -147,7 +149,8 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
 
 def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
     """The couplings of [[bus]] tables; InputError where one has another width than the ring."""
-    width, found = mode.light.guide.outer_radius - mode.light.guide.inner_radius, {}
+    width = mode.light.guide.outer_radius - mode.light.guide.inner_radius
+    found = {}
     for bus in buses:
         if bus.width is not None and not math.isclose(bus.width, width, rel_tol=1e-6):
             raise checks.InputError(

@@ -284,7 +284,8 @@ class Mode:
             return math.inf
         aside = max(ASIDE, light.reach(self.n_eff, 1e-7))
         outer = max(2e-6, 0.15 * self.radius + ASIDE)
-        (_, foot), (_, top) = light.outline.min(axis=0), light.outline.max(axis=0)
+        _, foot = light.outline.min(axis=0)
+        _, top = light.outline.max(axis=0)
         box = light.box(aside, outer + DEPTH, aside + DEPTH, aside + DEPTH)
         if light.geometry.top_z > top:  # else air begins there
             box = (*box[:3], min(box[3], light.geometry.top_z))

@@ -48,7 +48,8 @@ class Light:
         geometry, given = heat.geometry, heat.geometry.light
         parts = [one.name for one in geometry.parts]
         if given is not None:
-            wavelength, part = wavelength or given.wavelength, part or given.part
+            wavelength = wavelength or given.wavelength
+            part = part or given.part
         if wavelength is None:
             raise checks.InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
         hint = "wavelengths are in m (did you mean 1.55e-6?)"
@@ -116,7 +117,8 @@ class Light:
 
     def box(self, *asides: float) -> Box:
         """Box (left, right, bottom, top) in m that extends by ``asides`` beyond the part, cut to `limits`."""
-        (left, bottom), (right, top) = self.outline.min(axis=0), self.outline.max(axis=0)
+        left, bottom = self.outline.min(axis=0)
+        right, top = self.outline.max(axis=0)
         wanted = (left - asides[0], right + asides[1], bottom - asides[2], top + asides[3])
         end = self.limits[0]
         return max(wanted[0], end[0]), min(wanted[1], end[1]), max(wanted[2], end[2]), min(wanted[3], end[3])
@@ -205,7 +207,8 @@ class Light:
                 "the part is not the temperature that the light sees; read 'light'",
                 self.geometry.name, self.part, 100 * share, mode.core_material, mode.name,
             )  # fmt: skip
-        reach, leaks = (self.reach(mode.n_eff, tail) for tail in (REACHES, LEAKS))
+        reach = self.reach(mode.n_eff, REACHES)
+        leaks = self.reach(mode.n_eff, LEAKS)
         for name, away in self.limits[1].items():
             material = material_of(self.geometry, name)
             if material.index is None and away < reach:

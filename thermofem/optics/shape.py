@@ -52,7 +52,8 @@ ABOUT = {
 
 def numbers(mode: Mode, *, dispersion: bool = False, spread_carriers: bool = False) -> dict[str, float]:
     """Numbers of a ring from its mode, by the names in `ABOUT` but the resonance; rules as of `Mode.volume`."""
-    two, three = {"dispersion": dispersion}, {"spread_carriers": spread_carriers}
+    two = {"dispersion": dispersion}
+    three = {"spread_carriers": spread_carriers}
     values = (
         mode.n_eff, mode.n_g, mode.thermo_optic, mode.confinement[mode.core_material], mode.core_fraction(2),
         mode.core_fraction(3, **three), mode.volume(2, **two), mode.volume(3, **two, **three), mode.radius,
@@ -125,7 +126,8 @@ class Variation:
         """Window after a step ``h`` of the parameter."""
 
         def after(material: Material) -> Material:
-            n, slope = (h * self.change.optical.get((material.name, key), 0.0) for key in ("index", "thermo_optic"))
+            n = h * self.change.optical.get((material.name, "index"), 0.0)
+            slope = h * self.change.optical.get((material.name, "thermo_optic"), 0.0)
             index = constant_index((fixed_index(material.index) or 1.0) + n) if n else material.index
             return replace(material, index=index, thermo_optic=material.thermo_optic + slope)
 
@@ -138,7 +140,8 @@ class Variation:
         Where nothing changes h is 1 and both are the mode itself.
         """
         corners, moved = mode.window.mesh.p[:, mode.window.mesh.t], velocity[:, mode.window.mesh.t]
-        sides, strains = (np.linalg.norm(one - np.roll(one, 1, axis=1), axis=0) for one in (corners, moved))
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0)
+        strains = np.linalg.norm(moved - np.roll(moved, 1, axis=1), axis=0)
         relative = [(strains * UM / sides).max(), self.centre / mode.radius, self.wavelength / mode.wavelength]
         relative += [slope for (_, key), slope in self.change.optical.items() if key in ("index", "thermo_optic")]
         largest = float(np.abs(relative).max())

@@ -114,8 +114,10 @@ class Space:
         x, y = self.points
         if not self.layers:
             return self.arc, np.ones_like(x), np.ones_like(x)
-        (left, bottom), (right, top) = self.mesh.p.min(axis=1), self.mesh.p.max(axis=1)
-        factors, longer = [], []
+        left, bottom = self.mesh.p.min(axis=1)
+        right, top = self.mesh.p.max(axis=1)
+        factors = []
+        longer = []
         ends = zip((x, x, y, y), (left, right, bottom, top), self.layers, (-1, 1, -1, 1), strict=True)
         for u, end, depth, sign in ends:
             t = np.clip(1 - sign * (end - u) / depth, 0, None) if depth else 0 * u
@@ -131,7 +133,8 @@ class Space:
         e, rot, p, grad = self.functions
         n = len(e)
         A = np.zeros((len(self.dx), self.dofs.shape[1], self.dofs.shape[1]), dtype=s.dtype)
-        B, both = np.zeros_like(A), np.concatenate([-e, grad])
+        B = np.zeros_like(A)
+        both = np.concatenate([-e, grad])
         for k, ratio in enumerate((s_z / s_r, s_r / s_z)):
             A[:, :n, :n] += self._products(e[:, k], -q * s * ratio)
             B += self._products(both[:, k], ratio / s)
@@ -145,7 +148,8 @@ class Space:
 
     def _summed(self, local: Array) -> Any:
         n = self.dofs.shape[1]
-        rows, columns = np.repeat(self.dofs, n, axis=1), np.tile(self.dofs, (1, n))
+        rows = np.repeat(self.dofs, n, axis=1)
+        columns = np.tile(self.dofs, (1, n))
         return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size)).tocsc()
 
 
@@ -155,7 +159,8 @@ def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[t
     Real where no layer absorbs, and then without modes that carry no power forward; each value is the Rayleigh quotient
     of its vector.
     """
-    A, B = (matrix[space.free][:, space.free] for matrix in (A, B))
+    A = A[space.free][:, space.free]
+    B = B[space.free][:, space.free]
     n, real = A.shape[0], A.dtype.kind == "f"
     if real:
         solve = factorize(A + shift * B)
@@ -169,7 +174,8 @@ def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[t
     for v in vectors.T:
         if real:
             v = (v / v[np.argmax(np.abs(v))]).real
-        flow, x = v @ (B @ v), np.zeros(space.size, dtype=A.dtype)
+        flow = v @ (B @ v)
+        x = np.zeros(space.size, dtype=A.dtype)
         square = -(v @ (A @ v)) / flow
         if square.real > 0 and (flow.real > 0 or not real):
             x[space.free] = v / np.sqrt(flow)

@@ -47,7 +47,8 @@ class Window:
         """Make a window of a mesh in m; doubled points are joined, and a mirrored half (x >= 0) is completed."""
         corners, of = mesh.points[mesh.triangles[keep]], mesh.region[keep]
         if geometry.mirrored and corners[..., 0].min() >= 0:
-            corners, of = np.concatenate([corners, corners * [-1.0, 1.0]]) + 0.0, np.tile(of, 2)
+            corners = np.concatenate([corners, corners * [-1.0, 1.0]]) + 0.0
+            of = np.tile(of, 2)
         points, place = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
         about = (points - [radius, 0.0]) * UM
         grid = skfem.MeshTri(np.ascontiguousarray(about.T), np.ascontiguousarray(place.reshape(-1, 3).T))
@@ -97,7 +98,8 @@ def drawn(
     largest [m]: of the triangles at a height z in m.
     beyond [m]: z to which bottom and top of the box are then moved, together with the materials there.
     """
-    size, faces = size_function(geometry, sizes(accuracy)), _clipped(geometry, box)
+    size = size_function(geometry, sizes(accuracy))
+    faces = _clipped(geometry, box)
     if beyond is not None:
         new = dict(zip(box[2:], beyond, strict=True))
         faces = [
@@ -123,10 +125,12 @@ def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, 
 
     Raises InputError: a material without an index touches the part.
     """
-    (left, bottom), (right, top) = part.outline().min(axis=0), part.outline().max(axis=0)
+    left, bottom = part.outline().min(axis=0)
+    right, top = part.outline().max(axis=0)
     own = index_of(geometry.material_of(part.name), wavelength, part.name)
     axis = 0.02 * left if geometry.kind == "ring" else -geometry.outer_radius
-    box, away = [axis, geometry.outer_radius, geometry.bottom_z, np.inf], {}
+    box = [axis, geometry.outer_radius, geometry.bottom_z, np.inf]
+    away = {}
     layers = {layer.name for layer in geometry.layers}
     beside = {name for pair in geometry.subdivision.owners if part.name in pair for name in pair}
     for name, outline in outlines(geometry).items():
@@ -136,7 +140,8 @@ def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, 
         elif material.name != VOID:
             if material.index and not (name in layers and material.index.index(wavelength) > 0.99 * own):
                 continue
-            (r0, z0), (r1, z1) = outline.min(axis=0), outline.max(axis=0)
+            r0, z0 = outline.min(axis=0)
+            r1, z1 = outline.max(axis=0)
             gaps = (left - r1, r0 - right, bottom - z1, z0 - top)
             side = int(np.argmax(gaps))
             if gaps[side] >= 0:

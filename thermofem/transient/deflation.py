@@ -77,11 +77,13 @@ class FieldIntegrator:
             self.newton = NewtonStepper(system, quiet, tolerance, factors)
         self.stepper = s = self.newton or Stepper(linear, quiet, factors)
         V = basis.vectors
-        KV, self.EV = -(s.A @ V), s.E @ V
+        KV = -(s.A @ V)
+        self.EV = s.E @ V
         self.forcing = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
         self.curved = Curvature(*np.zeros((3, *(V.shape[1],) * 3)))
         if isinstance(system, NonlinearEquations):
-            self.curved, self.flow = curvature(system, basis), flow_of(system, V)
+            self.curved = curvature(system, basis)
+            self.flow = flow_of(system, V)
             self.loads = np.column_stack([KV, self.forcing, self.EV])
             self.readers = np.stack([s.solve(0.0, row) for row in np.asarray(linear.C)])
         else:
@@ -103,7 +105,8 @@ class FieldIntegrator:
         """The field with the rise x in K, shape (n,), at t = 0."""
         V, s = self.basis.vectors, self.stepper
         z = V.T @ (s.E @ x)
-        r, source = x - V @ z, np.concatenate([np.zeros(len(self.linear.inputs)), z])
+        r = x - V @ z
+        source = np.concatenate([np.zeros(len(self.linear.inputs)), z])
         if self.newton is None:
             return FieldState(0.0, z, r, s.solve(0.0, self.forcing @ source + s.A @ r), source)
         flow, _ = self.curved(z[None])
@@ -132,12 +135,15 @@ class FieldIntegrator:
         Returns fields [shape (keep, n), K]
         Raises InputError: times that do not start at the state's, or steps that shrink without end.
         """
-        times, keep = checks.array("times", times, increasing=True), np.asarray(keep, dtype=float)
+        times = checks.array("times", times, increasing=True)
+        keep = np.asarray(keep, dtype=float)
         window = float(times[-1]) - state.time
         if window <= 0 or abs(times[0] - state.time) > 1e-9 * window:
             raise checks.InputError(f"times run from {times[0]:g} to {times[-1]:g} s, the field is at {state.time:g} s")
         self.unit = self.unit or window
-        first, taken, fast = state, [], self._fast(state, waves, times)
+        first = state
+        taken = []
+        fast = self._fast(state, waves, times)
         fields = fast.z(keep) @ self.basis.vectors.T
         fields[keep <= state.time] += state.r
         begin, done, count = state.time, 0, self._steps(window, state.step)
@@ -151,7 +157,8 @@ class FieldIntegrator:
                         f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?"
                     )
                 self.stepper.rejected += 1
-                done, count = 4 * done, 4 * count
+                done = 4 * done
+                count = 4 * count
                 continue
             state, error, inside, whole = step
             taken.append((t, h, inside))
@@ -160,7 +167,8 @@ class FieldIntegrator:
                 fields[kept] += whole()((keep[kept] - t) / h)
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
-                done, count = done // 4, count // 4
+                done = done // 4
+                count = count // 4
         self._passed = Advanced(first, fast, taken, state, fields)
         return self._outputs(fast, times), state, fields
 
@@ -183,7 +191,9 @@ class FieldIntegrator:
         (`remainder`). Parameters and result are those of `advance`, without the state.
         """
         first, old, _, end, fields = self._passed
-        times, keep, length = np.asarray(times, dtype=float), np.asarray(keep, dtype=float), end.time - first.time
+        times = np.asarray(times, dtype=float)
+        keep = np.asarray(keep, dtype=float)
+        length = end.time - first.time
         new = self._fast(first, waves, times)
         gained = new.energy() - old.energy()
         z, r, slope = self._revised_end(end, new, old, gained, length)
@@ -210,7 +220,9 @@ class FieldIntegrator:
             return z, end.r + s.solve(GAMMA * end.step, left), end.slope
         bent = length * self.flow((new.mean_products() - old.mean_products())[None])[0]
         flow, held = self.curved(np.stack([z, before]))
-        x, was, system = V @ z + end.r, V @ before + end.r, self.newton.system
+        x = V @ z + end.r
+        was = V @ before + end.r
+        system = self.newton.system
         moved = self.EV @ (z + held[0] - before - held[1])
         moved += s.E @ s.solve(GAMMA * end.step, left + self.EV @ (V.T @ bent) - bent)
         x = self._holding(self.newton, x, system.content(was) + moved)
@@ -261,7 +273,8 @@ class FieldIntegrator:
         if missed > 1:
             return None
         s, C, V = self.stepper, self.linear.C, self.basis.vectors
-        correction, jump = np.zeros(6), piece.stages[0] - state.source
+        correction = np.zeros(6)
+        jump = piece.stages[0] - state.source
         z = fast.z(t + h * STAGE_TIMES)
         z[4] = piece.stages[4, piece.energy.size :]  # the fifth stage lies beyond the step
         if self.newton is None:
@@ -278,7 +291,8 @@ class FieldIntegrator:
             read = C @ rate
         else:
             rate = self._load(self.newton, piece, z[-1], rests[-1], rate)
-            read, estimate = self.readers @ rate, s.solve(0.0, estimate)
+            read = self.readers @ rate
+            estimate = s.solve(0.0, estimate)
         at = rests @ C.T
         inside = Inside(at[0], at[3], at[5], h * read)
         step, apart = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
@@ -307,9 +321,11 @@ class FieldIntegrator:
 
         The unknown is x = V z + r.
         """
-        slopes, rests = np.empty((6, r.size)), np.empty((6, r.size))
+        slopes = np.empty((6, r.size))
+        rests = np.empty((6, r.size))
         slopes[0], rests[0] = slope, r
-        shift, fields = GAMMA * h, z @ self.basis.vectors.T
+        shift = GAMMA * h
+        fields = z @ self.basis.vectors.T
         flow, held = self.curved(z)
         follows = (z + held) @ self.EV.T
         targets = follows + shift * (np.hstack([z, piece.stages, flow]) @ self.loads.T + correction)

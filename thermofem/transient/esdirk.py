@@ -77,8 +77,10 @@ class Stepper:
         self.waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         if len(self.waves) != len(system.inputs):
             raise checks.InputError(f"{len(self.waves)} waveforms for the inputs {system.inputs}; one each is needed")
-        self.E, self.A = csr_matrix(system.E), csr_matrix(system.A)
-        self.B, self.C = np.asarray(system.B), np.asarray(system.C)
+        self.E = csr_matrix(system.E)
+        self.A = csr_matrix(system.A)
+        self.B = np.asarray(system.B)
+        self.C = np.asarray(system.C)
         self.factors = Pencil(self.E, -self.A) if factors is None else factors
         self.steps = self.rejected = self.solves = 0
         self._factorized_before = self.factors.factorizations
@@ -163,7 +165,8 @@ class Stepper:
 
     def step(self, x: Array, slope: Array, h: float, sources: Array) -> tuple[Array, Array] | None:
         """One ESDIRK step: slopes and states of the six stages, each (6, n); the last state is the new x."""
-        slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
+        slopes = np.empty((6, x.size))
+        states = np.empty((6, x.size))
         slopes[0], states[0] = slope, x
         for i in range(1, 6):
             known = x + h * (STAGES[i, :i] @ slopes[:i])

@@ -30,7 +30,8 @@ from .esdirk import STAGE_TIMES
 from .nonlinear import Curvature
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # on [-1, 1]
-NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
+NODES = (NODES + 1) / 2
+WEIGHTS = WEIGHTS / 2
 _POWERS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ _POWERS = coefficients of u^m
 _GRADING = 2.0 ** -np.arange(1, 25)
 
@@ -79,7 +80,8 @@ class FastPart:
         self.waves, self.rate = waves, basis.rate
         self.grid = _grid(waves, start, times)
         h = np.diff(self.grid)[:, None]
-        self.nodes, self.weights = self.grid[:-1, None] + h * NODES, h * WEIGHTS  # of Gauss's rule on every interval, s
+        self.nodes = self.grid[:-1, None] + h * NODES
+        self.weights = h * WEIGHTS  # of Gauss's rule on every interval, s
         powers = self.powers(self.nodes).transpose(0, 2, 1) @ _POWERS  # coefficients, (intervals, inputs, 4)
         gains = h * phi(h * self.rate)
         forcing = np.einsum("tim,mtk,ki->tk", powers, gains, basis.heating)

@@ -212,7 +212,8 @@ def _cross(control: _Control, record: _Record, x: Array, start: float, stop: flo
     taken: list[int] = []
     while done < 4**level:
         while not stepper.resolves(start + done * length / 4**level, length / 4**level):
-            done, level = 4 * done, level + 1
+            done = 4 * done
+            level = level + 1
         h = length / 4**level
         t = start + done * h
         tried = stepper.step(x, slope, h, stepper.sources(t, h, stop))
@@ -228,14 +229,16 @@ def _cross(control: _Control, record: _Record, x: Array, start: float, stop: flo
             stepper.rejected += 1
             # 4**1.5 of a first step's error from level to level: behind a breakpoint the rise is t - a t^1.5 (measured)
             down = int(np.ceil(np.log(error) / np.log(4**1.5))) if not taken and np.isfinite(error) else 1
-            done, level = 4**down * done, level + down
+            done = 4**down * done
+            level = level + down
             continue
         record.add(t, h, slopes, states)
         x, slope = states[-1], slopes[-1]
         taken.append(level)
         done += 1
         if error * 4**4 < 1 and done % 4 == 0 and level > 0:
-            done, level = done // 4, level - 1
+            done = done // 4
+            level = level - 1
     control.first_step = length / 4 ** taken[0]
     record.deliver(start, stop)
     return x, taken
@@ -327,7 +330,8 @@ class _Record:
     def add(self, t: float, h: float, slopes: Array, states: Array) -> None:
         """Record one step of length h from t: outputs, snapshots and heat that left."""
         C = self.stepper.C
-        read, kept = between(self.times, t, t + h), between(self.kept, t, t + h)
+        read = between(self.times, t, t + h)
+        kept = between(self.kept, t, t + h)
         if read.size or kept.size:
             rates = [h * self.stepper.rate(states[k], slopes[k]) for k in (0, -1)]
             ends = (states[0], states[-1], *rates)

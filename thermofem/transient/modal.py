@@ -95,7 +95,9 @@ class Modal:
             return None
         wanted = np.unique(np.concatenate([[0.0], times, kept]))
         shown = wanted.searchsorted(kept)
-        first, answers, last = _first(wave, wanted), list[Answer](), np.inf
+        first = _first(wave, wanted)
+        answers = list[Answer]()
+        last = np.inf
         size = 0
         for rounds in range(FEWEST, ROUNDS):
             smaller = size
@@ -138,7 +140,8 @@ class Modal:
         """Krylov space for times from ``first`` s on with at least ``rounds`` rounds, and its size after them."""
         with self._lock:
             slow, fast = self._rates
-            low, high = SLOWEST * slow, FASTEST * fast
+            low = SLOWEST * slow
+            high = FASTEST * fast
             if EARLIEST / first > high:  # rounded up to a decade and limited by the fastest rate of the mesh
                 high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
             if high not in self._spaces:
@@ -200,6 +203,7 @@ def _balance(found: Answer, ledger: Ledger, wave: Waveform, end: float) -> tuple
     """
     basis, change = found.basis, found.z[-1] - found.z[0]
     entered = end * float(wave.mean(0.0, end)) if end else 0.0
-    integral, gained = basis.vectors @ ((basis.heating[:, 0] * entered - change) / basis.rate), basis.vectors @ change
+    integral = basis.vectors @ ((basis.heating[:, 0] * entered - change) / basis.rate)
+    gained = basis.vectors @ change
     left = ledger.direct * entered + float(ledger.drain_A @ integral + ledger.drain_E @ gained)
     return entered, ledger.content(gained), left

@@ -84,7 +84,8 @@ class NewtonStepper(Stepper):
             return slope
         nodal = self.nodal.slope(x)
         rate = slope / nodal
-        capacity, target = self.system.content.derivative(x), self.E @ slope
+        capacity = self.system.content.derivative(x)
+        target = self.E @ slope
         for _ in range(ITERATIONS):
             rest = target - capacity(rate)
             # E-norms by its diagonal: no solve where node by node is right already; it only interpolates between steps
@@ -105,7 +106,9 @@ class NewtonStepper(Stepper):
         slopes[0], states[0] = slope, x
         flows[0] = self._last[1] if self._last and np.array_equal(self._last[0], slope) else self.E @ slope
         extended, matrix = self.system.content.extended(x), self.system.content.matrix
-        shift, nodal, start = GAMMA * h, self.nodal.integral(extended), matrix @ extended
+        shift = GAMMA * h
+        nodal = self.nodal.integral(extended)
+        start = matrix @ extended
         per_slope = h / self.nodal.slope(x)
         for i in range(1, 6):
             known = start + h * (STAGES[i, :i] @ flows[:i])
@@ -192,7 +195,8 @@ class _Neighbour:
     def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
         self.operator, n = operator, operator.matrix.shape[0]
         self.places = pencil.rows_and_columns
-        self.rest, self.laws = np.zeros(self.places[0].size), []
+        self.rest = np.zeros(self.places[0].size)
+        self.laws = []
         where, values = pencil.entries(operator.matrix[:, :n])
         self.rest[where] = values
         for _, at, block in operator.parts():

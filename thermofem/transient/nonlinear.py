@@ -168,7 +168,8 @@ def nodal_operator(
     if parts:
         rest.data[np.abs(rest.data) < 1e-12 * max(abs(matrix).max() for matrix, _ in parts)] = 0.0
         rest.eliminate_zeros()
-    blocks, laws = [rest[:, free]], []
+    blocks = [rest[:, free]]
+    laws = []
     for matrix, law in parts:
         columns = matrix[:, free].tocsc()
         columns.eliminate_zeros()  # triangles of other laws
@@ -218,19 +219,23 @@ class Curvature:
     def along(self, z: Array, slope: Array) -> tuple[Array, Array]:
         """Derivatives of f(z) and e(z) in the direction ``slope``, for z of shape (times, k); shape (times, k) each."""
         products = 2 * z[:, :, None] * slope[:, None, :]
-        flow, content = (np.tensordot(products, form, ((1, 2), (1, 2))) for form in (self.flow, self.content))
+        flow = np.tensordot(products, self.flow, ((1, 2), (1, 2)))
+        content = np.tensordot(products, self.content, ((1, 2), (1, 2)))
         return flow, content
 
 
 def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
     """Curvature for the k fields of a basis."""
     V = basis.vectors
-    flow, content, inverse = (np.zeros((V.shape[1],) * 3) for _ in range(3))
+    flow = np.zeros((V.shape[1],) * 3)
+    content = np.zeros((V.shape[1],) * 3)
+    inverse = np.zeros((V.shape[1],) * 3)
     T0 = system.flow.ambient
     for law, at, block in system.flow.parts():
         flow += _chord(law, T0) * cubic_form(block.T @ V, V[at])
     for law, at, block in system.content.parts():
-        chord, form = _chord(law, T0), cubic_form(block.T @ V, V[at])
+        chord = _chord(law, T0)
+        form = cubic_form(block.T @ V, V[at])
         content += chord * form
         inverse += 2 * chord / (1 + chord * HOT) ** 2 * form  # x = h - a h^2/(1 + a HOT)^2
     return Curvature(flow, content, inverse)

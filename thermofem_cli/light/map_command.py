@@ -87,7 +87,8 @@ def _written(
 def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str | None) -> dict[str, float]:
     """Print and return the thermal tuning: pm/K, nm per mW, and if known the power for half a free spectral range."""
     found = tuning(ring, model, **parts)
-    kelvin, watt = f"{found['shift_per_kelvin'] * 1e12:.3g} pm/K", f"{found['shift_per_watt'] * 1e6:.3g} nm"
+    kelvin = f"{found['shift_per_kelvin'] * 1e12:.3g} pm/K"
+    watt = f"{found['shift_per_watt'] * 1e6:.3g} nm"
     pi = f", pi power {written(found['pi_power'], 'W')}" if "pi_power" in found else ""
     say(f"resonance: {kelvin}, {watt} per mW absorbed{pi}")
     return found
@@ -127,7 +128,8 @@ def draw_map(
     warmed = constant(model, heaters, **parts)
     thermal, turned = warmed.model, warmed.turned(ring)  # Hz, by which the heaters move the resonance
     axes = found["power"].values, found["detuning"].values + turned
-    hopf, folds = [], []
+    hopf = []
+    folds = []
     if not hasattr(thermal, "H"):
         with working("following the Hopf curves, the folds of fixed points and those of cycles"):
             hopf = coupled.hopf_curves(ring, thermal, *axes)

@@ -81,7 +81,8 @@ def _probes(run: xr.Dataset) -> list[dict[str, float]]:
     late = run["time"].values >= run["time"].values[-1] / 2
     found = []
     for at, drop in zip(run["resonance"].values, run["probe_drop"].values, strict=True):
-        low, high = float(drop[late].min()), float(drop[late].max())
+        low = float(drop[late].min())
+        high = float(drop[late].max())
         say(f"resonance at {at / 1e12:.4f} THz: drop power from {low * 1e3:.4g} to {high * 1e3:.4g} mW")
         found.append({"resonance": float(at), "drop_low": low, "drop_high": high})
     return found
