@@ -20,7 +20,7 @@ import thermofem as th
 from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.geometry import Bus
-from thermofem.optics import shape
+from thermofem.optics import mode_derivatives
 from thermofem.optics.coupler import MOST, STEP, TRUSTED, of_buses
 
 from . import ring_toml
@@ -94,17 +94,19 @@ class MadeRing:
         """
         at = _numbers(self.mode, self._loss, self._buses, self._rules)
         order = round(self.mode.order)
-        varied = shape.variations(self.mode.light, parameters)
+        varied = mode_derivatives.variations(self.mode.light, parameters)
         rows = []
         for one in varied:
-            slopes = shape.slopes(self.mode, one, **self._rules)
+            slopes = mode_derivatives.slopes(self.mode, one, **self._rules)
             slopes["loss"] = one.change.optical.get(("light", "loss"), 0.0)
             for k, bus in enumerate(self._buses):
                 slopes[f"kappa {k}"] = bus.coupling.derivative(one, bus.name) if bus.coupling else 0.0
             moved = fields_of({name: value + 1j * STEP * slopes[name] for name, value in at.items()}, order)
             kappas = {name.replace(" ", "_"): slope for name, slope in slopes.items() if name.startswith("kappa")}
             rows.append({name: float(value.imag) / STEP for name, value in moved.items()} | kappas)
-        return shape.over_parameters(varied, rows, {name: (ring_toml.UNITS.get(name) or "1", name) for name in rows[0]})
+        return mode_derivatives.over_parameters(
+            varied, rows, {name: (ring_toml.UNITS.get(name) or "1", name) for name in rows[0]}
+        )
 
 
 class _Bus(NamedTuple):
@@ -188,15 +190,15 @@ def ring_from(
 
 
 def _numbers(mode: Mode, loss: float, buses: Sequence[_Bus], rules: dict[str, bool]) -> dict[str, float]:
-    """Optical parameters of a mode (`shape.numbers`), the loss (1/m), and kappa^2 of every bus, by name."""
+    """Optical parameters of a mode (`mode_derivatives.numbers`), the loss (1/m), and kappa^2 of every bus, by name."""
     kappas = {f"kappa {k}": bus.power for k, bus in enumerate(buses)}
-    return shape.numbers(mode, **rules) | {"loss": loss} | kappas
+    return mode_derivatives.numbers(mode, **rules) | {"loss": loss} | kappas
 
 
 def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
     """Fields of a ring by name, at resonance order ``order``, from mode, loss and buses; real or complex (derivatives).
 
-    n: as `thermofem.optics.shape.numbers`, and loss [1/m], "kappa 0" and "kappa 1" (kappa^2).
+    n: as `thermofem.optics.mode_derivatives.numbers`, and loss [1/m], "kappa 0" and "kappa 1" (kappa^2).
     """
     length = 2 * math.pi * n["radius"]
     speed = c / n["n_g"]

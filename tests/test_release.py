@@ -18,7 +18,7 @@ CONDA = {"matplotlib": "matplotlib-base", "gmsh": "python-gmsh", "qdldl": "qdldl
 @pytest.fixture(scope="module")
 def recipe():
     """The conda recipe as rattler-build reads it: an unknown field, version rule or licence is an error there."""
-    (rendered,) = rattler_build.Stage0Recipe.from_file(ROOT / "recipe" / "recipe.yaml").render()
+    (rendered,) = rattler_build.Stage0Recipe.from_file(ROOT / "conda" / "recipe.yaml").render()
     return rendered.recipe.to_dict()
 
 

@@ -31,13 +31,13 @@ from .doctor_command import doctor
 from .export_command import export
 from .family_command import calibrate, family
 from .fit_command import fit
-from .light.explore_command import explore
-from .light.identify_command import identify
-from .light.map_command import map_, stability
-from .light.modes_command import modes, ring
-from .light.simulate_command import cosimulate, simulate
 from .options import with_common
 from .reduce_command import reduce
+from .rings.explore_command import explore
+from .rings.identify_command import identify
+from .rings.map_command import map_, stability
+from .rings.modes_command import modes, ring
+from .rings.simulate_command import cosimulate, simulate
 from .show_command import show
 from .solve_command import campaign, solve
 from .validate_command import validate

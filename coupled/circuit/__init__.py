@@ -1,7 +1,7 @@
 """Circuits of several rings on one chip, coupled by light in waveguides and by heat."""
 
 from .circuit import Circuit, Detector, LaserPort, Splitter, Waveguide
-from .ready import bus, crow, scissor
+from .ring_chains import bus, crow, scissor
 
 __all__ = [
     "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "crow", "scissor",

@@ -20,8 +20,8 @@ from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact, compact
 from ..unknowns import FROM_ZERO, number_of, optical_names, varied
+from .cycle_search import settled
 from .return_map import Flow, Orbit
-from .settling import settled
 
 LONGEST = 2e6  # ns, of a transient
 SLOWEST, MOST = 30, 1e8  # of the slowest time constant, where that is longer; ns, at most
@@ -93,7 +93,7 @@ class CycleProblem:
         return f" at power = {self.power:g} W, detuning = {self.detuning:g} Hz"
 
     def settled(self, y: Array, begin: str = "a cold ring") -> Orbit:
-        """The stable cycle to which the transient from the state ``y`` converges; InputError as `settling.settled`."""
+        """The stable cycle to which the transient from the state ``y`` converges; errors as `cycle_search.settled`."""
         orbit: Orbit = settled(
             self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where,
             slow=self.longest >= MOST,

@@ -23,8 +23,8 @@ from ..states import State, starting_point
 from ..thermal import check_geometry, provenance, trusted
 from .branch import is_hopf_point, near_hopf
 from .cycle_problem import CycleProblem
+from .cycle_search import measured, pulse_train
 from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, measure, time_weights
-from .settling import measured, pulse_train
 
 UNSTABLE = 1 + 1e-6  # of a multiplier; their errors are below 3e-7, rarely 2e-6
 SWING = 1e-3  # relative, below which the state of a circuit counts as at rest
@@ -200,7 +200,7 @@ def _of_circuit(
     detuning: float,
     settle: float,
 ) -> xr.Dataset:
-    """The cycle of a circuit: a transient from cold of ``settle`` seconds, then shooting by `settling.pulse_train`."""
+    """The cycle of a circuit: a transient from cold of ``settle`` seconds, then `cycle_search.pulse_train`."""
     settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
     system = autonomous(circuit, model, power, heaters, detuning)
     rough = system.problem(Method.RODAS4)

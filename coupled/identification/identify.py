@@ -16,9 +16,9 @@ from ..resonator import RingResonator
 from ..thermal import Compact, check_geometry
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .box_search import End, Prior, at_bound, central_slopes, least_squares
+from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
 from .cycles import Target, targets_of
 from .forced_filters import forced_starts
-from .settled_cycles import SOFT, STAGES, comparison, doubts, residuals
 
 log = logging.getLogger("thermofem")
 

@@ -13,8 +13,8 @@ from ..arguments import bar, check_ring
 from ..resonator import RingResonator
 from ..unknowns import unknowns
 from .box_search import at_bound, least_squares
+from .cycle_residuals import Stage, free_run, residuals
 from .cycles import targets_of
-from .settled_cycles import Stage, free_run, residuals
 
 log = logging.getLogger("thermofem")
 

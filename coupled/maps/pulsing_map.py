@@ -34,8 +34,8 @@ from ..runs.resting import Rest
 from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact, check_geometry, long_enough, provenance, trusted
+from .cycle_map import Cell, settled_row
 from .grid import Point, fixed_of, grid_of
-from .settled import Cell, settled_row
 
 FAILED = "failed"
 VERSION = 3  # of the lines of a file of a map: [row, cells, hash]

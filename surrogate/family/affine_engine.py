@@ -19,7 +19,7 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.fem.surfaces import resistances, split
 from thermofem.fem.weak_forms import maps, reference
 from thermofem.geometry.regions import Face

@@ -32,11 +32,11 @@ from scipy.stats import qmc
 
 from thermofem import CrossSection, Foster, OutputMap, Pulse, checks, solve
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.adaptive_mesh import assemble_like
+from thermofem.fem.assembly import assemble_like
 from thermofem.optics.coupler import of_buses
 from thermofem.optics.mode import LEAST
+from thermofem.optics.mode_derivatives import numbers
 from thermofem.optics.modes import Light
-from thermofem.optics.shape import numbers
 
 from ..reduction.nonlinear_reduction import output_map
 from .affine_engine import AffineEngine
@@ -226,7 +226,7 @@ ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
 class OpticalNumbers:
     """Polynomials of the optical numbers of a ring over the box of parameters.
 
-    names: those of `thermofem.optics.shape.numbers`, "loss" [1/m] where [light] has it, "kappa 0" and "kappa 1":
+    names: as `mode_derivatives.numbers` of `thermofem.optics`, "loss" [1/m] where [light] has it, "kappa 0" and "kappa 1":
         kappa^2 of every bus, and "radiated" [1/s].
     powers [shape (terms, p)]: degrees of the polynomials in each term.
     coefficients [shape (terms, numbers)]

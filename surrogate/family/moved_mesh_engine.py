@@ -10,7 +10,7 @@ import numpy as np
 from thermofem import assemble, checks
 from thermofem.arrays import Array
 from thermofem.fem import HeatProblem
-from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.mesh import Mesh
 from thermofem.mesh.mesh_motion import Motion
 

@@ -20,7 +20,7 @@ import channels
 import truth
 
 import thermofem as th
-from thermofem.fem.adaptive_mesh import meshed
+from thermofem.fem.assembly import meshed
 
 
 def audit(geometry: th.CrossSection, accuracy: float) -> list[tuple[tuple[str, str], float, float]]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 import thermofem as th
 from thermofem.algebra.krylov import Rounds, rates
-from thermofem.fem.adaptive_mesh import on_mesh, refined
+from thermofem.fem.assembly import on_mesh, refined
 from thermofem.fem.heat_problem import HeatProblem
 from thermofem.fem.surfaces import resistances, split
 from thermofem.mesh.triangles import Mesh

@@ -15,7 +15,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.explore import MOVED
-from thermofem_cli.light.explore_command import models_of_geometry
+from thermofem_cli.rings.explore_command import models_of_geometry
 
 pytestmark = pytest.mark.slow
 

@@ -16,9 +16,9 @@ from audit import pulls
 import coupled
 import surrogate
 import thermofem as th
+from coupled.identification.cycle_residuals import Stage, compared, free_run, read_apart, repeat_within, residuals
 from coupled.identification.cycles import HARMONICS, Cycle, Seen, cycle_of, targets_of
 from coupled.identification.newton_traces import TWO, fit_newton_per_trace
-from coupled.identification.settled_cycles import Stage, compared, free_run, read_apart, repeat_within, residuals
 from coupled.plot import plot_identification
 from coupled.unknowns import unknowns
 from thermofem.models.foster import second_order_poles

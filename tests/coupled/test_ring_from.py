@@ -13,7 +13,7 @@ from coupled.cycles.derivatives import cycle_derivatives
 from coupled.ring_from import chain
 from coupled.thermal import check_geometry
 from surrogate.reduction.reduce import pole_derivatives
-from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.mesh.mesh_motion import Motion
 
 

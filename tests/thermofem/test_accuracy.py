@@ -11,7 +11,7 @@ import pytest
 from paths import ROOT
 
 import thermofem as th
-from thermofem.fem import adaptive_mesh, domain_truncation
+from thermofem.fem import assembly, domain_truncation
 from thermofem.mesh import make
 
 
@@ -76,7 +76,7 @@ def test_a_cladding_that_conducts_well_keeps_the_promise_at_intermediate_times(n
         heat = th.assemble(geometry, accuracy)
         assert largest_error(heat, exact) < accuracy
         assert heat.mesh_error() <= accuracy
-        on_first = adaptive_mesh.adapted(geometry, make(geometry, accuracy), 1.0)[0]
+        on_first = assembly.adapted(geometry, make(geometry, accuracy), 1.0)[0]
         assert on_first.mesh_error() > 2 * accuracy  # seen on the first mesh, and as large as it is
         assert on_first.mesh_error() > largest_error(on_first, exact)
 
@@ -84,14 +84,14 @@ def test_a_cladding_that_conducts_well_keeps_the_promise_at_intermediate_times(n
 def test_a_mesh_that_misses_the_accuracy_is_refined(needs_mesher):
     """A mesh made for 1e-2 in place of 1e-3: the estimate says so and the promise is kept all the same."""
     geometry = th.strip_ring(width=460e-9)
-    heat, mesh = adaptive_mesh.adapted(geometry, make(geometry, 1e-2), 1e-3)
+    heat, mesh = assembly.adapted(geometry, make(geometry, 1e-2), 1e-3)
     assert heat.mesh_error() < 1e-3
     assert largest_error(heat, whole_step(th.assemble(geometry, 1e-4))) < 1e-3
     assert mesh.volumes() == pytest.approx(geometry.volumes(), rel=1e-12)
 
 
 def test_a_mesh_that_stays_above_the_accuracy_says_so(fresh_log, monkeypatch):
-    monkeypatch.setattr(adaptive_mesh, "LARGEST", 1000)
+    monkeypatch.setattr(assembly, "LARGEST", 1000)
     heat = th.assemble(th.strip_ring(), 3e-4)
     assert heat.mesh_error() > 3e-4
     assert [record.levelname for record in fresh_log.records] == ["WARNING"]

@@ -9,7 +9,7 @@ import pytest
 
 import thermofem as th
 from thermofem.data.files import to_toml
-from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.geometry.parameter_paths import change, place
 from thermofem.mesh.mesh_motion import vertex_velocities
 from thermofem.models import foster

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.fem import adaptive_mesh
-from thermofem.fem.adaptive_mesh import Leader, assemble_like
+from thermofem.fem import assembly
+from thermofem.fem.assembly import Leader, assemble_like
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def test_factors_are_inherited_and_the_one_before_makes_its_own_again(leader):
 
 def test_a_member_whose_mesh_cannot_follow_gets_its_own(leader, needs_mesher, monkeypatch):
     assert leader.follow(th.heated_ring()) is None  # other faces
-    monkeypatch.setattr(adaptive_mesh, "FLATTEST", 0.99)
+    monkeypatch.setattr(assembly, "FLATTEST", 0.99)
     assert leader.follow(th.strip_ring(radius=5e-6)) is None
     heat = assemble_like(th.strip_ring().to_toml(), th.heated_ring(), 1e-2)
     assert heat.heated == ("core", "heater")
@@ -55,7 +55,7 @@ def test_a_strip_takes_the_committed_mesh_where_it_can(monkeypatch, needs_mesher
         heat = th.assemble(geometry)
         assert heat.unknowns != reference.unknowns
         assert heat.mesh_error() <= 1e-3
-    monkeypatch.setattr(adaptive_mesh, "make", lambda *arguments: pytest.fail("the mesher was asked"))
+    monkeypatch.setattr(assembly, "make", lambda *arguments: pytest.fail("the mesher was asked"))
     other = replace(th.strip_ring(), layers=(*th.strip_ring().layers[:2], th.Layer("cladding", "air", 2.22e-6)))
     below = th.assemble(other).mesh  # divided; the points before stay
     assert np.array_equal(below.points[: len(reference.mesh.points)], reference.mesh.points)

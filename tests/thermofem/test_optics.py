@@ -9,11 +9,11 @@ import skfem
 
 import surrogate
 import thermofem as th
-from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.mesh.mesh_motion import Motion
 from thermofem.optics.coupler import coupling, supermodes
-from thermofem.optics.shape import variations
-from thermofem.optics.space import Space, eigenpairs
+from thermofem.optics.mode_derivatives import variations
+from thermofem.optics.mode_elements import Space, eigenpairs
 
 UM = 1e-6
 

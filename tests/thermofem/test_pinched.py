@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.fem.adaptive_mesh import on_mesh
+from thermofem.fem.assembly import on_mesh
 from thermofem.fem.surfaces import split
 from thermofem.mesh.mesh_motion import Motion
 from thermofem.mesh.triangles import Mesh

@@ -11,7 +11,7 @@ from test_pinched import CHECKERS, checkerboard
 
 import surrogate
 import thermofem as th
-from thermofem.fem import adaptive_mesh
+from thermofem.fem import assembly
 from thermofem.fem.error_estimate import strong
 
 
@@ -88,7 +88,7 @@ def test_triangles_at_a_corner_contact_are_not_divided_without_end(needs_mesher)
     """Where they are as fine as allowed the rest of the mesh keeps its accuracy, and the mesh stays small."""
     heat = th.assemble(touching(1300.0), 1e-2)
     sizes = np.linalg.norm(heat.mesh.points - (5.5e-6, 0.0), axis=1)
-    assert np.sort(sizes)[1] > adaptive_mesh.FINEST * 60e-6 / 4
+    assert np.sort(sizes)[1] > assembly.FINEST * 60e-6 / 4
     assert heat.unknowns < 6000
     assert heat.mesh_error() > 0.1
 

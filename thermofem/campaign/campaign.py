@@ -26,7 +26,7 @@ from ..data import files
 from ..data.variables import known
 from ..errors import InputError, MissingLibraryError
 from ..fem import HeatProblem
-from ..fem.adaptive_mesh import assemble_like
+from ..fem.assembly import assemble_like
 from ..geometry import CrossSection
 from ..geometry.parameter_paths import check_once, place
 from ..geometry.section_parts import LIGHT

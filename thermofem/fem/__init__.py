@@ -1,6 +1,6 @@
 """The axisymmetric heat equation on a meshed cross-section: matrices, probes and error estimates."""
 
-from .adaptive_mesh import assemble, light
+from .assembly import assemble, light
 from .heat_problem import HeatProblem
 from .surfaces import Surfaces
 from .weak_forms import Discretization, discretize

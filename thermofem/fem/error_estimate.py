@@ -17,7 +17,7 @@ the energy that they add together with it (measured on 12 random cross-sections 
 
 one s a decade sees the whole step response; s = 0 is R_th. Cubic functions see less of the error in triangles at a
 vertex where the field is strongly singular: these count more (`saturation`). The share of each triangle in
-a(u_3 - u, w_3 - w) says where to refine, see `adaptive_mesh`.
+a(u_3 - u, w_3 - w) says where to refine, see `assembly`.
 
 At such a vertex T = T_0 + C rho^lambda phi(angle), with lambda^2 the smallest eigenvalue, but for 0, of
 

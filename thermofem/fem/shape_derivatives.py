@@ -19,7 +19,7 @@ import numpy as np
 from ..arrays import Array, NDArray
 from ..checks import InputError
 from ..geometry.section_parts import LIGHT
-from ..optics.shape import light_slope
+from ..optics.mode_derivatives import light_slope
 from .probe_means import shell_integral
 from .surfaces import surface_terms
 from .weak_forms import assembled, element_capacity, element_conduction, properties, volume

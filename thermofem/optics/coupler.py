@@ -24,9 +24,9 @@ import numpy as np
 from .. import checks
 from ..arrays import Array
 from ..geometry.parameter_paths import Change
-from .shape import Variation, index_slope, variations
-from .space import Space
-from .window import UM, Window, drawn
+from .mode_derivatives import Variation, index_slope, variations
+from .mode_elements import Space
+from .mode_window import UM, Window, drawn
 
 if TYPE_CHECKING:
     from ..geometry import Bus

@@ -30,8 +30,8 @@ from .. import checks
 from ..algebra.factor import factorize
 from ..arrays import Array
 from ..mesh.triangles import sampled
-from .space import Space, eigenpairs
-from .window import UM, Box, Window, drawn, material_of
+from .mode_elements import Space, eigenpairs
+from .mode_window import UM, Box, Window, drawn, material_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -243,8 +243,8 @@ class Mode:
         return self.integral(dense, self.core_material) / self.integral(dense)
 
     def derivatives(self, parameters: Sequence[str | Sequence[str]], **rules: bool) -> xr.Dataset:
-        """Derivatives of the mode with respect to parameters given by paths, see `shape.mode_derivatives`."""
-        from .shape import mode_derivatives
+        """Derivatives of the mode with respect to parameters given by paths, as `mode_derivatives` says."""
+        from .mode_derivatives import mode_derivatives
 
         return mode_derivatives(self, parameters, **rules)
 

@@ -13,8 +13,8 @@ import numpy as np
 from .. import checks
 from ..arrays import Array
 from .mode import Mode
-from .space import Space
-from .window import UM, Box, Window, index_of, limits, material_of, window
+from .mode_elements import Space
+from .mode_window import UM, Box, Window, index_of, limits, material_of, window
 
 if TYPE_CHECKING:
     from ..fem import HeatProblem
@@ -44,7 +44,7 @@ class Light:
 
     @classmethod
     def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
-        """Guided modes on the mesh of a heat problem; arguments as of `fem.adaptive_mesh.light`."""
+        """Guided modes on the mesh of a heat problem; arguments as of `fem.assembly.light`."""
         geometry, given = heat.geometry, heat.geometry.light
         parts = [one.name for one in geometry.parts]
         if given is not None:

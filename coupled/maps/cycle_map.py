@@ -15,8 +15,8 @@ from thermofem.arrays import Array
 from thermofem.checks import InputError
 
 from ..cycles.cycle_problem import CycleProblem
+from ..cycles.cycle_search import RestError, UnsettledError, settled
 from ..cycles.return_map import FLAT, Measures, measures
-from ..cycles.settling import RestError, UnsettledError, settled
 from ..equilibria.steady_states import Fixed
 from ..kernel.shooting import FINE, Closed, Turns
 from ..kernel.tableaus import Method
@@ -68,7 +68,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
 
 
 class _Row:
-    """Settled cycles of one ring at one power, detuning after detuning; implements `cycles.settling.Shooting`."""
+    """Settled cycles of one ring at one power, detuning after detuning; implements `cycles.cycle_search.Shooting`."""
 
     heat = 3  # index of the first of its states
 

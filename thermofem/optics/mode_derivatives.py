@@ -25,7 +25,7 @@ from ..materials.material_laws import constant_index, fixed_index
 from ..materials.material_library import Material
 from ..mesh.mesh_motion import vertex_velocities
 from ..mesh.triangles import locate
-from .window import UM, Window
+from .mode_window import UM, Window
 
 if TYPE_CHECKING:
     import xarray as xr
