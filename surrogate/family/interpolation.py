@@ -226,8 +226,8 @@ ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
 class OpticalNumbers:
     """Polynomials of the optical numbers of a ring over the box of parameters.
 
-    names: as `mode_derivatives.numbers` of `thermofem.optics`, "loss" [1/m] where [light] has it, "kappa 0" and "kappa 1":
-        kappa^2 of every bus, and "radiated" [1/s].
+    names: as `mode_derivatives.numbers` of `thermofem.optics`, "loss" [1/m] where [light] has it, "kappa 0" and
+        "kappa 1": kappa^2 of every bus, and "radiated" [1/s].
     powers [shape (terms, p)]: degrees of the polynomials in each term.
     coefficients [shape (terms, numbers)]
     errors [shape (numbers,)]: largest relative error over members left out.
