@@ -3,7 +3,8 @@
     dT(t) = dT_model(t) + sum_h dT_h(t),       dT_h = sum_i x_i,     dx_i/dt = (R_ih P_h - x_i)/tau_i
 
 By linearity the temperature rises by the heaters add to that by the light. They do not depend on the light, so they are
-computed before a run. The residues R_ih of a transfer function from a heater can have either sign.
+computed before a run. The residues R_ih of a transfer function from a heater can have either sign. The temperature T_a
+of the ambient is one more such input, in K; a model without that input has the ring follow it at once, dT += T_a.
 """
 
 from collections.abc import Mapping
@@ -15,16 +16,19 @@ import numpy as np
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
+from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models import ThermalModel, bare
 from thermofem.piecewise import hermite
 
 from .arguments import power_in_time
-from .inputs import Pieces, add, last_change
+from .inputs import Pieces, add, bounds, last_change, pieces
 from .resonator import RingResonator
 from .thermal import Compact, check_resistance, compact
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
 LARGEST_POWER = 10.0  # W
+LARGEST_AMBIENT = 250.0  # K, above or below the ambient of the geometry
+AT_ONCE = "added to the temperature of every ring at once: the thermal model has no input 'ambient'"
 
 
 class Poles(NamedTuple):
@@ -55,7 +59,7 @@ def channels(
     """Select the transfer functions of a thermal model from the absorbed light and from the heaters.
 
     model: a StateSpace (or a reduction that holds one) may have several inputs and outputs, any other model has one.
-    heaters [mapping of an input's name to its power]
+    heaters [mapping of an input's name to its power]: with "ambient" where the model is to have that input.
     heated, read: input that the light heats, and output whose rise detunes it; by default the first input that is not
         a heater, where heaters are given, and the output of the same name.
     Raises InputError: several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
@@ -64,26 +68,36 @@ def channels(
     system = bare(model)
     several = isinstance(system, StateSpace) and (len(system.inputs), len(system.outputs)) != (1, 1)
     single = None if several else compact(model)
-    inputs, outputs = system.inputs, system.outputs
-    if several and heated is None and not names:
+    inputs = system.inputs
+    outputs = system.outputs
+    parts = system.heated if isinstance(system, StateSpace) else inputs
+    if several and (len(parts), len(outputs)) != (1, 1) and heated is None and not names:
         raise checks.InputError(
             f"model has the inputs {', '.join(inputs)} and the outputs {', '.join(outputs)}: say which one the light "
-            f"heats with heated={inputs[0]!r}, and the power of others with heaters={{{inputs[-1]!r}: 5e-3}}, or pick "
+            f"heats with heated={inputs[0]!r}, and the power of others with heaters={{{parts[-1]!r}: 5e-3}}, or pick "
             "one channel with model.channel(heated, read)"
         )
     hint = "an input for each heater is needed, such as surrogate.reduce(heat.channels(('core', 'heater'), 'core')) has"
-    for name in names:
+    for name in names.keys() - {AMBIENT}:
         checks.choice("heaters", name, inputs, hint=hint)
-    own = checks.choice("heated", heated, inputs, default=next((n for n in inputs if n not in names), inputs[0]))
+    own = checks.choice("heated", heated, inputs, default=next((n for n in parts if n not in names), inputs[0]))
     check_unlit(names, own)
     hint = "it is the output that detunes the light"
     out = checks.choice("read", read, outputs, default=own if several else outputs[0], hint=hint)
     if single is not None:
         return Channels(single, {})
-    transfers = {name: system.channel(name, out).dynamics for name in names}
+    transfers = {name: system.channel(name, out).dynamics for name in names if name in inputs}
     for transfer in transfers.values():
         check_resistance(float(np.abs(transfer.R).sum()))
     return Channels(compact(system.channel(own, out)), transfers)
+
+
+def with_ambient(heaters: Mapping[str, Any] | None, ambient: Any) -> dict[str, Any]:
+    """The powers of heaters, with the temperature of the ambient (K) under its name; None: it does not move."""
+    names = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
+    if AMBIENT in names:
+        raise checks.InputError("heaters holds 'ambient', which has no power", "give its temperature as ambient=")
+    return {**names} if ambient is None else {**names, AMBIENT: ambient}
 
 
 def check_unlit(heaters: Mapping[str, Any], lit: str) -> None:
@@ -96,7 +110,7 @@ class Heating(NamedTuple):
     """Powers of the heaters in a run and the temperature rises that they cause."""
 
     powers: dict[str, Pieces]
-    """Of those that are given, W."""
+    """Of those that are given, W; the ambient in K."""
     rises: list[Pieces]
     """Of every ring, K."""
     poles: Mapping[str, Poles]
@@ -107,6 +121,11 @@ class Heating(NamedTuple):
     def driven_until(self) -> float:
         """Time in s of the last change of a heater power; 0 for constant powers."""
         return max(map(last_change, self.powers.values()), default=0.0)
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What a run says where the thermal model has no input for the ambient."""
+        return {AMBIENT: AT_ONCE} if AMBIENT in self.powers and AMBIENT not in self.poles else {}
 
     def states(self, time: float) -> list[Array]:
         """States of the poles of every heater (J) at a time in s, one array of shape (n,) per heater."""
@@ -126,7 +145,7 @@ def heating(
         number is a power that was constant for all t < 0, any other input is 0 for t < 0.
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
-    for name in given:
+    for name in given.keys() - {AMBIENT}:
         hint = "" if poles else "the thermal model has no heaters among its inputs"
         checks.choice("a name in heaters", name, poles, hint=hint)
     powers = {name: power_of(name, p, duration) for name, p in given.items()}
@@ -144,11 +163,22 @@ def heating(
             every.append([Pieces.constant(0.0, duration, rise) for rise in gain @ settled])
         else:
             every.append(rises(rate, gain, powers.get(name, dark), rtol, begin[k]))
+    if AMBIENT in powers and AMBIENT not in poles:
+        every.append([powers[AMBIENT]] * rings)
     return Heating(powers, [add([*parts]) for parts in zip(*every, strict=True)], poles, begin)
 
 
 def power_of(name: str, value: Any, duration: float) -> Pieces:
-    """Power of a heater (W) as a piecewise cubic over [0, duration]; InputError where it is negative or too large."""
+    """Power of a heater (W) as a piecewise cubic over [0, duration], or the temperature of the ambient (K).
+
+    Raises InputError: a power that is negative or too large, a temperature out of range.
+    """
+    if name == AMBIENT:
+        moved = pieces(AMBIENT, value, 0.0, float(duration))
+        for kelvin in bounds(moved):
+            hint = "it is in kelvin above the ambient of the geometry"
+            checks.between(AMBIENT, kelvin, -LARGEST_AMBIENT, LARGEST_AMBIENT, unit="K", hint=hint)
+        return moved
     hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
     found = power_in_time(value, duration, f"heaters[{name!r}]", LARGEST_POWER, hint)
     return Pieces.constant(0.0, float(duration), found) if isinstance(found, float) else found
@@ -249,9 +279,14 @@ def heater_power(name: str, value: Any) -> float:
 
 
 def heater_powers(powers: Mapping[str, Any], time: Array) -> dict[str, Any]:
-    """The variable heater_power (W) over heater and time, with its coordinate; ``powers`` are functions of time."""
-    if not powers:
-        return {}
-    about = {"units": "W", "long_name": "power of a heater"}
-    rows = np.array([wave(time) for wave in powers.values()])
-    return {"heater_power": (("heater", "time"), rows, about), "heater": ("heater", np.array(list(powers)), {})}
+    """The variables heater_power (W) over heater and time, and ambient (K); ``powers`` are functions of time."""
+    watts = {name: wave(time) for name, wave in powers.items() if name != AMBIENT}
+    found: dict[str, Any] = {}
+    if watts:
+        about = {"units": "W", "long_name": "power of a heater"}
+        found["heater_power"] = (("heater", "time"), np.array([*watts.values()]), about)
+        found["heater"] = ("heater", np.array([*watts]), {})
+    if AMBIENT in powers:
+        about = {"units": "K", "long_name": "temperature of the ambient above that of the geometry"}
+        found[AMBIENT] = ("time", powers[AMBIENT](time), about)
+    return found

@@ -24,6 +24,7 @@ import numpy as np
 
 from thermofem import OutputMap, StateSpace, checks
 from thermofem.arrays import Array, Complex, NDArray
+from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models.contract import bare
 from thermofem.models.state_space import eigenmodes
 
@@ -207,14 +208,19 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
     """
     model = bare(thermal)
     rings = len(names)
+    moved = {}
     if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):
-        return _of_array(model, names)
+        if len(model.heated) > 1 or len(model.outputs) > 1:
+            return _of_array(model, names)
+        ambient = model.channel(AMBIENT).dynamics
+        moved[AMBIENT] = Poles(1 / np.asarray(ambient.tau), np.tile(ambient.gain, (rings, 1)))
+        model = model.channel(*model.heated)
     small = compact(model)
     network = small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit")
     read = np.eye(rings)[:, :, None] * np.ones(network.order)
     gain = np.tile(network.gain, (rings, 1))
     rate = np.tile(1 / np.asarray(network.tau), (rings, 1))
-    return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, {})
+    return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, moved)
 
 
 def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:

@@ -79,6 +79,7 @@ def run_circuit(
         "rejected_steps": run.rejected, "final_state": run.y * units, "model_tau": np.ravel(tau),
         "driven_until": max(system.lights.driven_until, system.heating.driven_until),
     }  # fmt: skip
+    found.attrs |= system.heating.attributes
     if system.heat.heaters:
         found.attrs["heater_states"] = np.concatenate(system.heating.states(duration))
     return found

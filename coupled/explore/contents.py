@@ -47,12 +47,12 @@ FIRST = Parts()
 
 def channels_of(model: ThermalModel, parts: Parts) -> Channels:
     """Return the model from the light's input to the read output, and those from all other inputs (heaters) to it."""
-    system = bare(model)
+    system = getattr(bare(model), "without_ambient", model)
     if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
-        return channels(model)
+        return channels(system)
     heated = parts.heated or system.inputs[0]
     others = {name: 0.0 for name in system.inputs if name != heated}
-    return channels(model, others, heated, parts.read)
+    return channels(system, others, heated, parts.read)
 
 
 def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from scipy.linalg import eigh
 
 from thermofem.arrays import Array, NDArray
 from thermofem.fem import HeatProblem
+from thermofem.geometry.section_parts import AMBIENT
 from thermofem.materials.material_library import VOID
 from thermofem.models import Foster
 
@@ -65,7 +66,7 @@ def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str
     heaters = {
         name: (basis @ np.linalg.solve(-model.A, model.B[:, k]))[None]
         for k, name in enumerate(model.inputs)
-        if name != light
+        if name not in (light, AMBIENT)
     }
     return R, 1 / rate, (basis @ (modes / np.where(seen == 0, np.inf, seen))).T, heaters
 

@@ -14,7 +14,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
-from ..heaters import channels, heater_powers, heating
+from ..heaters import channels, heater_powers, heating, with_ambient
 from ..inputs import Input
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
@@ -36,6 +36,7 @@ def simulate(
     initial: State | xr.Dataset | None = None,
     event: Event | None = None,
     heaters: Mapping[str, Input] | None = None,
+    ambient: Any = None,
     heated: str | None = None,
     read: str | None = None,
     lasers: Laser | Sequence[Laser] = (),
@@ -89,6 +90,10 @@ def simulate(
     heaters : mapping of name to float, Waveform, or a list of both; W, optional
         power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on; for a circuit a
         number is a power that has been on for long, unless the run continues another (``initial``).
+    ambient : float, Waveform, `coupled.Sweep`, or a list of them; K, optional
+        temperature of the ambient above that of the geometry, from t = 0 on, as of heaters. A model that has the input
+        "ambient" (``heat.channels(("core", "ambient"), "core")``) brings it to the ring through the chip; with any
+        other one the ring follows it at once, which attrs["ambient"] says.
     heated, read : str, optional
         the input of such a model that the light heats and the output that detunes it; with ``heaters`` by default the
         first input that is no heater, and the output of the same name.
@@ -138,6 +143,7 @@ def simulate(
     duration, rtol = check_run(duration, rtol)
     chosen = None if method is None else Method(str(method).lower())
     wanted = np.empty(0) if times is None else check_times(times, duration)
+    drives = with_ambient(heaters, ambient)
     if isinstance(ring, Circuit):
         alone: dict[str, Any] = {"event": event, "heated": heated, "read": read, "lasers": lasers or None}
         for name, value in alone.items():
@@ -146,7 +152,7 @@ def simulate(
         for one in dict.fromkeys(ring.resonators):
             check_geometry(one, model)
         return run_circuit(
-            ring, model, power=power, detuning=detuning, heaters=heaters, duration=duration, rtol=rtol, times=wanted,
+            ring, model, power=power, detuning=detuning, heaters=drives, duration=duration, rtol=rtol, times=wanted,
             average=average, method=chosen, initial=initial, progress=progress,
         )  # fmt: skip
     check_ring(ring)
@@ -155,11 +161,12 @@ def simulate(
         replace(one, power=power_in_time(one.power, duration), detuning=detuning_in_time(one.detuning, duration))
         for one in checks.instances("lasers", lasers, Laser)
     ]
-    picked = channels(model, heaters, heated, read)
-    small, poles = picked.model, picked.poles
+    picked = channels(model, drives, heated, read)
+    small = picked.model
+    poles = picked.poles
     doubts = check_geometry(ring, model)
     described = attributes(small)
-    heat = heating(poles, heaters, duration, rtol, np.zeros(small.order * len(poles)))
+    heat = heating(poles, drives, duration, rtol, np.zeros(small.order * len(poles)))
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     begin = starting_point(initial, small.order, described)
@@ -174,7 +181,8 @@ def simulate(
     if heat.powers:
         added = sum(each.gain[0] * x for each, x in zip(poles.values(), heat.states(run.reached), strict=True))
         end = replace(end, thermal=np.asarray(end.thermal) + added)
-    static = sum(picked.transfers[name].thermal_resistance * float(p(run.reached)) for name, p in heat.powers.items())
+    gains = {name: each.thermal_resistance for name, each in picked.transfers.items()}
+    static = sum(gains.get(name, 1.0) * float(wave(run.reached)) for name, wave in heat.powers.items())
     places = np.array([one.frequency for one in run.resonances[1:]])
     several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
     time = {"time": ("time", run.time, dataset.describe("time"))}
@@ -185,6 +193,7 @@ def simulate(
             **doubts,
             "driven_until": max(run.lights.driven_until, heat.driven_until),
             **described,
+            **heat.attributes,
             **({} if initial is None else {"initial": "given"}),
             **(several if others else {"heater_rise": static} if static else {}),
             "rtol": rtol,

@@ -20,6 +20,7 @@ MOST = 4000  # bytes of a file within which it stands
 
 def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
     """Header lines of an exported file: kind of model and size, heated and read parts, error, units, geometry."""
+    model = getattr(model, "without_ambient", model)
     name = type(model).__name__
     order = getattr(model, "order", None)
     lines = [

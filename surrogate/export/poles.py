@@ -67,7 +67,8 @@ def poles_of(model: Any) -> Poles:
 
 
 def _of_state_space(model: StateSpace) -> Poles:
-    """`Poles` of a linear system, each state scaled to a temperature in K."""
+    """`Poles` of a linear system, each state scaled to a temperature in K; its ambient is a node of the simulator."""
+    model = model.without_ambient
     if model.order > LARGEST_ORDER:
         raise checks.InputError(
             f"model is a StateSpace of {model.order} states, too large for this format, which takes {LARGEST_ORDER}",
@@ -141,7 +142,7 @@ def lit_part(model: Any) -> tuple[str, str]:
 
     Raises InputError: the model does not read that part, and reads several others.
     """
-    heated = model.inputs[0]
+    heated = getattr(model, "heated", model.inputs)[0]
     if heated in model.outputs:
         return heated, heated
     if len(model.outputs) == 1:

@@ -18,7 +18,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
-from ..geometry.section_parts import LIGHT
+from ..geometry.section_parts import AMBIENT, LIGHT
 from ..materials.material_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..mesh import Mesh
     from ..optics import Mode
+
+
+HELD_SHARE = 1e-9  # of a mean at held unknowns, by which its gain of the ambient is below 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,23 +156,41 @@ class HeatProblem:
         Parameters
         ----------
         heated : str or sequence of str
-            heated parts; default all of them.
+            heated parts; default all of them. "ambient" is the temperature around the domain in kelvin above that of
+            the geometry: of held, convective and open sides.
         read : str or sequence of str
             layers, parts or probes whose mean is read; default the heated ones.
 
         Raises
         ------
         InputError
-            a name that is no heated part, or nothing that can be read.
+            a name that is no heated part, nothing that can be read, or with "ambient" what a held side is part of.
+
+        >>> import thermofem as th
+        >>> moved = th.assemble(th.strip_ring()).channels("ambient", "core")
+        >>> round(moved.thermal_resistance, 9)  # K/K
+        1.0
         """
-        inputs = _names("heated", heated, self.heated, self.heated)
-        outputs = _names("read", read, self.readable, inputs)
+        inputs = _names("heated", heated, (*self.heated, AMBIENT), self.heated)
+        parts = tuple(name for name in inputs if name != AMBIENT)
+        outputs = _names("read", read, self.readable, parts or self.heated)
+        if AMBIENT in inputs:
+            self._check_moving(outputs)
         if (inputs, outputs) not in self._kept:
             origin = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
             system = replace(self.discretization.state_space(inputs, outputs), origin=origin)
             self._kept[inputs, outputs] = system
         kept: StateSpace = self._kept[inputs, outputs]
         return kept
+
+    def _check_moving(self, outputs: tuple[str, ...]) -> None:
+        """Raise InputError where the ambient is the name of a region, or where a mean has a share of held unknowns."""
+        checks.unique("inputs", (*self.regions, AMBIENT), hint="rename the region")
+        d = self.discretization
+        for name in outputs:
+            share = float(np.abs(d.means[name][d.held]).sum())
+            hint = f"{name!r} reaches a side at the ambient temperature and follows it at once; read a part inside"
+            checks.between(f"share of {name!r} that is held", share, 0, HELD_SHARE, hint=hint)
 
     @cached_property
     def _kept(self) -> dict[Any, Any]:
@@ -184,8 +205,10 @@ class HeatProblem:
     def model(
         self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None
     ) -> StateSpace | NonlinearSystem:
-        """As `channels`, with k(T) and c_p(T) where materials have them."""
+        """As `channels`, with k(T) and c_p(T) where materials have them; "ambient" goes with constant ones only."""
         linear = self.channels(heated, read)
+        if self.nonlinear and AMBIENT in linear.inputs:
+            raise checks.InputError("heated = 'ambient' needs a linear model: heat.channels, or constant k and c_p")
         return NonlinearSystem(linear, *self._flow_and_content) if self.nonlinear else linear
 
     def modal(self, heated: str) -> Modal:

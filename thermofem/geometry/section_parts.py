@@ -18,6 +18,7 @@ THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 POLARISATIONS = ("TE", "TM")
 BUSES = ("bus", "drop")  # names of the first and the second one
 LIGHT = "light"  # the name under which the temperature that a mode sees is read
+AMBIENT = "ambient"  # the name of the input that is the temperature of the ambient
 _LONGEST = 0.1  # m; nothing on a chip is longer
 
 

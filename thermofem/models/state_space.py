@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,7 @@ from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.display import model_html
+from ..geometry.section_parts import AMBIENT
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import at_times, check_single, keep_names, names, parts, reader
@@ -72,6 +73,17 @@ class StateSpace:
         """Number of states."""
         return int(self.A.shape[0])
 
+    @property
+    def heated(self) -> tuple[str, ...]:
+        """The inputs that take power: all but "ambient", the temperature around the chip in K."""
+        return tuple(name for name in self.inputs if name != AMBIENT)
+
+    @property
+    def without_ambient(self) -> StateSpace:
+        """The same system under a constant ambient."""
+        kept = [name != AMBIENT for name in self.inputs]
+        return self if all(kept) else replace(self, B=self.B[:, kept], inputs=self.heated)
+
     def channel(self, heated: str | None = None, read: str | None = None) -> StateSpace:
         """The subsystem of one input and one output (default: the first of each)."""
         i = self.inputs.index(checks.choice("heated", heated, self.inputs, default=self.inputs[0]))
@@ -81,10 +93,14 @@ class StateSpace:
 
     @cached_property
     def gain(self) -> Array:
-        """Static gain -C A^-1 B in K/W, shape (outputs, inputs)."""
+        """Static gain -C A^-1 B in K/W, shape (outputs, inputs); its solutions are refined once."""
         self._check_settles()
-        solve = factorize(-self._sparse("A"))
-        return np.asarray(self.C @ np.column_stack([solve(column) for column in self.B.T]))
+        K = -self._sparse("A")
+        solve = factorize(K)
+        states = np.column_stack([solve(column) for column in self.B.T])
+        residual = self.B - K @ states
+        states += np.column_stack([solve(column) for column in residual.T])
+        return np.asarray(self.C @ states)
 
     @property
     def thermal_resistance(self) -> float:
