@@ -124,11 +124,11 @@ def light_of(circuit: Circuit) -> Light:
     )
 
 
-def network_of(light: Light, *, detected: bool, energies: bool, hair: float) -> Network:
+def network_of(light: Light, *, detected: bool, energies: bool, time_tolerance: float) -> Network:
     """Convert the matrices of a circuit to the kernel's units; entries of M at round-off become 0.
 
     detected: whether to integrate the low passes of the detectors.
-    energies: whether to integrate the output powers. hair [ns]: round-off error of times.
+    energies: whether to integrate the output powers. time_tolerance [ns]: round-off error of times.
     """
     M = light.between * eq.NS
     root = np.sqrt(eq.NS)
@@ -157,7 +157,7 @@ def network_of(light: Light, *, detected: bool, energies: bool, hair: float) -> 
         seen_late=light.seen_delay[waves],
         corner=corner if corner.any() else None,
         energies=energies,
-        hair=hair,
+        time_tolerance=time_tolerance,
     )
 
 

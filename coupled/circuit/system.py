@@ -41,8 +41,8 @@ class System:
         """The equations for the kernel; ``detected`` adds detector low passes, ``energies`` the integrated powers."""
         heat, own = self.heat, np.einsum("iik->ik", self.heat.read)
         cross = np.where(np.eye(len(own), dtype=bool)[:, :, None], 0.0, heat.read) if heat.crossed else None
-        hair = 2 * SAME_TIME * self.lights.drive.edges[-1]
-        network = network_of(self.light, detected=detected, energies=energies, hair=hair)
+        time_tolerance = 2 * SAME_TIME * self.lights.drive.edges[-1]
+        network = network_of(self.light, detected=detected, energies=energies, time_tolerance=time_tolerance)
         poles = PoleHeat(heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS, own, cross)
         return Problem(self.rings, poles, self.lights.drive, method, network)
 

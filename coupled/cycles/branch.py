@@ -42,11 +42,14 @@ FIRST, SHORTEST = 0.01, 1e-7  # steps, in units of `multiple_shooting.weights`
 LONGEST = (0.1, 0.03)  # step of a branch, and of a curve of folds
 TURN = 0.3  # of the largest values, what the nodes may change in a step
 EASY, HARD, MORE = 3, 5, 4  # steps of Newton's method; more to a fold
-SMALL, SMALLEST = 0.05, 0.03  # relative range of a cycle, where a branch ends in a Hopf point, folds on a Hopf curve
+SMALL, SMALLEST_FOLD = (
+    0.05,
+    0.03,
+)  # relative range of a cycle, where a branch ends in a Hopf point, folds on a Hopf curve
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
 AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
 REPELLED = 1e10  # multiplier at which the parameter of a canard stays while the cycle changes
-MOST = 400  # cycles of the branch from a Hopf point to a laser
+MOST_CYCLES = 400  # cycles of the branch from a Hopf point to a laser
 HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
 
@@ -58,7 +61,8 @@ def is_hopf_point(guess: Any) -> bool:
 
 def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
     """Power (W) and detuning (Hz) at a Hopf point, less the resonance shift ``turn`` (Hz) by constant heaters."""
-    if np.ndim(guess["power"] if "power" in getattr(guess, "variables", {}) else 0.0) != 0:
+    variables = getattr(guess, "variables", {})
+    if "power" in variables and np.ndim(guess["power"]) != 0:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
     what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
     contents("guess", guess, ("power", "detuning", "energy", "frequency"), what=what)
@@ -69,8 +73,10 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
 def _at_rest(p: CycleProblem, U: float, D: float) -> tuple[Array, Array]:
     """State vector and Jacobian at the fixed point (U, D), in internal units, for a real pump amplitude."""
     y = states(np.array([U]), np.array([D]), p.internal)[0][0]
-    turn = 1j / (float(balance(U, p.internal).gamma) - 1j * D)
-    y[:2] = np.sqrt(U) * (np.array([turn.real, turn.imag]) / abs(turn))
+    gamma = float(balance(U, p.internal).gamma)
+    turn = 1j / (gamma - 1j * D)
+    phase = np.array([turn.real, turn.imag]) / abs(turn)
+    y[:2] = np.sqrt(U) * phase
     return y, p.kernel(Method.RODAS4).slopes(y)[1]
 
 
@@ -85,23 +91,28 @@ def born(family: Family, guess: Any, size: float = BORN) -> tuple[Place, Array]:
     p = family.base
     U = float(guess["energy"]) / FJ
     omega = 2 * np.pi * NS * float(guess["frequency"])
-    rest, J = _at_rest(p, U, float(balance(U, p.internal).shift) - p.laser[1])
+    shift = float(balance(U, p.internal).shift)
+    fixed, J = _at_rest(p, U, shift - p.laser[1])
     values, vectors = np.linalg.eig(J)
-    k = int(np.argmin(np.abs(values - 1j * omega)))
-    if not abs(values[k] - 1j * omega) < 1e-3 * omega:
+    off = np.abs(values - 1j * omega)
+    k = int(np.argmin(off))
+    if not off[k] < 1e-3 * omega:
         raise InputError("guess is a Hopf point of another ring or model: no pair of eigenvalues is at its frequency")
-    q = np.asarray((-1j * vectors[:, k] * rest[2] / vectors[2, k]).real)  # the carriers rise through their mean
+    v = vectors[:, k] / vectors[2, k]
+    q = np.asarray((-1j * fixed[2] * v).real)  # the carriers rise through their mean
     outward = np.concatenate([q, [0.0, 0.0]])
     T = 2 * np.pi / omega
     for r in (size, size / 4):
-        trial = Nodes((rest + r * q)[None], np.array([T]), family.start())
-        turn = shooting.flow(p.flow.fine, trial.y[0], T, FINE)
-        unit = shooting.weights(family, Trace(trial.y[0], turn.y, T, turn.rows, []))
+        y = fixed + r * q
+        trial = Nodes(y[None], np.array([T]), family.start())
+        turn = shooting.flow(p.flow.fine, y, T, FINE)
+        unit = shooting.weights(family, Trace(y, turn.y, T, turn.rows, []))
         row = outward * unit
+        row /= np.linalg.norm(row)
         extent = shooting.extent_of(turn.rows)
-        found = shooting.corrected(family, trial, (row / np.linalg.norm(row))[None], unit, extent=extent)
-        if found is not None and found.extent > r / 4:
-            return found, found.frame(outward * found.unit)[0]
+        place = shooting.corrected(family, trial, row[None], unit, extent=extent)
+        if place is not None and place.extent > r / 4:
+            return place, place.frame(outward * place.unit)[0]
     raise InputError("no small cycle was found at the Hopf point given as guess: Newton's method finds none")
 
 
@@ -110,7 +121,9 @@ def hopf_near(family: Family, place: Place) -> Place | None:
     orbit = place.orbit
     start = float(place.values[0])
     span = float(family.ranges[0])
-    energy = float(time_weights(orbit) @ (orbit.trace.rows[:, 1:3] ** 2).sum(axis=1)) / orbit.T
+    energies = (orbit.trace.rows[:, 1:3] ** 2).sum(axis=1)
+    energy = float(time_weights(orbit) @ energies) / orbit.T
+    omega = 2 * np.pi / orbit.T
 
     def pair(value: float) -> tuple[Array, complex, Array]:
         """State, critical eigenvalue (1/ns) and Jacobian at the fixed point of the cycle's mean energy."""
@@ -119,20 +132,28 @@ def hopf_near(family: Family, place: Place) -> Place | None:
         k = int(np.argmin(np.abs(U - energy)))
         y, J = _at_rest(p, U[k], D[k])
         values = np.linalg.eigvals(J).astype(complex)
-        return y, complex(values[np.argmin(np.abs(values - 2j * np.pi / orbit.T))]), J
+        critical = np.argmin(np.abs(values - 1j * omega))
+        return y, complex(values[critical]), J
+
+    def growth(value: float) -> float:
+        """Real part of the critical eigenvalue, 1/ns."""
+        return pair(value)[1].real
 
     try:
-        value = float(newton(lambda v: pair(v)[1].real, start, x1=start + 1e-5 * span, tol=1e-11 * span, maxiter=20))
+        value = float(newton(growth, start, x1=start + 1e-5 * span, tol=1e-11 * span, maxiter=20))
         y, root, J = pair(value)
     except (RuntimeError, ValueError):
         return None
     T = 2 * np.pi / root.imag
     if abs(value - start) > 0.05 * span or abs(T - orbit.T) > 0.1 * orbit.T:
         return None
-    row = shooting.flow(family.at(np.array([value])).kernel(Method.RODAS4), y, 1e-3, 1e-5).rows[0]
-    rows = np.column_stack([np.linspace(0, T, PER_STEP + 1), np.tile(row[1:], (PER_STEP + 1, 1))])
-    rest = Orbit(Trace(y, y, T, rows, [(y, np.array([T]))]), expm(J * T), 0.0)
-    return place._replace(nodes=Nodes(y[None], np.array([T]), np.array([value])), orbit=rest)
+    problem = family.at(np.array([value])).kernel(Method.RODAS4)
+    row = shooting.flow(problem, y, 1e-3, 1e-5).rows[0]
+    times = np.linspace(0, T, PER_STEP + 1)
+    rows = np.column_stack([times, np.tile(row[1:], (times.size, 1))])
+    durations = np.array([T])
+    still = Orbit(Trace(y, y, T, rows, [(y, durations)]), expm(J * T), 0.0)
+    return place._replace(nodes=Nodes(y[None], durations, np.array([value])), orbit=still)
 
 
 class Found(NamedTuple):
@@ -156,7 +177,9 @@ def follow(
     ends: of the range of the parameters (SI), numbers or shape (2, q): a branch stops there, a curve of folds beyond.
     most: largest number of cycles. kinds: the bifurcations to locate, of `KINDS`.
     """
-    place, step, rows = start, FIRST, start.frame(along)
+    place = start
+    step = FIRST
+    rows = start.frame(along)
     out = [Found(start, "")]
     shortest = start.orbit.T
     folds = len(rows) > 1
@@ -168,8 +191,9 @@ def follow(
     while len(out) < most:
         step = min(step, _longest(place, rows[0]))
         ahead = shooting.predicted(family, place, rows, step)
-        after = ahead.frame((ahead.nodes.x - place.nodes.x) * ahead.unit) if ahead else rows
-        if ahead is None or (after[0] @ rows[0] < 0.8 and step > 1e-4):
+        after = _frame_ahead(place, ahead) if ahead else rows
+        turns_sharply = after[0] @ rows[0] < 0.8
+        if ahead is None or (turns_sharply and step > 1e-4):
             step /= 2
             if step < SHORTEST:
                 return out, "Newton's method finds no next cycle"
@@ -177,7 +201,9 @@ def follow(
         out += _between(family, place, ahead, rows, step, kinds)
         if outside(ahead) > 0:
             end = ahead if folds else _located(family, place, rows, step, outside)
-            return [*out, *([Found(end, "")] if end else [])], "the end of the range"
+            if end:
+                out.append(Found(end, ""))
+            return out, "the end of the range"
         good = shooting.on_good_nodes(family, ahead, after)
         if good is None:
             return out, "its nodes cannot be placed"
@@ -185,17 +211,31 @@ def follow(
         place, rows = good
         out.append(Found(place, ""))
         shortest = min(shortest, place.orbit.T)
-        if shrinks and folds and place.extent < SMALLEST:
+        if shrinks and folds and place.extent < SMALLEST_FOLD:
             return out, "a Hopf curve"
-        if shrinks and not folds and place.extent < SMALL and (end := hopf_near(family, place)):
-            return [*out, Found(end, HOPF)], "a Hopf point"
+        if shrinks and not folds and place.extent < SMALL:
+            hopf_point = hopf_near(family, place)
+            if hopf_point:
+                return [*out, Found(hopf_point, HOPF)], "a Hopf point"
         if place.orbit.size > REPELLED:
             return out, f"the branch turns vertical: a deviation grows by {place.orbit.size:.1g} in a period"
         if SLOWEST * shortest < place.orbit.T:
             return out, "the period grows without bound"
-        steps = ahead.steps - (MORE if folds else 0)
-        step *= 1.6 if steps <= EASY else 0.6 if steps >= HARD else 1.0
+        step *= _step_factor(ahead.steps - (MORE if folds else 0))
     return out, "the number of points"
+
+
+def _frame_ahead(place: Place, ahead: Place) -> Array:
+    """The frame of the next cycle, whose first row points away from the cycle before it."""
+    advance = ahead.nodes.x - place.nodes.x
+    return ahead.frame(advance * ahead.unit)
+
+
+def _step_factor(iterations: int) -> float:
+    """Factor of the step of the continuation by the number of Newton steps that the last cycle took."""
+    if iterations <= EASY:
+        return 1.6
+    return 0.6 if iterations >= HARD else 1.0
 
 
 def doubling(place: Place) -> float:
@@ -215,8 +255,10 @@ def _longest(place: Place, row: Array) -> float:
 
     For a small cycle the limit is proportional to its amplitude, so that no step passes beyond its Hopf point.
     """
-    moved = float(np.abs(place.change(row).y * place.unit[: place.orbit.start.size]).max())
-    return min(LONGEST[place.values.size - 1], TURN * min(1.0, 2 * place.extent) / max(moved, 1e-12))
+    states = place.unit[: place.orbit.start.size]
+    moved = float(np.abs(place.change(row).y * states).max())
+    allowed = TURN * min(1.0, 2 * place.extent)
+    return min(LONGEST[place.values.size - 1], allowed / max(moved, 1e-12))
 
 
 def _between(
@@ -230,26 +272,32 @@ def _between(
     out = []
     for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
         if kind in kinds and test(place) * test(ahead) < 0:
-            found = _located(family, place, rows, step, test)
-            if found is not None and _is_there(kind, found):
-                out.append(Found(found, kind))
-    return sorted(out, key=lambda f: float((f.place.nodes.x - place.nodes.x) * place.unit @ rows[0]))
+            located = _located(family, place, rows, step, test)
+            if located is not None and _is_there(kind, located):
+                out.append(Found(located, kind))
+
+    def arclength(bifurcation: Found) -> float:
+        advance = bifurcation.place.nodes.x - place.nodes.x
+        return float(advance * place.unit @ rows[0])
+
+    return sorted(out, key=arclength)
 
 
 def _located(family: Family, place: Place, rows: Array, step: float, test: Callable[[Place], float]) -> Place | None:
     """The cycle where ``test`` vanishes, by Brent's method in arclength, to 1e-10; None without convergence."""
-    seen: dict[float, Place] = {}
+    cycles: dict[float, Place] = {}
 
-    def at(s: float) -> float:
-        if s not in seen:
-            found = shooting.predicted(family, place, rows, s, FINE)
-            if found is None:
+    def test_at(s: float) -> float:
+        if s not in cycles:
+            cycle = shooting.predicted(family, place, rows, s, FINE)
+            if cycle is None:
                 raise ArithmeticError
-            seen[s] = found
-        return test(seen[s])
+            cycles[s] = cycle
+        return test(cycles[s])
 
     try:
-        return seen[float(brentq(at, 0.0, step, xtol=1e-10, rtol=1e-12))]
+        root = float(brentq(test_at, 0.0, step, xtol=1e-10, rtol=1e-12))
+        return cycles[root]
     except (ArithmeticError, ValueError):
         return None
 
@@ -263,51 +311,61 @@ def _is_there(kind: str, place: Place) -> bool:
     if kind == "period doubling":
         return bool(np.abs(1 + mu).min() < AT)
     if kind == "torus":  # a complex pair whose product is 1
-        return bool(np.any((np.abs(np.abs(mu) - 1) < AT) & (np.abs(mu.imag) > AT)))
+        on_circle = np.abs(np.abs(mu) - 1) < AT
+        return bool(np.any(on_circle & (np.abs(mu.imag) > AT)))
     return True
 
 
 def described(family: Family, places: list[Place]) -> dict[str, Any]:
     """Parameters and measures of cycles, in SI: a dict from name to ("point", values, attributes)."""
-    p, seen = family.base, [measure(place.orbit.trace.rows) for place in places]
-    dropped = 2 * p.ring.drop_bus_rate * FJ
+    p = family.base
+    measures = [measure(place.orbit.trace.rows) for place in places]
+    parameters = numbers_of(p)
     values = np.array([place.values for place in places]).T
-    known = numbers_of(p)
-    numbers = {name: (x, known[name][1] or "1", name) for name, x in zip(family.names, values, strict=True)} | {
-        "period": ([place.orbit.T * NS for place in places], "s", "period"),
-        "duty": ([m.duty for m in seen], "1", "duty cycle"),
-        "swing": ([m.swing for m in seen], "K", "temperature swing"),
-        "highest_rise": ([m.hottest + p.rise for m in seen], "K", "highest temperature rise"),
-        "extinction": ([m.extinction for m in seen], "dB", "extinction"),
-        "drop_low": ([m.lowest * dropped for m in seen], "W", "lowest drop power"),
-        "drop_high": ([m.highest * dropped for m in seen], "W", "highest drop power"),
-    }
-    return {name: ("point", x, {"units": unit, "long_name": words}) for name, (x, unit, words) in numbers.items()}
+    variables: dict[str, Any] = {}
+
+    def add(name: str, numbers: Any, unit: str, words: str) -> None:
+        variables[name] = ("point", numbers, {"units": unit, "long_name": words})
+
+    for name, column in zip(family.names, values, strict=True):
+        _, unit = parameters[name]
+        add(name, column, unit or "1", name)
+    dropped = 2 * p.ring.drop_bus_rate * FJ
+    add("period", [place.orbit.T * NS for place in places], "s", "period")
+    add("duty", [each.duty for each in measures], "1", "duty cycle")
+    add("swing", [each.swing for each in measures], "K", "temperature swing")
+    add("highest_rise", [each.hottest + p.rise for each in measures], "K", "highest temperature rise")
+    add("extinction", [each.extinction for each in measures], "dB", "extinction")
+    add("drop_low", [each.lowest * dropped for each in measures], "W", "lowest drop power")
+    add("drop_high", [each.highest * dropped for each in measures], "W", "highest drop power")
+    return variables
 
 
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     """The cycle of a problem, by continuation in power and detuning from a Hopf point at another power or detuning."""
     power, detuning = laser_of(guess, turned_by(p.rise, p.ring))
-    base, place = replace(p, power=power, detuning=detuning), None
+    base = replace(p, power=power, detuning=detuning)
+    place = None
     far = {"power": abs(p.power / power - 1), "detuning": abs(p.detuning - detuning) / p.ring.linear_rate}
-    names = sorted((name for name in LASER if far[name] > 0), key=lambda name: -far[name])  # the cycle grows at first
+    moved = [name for name in LASER if far[name] > 0]
+    names = sorted(moved, key=lambda name: -far[name])  # the cycle grows at first
     if not names:
         raise InputError("the Hopf point given as guess is at this power and detuning: its cycle has no size there")
     for name in names:
         here = getattr(base, name)
-        wanted = getattr(p, name)
-        family = Family(base, (name,), np.array([abs(wanted - here)]))
+        target = getattr(p, name)
+        family = Family(base, (name,), np.array([abs(target - here)]))
         if place is None:
             start, along = born(family, guess, FAINT)
         else:
             start = shooting.first_place(family, place.orbit.trace) or place
-            along = np.eye(start.unit.size)[-1] * (wanted - here)
-        found, why = follow(family, start, along, (wanted, 2 * here - wanted), MOST)
-        place = found[-1].place
-        if abs(float(place.values[0]) - wanted) > 1e-6 * abs(wanted - here):
+            along = np.eye(start.unit.size)[-1] * (target - here)
+        cycles, why = follow(family, start, along, (target, 2 * here - target), MOST_CYCLES)
+        place = cycles[-1].place
+        if abs(float(place.values[0]) - target) > 1e-6 * abs(target - here):
             raise InputError(
-                f"no cycle at {name} = {wanted:g} on the branch from the Hopf point given as guess: the branch "
+                f"no cycle at {name} = {target:g} on the branch from the Hopf point given as guess: the branch "
                 f"ends with {why}; continue_cycle shows where it goes"
             )
-        base = replace(base, **{name: wanted})
+        base = replace(base, **{name: target})
     return place.orbit  # type: ignore[union-attr]

@@ -20,7 +20,7 @@ from .cycle_problem import CycleProblem, value_of
 from .limit_cycle import cycle_near, stability
 from .multiple_shooting import Family, first_place
 
-MOST = 100_000  # cycles of a branch
+MOST_CYCLES = 100_000  # cycles of a branch
 
 
 def continue_cycle(
@@ -86,7 +86,7 @@ def continue_cycle(
     """
     check_ring(ring)
     doubts = check_geometry(ring, model)
-    points = checks.integer("points", points, 1, MOST)
+    points = checks.integer("points", points, 1, MOST_CYCLES)
     warm = constant(model, heaters, heated, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
     ends = checks.array("values", values)
@@ -103,9 +103,10 @@ def continue_cycle(
         first = first_place(family, cycle_near(p, guess).trace)
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
-        start, along = first, np.eye(first.unit.size)[-1] * (ends[0] - here or 1.0)
-    found, why = branch.follow(family, start, along, ends, points)
-    path = _dataset(family, found, why).assign_attrs(warm.attributes | doubts)
+        start = first
+        along = np.eye(first.unit.size)[-1] * (ends[0] - here or 1.0)
+    cycles, why = branch.follow(family, start, along, ends, points)
+    path = _dataset(family, cycles, why).assign_attrs(warm.attributes | doubts)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path
 
@@ -113,28 +114,32 @@ def continue_cycle(
 def _laser(guess: Any, power: float | None, detuning: float | None, turn: float) -> tuple[float, float]:
     """Power (W) and detuning (Hz) of the first cycle; ``turn`` is the resonance shift by constant heaters in Hz."""
     attrs = getattr(guess, "attrs", {})
-    own = laser_of(guess, turn) if is_hopf_point(guess) else (attrs.get("input_power"), attrs.get("detuning", 0.0))
-    P = own[0] if power is None else power
-    nu = own[1] if detuning is None else detuning
+    of_cycle = attrs.get("input_power"), attrs.get("detuning", 0.0)
+    of_guess = laser_of(guess, turn) if is_hopf_point(guess) else of_cycle
+    P = of_guess[0] if power is None else power
+    nu = of_guess[1] if detuning is None else detuning
     if P is None:
         raise checks.InputError("power is missing: give the power in W of the first cycle, or a guess that has one")
     P = check_power(P)
     nu = check_detuning(nu)
-    if is_hopf_point(guess) and (P, nu) != own:
+    if is_hopf_point(guess) and (P, nu) != of_guess:
         raise checks.InputError("power and detuning are those of the Hopf point given as guess; leave them out")
     return float(P), float(nu)
 
 
-def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
+def _dataset(family: Family, cycles: list[branch.Found], why: str) -> xr.Dataset:
     """The cycles of a branch as a Dataset over point, in SI, with their stability, bifurcations and multipliers."""
     p = family.base
-    places = [f.place for f in found]
+    places = [cycle.place for cycle in cycles]
     kind = {"units": "1", "long_name": "kind of the cycle"}
     variables = branch.described(family, places)
     variables["stability"] = ("point", [stability(place.orbit) for place in places], kind)
     special = {"units": "1", "long_name": "where the stability changes"}
-    variables["special"] = ("point", [f.kind for f in found], special)
+    variables["special"] = ("point", [cycle.kind for cycle in cycles], special)
     several = np.array([place.orbit.multipliers for place in places])
-    variables["multipliers"] = (("point", "multiplier"), several, {"units": "1", "long_name": "Floquet multipliers"})
-    attrs = provenance("branch of cycles", p.ring, p.model) | {"input_power": p.power, "detuning": p.detuning}
-    return xr.Dataset(variables, attrs=attrs | {"parameter": family.names[0], "reason": why})
+    about = {"units": "1", "long_name": "Floquet multipliers"}
+    variables["multipliers"] = (("point", "multiplier"), several, about)
+    attrs = provenance("branch of cycles", p.ring, p.model)
+    attrs |= {"input_power": p.power, "detuning": p.detuning}
+    attrs |= {"parameter": family.names[0], "reason": why}
+    return xr.Dataset(variables, attrs=attrs)

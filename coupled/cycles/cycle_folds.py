@@ -30,10 +30,11 @@ from ..thermal import trusted
 from .branch import born, described, follow, laser_of
 from .cycle_problem import CycleProblem
 from .multiple_shooting import Family, Place, corrected
+from .return_map import Orbit
 
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
 MARGIN = 0.02  # of the window, by which a curve leaves it
-NEAR = 0.02  # of the window, where two folds are the same
+SAME_FOLD = 0.02  # of the window, where two folds are the same
 SEEDS = 100  # cycles of a branch from a Hopf point
 POINTS = 300  # of a curve, each way
 
@@ -88,19 +89,19 @@ def cycle_fold_curves(
     P = check_axis("powers", powers)
     nu = check_axis("detunings", detunings)
     warm = constant(model, heaters, heated, read)
-    window = _Window(*np.transpose([np.log(P[[0, -1]]), nu[[0, -1]]]))
+    low, high = np.transpose([np.log(P[[0, -1]]), nu[[0, -1]]])
+    window = _Window(low, high)
     watts, offsets = window.wider(AROUND).T
-    found: list[xr.Dataset] = []
+    curves: list[xr.Dataset] = []
     for hopf in hopf_curves(ring, warm.model, watts, offsets + warm.turned(ring)):
         for seed in _seeds(hopf):
             p = CycleProblem(ring, warm.model, *laser_of(seed, warm.turned(ring)), warm.rise)
             for family, fold, across in _folds_from(p, seed, window):
-                at = window.at(*fold.values[:, None])
-                if not any(distances(at, window.at(curve.power, curve.detuning))[0] < NEAR for curve in found):
-                    found += _curve(family, fold, across, window)
-    for curve in found:
+                if not any(window.on_curve(fold, curve) for curve in curves):
+                    curves += _curve(family, fold, across, window)
+    for curve in curves:
         trusted(model, curve["highest_rise"].values - warm.rise)
-    return [curve.assign_attrs(warm.attributes) for curve in found]
+    return [curve.assign_attrs(warm.attributes) for curve in curves]
 
 
 class _Window(NamedTuple):
@@ -124,11 +125,25 @@ class _Window(NamedTuple):
         """Coordinates of points (W, Hz), shape (points, 2), 0 to 1 in the window."""
         return (np.transpose([np.log(power), detuning]) - self.low) / self.size
 
+    def holds(self, curve: xr.Dataset) -> bool:
+        """Whether a point of a curve lies in the window."""
+        at = self.at(curve.power, curve.detuning)
+        inside = np.all((at >= 0) & (at <= 1), axis=1)
+        return bool(np.any(inside))
+
+    def on_curve(self, fold: Place, curve: xr.Dataset) -> bool:
+        """Whether a fold at a power and detuning lies on a curve."""
+        power, detuning = fold.values[:, None]
+        distance = distances(self.at(power, detuning), self.at(curve.power, curve.detuning))[0]
+        return bool(distance < SAME_FOLD)
+
 
 def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
     """The midpoint of every sub- or supercritical part of a Hopf curve that bounds a region of stable fixed points."""
-    leading, hard = hopf["leading"].values, hopf["lyapunov"].values > 0
-    middles = sorted((first + end) // 2 for kind in (hard, ~hard) for first, end in runs_of(leading & kind))
+    leading = hopf["leading"].values
+    hard = hopf["lyapunov"].values > 0
+    parts = [*runs_of(leading & hard), *runs_of(leading & ~hard)]
+    middles = sorted((first + end) // 2 for first, end in parts)
     return [hopf.isel(point=k) for k in middles]
 
 
@@ -141,11 +156,12 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
         start, tangent = born(one, seed)
     except InputError:
         return []
-    found, _ = follow(one, start, tangent, window.wider(AROUND)[:, 1], SEEDS, ("fold",))
+    cycles, _ = follow(one, start, tangent, window.wider(AROUND)[:, 1], SEEDS, ("fold",))
     out = []
-    for fold in (f.place for f in found if f.kind == "fold"):
+    for fold in (cycle.place for cycle in cycles if cycle.kind == "fold"):
         across = np.insert(fold.frame(tangent)[0], -1, 0.0)
-        rows = np.stack([across, np.eye(across.size)[-2]])
+        power = np.eye(across.size)[-2]
+        rows = np.stack([across, power])
         nodes = fold.nodes._replace(values=np.array([p.power, fold.values[0]]))
         place = corrected(both, nodes, rows, np.insert(fold.unit, -1, 1 / ranges[0]))
         if place is not None:
@@ -156,14 +172,20 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
 def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
     """A list with the Dataset of the curve of folds through ``fold``; empty if it has no point in the window."""
     along = fold.frame(across)[1]
-    back, begins = follow(family, fold, -1 * along, window.wider(MARGIN), POINTS, ())
-    ahead, ends = follow(family, fold, 1 * along, window.wider(MARGIN), POINTS, ())
-    places = [found.place for found in [*back[::-1], *ahead[1:]]]
+    corners = window.wider(MARGIN)
+    back, begins = follow(family, fold, -along, corners, POINTS, ())
+    ahead, ends = follow(family, fold, along, corners, POINTS, ())
+    places = [cycle.place for cycle in [*back[::-1], *ahead[1:]]]
     curve = xr.Dataset(described(family, places))
-    at = window.at(curve.power, curve.detuning)
-    if len(places) < 3 or not np.any(np.all((at >= 0) & (at <= 1), axis=1)):
+    if len(places) < 3 or not window.holds(curve):
         return []
-    others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (place.orbit.others for place in places)]
     about = {"units": "1", "long_name": "one of the two cycles is stable"}
-    curve["leading"] = ("point", [bool(np.all(np.abs(mu) < 1)) for mu in others], about)
+    curve["leading"] = ("point", [_one_is_stable(place.orbit) for place in places], about)
     return [curve.assign_attrs(kind="fold-of-cycles curve", ring=family.base.ring.name, reason=f"{begins}; {ends}")]
+
+
+def _one_is_stable(orbit: Orbit) -> bool:
+    """Whether all multipliers of a cycle at a fold lie in the unit circle but the trivial one and that of the fold."""
+    mu = orbit.others
+    at_one = np.argmin(np.abs(mu - 1))
+    return bool(np.all(np.abs(np.delete(mu, at_one)) < 1))

@@ -23,8 +23,8 @@ from ..unknowns import FROM_ZERO, number_of, optical_names, varied
 from .cycle_search import settled
 from .return_map import Flow, Orbit
 
-LONGEST = 2e6  # ns, of a transient
-SLOWEST, MOST = 30, 1e8  # of the slowest time constant, where that is longer; ns, at most
+LONGEST_TRANSIENT = 2e6  # ns
+SLOWEST, MOST_TRANSIENT = 30, 1e8  # of the slowest time constant, where that is longer; ns, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,8 @@ class CycleProblem:
     @property
     def longest(self) -> float:
         """Longest transient in ns that is integrated before a cycle must have been found."""
-        return max(LONGEST, min(SLOWEST / (NS * slowest_rate(self.model)), MOST))
+        slowest = 1 / (NS * slowest_rate(self.model))
+        return max(LONGEST_TRANSIENT, min(SLOWEST * slowest, MOST_TRANSIENT))
 
     @property
     def where(self) -> str:
@@ -96,38 +97,43 @@ class CycleProblem:
         """The stable cycle to which the transient from the state ``y`` converges; errors as `cycle_search.settled`."""
         orbit: Orbit = settled(
             self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where,
-            slow=self.longest >= MOST,
+            slow=self.longest >= MOST_TRANSIENT,
         )  # fmt: skip
         return orbit
 
 
-STEP = 1e-4  # of a number: its fourth power is the truncation, 1e-16 over it the round-off
+RELATIVE_STEP = 1e-4  # of a number: its fourth power is the truncation, 1e-16 over it the round-off
 LASER = ("power", "detuning")
 
 
 def numbers_of(p: CycleProblem) -> dict[str, tuple[float, str]]:
     """Value and unit (SI) of every parameter that `changed` accepts, by name; "R1", "tau1": the fastest pole."""
-    found = {"power": (p.power, "W"), "detuning": (p.detuning, "Hz")}
-    found |= {name: (number_of(p.ring, name), UNITS[name]) for name in sorted(optical_names(p.ring))}
-    found |= {f"fcd{k + 1}": (c, f"m^{3 * power:g}") for k, (c, power) in enumerate(p.ring.fcd)}
-    if poles := p.poles:
+    numbers = {"power": (p.power, "W"), "detuning": (p.detuning, "Hz")}
+    for name in sorted(optical_names(p.ring)):
+        numbers[name] = (number_of(p.ring, name), UNITS[name])
+    for k, (coefficient, exponent) in enumerate(p.ring.fcd):
+        numbers[f"fcd{k + 1}"] = (coefficient, f"m^{3 * exponent:g}")
+    if p.poles:
         for name, unit in (("R", "K/W"), ("tau", "s")):
-            found |= {f"{name}{k + 1}": (float(x), unit) for k, x in enumerate(getattr(poles, name))}
-    return found
+            for k, value in enumerate(getattr(p.poles, name)):
+                numbers[f"{name}{k + 1}"] = (float(value), unit)
+    return numbers
 
 
 def value_of(p: CycleProblem, name: str) -> float:
     """Return the value of a parameter of a problem by its name, in SI."""
-    known = numbers_of(p)
-    return known[checks.choice("a parameter", name, known)][0]
+    numbers = numbers_of(p)
+    return numbers[checks.choice("a parameter", name, numbers)][0]
 
 
 def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
     """Return a copy of the problem in which the parameter ``name`` has another value (SI)."""
     if name in optical_names(p.ring):
         return replace(p, ring=varied(p.ring, {name: value}))
-    if name in LASER:
-        return replace(p, power=check_power(value)) if name == "power" else replace(p, detuning=value)
+    if name == "power":
+        return replace(p, power=check_power(value))
+    if name == "detuning":
+        return replace(p, detuning=value)
     kind = name.rstrip("0123456789")
     number = int(name.removeprefix(kind)) - 1
     if kind == "fcd":
@@ -145,9 +151,13 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
 def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
     """Pairs (weight, problem) of a difference formula: sum of weight f(y; problem) is df/d(parameter), per SI unit."""
     value = value_of(p, name)
-    h = STEP * (p.ring.linear_rate / (2 * np.pi) if name == "detuning" else abs(value)) or FROM_ZERO.get(name, 0.0)
+    size = p.ring.linear_rate / (2 * np.pi) if name == "detuning" else abs(value)
+    h = RELATIVE_STEP * size or FROM_ZERO.get(name, 0.0)
     if h == 0:
         raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
     if value != 0 or name == "detuning":
-        return [(w / (12 * h), changed(p, name, value + k * h)) for k, w in ((1, 8), (-1, -8), (2, -1), (-2, 1))]
-    return [(4 / (2 * h), changed(p, name, h)), (-1 / (2 * h), changed(p, name, 2 * h)), (-3 / (2 * h), p)]
+        stencil = ((1, 8), (-1, -8), (2, -1), (-2, 1))  # of order 4: steps from the value, weights
+        return [(weight / (12 * h), changed(p, name, value + steps * h)) for steps, weight in stencil]
+    near = changed(p, name, h)
+    far = changed(p, name, 2 * h)
+    return [(4 / (2 * h), near), (-1 / (2 * h), far), (-3 / (2 * h), p)]

@@ -60,8 +60,10 @@ class Part(NamedTuple):
 
     def following(self, duration: float, longest: float) -> float:
         """Duration in ns of the next part, after one of ``duration`` ns: longer for slow changes without pulses."""
-        patient = self.rises < 3 and self.moved > REST
-        return min(2 * duration, max(LONGEST_PART, min(LONGEST_SEEN, longest)) if patient else LONGEST_PART)
+        changes_slowly = self.rises < 3 and self.moved > REST
+        if not changes_slowly:
+            return min(2 * duration, LONGEST_PART)
+        return min(2 * duration, max(LONGEST_PART, min(LONGEST_SEEN, longest)))
 
 
 def measured(t: Array, q: Array, duration: float) -> Part:
@@ -71,18 +73,19 @@ def measured(t: Array, q: Array, duration: float) -> Part:
     highs = np.maximum.reduceat(q, parts).tolist()
     low = min(lows[1:])
     high = max(highs[1:])
-    top = max(highs)
     above = q > 0.5 * (low + high)
     ups = t[1 + np.flatnonzero(above[1:] & ~above[:-1])]
     ups = ups[ups >= duration / 4]
     third = highs[1] - lows[1]
     fourth = highs[2] - lows[2]
     gap = float(np.diff(ups).max(initial=0.0))
-    return Part(low, high, third, fourth, ups.size, gap, (top - min(lows)) / max(top, 1e-300))
+    top = max(highs)
+    moved = (top - min(lows)) / max(top, 1e-300)
+    return Part(low, high, third, fourth, ups.size, gap, moved)
 
 
 class Shooting(Protocol):
-    """Interface of a system to `settled`; times in ns. Its orbits have start, T, pulses, size and worst."""
+    """Interface of a system to `settled`; times in ns. Its orbits have start, T, pulses, size and leading."""
 
     @property
     def heat(self) -> int:
@@ -117,59 +120,73 @@ def settled(
 
     Raises RestError at a stable fixed point, UnsettledError if no cycle is found within ``longest``.
     """
-    passed, said, wary, duration, step = 0.0, "no pulse", False, FIRST_PART, 0.0
+    passed = 0.0
+    reason = "no pulse"
+    wary = False
+    duration = FIRST_PART
+    step = 0.0
     while passed < longest:
         look()
         y, step, rows, q = system.part(y, duration, min(step, FIRST_STEP))
         passed = passed + duration
-        seen = measured(rows[:, 0], q, duration)
-        at = resting(rows[-1], points()) if seen.rests else None
-        if seen.pulses(points):
-            found, said, unstable = pulse_train(system, y, seen, wary, passed >= longest)
+        part = measured(rows[:, 0], q, duration)
+        fixed = resting(rows[-1], points()) if part.rests else None
+        if part.pulses(points):
+            orbit, reason, unstable = pulse_train(system, y, part, wary, passed >= longest)
             wary = wary or unstable
-            if found is not None:
-                change = abs(system.swing(found) - (seen.high - seen.low))
-                if change <= AGREE * (seen.high - seen.low) or not len(points()):
-                    return found
-                said = "the pulses still change"
-        if at is not None:
+            if orbit is not None:
+                amplitude = part.high - part.low
+                change = abs(system.swing(orbit) - amplitude)
+                if change <= AGREE * amplitude or not len(points()):
+                    return orbit
+                reason = "the pulses still change"
+        if fixed is not None:
+            U, _, dT = fixed
             raise RestError(
                 f"no limit cycle{where}: within {passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, "
-                f"{at[0]:.4g} fJ and {at[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
+                f"{U:.4g} fJ and {dT:.4g} K; give guess= a cycle nearby where one may lie beside it"
             )
-        duration = seen.following(duration, longest)
+        duration = part.following(duration, longest)
+    hint = SLOW if slow else ""
     raise UnsettledError(
-        f"no settled cycle{where}: {passed / 1e3:.4g} us from {begin} do not lead to one ({said}); give guess= a cycle "
-        "nearby" + (SLOW if slow else "")
+        f"no settled cycle{where}: {passed / 1e3:.4g} us from {begin} do not lead to one ({reason}); "
+        f"give guess= a cycle nearby{hint}"
     )
 
 
 def resting(row: Array, points: Array) -> Array | None:
     """The stable fixed point (U, N, dT) within a relative distance `REST` of a row (t, Re a, Im a, N, dT), or None."""
-    here = np.array([row[1] ** 2 + row[2] ** 2, row[3], row[4]])
-    return next((point for point in points if np.all(np.abs(here - point) <= REST * np.abs(point))), None)
+    _, re, im, N, dT = row
+    here = np.array([re**2 + im**2, N, dT])
+    for point in points:
+        if np.all(np.abs(here - point) <= REST * np.abs(point)):
+            return np.asarray(point)
+    return None
 
 
-def pulse_train(system: Shooting, y: Array, seen: Part, wary: bool, last: bool) -> tuple[Any, str, bool]:
+def pulse_train(system: Shooting, y: Array, part: Part, wary: bool, last: bool) -> tuple[Any, str, bool]:
     """The stable cycle near a pulsing trajectory, or None and the reason; and whether an unstable cycle was found.
 
     wary: an unstable cycle is known, so only a trajectory that repeats itself is tried.
     last: the transient ends here, so the orbit is also tried at full accuracy.
     """
-    wait, said, unstable = seen.longest, "the pulses do not repeat", wary
-    met = system.turn(y, 4 * wait, (seen.low + seen.high) / 2)
-    if met is None:
+    wait = part.longest
+    reason = "the pulses do not repeat"
+    unstable = wary
+    start = system.turn(y, 4 * wait, (part.low + part.high) / 2)
+    if start is None:
         return None, "the pulses end", False
-    for pulses, precisely in _tries(system, met, wait, wary, last):
-        found, why = _stable(system, met, wait, pulses, precisely)
-        if found is not None:
-            shortest = once(system, found, wait)
-            nearer = comes_nearer(system, met, shortest, wait)
-            if nearer and (closed := system.confirmed(shortest, wait)) is not None:
-                return closed, "", False
-        said = why or said
+    for pulses, precisely in _tries(system, start, wait, wary, last):
+        orbit, why = _stable(system, start, wait, pulses, precisely)
+        if orbit is not None:
+            shortest = once(system, orbit, wait)
+            if comes_nearer(system, start, shortest, wait):
+                confirmed = system.confirmed(shortest, wait)
+                if confirmed is not None:
+                    return confirmed, "", False
+        reason = why or reason
         unstable = unstable or bool(why)
-    return None, said, unstable
+    return None, reason, unstable
 
 
 def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> Iterator[tuple[int, bool]]:
@@ -194,30 +211,31 @@ def _pulses(system: Shooting, y: Array, wait: float) -> Iterator[Array]:
 def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, float]:
     """Relative distance of the thermal state from its start after 1, 2, ... pulses: a dict from pulses to distance."""
     off: dict[int, float] = {}
-    for pulses, at in enumerate(islice(_pulses(system, y, wait), most)):
-        off[pulses + 1] = distance(system, at, y)
-        if off[pulses + 1] <= REPEATS:
+    for pulses, state in enumerate(islice(_pulses(system, y, wait), most), start=1):
+        off[pulses] = distance(system, state, y)
+        if off[pulses] <= REPEATS:
             break
     return off
 
 
 def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: bool) -> tuple[Any, str]:
     """The stable cycle of ``pulses`` pulses, or of 2, 4, ... times as many after doubling; or None and the reason."""
-    said = ""
+    reason = ""
     while pulses <= MOST_PULSES:
         orbit = system.cycle(y, pulses, wait, precisely)
         if orbit is None:
-            return None, said
+            return None, reason
         if orbit.size < 1:
             return orbit, ""
-        if orbit.worst.real > -1 or orbit.worst.imag != 0:
+        if orbit.leading.real > -1 or orbit.leading.imag != 0:
             return None, "the cycle there is unstable"
-        said = f"a cycle of {pulses} has doubled, with a multiplier of {orbit.worst.real:.3g}"
+        reason = f"a cycle of {pulses} has doubled, with a multiplier of {orbit.leading.real:.3g}"
         later = [*islice(_pulses(system, y, wait), DIFFER)]
         if len(later) < DIFFER:
-            return None, said
-        y, pulses = later[-1], 2 * pulses
-    return None, said
+            return None, reason
+        y = later[-1]
+        pulses = 2 * pulses
+    return None, reason
 
 
 def once(system: Shooting, orbit: Any, wait: float) -> Any:
@@ -225,24 +243,32 @@ def once(system: Shooting, orbit: Any, wait: float) -> Any:
     for pulses, off in _distances(system, orbit.start, wait, orbit.pulses // 2).items():
         if orbit.pulses % pulses == 0 and off <= BACK:
             shorter = system.cycle(orbit.start, pulses, wait, False)
+            if shorter is None:
+                continue
             share = pulses / orbit.pulses
-            if shorter is not None and abs(shorter.T - share * orbit.T) <= 1e-3 * orbit.T and shorter.size < 1:
+            repeats = abs(shorter.T - share * orbit.T) <= 1e-3 * orbit.T
+            if repeats and shorter.size < 1:
                 return shorter
     return orbit
 
 
 def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
     """Whether the trajectory from ``y`` approaches the orbit, over as many periods as halve a small perturbation."""
-    turns = int(np.clip(np.ceil(np.log(0.5) / np.log(max(orbit.size, 1e-3))), 2, PATIENT))
-    off = (distance(system, at, orbit.start) for at in chain([y], _pulses(system, y, wait)))
+    halving = np.log(0.5) / np.log(max(orbit.size, 1e-3))
+    turns = int(np.clip(np.ceil(halving), 2, PATIENT))
+    states = chain([y], _pulses(system, y, wait))
+    off = (distance(system, state, orbit.start) for state in states)
     first = min(islice(off, orbit.pulses))
     if first < REPEATS:
         return True
     last = [*islice(off, (turns - 1) * orbit.pulses, turns * orbit.pulses)]
-    return len(last) == orbit.pulses and min(last) < max((1 + orbit.size**turns) / 2 * first, REPEATS)
+    nearer = (1 + orbit.size**turns) / 2 * first
+    return len(last) == orbit.pulses and min(last) < max(nearer, REPEATS)
 
 
 def distance(system: Shooting, y: Array, other: Array) -> float:
     """Largest modulus of the difference of two states' thermal parts, relative to the largest modulus in ``other``."""
-    heat, orbit = y[system.heat :], other[system.heat :]
-    return float(np.abs(heat - orbit).max() / max(np.abs(orbit).max(), 1e-300))
+    heat = y[system.heat :]
+    reference = other[system.heat :]
+    scale = max(np.abs(reference).max(), 1e-300)
+    return float(np.abs(heat - reference).max() / scale)

@@ -89,24 +89,28 @@ def cycle_derivatives(
     warm = constant(model, heaters, heated, read)
     small = warm.model
     p = CycleProblem(ring, small, float(power), float(detuning), warm.rise)
-    known = numbers_of(p)
+    numbers = numbers_of(p)
     if parameters is None:
-        names = [name for name, (value, _) in known.items() if name == "detuning" or value or name in FROM_ZERO]
+        names = [name for name, (value, _) in numbers.items() if name == "detuning" or value or name in FROM_ZERO]
     else:
         names = [*checks.instances("parameters", parameters, str)]
     orbit = cycle_near(p, cycle)
     rows = derivatives(p, orbit, names)
-    about = {"period": "s", "duty": "1", "swing": "K", "extinction": "dB"}
-    variables: dict[str, Any] = {
-        name: ("parameter", rows[:, k], {"units": f"{unit} {PER}", "long_name": f"derivative of the {name}"})
-        for k, (name, unit) in enumerate(about.items())
-    }
-    variables["value"] = ("parameter", [known[name][0] for name in names], {"long_name": "value of the parameter"})
-    variables["unit"] = ("parameter", [known[name][1] for name in names], {"long_name": "SI unit of the parameter"})
-    seen = measure(orbit.trace.rows)
-    trusted(model, seen.hottest)
-    attrs = provenance("cycle derivatives", ring, small) | {"input_power": p.power, "detuning": p.detuning}
-    attrs |= {"period": orbit.T * NS, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction)}
+    units = {"period": "s", "duty": "1", "swing": "K", "extinction": "dB"}
+    variables: dict[str, Any] = {}
+    for column, (name, unit) in zip(rows.T, units.items(), strict=True):
+        about = {"units": f"{unit} {PER}", "long_name": f"derivative of the {name}"}
+        variables[name] = ("parameter", column, about)
+    values = [numbers[name][0] for name in names]
+    variables["value"] = ("parameter", values, {"long_name": "value of the parameter"})
+    si_units = [numbers[name][1] for name in names]
+    variables["unit"] = ("parameter", si_units, {"long_name": "SI unit of the parameter"})
+    measures = measure(orbit.trace.rows)
+    trusted(model, measures.hottest)
+    attrs = provenance("cycle derivatives", ring, small)
+    attrs |= {"input_power": p.power, "detuning": p.detuning}
+    attrs |= {"period": orbit.T * NS, "duty": measures.duty, "swing": measures.swing}
+    attrs |= {"extinction": float(measures.extinction)}
     attrs |= warm.attributes
     return xr.Dataset(variables, coords={"parameter": names}, attrs=attrs)
 
@@ -115,36 +119,65 @@ def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     """Return d(period (s), duty, swing (K), extinction (dB))/d(parameter in SI), shape (parameters, 4)."""
     if not names:
         return np.empty((0, 4))
-    seen = measure(orbit.trace.rows)
-    at = np.concatenate([seen.extremes, seen.crossings])
-    order = np.argsort(at)
-    y, now = np.empty((at.size, orbit.start.size)), orbit.start
-    for k, h in zip(order, np.diff(at[order], prepend=0.0), strict=True):
-        y[k] = now = flow(p.flow.fine, now, h, ACCURATE).y if h > 0 else now
-    family = Family(p, tuple(names), np.array([value_of(p, name) or 1.0 for name in names]))
-    nodes = Nodes(y[order], np.diff(at[order], append=at[order[0]] + orbit.T), family.start())
-    q, n = len(names), orbit.start.size
-    known = linearised(family, nodes, ACCURATE)
-    planes = np.eye(n + 1 + q)[n + 1 :]
-    unit = weights(family, orbit.trace)
-    if known is None or (step := newton(nodes, known, planes, np.zeros(q), unit)) is None:
-        raise checks.InputError(
-            f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
-        )
-    tangents = step[1].times(np.diag(1 / family.ranges))
+    measures = measure(orbit.trace.rows)
+    moments = np.concatenate([measures.extremes, measures.crossings])
+    order = np.argsort(moments)
+    y = _states_at(p, orbit, moments[order])
+    changes = _changes(p, orbit, names, y, moments[order])
     places = np.argsort(order)
-    turns, dh = tangents.h.sum(axis=1), tangents.h
-    dy, dt = tangents.y[:, places], (np.cumsum(dh, axis=1) - dh)[:, places]
+    y = y[places]
+    dy = changes.y[:, places]
+    begins = np.cumsum(changes.h, axis=1) - changes.h
+    dt = begins[:, places]
+    dT = changes.h.sum(axis=1)
+    low, high, coldest, hottest = range(4)  # the extrema, and the crossings of the level after them
+    crossings = slice(4, None)
     U = (y[:, :2] ** 2).sum(axis=1)
     dU = np.einsum("kn,qkn->qk", 2 * y[:, :2], dy[:, :, :2])
     rise = np.einsum("kn,qkn->qk", _rise_by_heat(p, y), dy[:, :, 3:])
-    level = (1 - DUTY_LEVEL) * dU[:, :1] + DUTY_LEVEL * dU[:, 1:2]
-    slopes = np.array([2 * one[:2] @ p.flow.fine.slopes(one)[0][:2] for one in y[4:]])
-    shift = dt[:, 4:] + (level - dU[:, 4:]) / slopes
-    signs = np.where(seen.rising, -1.0, 1.0)
-    duty = (shift @ signs - turns * (signs @ seen.crossings / orbit.T)) / orbit.T
-    dB = 10 / np.log(10) * (dU[:, 1] / U[1] - dU[:, 0] / U[0])
-    return np.column_stack([turns * NS, duty, rise[:, 3] - rise[:, 2], dB])
+    level = (1 - DUTY_LEVEL) * dU[:, low] + DUTY_LEVEL * dU[:, high]
+    slopes = np.array([_energy_slope(p, state) for state in y[crossings]])
+    shift = dt[:, crossings] + (level[:, None] - dU[:, crossings]) / slopes
+    signs = np.where(measures.rising, -1.0, 1.0)
+    share = signs @ measures.crossings / orbit.T
+    duty = (shift @ signs - dT * share) / orbit.T
+    dB = 10 / np.log(10) * (dU[:, high] / U[high] - dU[:, low] / U[low])
+    swing = rise[:, hottest] - rise[:, coldest]
+    return np.column_stack([dT * NS, duty, swing, dB])
+
+
+def _states_at(p: CycleProblem, orbit: Orbit, times: Array) -> Array:
+    """The states of an orbit at increasing times in ns, shape (times, n)."""
+    states = []
+    state = orbit.start
+    for duration in np.diff(times, prepend=0.0):
+        if duration > 0:
+            state = flow(p.flow.fine, state, duration, ACCURATE).y
+        states.append(state)
+    return np.array(states)
+
+
+def _changes(p: CycleProblem, orbit: Orbit, names: Sequence[str], y: Array, times: Array) -> Nodes:
+    """Changes of the states ``y`` at ``times`` and of the durations between them, per SI unit of each parameter."""
+    family = Family(p, tuple(names), np.array([value_of(p, name) or 1.0 for name in names]))
+    durations = np.diff(times, append=times[0] + orbit.T)
+    nodes = Nodes(y, durations, family.start())
+    linear = linearised(family, nodes, ACCURATE)
+    q = len(names)
+    planes = np.eye(orbit.start.size + 1 + q)[-q:]  # the parameters
+    solution = linear and newton(nodes, linear, planes, np.zeros(q), weights(family, orbit.trace))
+    if not solution:
+        raise checks.InputError(
+            f"parameters: the cycle is at a fold, where it has no derivatives by {', '.join(names)}"
+        )
+    _, tangents = solution
+    return tangents.times(np.diag(1 / family.ranges))
+
+
+def _energy_slope(p: CycleProblem, y: Array) -> float:
+    """dU/dt at a state, fJ/ns."""
+    rate = p.flow.fine.slopes(y)[0]
+    return float(2 * y[:2] @ rate[:2])
 
 
 def _rise_by_heat(p: CycleProblem, y: Array) -> Array:

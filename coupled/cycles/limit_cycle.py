@@ -130,15 +130,17 @@ def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
         return p.settled(starting_point(guess, order).as_array() / unit, "the guess")
     y = State.end_of(guess).as_array()
     if y.size != unit.size:  # heat of another model
-        rest = p.internal.heat.states(guess["absorbed"].mean().values / UW)
-        return p.settled(np.concatenate([y[:3] / unit[:3], rest]), "the guess")
-    found = close(p.flow, y / unit, int(attrs["pulses"]), REACH * attrs["period"] / NS)
-    if found is None:
+        mean_power = guess["absorbed"].mean().values / UW
+        heat = p.internal.heat.states(mean_power)
+        light_and_carriers = y[:3] / unit[:3]
+        return p.settled(np.concatenate([light_and_carriers, heat]), "the guess")
+    orbit = close(p.flow, y / unit, int(attrs["pulses"]), REACH * attrs["period"] / NS)
+    if orbit is None:
         raise InputError(
             f"no cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz near the one given as guess, of "
             f"{attrs['period']:g} s: Newton's method leads to none; take a smaller step, or no guess"
         )
-    return found
+    return orbit
 
 
 def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
@@ -146,14 +148,16 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
     t, re, im, N, dT = orbit.trace.rows.T
     ring = p.ring
     U = re**2 + im**2
-    into = np.sqrt(p.power / UW)
+    incoming = np.sqrt(p.power / UW)
+    coupled = 1j * np.sqrt(2 * ring.bus_rate * NS) * (re + 1j * im)
+    rates, _ = internal_rates(ring)
     values = {
         "energy": U * FJ,
         "carriers": N * DENSITY,
         "delta_T": dT + p.rise,
         "drop": 2 * ring.drop_bus_rate * U * FJ,
-        "through": np.abs(into + 1j * np.sqrt(2 * ring.bus_rate * NS) * (re + 1j * im)) ** 2 * UW,
-        "absorbed": absorbed_power(U, N, internal_rates(ring)[0]) * UW,
+        "through": np.abs(incoming + coupled) ** 2 * UW,
+        "absorbed": absorbed_power(U, N, rates) * UW,
     }
     if ring.scattering_rate > 0:
         values["scattered"] = 2 * ring.scattering_rate * U * FJ
@@ -161,35 +165,51 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
     about = {"units": "s", "long_name": "weight of an integral over the period"}
     variables["weight"] = ("time", time_weights(orbit) * NS, about)
     variables["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
-    attrs = provenance("limit cycle", ring, p.model) | {"input_power": p.power, "detuning": p.detuning}
-    attrs |= _numbers(orbit) | {"final_state": orbit.start * units(p.flow.rough.order)}
-    return xr.Dataset(variables, coords={"time": ("time", t * NS, dataset.describe("time"))}, attrs=attrs)
+    attrs = provenance("limit cycle", ring, p.model)
+    attrs |= {"input_power": p.power, "detuning": p.detuning}
+    attrs |= _numbers(orbit)
+    attrs |= {"final_state": orbit.start * units(p.flow.rough.order)}
+    time = ("time", t * NS, dataset.describe("time"))
+    return xr.Dataset(variables, coords={"time": time}, attrs=attrs)
 
 
 def _numbers(orbit: Orbit) -> dict[str, Any]:
     """Attributes of the Dataset of a cycle: period, measures, settling time, stability and the reason in words."""
-    seen = measure(orbit.trace.rows)
+    measures = measure(orbit.trace.rows)
     period = orbit.T * NS
-    kind, worst, size = stability(orbit), orbit.worst, orbit.size
-    settling = period / -np.log(size) if 0 < size < 1 else 0.0 if size == 0 else np.inf
+    kind = stability(orbit)
+    size = orbit.size
     words = {
         "stable": f"a deviation shrinks to {size:.3g} of itself in a period",
-        "doubled": f"the pulses alternate: a multiplier of {worst.real:.4g} lies below -1",
+        "doubled": f"the pulses alternate: a multiplier of {orbit.leading.real:.4g} lies below -1",
         "unstable": f"a deviation grows by {size:.4g} in a period",
     }[kind]
     if orbit.pulses > 1:
         words += f"; {orbit.pulses} pulses in a period"
     return {
-        "period": period, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction),
-        "settling_time": float(settling), "stability": kind, "pulses": orbit.pulses, "reason": words,
-    }  # fmt: skip
+        "period": period,
+        "duty": measures.duty,
+        "swing": measures.swing,
+        "extinction": float(measures.extinction),
+        "settling_time": _settling_time(period, size),
+        "stability": kind,
+        "pulses": orbit.pulses,
+        "reason": words,
+    }
+
+
+def _settling_time(period: float, size: float) -> float:
+    """Time in s in which a deviation falls to 1/e of itself; inf for a cycle that is not stable."""
+    if size >= 1:
+        return float("inf")
+    return float(period / -np.log(size)) if size > 0 else 0.0
 
 
 def stability(orbit: Orbit) -> str:
     """Stability of a cycle by its multipliers: "stable", "doubled" (a real multiplier below -1) or "unstable"."""
     if orbit.size < UNSTABLE:
         return "stable"
-    return "doubled" if orbit.worst.real < -1 and orbit.worst.imag == 0 else "unstable"
+    return "doubled" if orbit.leading.real < -1 and orbit.leading.imag == 0 else "unstable"
 
 
 def _of_circuit(
@@ -205,12 +225,14 @@ def _of_circuit(
     system = autonomous(circuit, model, power, heaters, detuning)
     rough = system.problem(Method.RODAS4)
     fine = system.problem(Method.RODAS5P)
-    run = Flow(fine, fine).run(fine.zero(), settle / NS, MIDDLE)
+    duration = settle / NS
+    run = Flow(fine, fine).run(fine.zero(), duration, MIDDLE)
     flows = [Flow(rough, fine, CARRIERS, k) for k in range(fine.rings)]
-    if not any(flow.seen(run.rows).any() for flow in flows):
+    has_carriers = any(flow.seen(run.rows).any() for flow in flows)
+    if not has_carriers:
         flows = [replace(flow, quantity=ENERGY) for flow in flows]
-    parts = [measured(run.rows[:, 0], flow.seen(run.rows), settle / NS) for flow in flows]
-    swings = [(seen.high - seen.low) / max(seen.high, 1e-300) for seen in parts]
+    parts = [measured(run.rows[:, 0], flow.seen(run.rows), duration) for flow in flows]
+    swings = [(part.high - part.low) / max(part.high, 1e-300) for part in parts]
     k = int(np.argmax(swings))  # the ring that pulses most
     if swings[k] < SWING:
         raise InputError("the circuit comes to rest and has no pulses there; steady_states finds it")
@@ -228,11 +250,12 @@ def _of_circuit(
         "heater_states": np.concatenate([[], *system.heating.begin]),
     }
     times = np.linspace(0.0, orbit.T * NS, ROWS)
+    powers = {laser.name: power.get(laser.name, 0.0) for laser in system.circuit.lasers}
     cycle = simulate(
-        system.circuit, model, power={laser.name: power.get(laser.name, 0.0) for laser in system.circuit.lasers},
-        detuning=detuning, heaters=heaters, duration=times[-1], rtol=FINE, times=times,
-        initial=xr.Dataset(attrs=start),
+        system.circuit, model, power=powers, detuning=detuning, heaters=heaters, duration=times[-1], rtol=FINE,
+        times=times, initial=xr.Dataset(attrs=start),
     )  # fmt: skip
-    cycle["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
+    about = {"units": "1", "long_name": "Floquet multipliers"}
+    cycle["multipliers"] = ("multiplier", orbit.multipliers, about)
     cycle.attrs["period"] = float(times[-1])
     return cycle

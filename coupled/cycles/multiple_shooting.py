@@ -16,7 +16,6 @@ Source: Ascher, Mattheij and Russell, Numerical Solution of Boundary Value Probl
 """
 
 from dataclasses import dataclass
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +32,7 @@ from .return_map import FINE, PER_STEP, Orbit, Trace
 GROWTH = 100.0  # of a deviation between two nodes
 STRIDE = 6  # coarse steps between two places where a node may stand
 CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
-SMALLEST = 0.01  # range of an orbit, of its largest values, to which they are compared at least
+SMALLEST_EXTENT = 0.01  # range of an orbit, of its largest values, to which they are compared at least
 FARTHEST = 0.5  # of the largest values, the first step
 COARSE = 1e-7  # rtol of the traces that are differentiated: multipliers to 1e-6
 MOST_STEPS, MOST_TO_FOLD = 7, 12  # of Newton's method
@@ -165,6 +164,44 @@ def weights(family: Family, trace: Trace) -> Array:
     return np.concatenate([1 / family.base.flow.scale(trace.rows), [1 / trace.T], 1 / family.ranges])
 
 
+@dataclass(frozen=True)
+class Blocks:
+    """Where the m states of n numbers, the m durations and the q parameters stand among the unknowns of a step."""
+
+    m: int
+    n: int
+    q: int
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.m * (self.n + 1) + self.q
+
+    def state(self, i: int) -> slice:
+        """The state of the node i, counted around the orbit."""
+        first = i % self.m * self.n
+        return slice(first, first + self.n)
+
+    def duration(self, i: int) -> int:
+        """The duration from the node i to the next."""
+        return self.m * self.n + i
+
+    @property
+    def states(self) -> slice:
+        """The states of all nodes."""
+        return slice(0, self.m * self.n)
+
+    @property
+    def durations(self) -> slice:
+        """The durations between all nodes."""
+        return slice(self.m * self.n, self.m * (self.n + 1))
+
+    @property
+    def parameters(self) -> slice:
+        """The parameters."""
+        return slice(self.m * (self.n + 1), self.size)
+
+
 def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array) -> tuple[Nodes, Nodes] | None:
     """One Newton step of the shooting equations, closed by ``rows`` . dx = ``target``; None if the matrix is singular.
 
@@ -173,31 +210,41 @@ def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array)
     """
     m, n = nodes.y.shape
     q = nodes.values.size
+    at = Blocks(m, n, q)
     size = 1 / unit[:n]
     T = 1 / unit[n]
-    across = np.stack([known.problem.slopes(y)[0] for y in nodes.y]) / size
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    A = np.zeros((m * (n + 1) + q,) * 2)
-    b = np.zeros((m * (n + 1) + q, 1 + q))
-    at_h = m * n
-    at_q = m * (n + 1)
+    ranges = 1 / unit[n + 1 :]
+    column = size[:, None]
+    A = np.zeros((at.size, at.size))
+    b = np.zeros((at.size, 1 + q))
     for i in range(m):
-        here = slice(i * n, (i + 1) * n)
-        after = (i + 1) % m * n
-        A[here, here] = known.V[i] * size / size[:, None]
-        A[here, after : after + n] -= np.eye(n)
-        A[here, at_h + i] = known.problem.slopes(known.runs[i].y)[0] * T / size
-        A[here, at_q:] = known.P[i] / unit[n + 1 :] / size[:, None]
-        b[here, 0] = (nodes.y[(i + 1) % m] - known.runs[i].y) / size
-        A[at_h + i, here] = across[i]
-    A[at_q:, :n], A[at_q:, at_h:at_q], A[at_q:, at_q:] = rows[:, :n], rows[:, n : n + 1], rows[:, n + 1 :]
-    b[at_q:, 0], b[at_q:, 1:] = target, np.eye(q)
+        here = at.state(i)
+        end = known.runs[i].y
+        A[here, here] = known.V[i] * size / column
+        A[here, at.state(i + 1)] -= np.eye(n)
+        A[here, at.duration(i)] = known.problem.slopes(end)[0] * T / size
+        A[here, at.parameters] = known.P[i] * ranges / column
+        A[at.duration(i), here] = _along(known.problem, nodes.y[i], size)
+        b[here, 0] = (nodes.y[(i + 1) % m] - end) / size
+    A[at.parameters, at.state(0)] = rows[:, :n]
+    A[at.parameters, at.durations] = rows[:, n : n + 1]
+    A[at.parameters, at.parameters] = rows[:, n + 1 :]
+    b[at.parameters, 0] = target
+    b[at.parameters, 1:] = np.eye(q)
     try:
-        found = np.linalg.solve(A, b).T
+        changes = np.linalg.solve(A, b).T
     except np.linalg.LinAlgError:
         return None
-    every = Nodes(found[:, :at_h].reshape(-1, m, n) * size, found[:, at_h:at_q] * T, found[:, at_q:] / unit[n + 1 :])
-    return Nodes(*(each[0] for each in every)), Nodes(*(each[1:] for each in every))
+    y = changes[:, at.states].reshape(-1, m, n) * size
+    h = changes[:, at.durations] * T
+    values = changes[:, at.parameters] * ranges
+    return Nodes(y[0], h[0], values[0]), Nodes(y[1:], h[1:], values[1:])
+
+
+def _along(problem: Problem, y: Array, size: Array) -> Array:
+    """Unit vector of dy/dt at the state ``y``, scaled by the sizes of the states, shape (n,)."""
+    rate = problem.slopes(y)[0] / size
+    return np.asarray(rate / np.linalg.norm(rate))
 
 
 def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
@@ -214,7 +261,8 @@ def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:
         p = family.at(nodes.values)
         problem = p.kernel(Method.RODAS5P)
         runs = [flow(problem, y, h, min(rtol, FINE), PER_STEP) for y, h in arcs]
-        steps = [run.steps for run in (runs if rtol <= FINE else (flow(problem, y, h, rtol) for y, h in arcs))]
+        coarse = runs if rtol <= FINE else [flow(problem, y, h, rtol) for y, h in arcs]
+        steps = [run.steps for run in coarse]
         for i in range(m):
             V[i] = problem.follow(nodes.y[i], steps[i], np.eye(n))[1]
         for k, name in enumerate(family.names):
@@ -239,32 +287,56 @@ def corrected(
     aside: not 0 for a fold, where only the first row holds. All Newton steps but the first then also go along the
         second row, by this distance and after that by those of the secant method for g = det(dq/dW) = 0.
     """
-    n, nodes, most, size, off, g = trial.y.shape[1], trial, FARTHEST * extent, np.inf, 0.0, 0.0
+    n = trial.y.shape[1]
+    nodes = trial
+    most = FARTHEST * extent
+    size = np.inf
+    off = 0.0  # the last step along the second row
+    g = 0.0
     for k in range(MOST_STEPS if aside == 0 else MOST_TO_FOLD):
-        known = linearised(family, nodes, rtol) if nodes.h.min() > 0 else None
+        linear = linearised(family, nodes, rtol) if nodes.h.min() > 0 else None
+        if linear is None:
+            return None
         target = (rows * unit) @ (trial.x - nodes.x)
         if aside:
             target[1] = 0.0
-        found = known and newton(nodes, known, rows, target, unit)
-        if not known or not found:
+        solution = newton(nodes, linear, rows, target, unit)
+        if solution is None:
             return None
-        step, tangents = found
+        step, tangents = solution
         clear = abs(off) > max(SECANT, size)  # the last step across moved g by more than the last Newton step
-        size = float(max(np.abs(step.y * unit[:n]).max(), np.abs(step.h * unit[n]).max()))
+        size = _size(step, unit)
         if aside:
-            before, g = g, float(np.linalg.det(tangents.values * unit[n + 1 :]))
+            before = g
+            g = float(np.linalg.det(tangents.values * unit[n + 1 :]))
             slope = (g - before) / off if clear else slope
-            off = 0.0 if k == 0 else -g / slope if slope else aside
+            off = _step_across(k, g, slope, aside)
             step = step.plus(tangents.times(np.array([0.0, off])))
         if not max(size, abs(off)) < most:
             return None
-        if size <= CLOSE_ENOUGH * max(extent, SMALLEST) and (not aside or (slope and abs(off) <= ON_IT)):
-            orbit = _orbit(nodes, known, size)
+        on_fold = not aside or (slope and abs(off) <= ON_IT)
+        if size <= CLOSE_ENOUGH * max(extent, SMALLEST_EXTENT) and on_fold:
+            orbit = _orbit(nodes, linear, size)
             scale = weights(family, orbit.trace)
             return Place(nodes, orbit, scale, tangents, k + 1, extent_of(orbit.trace.rows), slope)
         nodes = nodes.plus(step)
         most = min(FARTHEST * extent, max(2 * size, 30 * abs(aside)))
     return None
+
+
+def _size(step: Nodes, unit: Array) -> float:
+    """Largest change of a state or a duration in a Newton step, scaled."""
+    n = step.y.shape[1]
+    states = np.abs(step.y * unit[:n]).max()
+    durations = np.abs(step.h * unit[n]).max()
+    return float(max(states, durations))
+
+
+def _step_across(k: int, g: float, slope: float, aside: float) -> float:
+    """The secant method's step to g = 0 after the k-th Newton step; ``aside`` where the slope of g is not known."""
+    if k == 0:
+        return 0.0
+    return -g / slope if slope else aside
 
 
 def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
@@ -275,8 +347,11 @@ def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
         run.rows[:, 0] += begin
     rows = np.concatenate([run.rows[min(i, 1) :] for i, run in enumerate(runs)])
     parts = [(y, run.steps) for y, run in zip(nodes.y, runs, strict=True)]
-    whole = reduce(lambda before, V: V @ before, known.V, np.eye(nodes.y.shape[1]))
-    return Orbit(Trace(nodes.y[0], runs[-1].y, float(begins[-1]), rows, parts), whole, move)
+    V = np.eye(nodes.y.shape[1])
+    for arc in known.V:
+        V = arc @ V
+    trace = Trace(nodes.y[0], runs[-1].y, float(begins[-1]), rows, parts)
+    return Orbit(trace, V, move)
 
 
 def predicted(family: Family, place: Place, rows: Array, step: float, rtol: float = COARSE) -> Place | None:
@@ -298,23 +373,24 @@ def placed(problem: Problem, nodes: Nodes, size: Array) -> Nodes:
     h = []
     since = 0.0
     grown = np.empty((0, size.size, size.size))  # from every place since the last node to here
-    for at, duration in zip(nodes.y, nodes.h, strict=True):
-        steps = flow(problem, at, duration, COARSE).steps
-        now, passed = at, 0.0
+    for node, duration in zip(nodes.y, nodes.h, strict=True):
+        steps = flow(problem, node, duration, COARSE).steps
+        state = node
+        passed = 0.0
         for part in np.split(steps, range(STRIDE, steps.size, STRIDE)):
-            after, V = problem.follow(now, part, np.eye(size.size))
-            along = problem.slopes(after)[0] / size
-            along /= np.linalg.norm(along)
+            after, V = problem.follow(state, part, np.eye(size.size))
+            along = _along(problem, after, size)
             V = V * size / size[:, None]
             V -= np.outer(along, along @ V)
             grown = np.concatenate([V @ grown, V[None]])
             if len(grown) > 1 and np.linalg.norm(grown, axis=(1, 2)).max() > GROWTH:
-                y.append(flow(problem, at, passed, FINE).y if passed > 0 else at)
+                y.append(flow(problem, node, passed, FINE).y if passed > 0 else node)
                 h.append(since)
-                since, grown = 0.0, V[None]
-            now = after
-            passed = passed + float(part.sum())
-            since = since + float(part.sum())
+                since = 0.0
+                grown = V[None]
+            state = after
+            passed += float(part.sum())
+            since += float(part.sum())
     return Nodes(np.array(y), np.array([*h, since]), nodes.values)
 
 
@@ -324,7 +400,8 @@ def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Arr
     The first node is where the orbit changes most along the last of ``rows``: on a branch of canards another first node
     and the period may be nearly constant while other parts of the orbit change.
     """
-    n, change = place.orbit.start.size, place.change(rows)
+    n = place.orbit.start.size
+    change = place.change(rows)
     moved = np.linalg.norm(change.y[-1] * place.unit[:n], axis=1)
     first = int(moved.argmax()) if moved.max() > 2 * moved[0] else 0
     problem = family.at(place.values).kernel(Method.RODAS5P)
@@ -334,8 +411,8 @@ def on_good_nodes(family: Family, place: Place, rows: Array) -> tuple[Place, Arr
     rows = change.from_node(first).x * place.unit
     sizes = np.linalg.norm(rows, axis=1)
     slope = place.slope / float(np.prod(sizes) * sizes[-1])
-    found = corrected(family, nodes, rows / sizes[:, None], place.unit, extent=place.extent, slope=slope)
-    return found and (found, found.frame(rows[0]))
+    better = corrected(family, nodes, rows / sizes[:, None], place.unit, extent=place.extent, slope=slope)
+    return better and (better, better.frame(rows[0]))
 
 
 def first_place(family: Family, trace: Trace) -> Place | None:

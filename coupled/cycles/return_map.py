@@ -12,10 +12,10 @@ Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 1.5 a
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,7 @@ FOLLOWED = (NEAR, 1e-8, FINE)  # rtol of the trajectory that V is computed along
 DEFECT = 3e-6  # relative, of V f(y_0) = f(y_T): errors of multipliers below 3e-7 on 95 % of 153 cycles, at most 2e-6
 CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, NEAR: 1e-3, FINE: 3e-10, FINEST: 1e-11}  # relative step, by rtol, that ends it
 ERROR = 4e-10  # estimate for the period above which FINEST is used: leaves 4e-10 on 99 % of 340 cycles, at most 3e-9
-LARGEST = 0.3  # relative step of Newton's method
+LARGEST_STEP = 0.3  # relative, of Newton's method
 CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
 TURNS = 30  # of Newton's method
 PER_STEP = 4  # rows for each step of a precise trace
@@ -70,24 +70,25 @@ class Orbit:
     @cached_property
     def multipliers(self) -> NDArray[np.complex128]:
         """Floquet multipliers, the eigenvalues of V, by decreasing modulus; shape (n,)."""
-        found = np.linalg.eigvals(self.V).astype(complex)
-        return np.asarray(found[np.argsort(-np.abs(found))])
+        multipliers = np.linalg.eigvals(self.V).astype(complex)
+        order = np.argsort(-np.abs(multipliers))
+        return np.asarray(multipliers[order])
 
     @property
     def others(self) -> NDArray[np.complex128]:
         """The Floquet multipliers without the trivial one (the one nearest to 1), shape (n - 1,)."""
-        every = self.multipliers
-        return np.delete(every, int(np.argmin(np.abs(every - 1))))
+        trivial = int(np.argmin(np.abs(self.multipliers - 1)))
+        return np.delete(self.multipliers, trivial)
 
     @property
-    def worst(self) -> complex:
+    def leading(self) -> complex:
         """The nontrivial multiplier of largest modulus, which determines the stability; 0 where there is none."""
         return complex(self.others[0]) if len(self.V) > 1 else 0j
 
     @property
     def size(self) -> float:
-        """Modulus of `worst`: the factor by which a perturbation grows in one period, below 1 for a stable orbit."""
-        return abs(self.worst)
+        """Modulus of `leading`: the factor by which a perturbation grows in one period, below 1 for a stable orbit."""
+        return abs(self.leading)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,9 @@ class Flow:
     def seen(self, rows: Array) -> Array:
         """The section's quantity q along the rows of a trajectory, shape (rows,)."""
         a = 1 + self.ring * (self.rough.block + 1)
-        return np.asarray(rows[:, a + 2] if self.quantity == CARRIERS else rows[:, a] ** 2 + rows[:, a + 1] ** 2)
+        if self.quantity == CARRIERS:
+            return np.asarray(rows[:, a + 2])
+        return np.asarray(rows[:, a] ** 2 + rows[:, a + 1] ** 2)
 
     def run(
         self, y: Array, duration: float, rtol: float = ROUGH, *, level: float | None = None, above: bool = False,
@@ -165,18 +168,20 @@ class Flow:
 
     def trace(self, y: Array, rtol: float, pulses: int, longest: float, per_step: int = 1) -> Trace | None:
         """Integrate from ``y`` through ``pulses`` returns to the section; None if one exceeds ``longest`` ns."""
-        level, at, T = self.value(y), y, 0.0
+        level = self.value(y)
+        state, T = y, 0.0
         parts: list[tuple[Array, Array]] = []
         rows: list[Array] = []
         for _ in range(pulses):
-            run = self.run(at, longest, rtol, level=level, above=True, per_step=per_step)
+            run = self.run(state, longest, rtol, level=level, above=True, per_step=per_step)
             if run.crossings.size == 0:
                 return None
             run.rows[:, 0] += T
             rows.append(run.rows if not rows else run.rows[1:])
-            parts.append((at, run.steps))
-            at, T = run.y, T + run.t
-        return Trace(y, at, T, np.concatenate(rows), parts)
+            parts.append((state, run.steps))
+            state = run.y
+            T = T + run.t
+        return Trace(y, state, T, np.concatenate(rows), parts)
 
     def derivative(self, trace: Trace, rtol: float) -> Array:
         """V = d(end)/d(start) along the steps of a trajectory, shape (n, n); ``rtol`` selects the method."""
@@ -192,17 +197,61 @@ class Flow:
         w = self.normal(end)
         return np.asarray(columns - np.outer(rate, w @ columns) / (w @ rate))
 
+    def rests(self, trace: Trace) -> bool:
+        """Whether a trajectory is a fixed point rather than an orbit."""
+        quantity = self.seen(trace.rows)
+        return bool(np.ptp(quantity) <= FLAT * np.abs(quantity).max())
+
     def scale(self, rows: Array) -> Array:
         """Scales of the states along an orbit, (n,): largest |a|, N of each ring; its largest dT for x."""
         problem = self.rough
         sizes = []
         heat = []
         for i in range(problem.rings):
-            own = rows[:, 1 + i * (problem.block + 1) :][:, : problem.block + 1]
-            field = max(float(np.hypot(own[:, 0], own[:, 1]).max()), 1e-12)  # of a dark ring
-            sizes += [field, field, max(float(np.abs(own[:, 2]).max()), 1e-12)]
-            heat += [max(float(np.abs(own[:, 3]).max()), 1e-12)] * problem.order
+            first = 1 + i * (problem.block + 1)
+            re, im, N, dT = rows[:, first : first + 4].T
+            field = _largest(np.hypot(re, im))
+            sizes += [field, field, _largest(N)]
+            heat += [_largest(dT)] * problem.order
         return np.array(sizes + heat)
+
+
+def _largest(x: Array) -> float:
+    """The largest modulus, which is not 0 even for a dark ring."""
+    return max(float(np.abs(x).max()), 1e-12)
+
+
+class Chord(NamedTuple):
+    """The matrix of a Newton step towards an orbit: 1 - M, whose row ``row`` is replaced by the w of the section."""
+
+    A: Array
+    row: int
+
+    def step(self, flow: Flow, trace: Trace) -> tuple[Array, float]:
+        """The solution dy of (1 - M) dy = y(T) - y_0, w . dy = 0, and its size relative to the orbit's scales."""
+        missed = trace.end - trace.start
+        missed[self.row] = 0.0
+        dy = np.asarray(np.linalg.solve(self.A, missed))
+        size = np.abs(dy / flow.scale(trace.rows)).max()
+        return dy, float(size)
+
+
+def chord(flow: Flow, trace: Trace, V: Array) -> Chord:
+    """The `Chord` of a trajectory from the section with the derivative V of its flow.
+
+    w replaces the row of its largest entry.
+    """
+    M = flow.projected(V, trace.end)
+    w = flow.normal(trace.start)
+    row = int(np.abs(w).argmax())
+    A = np.eye(len(M)) - M
+    A[row] = w
+    return Chord(A, row)
+
+
+def damped(y: Array, dy: Array, size: float) -> Array:
+    """The state after a Newton step dy of relative size ``size``, shortened to `LARGEST_STEP`."""
+    return y + dy * min(1.0, LARGEST_STEP / size)
 
 
 def close(
@@ -215,83 +264,137 @@ def close(
         recomputed at FINEST where the estimated error of the period exceeds `ERROR`.
     beside: a nearby periodic orbit, whose V starts the chord iterations.
     """
-    most = np.inf if beside is None else NEAR if rtol == FINE else rtol
-    tolerances = [each for each in CLOSED if rtol <= each <= most]
-    tolerance = tolerances.pop(0)
-    before = np.inf
-    V = np.empty((0, 0))
-    A, row = V, 0
+    turns = iter(range(TURNS))
     if beside is not None:
-        before = 1.0
-        A, row = _bordered(flow.projected(beside.V, beside.trace.end), flow.normal(beside.start))
-    for _ in range(TURNS):
-        first = before == 1.0  # trace at this tolerance, which is hardly ever the last
-        trace = flow.trace(y, tolerance, pulses, longest, 1 if first or tolerance > FINE else PER_STEP)
-        if trace is None or np.ptp(flow.seen(trace.rows)) <= FLAT * np.abs(flow.seen(trace.rows)).max():
+        start = chord(flow, beside.trace, beside.V)
+        return _by_chords(flow, y, pulses, longest, rtol, start, turns)
+    rough = _by_newton(flow, y, pulses, longest, ROUGH, turns)
+    if rough is None:
+        return None
+    middle = _by_newton(flow, rough.improved, pulses, longest, MIDDLE, turns)
+    if middle is None or rtol == MIDDLE:
+        return middle and middle.orbit
+    start = chord(flow, middle.orbit.trace, middle.orbit.V)
+    return _by_chords(flow, middle.improved, pulses, longest, rtol, start, turns)
+
+
+class Approach(NamedTuple):
+    """An orbit found at a low accuracy, and the state on the section after its last Newton step."""
+
+    orbit: Orbit
+    improved: Array
+
+
+def _by_newton(flow: Flow, y: Array, pulses: int, longest: float, rtol: float, turns: Iterator[int]) -> Approach | None:
+    """Newton's method with the derivative of every trajectory, until its step is below CLOSED[rtol]."""
+    for _ in turns:
+        trace = flow.trace(y, rtol, pulses, longest)
+        if trace is None or flow.rests(trace):
             return None
-        fresh = tolerance >= MIDDLE or before == np.inf
-        if fresh:
-            V = flow.derivative(trace, tolerance)
-            A, row = _bordered(flow.projected(V, trace.end), flow.normal(y))
-        missed = trace.end - y
-        missed[row] = 0.0
-        dy = np.linalg.solve(A, missed)
-        size = float(np.abs(dy / flow.scale(trace.rows)).max())
+        V = flow.derivative(trace, rtol)
+        dy, size = chord(flow, trace, V).step(flow, trace)
         if not np.isfinite(size):
             return None
-        rounded = fresh and 0.5 * before < size < 1e-7  # round-off of the traces
-        if (size < CLOSED[tolerance] or (rounded and tolerance <= FINE)) and not tolerances:
-            if tolerance > FINE:
-                return Orbit(trace, V, size, pulses)
-            if first and (again := flow.trace(y, tolerance, pulses, longest, PER_STEP)):
-                trace = again
-            V, error = _followed(flow, trace, longest, A, row)
-            orbit = Orbit(trace, V, size, pulses)
-            if tolerance == FINE and error > ERROR:
-                return close(flow, y, pulses, longest, rtol=FINEST, beside=orbit) or orbit
-            return orbit
-        if size < CLOSED[tolerance]:
-            tolerance, before = tolerances.pop(0), 1.0
-        elif tolerance <= FINE:
-            before = np.inf if size > CONTRACTION * before and not fresh else size
-        y = y + dy * min(1.0, LARGEST / size)
+        y = damped(y, dy, size)
+        if size < CLOSED[rtol]:
+            return Approach(Orbit(trace, V, size, pulses), y)
     return None
 
 
-def _followed(flow: Flow, trace: Trace, longest: float, A: Array, row: int) -> tuple[Array, float]:
+def _by_chords(
+    flow: Flow, y: Array, pulses: int, longest: float, rtol: float, start: Chord, turns: Iterator[int]
+) -> Orbit | None:
+    """Chord iterations from ``start``: at NEAR with this chord, then at ``rtol`` with a new one where it is slow."""
+    if rtol == FINE:
+        nearer = _approach_by_chord(flow, y, pulses, longest, start, turns)
+        if nearer is None:
+            return None
+        y = nearer
+    before = 1.0
+    renew = False
+    per_step = 1  # row a step: the first trace is hardly ever the last
+    for _ in turns:
+        trace = flow.trace(y, rtol, pulses, longest, per_step)
+        if trace is None or flow.rests(trace):
+            return None
+        if renew:
+            start = chord(flow, trace, flow.derivative(trace, rtol))
+        dy, size = start.step(flow, trace)
+        if not np.isfinite(size):
+            return None
+        if size < CLOSED[rtol]:
+            if per_step == 1:
+                trace = flow.trace(y, rtol, pulses, longest, PER_STEP) or trace
+            return _concluded(flow, trace, pulses, longest, rtol, start, size)
+        renew = not renew and size > CONTRACTION * before
+        before = size
+        y = damped(y, dy, size)
+        per_step = PER_STEP
+    return None
+
+
+def _approach_by_chord(
+    flow: Flow, y: Array, pulses: int, longest: float, start: Chord, turns: Iterator[int]
+) -> Array | None:
+    """Chord iterations at NEAR, with the chord kept; the state on the section after the last step."""
+    for _ in turns:
+        trace = flow.trace(y, NEAR, pulses, longest)
+        if trace is None or flow.rests(trace):
+            return None
+        dy, size = start.step(flow, trace)
+        if not np.isfinite(size):
+            return None
+        y = damped(y, dy, size)
+        if size < CLOSED[NEAR]:
+            return y
+    return None
+
+
+def _concluded(
+    flow: Flow, trace: Trace, pulses: int, longest: float, rtol: float, last: Chord, size: float
+) -> Orbit | None:
+    """The orbit of a closed trajectory, recomputed at FINEST where the error of its period at FINE is too large."""
+    V, error = _followed(flow, trace, longest, last)
+    orbit = Orbit(trace, V, size, pulses)
+    if rtol == FINE and error > ERROR:
+        return close(flow, trace.start, pulses, longest, rtol=FINEST, beside=orbit) or orbit
+    return orbit
+
+
+def _followed(flow: Flow, trace: Trace, longest: float, last: Chord) -> tuple[Array, float]:
     """V of an accurate trajectory, from the least accurate integration that suffices, and the period's relative error.
 
     A rank-one correction makes V f(y_0) = f(y_T) exact, so that the trivial multiplier is 1. The error of the period at
-    FINE is the difference of the periods at two tolerances, both orbits closed (``A``, ``row``: `_bordered`), scaled.
+    FINE is the difference of the periods at two tolerances, both orbits closed (by the chord ``last``), scaled.
     """
     scale = flow.scale(trace.rows)
     begin = flow.fine.slopes(trace.start)[0]
     end = flow.fine.slopes(trace.end)[0]
     others: list[Trace] = []
     for rtol in FOLLOWED:
-        others.append(flow.trace(trace.start, rtol, len(trace.parts), longest) or trace)
-        V = flow.derivative(others[-1], rtol)
+        other = flow.trace(trace.start, rtol, len(trace.parts), longest) or trace
+        others.append(other)
+        V = flow.derivative(other, rtol)
         defect = end - V @ begin
-        if np.linalg.norm(defect / scale) <= DEFECT * np.linalg.norm(begin / scale):
+        largest_defect = DEFECT * np.linalg.norm(begin / scale)
+        if np.linalg.norm(defect / scale) <= largest_defect:
             break
-    w = flow.normal(trace.start)
-    missed = others[0].end - trace.end
-    missed[row] = 0.0
-    change = others[0].T - trace.T - w @ V @ np.linalg.solve(A, missed) / (w @ end)
     along = begin / scale**2
-    return V + np.outer(defect, along) / (along @ begin), float(abs(change)) / trace.T * FINE / FOLLOWED[0]
-
-
-def _bordered(M: Array, w: Array) -> tuple[Array, int]:
-    """The matrix 1 - M with one row, that of the largest entry of w, replaced by w; and the index of that row."""
-    A = np.eye(len(M)) - M
-    row = int(np.abs(w).argmax())
-    A[row] = w
-    return A, row
+    corrected = V + np.outer(defect, along) / (along @ begin)
+    rough = others[0]
+    missed = rough.end - trace.end
+    missed[last.row] = 0.0
+    dy = np.linalg.solve(last.A, missed)
+    w = flow.normal(trace.start)
+    return_delay = w @ V @ dy / (w @ end)
+    change = rough.T - trace.T - return_delay
+    error = float(abs(change)) / trace.T * FINE / FOLLOWED[0]
+    return corrected, error
 
 
 BOOLE = np.array([7, 32, 12, 32, 7]) / 90  # weights of five rows of a step, of its length
 FACTORS = np.arange(1.0, 5.0)[:, None]  # of a derivative of powers
+NEWTON_ROOTS = 4  # steps of Newton's method from the nearest row: more change nothing
 
 
 class Measures(NamedTuple):
@@ -308,6 +411,37 @@ class Measures(NamedTuple):
     extremes: Array  # where U is lowest and highest, where dT is
 
 
+class Cycle(NamedTuple):
+    """Energy U (fJ) and temperature dT (K) of a ring over a closed period, at increasing times t (ns)."""
+
+    t: Array
+    U: Array
+    dT: Array
+
+
+class Guess(NamedTuple):
+    """A row of the curve x(t) near which x or its slope vanishes."""
+
+    t: Array
+    x: Array
+    row: int
+
+
+class Extremes(NamedTuple):
+    """Times and values of four extrema: U lowest, U highest, dT lowest, dT highest."""
+
+    times: Array
+    values: Array
+
+
+class Crossings(NamedTuple):
+    """Times at which U crosses a level, which of them rise, and whether U begins above the level."""
+
+    times: Array
+    rising: NDArray[np.bool_]
+    begins_above: bool
+
+
 def measure(rows: Array) -> Measures:
     """Measure an orbit of one ring from its rows (t, Re a, Im a, N, dT), shape (rows, 5), over one closed period."""
     return measures([rows])[0]
@@ -319,46 +453,104 @@ def measures(orbits: Sequence[Array]) -> list[Measures]:
     Extrema and crossings come from polynomials through five rows; splines through the rows of an accurate integration
     agree to 3e-10.
     """
-    every = [rows[np.append(True, np.diff(rows[:, 0]) > 1e-13 * rows[-1, 0])].T for rows in orbits]
-    traces = [(t, re * re + im * im, dT) for t, re, im, _, dT in every]
-    both = [(t, x) for t, *several in traces for x in several]
-    places, values = _roots([(t, x, k) for t, x in both for k in (x.argmin(), x.argmax())], 1).reshape(2, -1, 4)
-    levels = values[:, 0] + DUTY_LEVEL * (values[:, 1] - values[:, 0])
-    offs = [U - level for (_, U, _), level in zip(traces, levels, strict=True)]
-    before = [np.flatnonzero((off[1:] > 0) != (off[:-1] > 0)) for off in offs]
-    near = [(t, off, k) for (t, *_), off, at in zip(traces, offs, before, strict=True) for k in at]
-    times = np.split(_roots(near, 0)[0], np.cumsum([at.size for at in before]))[:-1]
-    out = []
-    columns = (traces, offs, before, times, places, values)
-    for (t, *_), off, at, crossings, extremes, found in zip(*columns, strict=True):
-        low, high, coldest, hottest = found.tolist()
-        rising = off[at + 1] > 0
-        duty = float(np.where(rising, -crossings, crossings).sum() / t[-1]) + float(off[0] > 0)
-        dB = 10 * math.log10(high / low) if low > 0 else math.inf
-        out.append(Measures(duty, hottest - coldest, dB, low, high, hottest, crossings, rising, extremes))
-    return out
+    cycles = [_cycle(rows) for rows in orbits]
+    extremes = _extremes(cycles)
+    levels = [_duty_level(each) for each in extremes]
+    crossings = _crossings(cycles, levels)
+    return [_measured(*each) for each in zip(cycles, extremes, crossings, strict=True)]
 
 
-def _roots(near: list[tuple[Array, Array, Any]], order: int) -> Array:
-    """Times at which x(t) (order 0) or dx/dt (order 1) vanishes, and x there; shape (2, m), for m places (t, x, row).
+def _cycle(rows: Array) -> Cycle:
+    """The `Cycle` of the rows of an orbit, without rows at equal times."""
+    advances = np.diff(rows[:, 0]) > 1e-13 * rows[-1, 0]
+    t, re, im, _, dT = rows[np.append(True, advances)].T
+    return Cycle(t, re * re + im * im, dT)
 
-    Newton's method on the polynomials through five rows, within one row on either side of the one given.
-    """
-    first = [(t, x, min(max(k - 2, 0), t.size - 5)) for t, x, k in near]
-    at, c = np.array([(t[i : i + 5], x[i : i + 5]) for t, x, i in first]).reshape(-1, 2, 5).transpose(1, 2, 0)
-    beside = [(t[k], t[max(k - 1, 0)], t[min(k + 1, t.size - 1)]) for t, _, k in near]
-    begin, low, high = np.array(beside).reshape(-1, 3).T
-    for distance in range(1, 5):  # divided differences, then powers of the time from ``begin``
+
+def _extremes(cycles: list[Cycle]) -> list[Extremes]:
+    guesses = []
+    for t, U, dT in cycles:
+        for x in (U, dT):
+            guesses.append(Guess(t, x, int(x.argmin())))
+            guesses.append(Guess(t, x, int(x.argmax())))
+    times, values = _roots(guesses, 1)
+    return [Extremes(*each) for each in zip(times.reshape(-1, 4), values.reshape(-1, 4), strict=True)]
+
+
+def _duty_level(extremes: Extremes) -> float:
+    """The energy above which the ring counts as on, fJ."""
+    low, high, _, _ = extremes.values
+    return float(low + DUTY_LEVEL * (high - low))
+
+
+def _crossings(cycles: list[Cycle], levels: list[float]) -> list[Crossings]:
+    guesses: list[Guess] = []
+    crossed = []
+    for (t, U, _), level in zip(cycles, levels, strict=True):
+        off = U - level
+        above = off > 0
+        rows = np.flatnonzero(above[1:] != above[:-1])
+        guesses += [Guess(t, off, int(row)) for row in rows]
+        crossed.append((above[rows + 1], bool(above[0])))
+    times = _roots(guesses, 0)[0]
+    ends = np.cumsum([rising.size for rising, _ in crossed])
+    return [Crossings(part, *rest) for part, rest in zip(np.split(times, ends), crossed, strict=False)]
+
+
+def _measured(cycle: Cycle, extremes: Extremes, crossings: Crossings) -> Measures:
+    low, high, coldest, hottest = extremes.values.tolist()
+    signed = np.where(crossings.rising, -crossings.times, crossings.times)
+    duty = float(signed.sum() / cycle.t[-1]) + float(crossings.begins_above)
+    dB = 10 * math.log10(high / low) if low > 0 else math.inf
+    return Measures(
+        duty, hottest - coldest, dB, low, high, hottest, crossings.times, crossings.rising, extremes.times
+    )  # fmt: skip
+
+
+class LocalPolynomials(NamedTuple):
+    """Polynomials through five rows around each of m guesses, in powers of the time from ``begin``."""
+
+    c: Array
+    """(5, m): coefficients, constant terms first."""
+    begin: Array
+    """(m,): time of the row, ns."""
+    low: Array
+    """(m,): time of the row before, ns."""
+    high: Array
+    """(m,): time of the row after, ns."""
+
+
+def _interpolated(guesses: list[Guess]) -> LocalPolynomials:
+    """Divided differences of five rows around each guess, then powers of the time from its row."""
+    fives = []
+    neighbours = []
+    for t, x, row in guesses:
+        first = min(max(row - 2, 0), t.size - 5)
+        five = slice(first, first + 5)
+        fives.append((t[five], x[five]))
+        neighbours.append((t[row], t[max(row - 1, 0)], t[min(row + 1, t.size - 1)]))
+    at, c = np.array(fives).reshape(-1, 2, 5).transpose(1, 2, 0)
+    begin, low, high = np.array(neighbours).reshape(-1, 3).T
+    for distance in range(1, 5):
         c[distance:] = (c[distance:] - c[distance - 1 : -1]) / (at[distance:] - at[:-distance])
     for passed in range(4):
         for j in range(3, passed - 1, -1):
             c[j] += (begin - at[j - passed]) * c[j + 1]
-    wanted = c[1:] * FACTORS if order else c
-    slope = wanted[1:] * FACTORS[: len(wanted) - 1]
+    return LocalPolynomials(c, begin, low, high)
+
+
+def _roots(guesses: list[Guess], order: int) -> Array:
+    """Times at which x(t) (order 0) or dx/dt (order 1) vanishes, and x there; shape (2, guesses).
+
+    Newton's method on the polynomials through five rows, within one row on either side of the one given.
+    """
+    c, begin, low, high = _interpolated(guesses)
+    residual = c[1:] * FACTORS if order else c
+    slope = residual[1:] * FACTORS[: len(residual) - 1]
     u = np.zeros(begin.size)
-    for _ in range(4):
-        by = _horner(slope, u)
-        step = np.divide(_horner(wanted, u), by, out=np.zeros(u.size), where=by != 0)
+    for _ in range(NEWTON_ROOTS):
+        rate = _horner(slope, u)
+        step = np.divide(_horner(residual, u), rate, out=np.zeros(u.size), where=rate != 0)
         u = np.minimum(np.maximum(u - step, low - begin), high - begin)
     return np.array([begin + u, _horner(c, u)])
 
@@ -366,8 +558,8 @@ def _roots(near: list[tuple[Array, Array, Any]], order: int) -> Array:
 def _horner(c: Array, u: Array) -> Array:
     """Values at u, shape (m,), of polynomials with the coefficients c, shape (terms, m), constant terms first."""
     total = c[-1]
-    for one in c[-2::-1]:
-        total = total * u + one
+    for coefficient in c[-2::-1]:
+        total = total * u + coefficient
     return total
 
 

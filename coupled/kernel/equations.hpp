@@ -122,7 +122,7 @@ struct Problem {
   const double *seen_ring, *seen_laser, *seen_late;  // waves x rings, lasers, delays complex
   const double* corner;          // waves or null: 1/ns of the detectors, 0 for none
   int energies;                  // whether the energy of every wave since the start is kept
-  double hair;                   // ns by which the times of fronts may be off by round-off
+  double time_tolerance;         // ns by which the times of fronts may be off by round-off
 };
 
 // A + share H[x, .] + G P of quadratic heat: with share = 1 dx/dt is this times x, plus B P; with 2

@@ -33,7 +33,9 @@ MAX_STEPS = 20_000_000  # ten seconds of work of one ring
 MOST_NUMBERS = 100_000_000  # that rows may hold: 800 MB
 RETURN = 0.1  # s of work until the kernel returns for Ctrl-C and progress
 CAP = 0.25  # step times the rate of what grows, where the state rests
-LARGEST_SPECTRUM = 100  # states; in a larger circuit every ring is looked at alone
+LARGEST_SPECTRUM = 100  # states; in a larger circuit every ring is rest_step at alone
+EVALUATIONS = 10.0  # of the eigenvalues of a circuit, at most in a row
+ROOM, PAST_ROOM = 4096, 1024  # rows and steps, past steps, that there is room for at first
 DONE, STEPS, FULL, EVENT, RESTING, TOO_SMALL = range(6)  # why the kernel returns, as in loop.hpp
 SINGLE, BUS, LOOPS = range(3)  # how light passes the rings, as in equations.hpp
 
@@ -55,15 +57,15 @@ _Problem = _structure(
     ("power phase detuning", _Table),
     ("entry brightest sequence between taken sent delay late seen_ring seen_laser seen_late corner", _P),
     ("energies", _I),
-    ("hair", _D),
+    ("time_tolerance", _D),
 )
 # arrays of `_Problem` that hold complex numbers, and integers; all others hold floats
 COMPLEX = {"own", "entry", "between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"}
 WHOLE = {"sequence", "jumps", "varies"}
 _Loop = _structure(
     "_Loop",
-    ("t h h_before size_before growth rtol longest restart cap looked level seen crossing", _D),
-    ("accepted rejected look_again filled room budget", _L),
+    ("t h h_before size_before growth rtol longest restart cap rest_step level seen crossing", _D),
+    ("accepted rejected rest_again filled room budget", _L),
     ("begun piece entered fresh per_step quantity ring stop", _I),
     ("past", _P),
     ("past_filled past_room", _L),
@@ -123,14 +125,21 @@ class Polynomials(NamedTuple):
 
         They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
         """
-        c, place = self.coefficients, np.zeros(len(edges) - 1, dtype=int)
-        jumped = place > 0
+        c = self.coefficients
         varies = np.any(c[:, :, 1:], axis=(1, 2))
-        if len(c) > 1:
-            place = np.searchsorted(self.edges[1:-1], (edges[1:] + edges[:-1]) / 2, side="right")
-            ends = (c * np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])).sum(axis=2)
-            jumps = (np.abs(size(c[1:, :, 0]) - size(ends[:-1])) > least).any(axis=1)
-            jumped[1:] = np.diff(np.append(0, jumps.cumsum())[place]) > 0
+        jumped = np.zeros(len(edges) - 1, dtype=bool)
+        if len(c) == 1:
+            place = np.zeros(len(edges) - 1, dtype=int)
+            return place, jumped, varies[place]
+        middles = (edges[1:] + edges[:-1]) / 2
+        place = np.searchsorted(self.edges[1:-1], middles, side="right")
+        starts = c[:, :, 0]
+        powers = np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])
+        ends = (c * powers).sum(axis=2)
+        change = np.abs(size(starts[1:]) - size(ends[:-1]))
+        jumps = (change > least).any(axis=1)
+        before = np.append(0, jumps.cumsum())  # number of jumps up to the start of each piece
+        jumped[1:] = np.diff(before[place]) > 0
         return place, jumped, varies[place]
 
 
@@ -155,9 +164,11 @@ class Drive(NamedTuple):
         """Return the drive of one ring under constant light: 2 gamma_e P (fJ/ns^2), detuning (rad/ns), length (ns)."""
         edges = np.array([0.0, duration])
         P = Polynomials(edges, np.array([[[power, 0.0, 0.0, 0.0]]]))
-        none = Polynomials(edges, np.array([[[0.0, 0.0, 0.0, 0.0]]]))
+        phase = Polynomials(edges, np.array([[[0.0, 0.0, 0.0, 0.0]]]))
         turn = Polynomials(edges, np.array([[[detuning, 0.0, 0.0, 0.0]]]))
-        return cls(edges, P, none, turn, np.ones((1, 1), dtype=complex), np.array([max(power, 1e-300)]))
+        entry = np.ones((1, 1), dtype=complex)
+        brightest = np.array([max(power, 1e-300)])
+        return cls(edges, P, phase, turn, entry, brightest)
 
 
 class Network(NamedTuple):
@@ -175,7 +186,7 @@ class Network(NamedTuple):
     seen_ring, seen_laser, seen_late [shapes (Q, R), (Q, L), (Q, D)]; the first D waves are the inputs of the delays.
     corner [shape (Q,), 1/ns]: 2 pi times the bandwidth of the detector of each wave, 0 for none; None if all have none.
     energies: whether the energy of each wave, the integral of its power since the start, is computed.
-    hair [ns]: round-off tolerance of the arrival time of a wave front. If a front of delayed light arrives within it of
+    time_tolerance [ns]: round-off of the arrival time of a wave front. If a front of delayed light arrives within it of
         an end of a step, the value on the side inside the step is used.
     """
 
@@ -192,7 +203,7 @@ class Network(NamedTuple):
     seen_late: NDArray[np.complex128]
     corner: Array | None
     energies: bool
-    hair: float
+    time_tolerance: float
 
 
 class Crossing(NamedTuple):
@@ -238,7 +249,8 @@ class Problem:
         network: Network | None = None,
     ) -> None:
         """Store pointers to all arrays; an array is copied only where its type or memory order differs."""
-        self.heat, self.edges = heat, np.ascontiguousarray(drive.edges, dtype=float)
+        self.heat = heat
+        self.edges = np.ascontiguousarray(drive.edges, dtype=float)
         self._kept: list[Any] = []
         self._c = _Problem()
         m = tableau(method)
@@ -253,9 +265,14 @@ class Problem:
             self.order = len(heat.C)
             self._set(**heat._asdict(), heat=1, read=heat.C)
         else:
-            self.order, read = heat.gain.shape[1], np.ones_like(heat.gain) if heat.read is None else heat.read
+            self.order = heat.gain.shape[1]
+            read = np.ones_like(heat.gain) if heat.read is None else heat.read
             self._set(**heat._replace(read=read)._asdict(), weight=np.abs(read))
-        L, pieces, self.waves = drive.entry.shape[1], len(drive.edges) - 1, 0
+        L = drive.entry.shape[1]
+        pieces = len(drive.edges) - 1
+        self.waves = 0
+        self.delays = 0
+        self.longest_delay = 0.0  # ns
         jumps = np.full(pieces, network is not None and network.delay.size > 0)  # light that comes back may
         varies = np.zeros_like(jumps)
         for name, size, least in (
@@ -267,16 +284,19 @@ class Problem:
             place, jumped, changing = functions.over(self.edges, size, least)
             jumps = jumps | jumped
             varies = varies | changing
-            _, *sizes = functions.coefficients.shape
-            setattr(self._c, name, _Table(*sizes, self._at(place, np.int32), *map(self._at, functions)))
+            _, columns, terms = functions.coefficients.shape
+            table = _Table(columns, terms, self._at(place, np.int32), *map(self._at, functions))
+            setattr(self._c, name, table)
         self._detunings = self._kept[-1]
         self._set(edges=self.edges, jumps=jumps, varies=varies, entry=drive.entry, brightest=drive.brightest)
         self._set(rings=R, fields=F, order=self.order, terms=rings.dispersion.shape[1], lasers=L, pieces=pieces)
         if network is not None:
             self._set(**network._asdict(), delays=network.delay.size, waves=len(network.seen_ring))
-            self._oldest = float(network.delay.max(initial=0.0)) + network.hair  # ns, light that is still asked for
+            self.delays = network.delay.size
+            self.longest_delay = float(network.delay.max(initial=0.0)) + network.time_tolerance  # ns
             self.waves = len(network.seen_ring) * (2 + network.energies + (network.corner is not None))
-        self.rings, self.block = R, 2 * F + 1
+        self.rings = R
+        self.block = 2 * F + 1
         self.size = R * (self.block + self.order)
         self.width = 1 + R * (self.block + 1) + self.waves
         self._memory: dict[str, Any] = {}
@@ -289,8 +309,9 @@ class Problem:
     def _set(self, **values: Any) -> None:
         """Store numbers and addresses of arrays in the C structure, under their names; None is no array."""
         for name, value in values.items():
-            kind = complex if name in COMPLEX else np.int32 if name in WHOLE else float
-            setattr(self._c, name, self._at(value, kind) if isinstance(value, np.ndarray) else value)
+            if isinstance(value, np.ndarray):
+                value = self._at(value, _kind(name))
+            setattr(self._c, name, value)
 
     def _call(self, name: str, *arguments: Any) -> int:
         """Call a function of `kernel.hpp`; its first call returns the size of the work memory, which is kept."""
@@ -336,29 +357,25 @@ class Problem:
         Raises InputError: too many steps or rows, or every step is rejected, however small.
         """
         y = np.array(y, dtype=float)
-        wanted = 0 if times is None else len(times)
-        at = None if times is None else np.ascontiguousarray(times, dtype=float)
-        rows = np.empty((wanted or 4096, self.width))
-        steps = np.empty(4096 if keep_steps else 0)
         loop = _Loop(t=self.edges[0], h=first_step, rtol=rtol, longest=longest, seen=np.inf, per_step=per_step)
         if event is not None:
-            loop.quantity, loop.level, loop.ring, loop.stop = event.quantity, event.level, event.ring, int(event.stop)
+            loop.quantity = event.quantity
+            loop.level = event.level
+            loop.ring = event.ring
+            loop.stop = int(event.stop)
             loop.seen = 0.0 if event.above else np.inf
-        past = np.empty((1024, 3 + 8 * self._c.delays))
-        loop.past, loop.past_room = past.ctypes.data, len(past) if self._c.delays else 0
+        room = _Room(self, loop, times, keep_steps)
         crossings: list[float] = []
-        budget, began, looks = 1000, time.perf_counter(), 10.0
+        budget = 1000
+        began = time.perf_counter()
+        evaluations = EVALUATIONS
         while True:
             loop.budget = min(budget, MAX_STEPS + 1 - loop.accepted - loop.rejected)
-            loop.room = len(steps)
-            status = self._call(
-                "ring_integrate", c.byref(loop), _pointer(y), _pointer(rows), _L(len(rows)), _pointer(at), _L(wanted),
-                _pointer(steps) if keep_steps else None,
-            )  # fmt: skip
+            status = self._call("ring_integrate", c.byref(loop), _pointer(y), *room.pointers)
             if status == STEPS:
                 elapsed = time.perf_counter() - began
                 began = time.perf_counter()
-                budget = int(budget * min(max(RETURN / max(elapsed, 1e-6), 0.5), 8.0)) + 1
+                budget = _next_budget(budget, elapsed)
                 if progress:
                     progress(loop.t)
                 if loop.accepted + loop.rejected > MAX_STEPS:
@@ -367,19 +384,9 @@ class Problem:
                         f"{loop.t * 1e-9:g} s); shorten it or loosen rtol"
                     )
             elif status == FULL:
-                if 2 * rows.size > MOST_NUMBERS:
-                    raise InputError(f"times: the accepted steps up to {loop.t * 1e-9:g} s fill the memory; give times")
-                if not wanted and loop.filled + per_step > len(rows):
-                    rows = np.concatenate([rows, np.empty_like(rows)])
-                if keep_steps and loop.accepted == len(steps):
-                    steps = np.concatenate([steps, np.empty_like(steps)])
-                if self._c.delays and loop.past_filled == loop.past_room:
-                    needed = past[past[:, 0] + past[:, 1] > loop.t - self._oldest]
-                    past = np.concatenate([needed, np.empty((1024 + len(needed), past.shape[1]))])
-                    loop.past_filled = len(needed)
-                    loop.past, loop.past_room = past.ctypes.data, len(past)
+                room.grow()
             elif status == RESTING:
-                looks = self._look(y, loop, looks)
+                evaluations = self._bound_step(y, loop, evaluations)
             elif status == TOO_SMALL:
                 raise no_step(loop.t)
             elif status == EVENT:
@@ -388,38 +395,43 @@ class Problem:
                 break
         if progress:
             progress(loop.t)
-        return Run(
-            rows[: loop.filled], y, loop.t, loop.h, np.array(crossings), loop.accepted, loop.rejected,
-            steps[: loop.accepted],
-        )  # fmt: skip
+        rows = room.rows[: loop.filled]
+        steps = room.steps[: loop.accepted]
+        return Run(rows, y, loop.t, loop.h, np.array(crossings), loop.accepted, loop.rejected, steps)
 
-    def _look(self, y: Array, loop: Any, looks: float) -> float:
+    def _bound_step(self, y: Array, loop: Any, evaluations: float) -> float:
         """Bound the step by the fastest growing eigenvalue, at a state that hardly changes.
 
             step <= CAP/max |lambda|   over the eigenvalues of the Jacobian with Re(lambda) > 0
 
         A long step of an L-stable method damps growing modes, too, and would stay on an unstable fixed point.
         Eigenvalues of a circuit cost as much as hundreds of steps: ten evaluations are allowed at first, and one more
-        every 4000 steps. ``looks`` is the number of evaluations left; returns the number left after this call.
+        every 4000 steps. ``evaluations`` is the number left; returns the number left after this call.
         """
         if self.rings > 1:
-            left = min(looks + (loop.accepted - max(loop.look_again - 20, 0)) / 4000, 10.0)
-            if left < 1:
-                loop.h = min(loop.h, max(4 * loop.looked, 1.0))
-                return left
-            looks = left - 1
+            since = loop.accepted - max(loop.rest_again - 20, 0)
+            evaluations = min(evaluations + since / 4000, EVALUATIONS)
+            if evaluations < 1:
+                loop.h = min(loop.h, max(4 * loop.rest_step, 1.0))
+                return evaluations
+            evaluations -= 1
         _, J = self.slopes(y, loop.piece, loop.t)
-        parts = [np.arange(self.size)]
-        if self.size > LARGEST_SPECTRUM and self.rings > 1:
-            B, K, R = self.block, self.order, self.rings
-            parts = [np.r_[i * B : (i + 1) * B, R * B + i * K : R * B + (i + 1) * K] for i in range(R)]
-        found = np.concatenate([np.linalg.eigvals(J[np.ix_(part, part)]) for part in parts])
-        growing = np.abs(found[found.real > 0])
+        spectra = [np.linalg.eigvals(J[np.ix_(part, part)]) for part in self._parts()]
+        eigenvalues = np.concatenate(spectra)
+        growing = np.abs(eigenvalues[eigenvalues.real > 0])
         loop.cap = CAP / growing.max() if growing.size else np.inf
-        loop.looked = loop.h
-        loop.look_again = loop.accepted + 20
+        loop.rest_step = loop.h
+        loop.rest_again = loop.accepted + 20
         loop.h = min(loop.h, loop.cap)
-        return looks
+        return evaluations
+
+    def _parts(self) -> list[NDArray[np.int_]]:
+        """Indices of the states whose eigenvalues are taken together: all, or those of each ring of a large circuit."""
+        if self.size <= LARGEST_SPECTRUM or self.rings == 1:
+            return [np.arange(self.size)]
+        light = np.arange(self.rings * self.block).reshape(self.rings, self.block)
+        heat = np.arange(self.rings * self.block, self.size).reshape(self.rings, self.order)
+        return [*np.hstack([light, heat])]
 
     def follow(self, y: Array, steps: Array, V: Array) -> tuple[Array, Array]:
         """Repeat given steps under the constant light of the first piece; return the end and its derivative.
@@ -446,6 +458,66 @@ class Problem:
         at = _D(self.edges[piece] if t is None else t)
         self._call("ring_slopes", _pointer(y), _I(piece), at, _pointer(rate), _pointer(J), _I(self.size))
         return rate, J
+
+
+class _Room:
+    """The arrays that a run fills: output rows, lengths of steps, and past steps for delayed light; they grow."""
+
+    def __init__(self, problem: Problem, loop: Any, times: Array | None, keep_steps: bool) -> None:
+        self.problem = problem
+        self.loop = loop
+        self.times = None if times is None else np.ascontiguousarray(times, dtype=float)
+        self.keep_steps = keep_steps
+        self.rows = np.empty((self.count or ROOM, problem.width))
+        self.steps = np.empty(ROOM if keep_steps else 0)
+        self.has_delays = problem.delays > 0
+        self._remember(np.empty((PAST_ROOM, 3 + 8 * problem.delays)), 0)
+
+    @property
+    def count(self) -> int:
+        """Number of output times, 0 where every step has rows."""
+        return 0 if self.times is None else len(self.times)
+
+    @property
+    def pointers(self) -> tuple[Any, ...]:
+        """Arguments of `ring_integrate`: rows and their number, output times and their number, steps."""
+        self.loop.room = len(self.steps)
+        steps = _pointer(self.steps) if self.keep_steps else None
+        return _pointer(self.rows), _L(len(self.rows)), _pointer(self.times), _L(self.count), steps
+
+    def _remember(self, past: Array, filled: int) -> None:
+        self.past = past
+        self.loop.past = past.ctypes.data
+        self.loop.past_filled = filled
+        self.loop.past_room = len(past) if self.has_delays else 0
+
+    def grow(self) -> None:
+        """Double what is full; forget past steps whose light has arrived."""
+        loop = self.loop
+        if 2 * self.rows.size > MOST_NUMBERS:
+            raise InputError(f"times: the accepted steps up to {loop.t * 1e-9:g} s fill the memory; give times")
+        if not self.count and loop.filled + loop.per_step > len(self.rows):
+            self.rows = np.concatenate([self.rows, np.empty_like(self.rows)])
+        if self.keep_steps and loop.accepted == len(self.steps):
+            self.steps = np.concatenate([self.steps, np.empty_like(self.steps)])
+        if self.has_delays and loop.past_filled == loop.past_room:
+            ends = self.past[:, 0] + self.past[:, 1]
+            needed = self.past[ends > loop.t - self.problem.longest_delay]
+            more = np.empty((PAST_ROOM + len(needed), self.past.shape[1]))
+            self._remember(np.concatenate([needed, more]), len(needed))
+
+
+def _kind(name: str) -> Any:
+    """Type of the numbers in an array of `_Problem`."""
+    if name in COMPLEX:
+        return complex
+    return np.int32 if name in WHOLE else float
+
+
+def _next_budget(budget: int, elapsed: float) -> int:
+    """Steps until the kernel returns again, after as many as ``budget`` took ``elapsed`` seconds."""
+    factor = RETURN / max(elapsed, 1e-6)
+    return int(budget * min(max(factor, 0.5), 8.0)) + 1
 
 
 def no_step(t: float) -> InputError:

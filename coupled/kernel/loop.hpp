@@ -10,10 +10,10 @@
 struct Loop {
   double t, h, h_before, size_before, growth;  // the step to try; the last one and its size
   double rtol, longest, restart;               // bound of every step; the step to try after a jump
-  double cap, looked;  // where the state rests: bound of the step; step when RESTING came last
+  double cap, rest_step;  // where the state rests: bound of the step; step when RESTING came last
   double level, seen, crossing;                // of an event: distance from the level, last time
   int64_t accepted, rejected;
-  int64_t look_again;            // number of accepted steps from which RESTING comes again
+  int64_t rest_again;            // number of accepted steps from which RESTING comes again
   int64_t filled, room, budget;  // rows written; room of `steps`; steps until it returns STEPS
   int begun, piece, entered, fresh, per_step;
   int quantity, ring, stop;  // event: 0 none, 1 U, 2 N, 3 dT, of which ring; whether it ends there
@@ -67,7 +67,7 @@ template <class System> struct Integration {
   }
   // Waves in the rows at the start of a piece become those after it.
   void renew(int piece, double t) {
-    for (int64_t k = L.filled; k-- > 0 && rows[width * k] >= t - p.hair;)
+    for (int64_t k = L.filled; k-- > 0 && rows[width * k] >= t - p.time_tolerance;)
       system.observe(piece, 0, t, L.h, rows + width * k + 1, rows + width * k + 1 + R * Z);
   }
   double watched(const double* s) const {
@@ -163,7 +163,7 @@ template <class System> struct Integration {
         L.entered = 1;
         if (p.waves) renew(L.piece, begin);
         if (L.piece > 0 && p.jumps[L.piece])
-          L.h = fmin(L.h, L.restart), L.h_before = L.looked = 0, L.fresh = 1, L.cap = INFINITY;
+          L.h = fmin(L.h, L.restart), L.h_before = L.rest_step = 0, L.fresh = 1, L.cap = INFINITY;
       }
       while (L.t < stop) {
         if (budget-- <= 0) return STEPS;
@@ -220,7 +220,7 @@ template <class System> struct Integration {
         bool resting = false;
         if (fmin(L.h, coming) > QUIET_STEP * tau0 && moved <= QUIET) {
           L.h = fmin(L.h, L.cap);
-          resting = L.h > 4 * L.looked || L.accepted >= L.look_again;
+          resting = L.h > 4 * L.rest_step || L.accepted >= L.rest_again;
         }
         if (event <= 1) return EVENT;
         if (resting) return RESTING;

@@ -176,14 +176,15 @@ template <class T> struct Network {
     }
   }
   void observe(int piece, double x, double t, double h, const double* states, double* out) const {
-    waves(piece, t, (1 - 2 * x) * p.hair, states, out);
+    waves(piece, t, (1 - 2 * x) * p.time_tolerance, states, out);
     gather(x, h, out + 2 * Q);
   }
   // The step from t is accepted: its waves at thirds, for energies, detectors and delays.
   template <class At> void note(int piece, double t, double h, const At& at) {
     for (int j = 0; j < 4 && (D || gathers()); j++) {
       for (int i = 0; i < R; i++) at(j / 3.0, i, (double*)right + Z * i);
-      waves(piece, t + j / 3.0 * h, (1 - 2 * j / 3.0) * p.hair, (double*)right, nodes + 2 * j * Q);
+      const double aside = (1 - 2 * j / 3.0) * p.time_tolerance;
+      waves(piece, t + j / 3.0 * h, aside, (double*)right, nodes + 2 * j * Q);
     }
   }
   void accept(double t, double h, double planned, double until) {  // after rows were kept
@@ -212,7 +213,7 @@ template <class T> struct Network {
       memcpy(lit[q].in, light[q].in, 2 * R * sizeof *brought);
       for (int d = 0; d < D; d++) {
         Dual<1> wave[2];
-        delayed(d, t + p.method.at[q] * h, (1 - 2 * p.method.at[q]) * p.hair, wave);
+        delayed(d, t + p.method.at[q] * h, (1 - 2 * p.method.at[q]) * p.time_tolerance, wave);
         for (int i = 0; i < R; i++) add_product(lit[q].in + 2 * i, p.late + 2 * (i * D + d), wave);
       }
     }
@@ -224,14 +225,14 @@ template <class T> struct Network {
       for (int i = 0; i < R; i++) {
         T* r = right + i * Z;
         const T rise = p.cross ? extrapolated(i, t + stage.at) : zero<T>();
-        block[i].ask(stage, k + i * Z, R * Z, light, i, rise, now + i * Z, r);
+        block[i].right_hand_side(stage, k + i * Z, R * Z, light, i, rise, now + i * Z, r);
         if (!p.cross) continue;
         const T slope = 1.0 + (2 * ring[i].bend) * block[i].start[B];  // of dT by z
         const T push = (first[i] + second[i] * (t - times[1])) * stage.slope / slope;
         for (int m = 0; m < B; m++) r[m] += block[i].u[m] * push;
       }
       if (p.light == LOOPS) solve_loops(); else solve_along_bus();
-      for (int i = 0; i < R; i++) block[i].answer(q, right + i * Z);
+      for (int i = 0; i < R; i++) block[i].back_substitute(q, right + i * Z);
       memcpy(k + q * R * Z, right, R * Z * sizeof(T));
     }
     const Stage last(p.method, S, S - 1, h);

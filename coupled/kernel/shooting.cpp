@@ -8,7 +8,7 @@
 //   (1 - M_slow) b = y_slow(T) - y_slow(0),      y_0 <- y(T) + M b,      T <- T + dT b.
 //
 // M is that of a neighbour in the map until a trace comes near, and then follows from its steps.
-// Broyden's updates mend it from turn to turn.
+// Broyden's updates correct it from turn to turn.
 #include "kernel.hpp"
 
 constexpr double SMALLEST = 0.02;  // rtol is times the relative range of N, or times this if larger
@@ -20,7 +20,7 @@ constexpr double LARGEST = 0.3;    // relative step of Newton's method
 constexpr double LONGER = 2.5;     // T over its first guess, above which there is no orbit
 constexpr int TURNS = 14;          // most steps of Newton's method
 
-struct Turns {
+struct ReturnMap {
   const Problem* p;
   double* edges;        // of p; the last one is where a trace ends
   const double* fixed;  // fixed points: U, N, dT and the longest step beside each
@@ -31,7 +31,7 @@ struct Turns {
 };
 
 // The longest step beside the fixed point that is nearest to a row; with more it stayed on one.
-static double longest_step(const Turns& c, const double* row) {
+static double longest_step(const ReturnMap& c, const double* row) {
   const double U = row[1] * row[1] + row[2] * row[2];
   double nearest = INFINITY, longest = INFINITY;
   for (int64_t k = 0; k < c.fixed_count; k++) {
@@ -46,7 +46,7 @@ static double longest_step(const Turns& c, const double* row) {
 // On from y, the states and the time T, for `duration`, or until N rises through `level`, at which
 // y may begin; rows and steps are added to those there are. h: the first step, then the next one.
 // Returns as the loop does; FULL: again with more room.
-EXPORT int ring_turn(Turns* c, double* y, double duration, double level, int above, double rtol,
+EXPORT int ring_turn(ReturnMap* c, double* y, double duration, double level, int above, double rtol,
                      double* h) {
   Loop L = {};
   double& T = y[3 + c->p->order];
@@ -62,7 +62,7 @@ EXPORT int ring_turn(Turns* c, double* y, double duration, double level, int abo
   int status;
   while ((status = on()) == RESTING) {
     L.cap = longest_step(*c, rows + 5 * (L.filled - 1));
-    L.looked = L.h, L.look_again = L.accepted + 20, L.h = fmin(L.h, L.cap);
+    L.rest_step = L.h, L.rest_again = L.accepted + 20, L.h = fmin(L.h, L.cap);
   }
   for (int64_t i = 0; i < L.filled; i++) rows[5 * i] += T;
   c->filled += L.filled, c->count += L.accepted, *h = L.h, T += L.t;
@@ -71,12 +71,12 @@ EXPORT int ring_turn(Turns* c, double* y, double duration, double level, int abo
 
 namespace {
 struct Newton {  // of the states y and, after them, the time T
-  Turns& c;
+  ReturnMap& c;
   const int m, n;  // states; of slow heat
   double *begin, *end, *expected, *mended, *A, *b, *rate;
   int* pivots;
 
-  Newton(Turns& turns, Arena& arena) : c(turns), m(3 + turns.p->order), n((int)turns.n) {
+  Newton(ReturnMap& map, Arena& arena) : c(map), m(3 + map.p->order), n((int)map.n) {
     begin = arena.take<double>(m + 1), end = arena.take<double>(m + 1);
     expected = arena.take<double>(m + 1), mended = arena.take<double>((m + 1) * n);
     A = arena.take<double>(n * n), b = arena.take<double>(n), rate = arena.take<double>(m);
@@ -96,7 +96,7 @@ struct Newton {  // of the states y and, after them, the time T
     memcpy(mended, M, (m + 1) * n * sizeof(double));
   }
   // Broyden's update: what the last step b did beyond what was expected.
-  void mend() const {
+  void broyden_update() const {
     double square = 0;
     for (int j = 0; j < n; j++) square += b[j] * b[j];
     for (int i = 0; i <= m && square > 0; i++)
@@ -119,9 +119,9 @@ struct Newton {  // of the states y and, after them, the time T
 // The orbit of `pulses` rises near y, the states and the period, which are replaced, as is M, size
 // x n, with dT as a last row. known: M is a neighbour's; rough, fine: tolerances of traces far from
 // the orbit and near it. Returns DONE, FULL, or another number where there is none.
-EXPORT int64_t ring_close(Turns* turns, double* y, double* M, int pulses, int known, double rough,
+EXPORT int64_t ring_close(ReturnMap* map, double* y, double* M, int pulses, int known, double rough,
                           double fine) {
-  Turns& c = *turns;
+  ReturnMap& c = *map;
   Loop none = {};
   Arena arena = {c.memory};
   arena.take<char>(ring_integrate(c.p, &none, 0, 0, 0, 0, 0, 0, 0)
@@ -151,7 +151,7 @@ EXPORT int64_t ring_close(Turns* turns, double* y, double* M, int pulses, int kn
       warmest = fmax(warmest, fabs(row[4])), low = fmin(low, row[3]), high = fmax(high, row[3]);
     }
     range = (high - low) / high;
-    if (known && mends) newton.mend();
+    if (known && mends) newton.broyden_update();
     double size = known ? newton.step(warmest) : 0;
     if (!known || (!fresh && (size < NEAR || turn > 0))) {
       newton.differentiate(M), known = fresh = true, moved = 0;

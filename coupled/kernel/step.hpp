@@ -178,7 +178,7 @@ template <class T, class Real, int kind> struct Heating {
     }
     return back;
   }
-  INLINE void feed(int q, const T& power) const {
+  INLINE void add_feedback(int q, const T& power) const {
     const Real* __restrict each = b;
     T* __restrict now = k + q * row;
     for (int i = 0; i < n; i++) now[i] += each[i] * power;
@@ -236,10 +236,10 @@ template <int F, class T, class Heat> struct Block {
         matrix[m][l] = (m == l ? s : 0.0) - slopes[m].d[l] - heat->G * (u[m] * w[l]);
     return true;
   }
-  // What a stage asks: o = start + sum_j a_j k_j, of light, carriers and z; r, of light and
+  // The right-hand side of a stage: o = start + sum_j a_j k_j, of light, carriers and z; r, of light and
   // carriers, and the z that heat gives without what comes back. light[0] is that of the start.
-  INLINE void ask(const Stage& stage, const T* k, int row, const Light* light, int i,
-                  const T& rise, T* o, T* r) const {
+  INLINE void right_hand_side(const Stage& stage, const T* k, int row, const Light* light, int i,
+                              const T& rise, T* o, T* r) const {
     const int q = stage.number;
     const Dual<1> *in = light[q].in + 2 * F * i, *rising = light[0].in + 2 * F * i;
     const Dual<1> *detuning = light[q].detuning + F * i, *turn = light[0].detuning + F * i;
@@ -268,11 +268,11 @@ template <int F, class T, class Heat> struct Block {
       for (int l = 0; l < B; l++) k[m] += matrix[m][l] * r[l];
     }
   }
-  // k of light and carriers is known: that of heat and z.
-  INLINE void answer(int q, T* k) const {
+  // Back substitution: k of light and carriers is known; that of heat and z.
+  INLINE void back_substitute(int q, T* k) const {
     T feedback = zero<T>();
     for (int m = 0; m < B; m++) feedback += w[m] * k[m];
-    heat->feed(q, feedback);
+    heat->add_feedback(q, feedback);
     k[B] += feedback * heat->G;
   }
   // The end of the step, from o and k of the last stage.
@@ -321,9 +321,9 @@ template <int fields, int S, class T, class Heat> struct Single {
     T stages[STAGES * Z], o[Z], r[Z];
     auto stage = [&](int q) INLINE_LAMBDA {
       T* now = stages + q * Z;
-      block.ask(Stage(p.method, count, q, h), stages, Z, light, 0, none, o, r);
+      block.right_hand_side(Stage(p.method, count, q, h), stages, Z, light, 0, none, o, r);
       block.solve(r, now);
-      now[B] = r[B], block.answer(q, now);
+      now[B] = r[B], block.back_substitute(q, now);
     };
     if constexpr (S > 0) {
 #pragma GCC unroll 8
