@@ -16,6 +16,7 @@ from .cycles import cycle_folds, derivatives  # noqa: F401 - as coupled.cycles.d
 from .cycles.continue_cycle import continue_cycle
 from .cycles.limit_cycle import limit_cycle
 from .equilibria.bifurcation_curves import fold_curves, hopf_curves
+from .equilibria.linear_ring import Linear, linearize
 from .equilibria.steady_states import steady_states
 from .equilibria.transmission import transmission
 from .explore import explore
@@ -36,9 +37,9 @@ from .runs.window import Event, Laser
 from .states import State
 
 __all__ = [
-    "FEM", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "RingResonator",
+    "FEM", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "Linear", "RingResonator",
     "ShockleyReadHall", "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "continue_cycle",
-    "cosimulate", "crow", "explore", "fit_transmission", "fold_curves", "hopf_curves", "identify", "limit_cycle",
-    "pulsing", "pulsing_map", "ring_from", "scissor", "simulate", "stability_map", "steady_states", "transmission",
-    "vanvaerenbergh2012",
+    "cosimulate", "crow", "explore", "fit_transmission", "fold_curves", "hopf_curves", "identify",
+    "limit_cycle", "linearize", "pulsing", "pulsing_map", "ring_from", "scissor", "simulate", "stability_map",
+    "steady_states", "transmission", "vanvaerenbergh2012",
 ]  # fmt: skip

@@ -13,6 +13,7 @@ from .data.dataset import load, save
 from .data.measured_trace import read_trace
 from .fem import assemble, light
 from .fem.heat_derivatives import derivatives
+from .fluctuations import thermal_noise
 from .geometry import (
     Boundary,
     CrossSection,
@@ -47,4 +48,5 @@ __all__ = [
     "Interface", "Layer", "Material", "Part", "Probe", "Pulse", "RingEdge", "Sampled", "SquareWave", "StateSpace",
     "Symbols", "Telegraph", "assemble", "dataset", "derivatives", "disc", "from_gdsfactory", "heated_ring", "light",
     "load", "materials", "read_trace", "rib_ring", "save", "solve", "solve_periodic", "straight_guide", "strip_ring",
+    "thermal_noise",
 ]  # fmt: skip

@@ -44,21 +44,31 @@ def circuit_steady_states(
     detunings of the hot rings with matching light, carriers and heat. No method is known that finds all fixed points of
     several coupled rings: some may be missed.
     """
-    starts = checks.integer("starts", starts, 0, 100_000)
     system = autonomous(circuit, thermal, power, heaters, detuning)
-    problem = system.problem(Method.RODAS5P)
-    found: list[Array] = []
-    n = len(circuit.names)
-    for guess in _guesses(system, starts, seed):
-        y = _fixed_point(system, problem, guess)
-        if y is not None and all(
-            np.linalg.norm((y - other)[: 3 * n]) > SAME * np.linalg.norm(y[: 3 * n]) for other in found
-        ):
-            found.append(y)
-    found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
-    states = _described(system, problem, found)
+    states = described(system, fixed_points(system, starts, seed))
     trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
     return states
+
+
+def fixed_points(system: System, starts: int, seed: int) -> list[Array]:
+    """States in the kernel's units that Newton's method finds, by increasing energy; `circuit_steady_states`."""
+    starts = checks.integer("starts", starts, 0, 100_000)
+    problem = system.problem(Method.RODAS5P)
+    light = slice(3 * problem.rings)
+    found: list[Array] = []
+    for guess in _guesses(system, starts, seed):
+        y = _fixed_point(system, problem, guess)
+        if y is None:
+            continue
+        allowed = SAME * np.linalg.norm(y[light])
+        if all(np.linalg.norm((y - other)[light]) > allowed for other in found):
+            found.append(y)
+    return sorted(found, key=lambda y: _energy(y[light]))
+
+
+def _energy(light: Array) -> float:
+    """Energy in fJ of all rings, from their fields and carriers."""
+    return float(np.sum(light[0::3] ** 2 + light[1::3] ** 2))
 
 
 def autonomous(
@@ -153,8 +163,9 @@ def _state_at(system: System, D: Array) -> Array:
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
 
 
-def _described(system: System, problem: Problem, found: list[Array]) -> xr.Dataset:
+def described(system: System, found: list[Array]) -> xr.Dataset:
     """The fixed points as a Dataset over state, ring and port, in SI."""
+    problem = system.problem(Method.RODAS5P)
     n, K = system.heat.gain.shape
     y = np.array(found).reshape(-1, problem.size)
     x = y[:, 3 * n :].reshape(-1, n, K)

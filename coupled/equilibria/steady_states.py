@@ -17,7 +17,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import circuit_steady_states
-from ..heaters import constant
+from ..heaters import ConstantHeating, constant
 from ..kernel.integrator import CAP
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
@@ -205,8 +205,31 @@ def steady_states(
     """
     if isinstance(ring, Circuit):
         return circuit_steady_states(ring, model, power, detuning, heaters, starts, seed)
-    check_ring(ring)
     doubts = check_geometry(ring, model)
+    return resting(ring, model, power, detuning, heaters, heated, read).states.assign_attrs(doubts)
+
+
+class Resting(NamedTuple):
+    """The fixed points of a ring at one power and detuning: energies and detunings D in internal units, and in SI."""
+
+    warm: ConstantHeating
+    internal: InternalRing
+    energy: Array
+    detuned: Array
+    states: xr.Dataset
+
+
+def resting(
+    ring: RingResonator,
+    model: ThermalModel,
+    power: float,
+    detuning: float,
+    heaters: Mapping[str, float] | None,
+    heated: str | None,
+    read: str | None,
+) -> Resting:
+    """Find the fixed points of one ring; arguments and errors as of `steady_states`."""
+    check_ring(ring)
     power = check_power(power)
     detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
@@ -214,7 +237,8 @@ def steady_states(
     U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + warm.turned(ring)), at)
     found = described("steady states", ring, model, at, U, D, np.full(U.size, power), "branch")
     found["delta_T"].values += warm.rise
-    return found.assign_attrs(input_power=float(power), detuning=float(detuning), **warm.attributes, **doubts)
+    light = {"input_power": float(power), "detuning": float(detuning)}
+    return Resting(warm, at, U, D, found.assign_attrs(**light, **warm.attributes))
 
 
 def described(

@@ -9,7 +9,7 @@ from scipy.signal import welch
 
 import coupled
 import thermofem as th
-from coupled.noise import frequency_noise, intensity_noise
+from coupled.noise import frequency_noise, intensity_noise, thermorefractive
 
 BANDWIDTH, DURATION = 200e6, 50e-6
 
@@ -126,3 +126,76 @@ def test_noise_that_is_negative_between_its_samples_is_refused():
         else:
             assert wave(np.linspace(0, 2e-7, 40_001)).min() > 0
     assert 0 < refused < 60
+
+
+TEN = th.Foster(  # the reference strip reduced to 1e-3, rounded: poles from below one sample to a quarter of the run
+    R=[17, 102, 384, 830, 1040, 1065, 1051, 1116, 1718, 541],
+    tau=[0.66e-9, 3.5e-9, 13.3e-9, 46e-9, 143e-9, 397e-9, 1.0e-6, 3.05e-6, 7.2e-6, 9.4e-6],
+)
+
+
+@pytest.mark.parametrize("model", [NETWORK, TEN], ids=["two poles", "ten poles"])
+def test_thermorefractive_noise_has_the_density_of_the_heat(model):
+    """200 seeds of 9 half-overlapping segments: a line errs by 1/sqrt(1000), a band of n by 1/sqrt(1000 n).
+
+    Folding from beyond 4 bandwidths adds 0.7 % at half the bandwidth, the window's leakage 2 % in the lowest band.
+    """
+    bandwidth, duration, rate = 50e6, 25e-6, 400e6
+    times = np.arange(int(duration * rate)) / rate
+    total = 0.0
+    for seed in range(200):
+        wave = thermorefractive(model, RING, bandwidth=bandwidth, duration=duration, seed=seed)
+        f, S = welch(wave(times), rate, nperseg=2000, detrend=False)
+        total = total + S / 200
+    shift = RING.thermal_shift / (2 * np.pi)
+    ratio = total / (shift**2 * th.thermal_noise(model, f, temperature=300.0)["S_T"].values)
+    for low, high, system in ((6e5, 2e6, 0.02), (2e6, 6e6, 0.005), (6e6, 12e6, 0.005), (12e6, 25e6, 0.01)):
+        band = (f >= low) & (f < high)
+        assert ratio[band].mean() == pytest.approx(1, abs=system + 4 / np.sqrt(1000 * band.sum())), low
+
+
+def test_thermorefractive_noise_has_the_variance_and_the_memory_of_its_pole():
+    """<x(0) x(t)> = (shift/2 pi)^2 k_B T^2 (R/tau) exp(-t/tau): 400 seeds of one pole that outlasts the run."""
+    model = th.Foster(R=[5000.0], tau=[20e-6])
+    times = np.array([1e-6, 9e-6])
+    settings = {"bandwidth": 1e6, "duration": 10e-6, "temperature": 350.0}
+    x = np.array([thermorefractive(model, RING, seed=seed, **settings)(times) for seed in range(400)])
+    variance = (RING.thermal_shift / (2 * np.pi)) ** 2 * 1.380649e-23 * 350.0**2 * 5000.0 / 20e-6
+    assert np.mean(x**2, axis=0) == pytest.approx([variance, variance], rel=4 * np.sqrt(2 / 400))
+    assert np.mean(x[:, 0] * x[:, 1]) == pytest.approx(variance * np.exp(-0.4), rel=4 * np.sqrt(2 / 400) * np.exp(0.4))
+
+
+def test_thermorefractive_noise_repeats_and_refuses_what_is_no_port():
+    settings = {"bandwidth": 50e6, "duration": 5e-6}
+    first, again, other = (thermorefractive(NETWORK, RING, seed=s, **settings)(2e-6) for s in (1, 1, 2))
+    assert first == again != other
+    transfer = th.Foster(R=[100.0], tau=[1e-6], inputs=("heater",), outputs=("core",))
+    with pytest.raises(th.InputError, match="from 'heater' to 'core'"):
+        thermorefractive(transfer, RING, **settings)
+    for change in ({"temperature": -3.0}, {"bandwidth": 0.0}, {"duration": -1.0}, {"seed": 0.5}):
+        with pytest.raises(th.InputError, match=next(iter(change))):
+            thermorefractive(NETWORK, RING, **settings | change)
+
+
+def test_a_simulated_ring_jitters_as_its_linear_answer_says():
+    """The rise under thermorefractive noise, by the linear ring: sum_k |H_k|^2 against |drop/detuning|^2 S_nu.
+
+    12 seeds of 7 segments: a band of 30 lines errs by 1/sqrt(12 4 30) = 2.6 %.
+    """
+    power, detuning, bandwidth, rate = 1e-3, -5e9, 20e6, 160e6
+    linear = coupled.linearize(RING, NETWORK, power=power, detuning=detuning)
+    rest = coupled.simulate(RING, NETWORK, power=power, detuning=detuning, duration=200e-6)
+    times = np.arange(int(50e-6 * rate)) / rate
+    total = 0.0
+    for seed in range(12):
+        wave = thermorefractive(NETWORK, RING, bandwidth=bandwidth, duration=50e-6, seed=seed)
+        run = coupled.simulate(
+            RING, NETWORK, power=power, detuning=[detuning, wave], duration=50e-6, times=times, initial=rest, rtol=1e-7
+        )
+        f, S = welch(run["drop"].values - float(linear.state["drop"]), rate, nperseg=2000, detrend=False)
+        total = total + S / 12
+    response = linear.response(f)["response"].sel(input="detuning", output="drop").values
+    shift = RING.thermal_shift / (2 * np.pi)
+    expected = np.abs(response) ** 2 * shift**2 * th.thermal_noise(NETWORK, f, temperature=300.0)["S_T"].values
+    band = (f > 1e6) & (f < 4e6)
+    assert (total / expected)[band].mean() == pytest.approx(1, abs=4 * 0.026)

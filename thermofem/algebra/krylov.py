@@ -149,17 +149,24 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
 
     Raises InputError: a system that is not one of heat flow: E and -A symmetric positive definite.
     """
+    space = four_shifts(system)
+    for _ in range(cycles):
+        space.grow()
+    return space.basis()
+
+
+def four_shifts(system: StateSpace) -> Rounds:
+    """Return the empty space of the shifts 0 and three from 30 times the slowest to 300 times the fastest of `rates`.
+
+    Raises InputError: as `krylov`.
+    """
     check_symmetric(E=system.E, A=system.A, hint=REFUSAL)
     M = csr_matrix(system.E)
     K = -csr_matrix(system.A)
     static = factorize(K)
     slow, fast = rates(system, static)
-    # 4: 0, and three from 30 times the slowest to 300 times the fastest of `rates`
-    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, 4 - 1))
-    space = Rounds(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
-    for _ in range(cycles):
-        space.grow()
-    return space.basis()
+    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, 3))
+    return Rounds(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
 
 
 def rates(system: StateSpace, static: Solve) -> tuple[float, float]:

@@ -60,6 +60,8 @@ VARIABLES: dict[str, Variable] = {
     "growing": Variable("1", "number of growing modes"),
     "regime": Variable("1", "dynamic regime"),
     "reason": Variable("1", "why, in words"),
+    "S_T": Variable("K^2/Hz", "thermal noise of the temperature"),
+    "S_nu": Variable("Hz^2/Hz", "thermal noise of the resonance"),
     "impedance": Variable("K/W", "thermal impedance"),
     "heat_in": Variable("J", "heat put in"),
     "heat_stored": Variable("J", "heat stored"),

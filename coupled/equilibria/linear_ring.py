@@ -1,0 +1,489 @@
+"""The linear equations of a ring or a circuit about a steady state: plant of a lock, and filter of its noise.
+
+    dx/dt = A x + B u,     y = C x + D u           x, u, y: departures from the steady state, in SI
+    A     = df/dx          by the dual numbers of the kernel, with x = [Re a, Im a, N] of every ring, then the heat
+
+The inputs enter f linearly, but for the root of a power:
+
+    da_i/dt = ... + i e_il d(s_l),      s_l = sqrt(P_l) exp(i phase_l),     d(s_l) = s_l dP_l/(2 P_l)
+    da_i/dt = ... - 2 pi i a_i d(detuning) - i w_i a_i d(ambient)            w: `RingResonator.thermal_shift`
+    dz_k/dt = ... + gain_k d(heat)
+    P_port  = |sum_i S_i a_i + sum_l L_l s_l|^2,     delta_T_i = sum_k read_ik z_k + ambient
+
+e, S and L are the matrices of `coupled.circuit.network`. The ambient adds to every temperature at once, as the node
+``ambient`` of the exported circuits does: the time that heat takes from the package to the ring is not in it.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.linalg import matrix_balance
+
+from thermofem import OutputMap, Quadratic, StateSpace, checks
+from thermofem.arrays import Array, ArrayLike, Complex
+from thermofem.errors import MissingLibraryError
+from thermofem.models import ThermalModel, bare
+from thermofem.models.state_space import eigenmodes
+
+from ..circuit.circuit import Circuit
+from ..circuit.stationary import autonomous, described, fixed_points
+from ..circuit.system import System
+from ..kernel import units as eq
+from ..kernel.integrator import Drive, PoleHeat, Problem
+from ..kernel.tableaus import Method
+from ..resonator import RingResonator
+from ..thermal import check_geometry, trusted
+from .balance import balance
+from .steady_states import Resting, resting
+
+LIGHT = ("Re a", "Im a", "N")  # states of a ring
+log = logging.getLogger("thermofem")
+
+UNITS = {"power": "W", "detuning": "Hz", "heat": "W", "ambient": "K", "drop": "W", "through": "W", "delta_T": "K"}
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A ring or a circuit for small departures from a steady state: dx/dt = A x + B u, y = C x + D u, in SI.
+
+    Attributes
+    ----------
+    A, B, C, D : array, shape (n, n), (n, inputs), (outputs, n), (outputs, inputs)
+    inputs : tuple of str
+        power (W), detuning (Hz), heat (W, more heat where the light heats), ambient (K), and every heater (W) by its
+        name. Of a circuit "power in" by laser and "heat ring 1" by ring.
+    outputs : tuple of str
+        drop and through (W), delta_T (K), and everything else that the model reads (K) by its name. Of a circuit the
+        power (W) at every port by its name and "delta_T ring 1" by ring.
+    states : tuple of str
+    state : xarray.Dataset
+        the steady state, as `steady_states` describes it.
+    thermal_forces : array, shape (n, m), or None
+        one column for each pole, for `thermofem.thermal_noise`: the force of thermal fluctuations on the pole has the
+        one-sided density 4 k_B T^2 times the square of the column. None where the heat is not known as a port.
+    thermal_shift : float, Hz/K
+        by which the (first) resonance falls per kelvin.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...] = field(repr=False)
+    state: xr.Dataset = field(repr=False)
+    thermal_forces: Array | None = field(repr=False)
+    thermal_shift: float = field(repr=False)
+
+    @cached_property
+    def eigenvalues(self) -> Complex:
+        """Eigenvalues of A in 1/s, by falling real part."""
+        values = np.linalg.eigvals(self.A)
+        return np.asarray(values[np.argsort(-values.real)], dtype=complex)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every small departure decays."""
+        return bool(self.eigenvalues[0].real < 0)
+
+    @property
+    def static(self) -> Array:
+        """Static gain D - C A^-1 B, shape (outputs, inputs)."""
+        return self._at(np.zeros(1))[0].real
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_eff = d delta_T/d heat at rest, in K/W, with the light's feedback; of a circuit that of its first ring.
+
+        R_eff = R_th/(1 - R_th dP_abs/dT)
+        """
+        row = next(k for k, name in enumerate(self.outputs) if name.startswith("delta_T"))
+        column = next(k for k, name in enumerate(self.inputs) if name.startswith("heat"))
+        return float(self.static[row, column])
+
+    def response(self, frequencies: ArrayLike) -> xr.Dataset:
+        """Frequency response C (2 pi i f - A)^-1 B + D.
+
+        Parameters
+        ----------
+        frequencies : array, Hz
+            0 is the static gain.
+
+        Returns
+        -------
+        xarray.Dataset
+            response over frequency (Hz), output and input: complex, in the unit of the output per unit of the input.
+
+        Raises
+        ------
+        InputError
+            frequencies that are not finite or do not increase.
+        """
+        f = checks.array("frequencies", frequencies, increasing=True)
+        about = {"units": "Hz", "long_name": "frequency"}
+        return self._dataset("response", self._at(2 * np.pi * f), "frequency", f, about)
+
+    def step(self, times: ArrayLike) -> xr.Dataset:
+        """Response of every output to a unit step of every input.
+
+            y(t) = D + C int_0^t exp(A s) ds B = D + C V diag((exp(w t) - 1)/w) V^-1 B,     A V = V diag(w)
+
+        Parameters
+        ----------
+        times : array, s
+            increasing, from 0 on.
+
+        Returns
+        -------
+        xarray.Dataset
+            step over time (s), output and input, in the unit of the output per unit of the input. The error is 1e-16
+            times the condition number of V: 1e-12 for a ring, and more for rings that are equal and cold.
+
+        Raises
+        ------
+        InputError
+            times that are negative, not finite, or do not increase.
+        """
+        t = checks.array("times", times, increasing=True)
+        checks.between("times[0]", t[0], 0, np.inf, unit="s")
+        A, scale = self._balanced
+        rates, V = np.linalg.eig(A)
+        begin = np.linalg.solve(V, (self.B / scale[:, None]).astype(complex))
+        growth = np.expm1(rates * t[:, None]) / rates
+        values = (((self.C * scale) @ V) @ (growth[:, :, None] * begin)).real + self.D
+        about = {"units": "s", "long_name": "time"}
+        return self._dataset("step", values, "time", t, about)
+
+    def to_control(self) -> Any:
+        """The same as a ``StateSpace`` of python-control, with the names of inputs, outputs and states.
+
+        Raises
+        ------
+        MissingLibraryError
+            python-control is not installed.
+        """
+        try:
+            import control
+        except ImportError:
+            raise MissingLibraryError('to_control needs python-control: pip install "thermofem[control]"') from None
+        names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "states": list(self.states)}
+        return control.ss(self.A, self.B, self.C, self.D, **names)
+
+    @cached_property
+    def _balanced(self) -> tuple[Array, Array]:
+        """A in states of comparable size, x = scale x', with scales that are powers of two."""
+        balanced, (scale, _) = matrix_balance(self.A, permute=False, separate=True)
+        return balanced, scale
+
+    def _at(self, omega: Array) -> Complex:
+        """C (i w - A)^-1 B + D at angular frequencies (rad/s), shape (frequencies, outputs, inputs)."""
+        A, scale = self._balanced
+        shifted = 1j * omega[:, None, None] * np.eye(len(A)) - A
+        states = np.linalg.solve(shifted, (self.B / scale[:, None]).astype(complex))
+        return np.asarray((self.C * scale) @ states + self.D)
+
+    def _dataset(self, name: str, values: Any, over: str, axis: Array, about: dict[str, str]) -> xr.Dataset:
+        """Values of shape (axis, outputs, inputs) with the names and units of outputs and inputs."""
+        coordinates = {
+            over: (over, axis, about),
+            "output": list(self.outputs),
+            "input": list(self.inputs),
+            "output_unit": ("output", [unit_of(each, "K") for each in self.outputs]),
+            "input_unit": ("input", [unit_of(each, "W") for each in self.inputs]),
+        }
+        attrs = {**self.state.attrs, "kind": f"linear {name}", "stable": int(self.stable)}
+        return xr.Dataset({name: ((over, "output", "input"), values)}, coordinates, attrs)
+
+
+def unit_of(name: str, other: str) -> str:
+    """SI unit of an input or output by its name; ``other`` for heaters and probes."""
+    return UNITS.get(name.split()[0], other)
+
+
+class Optics(NamedTuple):
+    """The light of R rings, L lasers and Q ports at a steady state, in SI.
+
+    shift [rad/s/K]: of every ring.
+    fields [sqrt(J)], waves [sqrt(W)]: of the rings and of the lasers.
+    entry [shape (R, L), 1/sqrt(s)]: e. seen_ring, seen_laser [shape (Q, R) and (Q, L)]: S and L.
+    """
+
+    shift: Array
+    fields: Complex
+    waves: Complex
+    entry: Complex
+    seen_ring: Complex
+    seen_laser: Complex
+
+
+class Heat(NamedTuple):
+    """The n thermal states, which follow fields and carriers: columns of B and rows of C.
+
+    gain [shape (n, R)]: per W absorbed in each ring. heaters: per W in each heater.
+    read: of every temperature in K. forces: as of `Linear`, for these states.
+    """
+
+    gain: Array
+    heaters: dict[str, Array]
+    read: dict[str, Array]
+    forces: Array | None
+
+
+class Names(NamedTuple):
+    """Names of the lasers' powers, of the heat of every ring and of the ports."""
+
+    powers: list[str]
+    heats: list[str]
+    ports: list[str]
+
+
+def linearize(
+    ring: RingResonator | Circuit,
+    model: ThermalModel,
+    *,
+    power: Any,
+    detuning: float = 0.0,
+    heaters: Mapping[str, float] | None = None,
+    branch: int = 0,
+    heated: str | None = None,
+    read: str | None = None,
+    starts: int = 100,
+    seed: int = 0,
+) -> Linear:
+    """Return the small-signal equations of a ring or a circuit at a steady state.
+
+        dx/dt = A x + B u,     y = C x + D u,     A = df/dx, B = df/du of the equations of `simulate`
+
+    Parameters
+    ----------
+    ring, model, power, detuning, heaters, heated, read, starts, seed
+        as of `steady_states`. Heaters that are not given are at 0 W; all of them are inputs.
+    branch : int
+        number of the steady state, by increasing energy, where there are several: the log lists them.
+
+    Returns
+    -------
+    Linear
+        an unstable state is linearized, too; ``stable`` and the log say so.
+
+    Raises
+    ------
+    InputError
+        as `steady_states`; no light; no steady state of that number; a heater called as another input.
+
+    Compared with ngspice ``.ac`` of the exported circuit, to six digits.
+
+    >>> import coupled, thermofem as th
+    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    >>> linear = coupled.linearize(coupled.borghi2021(), model, power=1e-3, detuning=-5e9)
+    >>> print(linear.stable, f"{linear.thermal_resistance:.0f} K/W")
+    True 14804 K/W
+    """
+    if isinstance(ring, Circuit):
+        return _of_circuit(ring, model, power, detuning, heaters, branch, starts, seed)
+    doubts = check_geometry(ring, model)
+    found = resting(ring, model, power, detuning, heaters, heated, read)
+    state = _picked(found.states, "branch", branch).assign_attrs(doubts)
+    problem, y, heat = _of_ring(ring, model, found, branch)
+    amplitude = np.sqrt(found.states.attrs["input_power"])
+    buses = 2 * np.array([[ring.drop_bus_rate], [ring.bus_rate]])
+    optics = Optics(
+        shift=np.array([ring.thermal_shift]),
+        fields=_fields(y, 1),
+        waves=np.array([amplitude + 0j]),
+        entry=np.array([[np.sqrt(2 * ring.bus_rate) + 0j]]),
+        seen_ring=1j * np.sqrt(buses),
+        seen_laser=np.array([[0j], [1 + 0j]]),
+    )
+    return _assembled(_jacobian(problem, y), optics, heat, Names(["power"], ["heat"], ["drop", "through"]), state)
+
+
+def _of_ring(ring: RingResonator, model: ThermalModel, found: Resting, branch: int) -> tuple[Problem, Array, Heat]:
+    """The equations of one ring for the kernel, the steady state y in its units, and the heat in SI."""
+    at = found.internal
+    U = found.energy[branch]
+    here = balance(U, at)
+    power = found.states.attrs["input_power"]
+    pump = eq.internal_pump(ring, power)
+    a = 1j * pump / (here.gamma - 1j * found.detuned[branch])
+    light = [a.real, a.imag, float(here.N)]
+    absorbed = float(here.P_abs) * eq.UW
+    system = bare(model)
+    if not isinstance(system, StateSpace) or len(system.inputs) == len(system.outputs) == 1:
+        problem = at.problem
+        problem.set_detuning(float(here.shift) - found.detuned[branch])
+        x = at.heat.states(here.P_abs)
+        return problem, np.append(light, x), _heat_of_port(at.model, x, absorbed)
+    rate, modes = eigenmodes(system)
+    B = modes.T @ system.B
+    C = system.C @ modes
+    lit = system.inputs.index(at.model.inputs[0])
+    seen = system.outputs.index(at.model.outputs[0])
+    powers = {**found.warm.powers, system.inputs[lit]: absorbed}
+    x = sum(B[:, system.inputs.index(name)] * watts for name, watts in powers.items()) / rate
+    poles = PoleHeat(B[:, lit][None] * (eq.UW * eq.NS), rate[None] * eq.NS, C[seen][None])
+    rings = eq.internal_rings([ring], pump, at.model.thermal_resistance * eq.UW)
+    drive = Drive.constant(pump**2, eq.internal_detuning(found.states.attrs["detuning"]), 1.0)
+    problem = Problem(rings, poles, drive, Method.RODAS4)
+    heaters = {name: B[:, k] for k, name in enumerate(system.inputs) if k != lit}
+    others = {name: C[k] for k, name in enumerate(system.outputs) if k != seen}
+    heat = Heat(B[:, [lit]], heaters, {"delta_T": C[seen], **others}, np.diag(np.sqrt(rate)))
+    return problem, np.append(light, x), heat
+
+
+def _heat_of_port(model: Any, x: Array, absorbed: float) -> Heat:
+    """The heat of a model with one input and one output at its states x (K) under the absorbed power (W)."""
+    if isinstance(model, Quadratic):
+        gain = model.G @ x + model.B
+        return Heat(gain[:, None], {}, {"delta_T": np.asarray(model.C)}, None)
+    poles = model.linear if isinstance(model, OutputMap) else model
+    slope = 1 + 2 * getattr(model, "coefficient", 0.0) * x.sum()
+    port = poles.inputs == poles.outputs and poles.passive
+    forces = np.diag(np.sqrt(poles.gain / np.asarray(poles.tau))) if port else None
+    return Heat(poles.gain[:, None], {}, {"delta_T": np.full(x.size, slope)}, forces)
+
+
+def _of_circuit(
+    circuit: Circuit, model: Any, power: Any, detuning: float, heaters: Any, branch: int, starts: int, seed: int
+) -> Linear:
+    """`linearize` of a circuit without delays."""
+    system = autonomous(circuit, model, power, heaters, detuning)
+    waves = system.lights.amplitudes(np.zeros(1))[:, 0]
+    checks.positive("power of the weakest laser that is lit", np.abs(waves).min() ** 2, unit="W")
+    found = fixed_points(system, starts, seed)
+    states = described(system, found)
+    trusted(model, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
+    state = _picked(states, "state", branch).assign_attrs(detuning=float(detuning))
+    y = found[branch]
+    rings = len(circuit.names)
+    ports = slice(len(circuit.ports))
+    optics = Optics(
+        shift=np.array([one.thermal_shift for one in circuit.resonators]),
+        fields=_fields(y, rings),
+        waves=waves,
+        entry=system.light.from_laser,
+        seen_ring=system.light.seen_ring[ports],
+        seen_laser=system.light.seen_laser[ports],
+    )
+    heat = _heat_of_rings(system, y)
+    A = _with_heaters(_jacobian(system.problem(Method.RODAS5P), y), optics, system)
+    powers = [f"power {laser.name}" for laser in system.circuit.lasers]
+    heats = [f"heat {name}" for name in circuit.names]
+    return _assembled(A, optics, heat, Names(powers, heats, list(circuit.ports)), state)
+
+
+def _heat_of_rings(system: System, y: Array) -> Heat:
+    """The heat of a circuit: K states of each ring, then the poles of every heater."""
+    heat = system.heat
+    R, K = heat.gain.shape
+    x = y[3 * R :].reshape(R, K)
+    slope = 1 + 2 * heat.curvature * np.einsum("ijk,jk->i", heat.read, x)
+    poles = list(heat.heaters.values())
+    ends = R * K + np.cumsum([0, *(one.rate.size for one in poles)])
+    gain = np.zeros((ends[-1], R))
+    read = np.zeros((R, ends[-1]))
+    for i in range(R):
+        gain[i * K : (i + 1) * K, i] = heat.gain[i]
+        read[i, : R * K] = slope[i] * heat.read[i].ravel()
+    heaters: dict[str, Array] = {}
+    for k, (name, one) in enumerate(heat.heaters.items()):
+        own = slice(ends[k], ends[k + 1])
+        read[:, own] = one.gain
+        heaters[name] = np.zeros(ends[-1])
+        heaters[name][own] = 1.0
+    alone = not heat.crossed and not poles and bool(np.all(heat.gain >= 0))
+    forces = np.diag(np.sqrt(heat.gain * heat.rate).ravel()) if alone else None
+    names = [f"delta_T {name}" for name in system.circuit.names]
+    return Heat(gain, heaters, dict(zip(names, read, strict=True)), forces)
+
+
+def _with_heaters(A: Array, optics: Optics, system: System) -> Array:
+    """A with the poles of the heaters, whose rises turn the resonances: da_i/dt = ... - i w_i a_i dT_i."""
+    poles = list(system.heat.heaters.values())
+    if not poles:
+        return A
+    rate = np.concatenate([one.rate for one in poles])
+    turned = (-1j * optics.shift * optics.fields)[:, None] * np.concatenate([one.gain for one in poles], axis=1)
+    whole = np.zeros((len(A) + rate.size, len(A) + rate.size))
+    whole[: len(A), : len(A)] = A
+    whole[: 3 * len(turned), len(A) :] = _rows(turned)
+    whole[len(A) :, len(A) :] = -np.diag(rate)
+    return whole
+
+
+def _picked(states: xr.Dataset, over: str, branch: int) -> xr.Dataset:
+    """The steady state of the given number; the log lists them where there are several, and says if it is unstable."""
+    growth = states["growth_rate"].values
+    if not growth.size:
+        raise checks.InputError("no steady state of the circuit is found", "take more starts=")
+    energy = states["energy"].values.reshape(growth.size, -1).sum(axis=1)
+    each = enumerate(zip(energy * 1e15, growth, strict=True))
+    words = [f"{k}: {femtojoules:.4g} fJ, growth {rate:.3g} 1/s" for k, (femtojoules, rate) in each]
+    hint = f"the steady states are {'; '.join(words)}; branch= chooses"
+    branch = checks.integer("branch", branch, 0, growth.size - 1, hint=hint)
+    if growth.size > 1:
+        log.warning("branch = %d is linearized; %s", branch, hint)
+    if growth[branch] > 0:
+        log.warning("the steady state is unstable: its linear answer grows by %.4g 1/s", growth[branch])
+    return states.isel({over: branch})
+
+
+def _jacobian(problem: Problem, y: Array) -> Array:
+    """df/dx in SI (1/s between SI states) at the state y in the kernel's units."""
+    unit = eq.units(problem.order, problem.rings)
+    return np.asarray(problem.slopes(y)[1] * unit[:, None] / (unit * eq.NS))
+
+
+def _fields(y: Array, rings: int) -> Complex:
+    """Fields of the rings in sqrt(J) from the state y in the kernel's units."""
+    return np.asarray((y[0 : 3 * rings : 3] + 1j * y[1 : 3 * rings : 3]) * eq.FJ**0.5)
+
+
+def _rows(turned: Complex) -> Array:
+    """Rows [Re, Im, 0] of every ring from the derivatives of its field, shape (R, m) to (3 R, m)."""
+    return np.stack([turned.real, turned.imag, np.zeros(turned.shape)], axis=1).reshape(-1, turned.shape[1])
+
+
+def _assembled(A: Array, optics: Optics, heat: Heat, names: Names, state: xr.Dataset) -> Linear:
+    """The matrices B, C and D of the equations at the top of this file."""
+    R = optics.fields.size
+    per_watt = optics.waves / (2 * np.abs(optics.waves) ** 2)
+    turned = -1j * optics.fields
+    ambient = turned * optics.shift
+    fields = np.column_stack([1j * optics.entry * per_watt, 2 * np.pi * turned, np.zeros((R, R)), ambient])
+    inputs = (*names.powers, "detuning", *names.heats, "ambient", *heat.heaters)
+    temperatures = list(heat.read)
+    outputs = (*names.ports, *temperatures)
+    for kind, each in (("inputs", inputs), ("outputs", outputs)):
+        checks.unique(f"list of {kind}", each, hint="rename a heater or part of the thermal model")
+    lasers = len(names.powers)
+    B = np.zeros((len(A), len(inputs)))
+    B[: 3 * R, : fields.shape[1]] = _rows(fields)
+    B[3 * R :, lasers + 1 : lasers + 1 + R] = heat.gain
+    for name, column in heat.heaters.items():
+        B[3 * R :, inputs.index(name)] = column
+
+    Q = len(names.ports)
+    seen = optics.seen_ring @ optics.fields + optics.seen_laser @ optics.waves
+    by_field = 2 * seen.conj()[:, None] * optics.seen_ring
+    C = np.zeros((len(outputs), len(A)))
+    C[:Q, 0 : 3 * R : 3] = by_field.real
+    C[:Q, 1 : 3 * R : 3] = -by_field.imag
+    C[Q:, 3 * R :] = list(heat.read.values())
+    D = np.zeros((len(outputs), len(inputs)))
+    D[:Q, :lasers] = 2 * (seen.conj()[:, None] * optics.seen_laser * per_watt).real
+    D[Q:, inputs.index("ambient")] = 1.0
+
+    forces = None
+    if heat.forces is not None:
+        forces = np.vstack([np.zeros((3 * R, heat.forces.shape[1])), heat.forces])
+    light = [f"{part} {name.removeprefix('heat').strip()}".strip() for name in names.heats for part in LIGHT]
+    states = (*light, *(f"heat {k + 1}" for k in range(len(A) - 3 * R)))
+    shift = float(optics.shift[0] / (2 * np.pi))
+    return Linear(A, B, C, D, inputs, outputs, states, state, forces, shift)

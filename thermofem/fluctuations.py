@@ -1,0 +1,256 @@
+"""Thermal fluctuations of a ring, from the matrices of its heat: thermo-refractive noise.
+
+The fluctuation-dissipation theorem, with one-sided densities and f in Hz:
+
+    S_T(f)  = 4 k_B T^2 Re Z(2 pi i f),      Z(s) = c^T (K + s M)^-1 c
+    S_nu(f) = (nu thermo_optic)^2 S_T(f)
+    <dT^2>  = k_B T^2 c^T M^-1 c
+
+c is the weight of the part or mode, the same for heat in and temperature out; its sum is 1. A Foster network has
+Re Z = sum_k R_k/(1 + (2 pi f tau_k)^2) and c^T M^-1 c = sum_k R_k/tau_k. About a steady state with light the forces on
+the poles pass through the linear ring, S_T = 4 k_B T^2 sum_k |H_k|^2.
+
+The variance is that of the matrices: a reduction holds less of it, what it leaves out lies at high frequencies.
+
+Sources: H. B. Callen and T. A. Welton, Phys. Rev. 83, 34 (1951); Yu. Levin, Phys. Lett. A 372, 1941 (2008).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.constants import Boltzmann, c as light_speed
+from scipy.linalg import matrix_balance, solve_continuous_lyapunov
+from scipy.sparse import csr_matrix
+
+from . import checks
+from .algebra.factor import factorize
+from .algebra.krylov import four_shifts
+from .arrays import Array, ArrayLike
+from .data import dataset
+from .fem import HeatProblem
+from .geometry.section_parts import LIGHT
+from .models import Foster, StateSpace
+from .models.contract import bare
+from .models.state_space import LARGEST, eigenmodes
+
+ROOM = 300.0  # K, the temperature of a model without a geometry
+CERTIFIED = 1e-4  # of Re Z at every frequency, where the space of a heat problem stops growing
+ROUND_OFF = 1e-9  # of Re Z: what solves leave (measured 1e-12)
+MOST_ROUNDS = 15  # of four solves each; the reference strip needs 5
+TAKEN = "a HeatProblem, a Foster network, a StateSpace, or coupled.linearize(...) is needed"
+
+
+class Spectrum(NamedTuple):
+    """Noise of one temperature in units of 4 k_B T^2: ``real`` is Re Z in K/W, at every frequency, ``bound`` its error.
+
+    mean_square [K/J]: c^T M^-1 c. shift [Hz/K]: of the resonance, None where it is not known.
+    """
+
+    real: Array
+    bound: Array
+    mean_square: float
+    shift: float | None
+
+
+def thermal_noise(heat: Any, frequencies: ArrayLike, read: str = LIGHT, temperature: float | None = None) -> xr.Dataset:
+    """Return the thermal noise of a temperature of the ring, and of its resonance.
+
+        S_T = 4 k_B T^2 Re Z,     S_nu = (nu thermo_optic)^2 S_T          one-sided, over f >= 0
+
+    Parameters
+    ----------
+    heat : HeatProblem, Foster, StateSpace, or Linear
+        a heat problem of which anything can be read; a model or reduction; a ring with light, `coupled.linearize`.
+    frequencies : array, Hz
+        increasing; 0 is the static value.
+    read : str
+        part, probe or "light", the mode of `HeatProblem.with_light`. A model with one output has no choice; of a linear
+        ring "light" is the first output in K, and any other output in K has its name.
+    temperature : float, K
+        absolute, T; default the ambient of the geometry, and 300 K where there is none. Conductivities that depend on
+        the temperature are those at the ambient of the geometry.
+
+    Returns
+    -------
+    xarray.Dataset
+        over frequency: S_T (K^2/Hz), bound (K^2/Hz, of the error of S_T by the reduction; nan where it is not known),
+        and S_nu (Hz^2/Hz) where the shift of the resonance is known. Attributes: variance (K^2), rms_temperature (K),
+        temperature (K), read, and where known thermal_shift (Hz/K) and rms_frequency (Hz).
+
+    Raises
+    ------
+    InputError
+        a negative frequency, a name that is not read, a heat problem without light, a model from one part to another,
+        an unstable steady state, whose noise grows.
+
+    Compared with e^x E1(x)/(4 pi k) of a Gaussian weight to 1e-4, and with ngspice ``.noise`` to six digits.
+
+    >>> import thermofem as th
+    >>> noise = th.thermal_noise(th.Foster(R=[7000.0], tau=[1e-6]), [0.0, 1e6], temperature=300.0)
+    >>> print(f"{noise.S_T.values[0]:.3e} K^2/Hz, rms {noise.attrs['rms_temperature'] * 1e6:.1f} uK")
+    3.479e-14 K^2/Hz, rms 93.3 uK
+    """
+    f = checks.array("frequencies", frequencies, increasing=True)
+    checks.between("frequencies[0]", f[0], 0, np.inf, unit="Hz", hint="densities are one-sided")
+    read = checks.text("read", read)
+    ambient = heat.geometry.ambient if isinstance(heat, HeatProblem) else ROOM
+    T = ambient if temperature is None else temperature
+    T = checks.between("temperature", T, 1e-3, 5000, unit="K", hint="it is absolute: room temperature is 300")
+    spectrum = _spectrum(heat, 2 * np.pi * f, read)
+    return _described(spectrum, f, T, read)
+
+
+def _spectrum(heat: Any, omega: Array, read: str) -> Spectrum:
+    """Spectrum of whatever `thermal_noise` takes, at angular frequencies (rad/s)."""
+    if isinstance(heat, HeatProblem):
+        return _of_problem(heat, omega, read)
+    if hasattr(heat, "thermal_forces"):
+        return _of_linear(heat, omega, read)
+    model = bare(heat)
+    if isinstance(model, StateSpace):
+        return _of_system(model, omega, read, getattr(heat, "error_bound", 0.0))
+    checks.instance("heat", model, Foster, hint=TAKEN)
+    check_port("heat", model)
+    _output(model, read)
+    R = np.asarray(model.R)
+    rate = 1 / np.asarray(model.tau)
+    return _of_poles(R * rate, rate, omega, getattr(heat, "error_bound", 0.0))
+
+
+def check_port(name: str, poles: Foster) -> None:
+    """Raise InputError unless heat and temperature of a network have the same weight; ``name`` is for the message."""
+    if poles.inputs == poles.outputs and poles.passive:
+        return
+    raise checks.InputError(
+        f"{name} is a network from {poles.inputs[0]!r} to {poles.outputs[0]!r} with R = {np.min(poles.R):.3g} K/W; "
+        "noise needs one port, the same weight for heat and temperature",
+        "give the HeatProblem to thermal_noise, or reduce heat.channels(part, part)",
+    )
+
+
+def _output(model: Any, read: str) -> int:
+    """Index of the output that is read; the only one where ``read`` is the default."""
+    if len(model.outputs) == 1 and read == LIGHT:
+        return 0
+    return int(model.outputs.index(checks.choice("read", read, model.outputs)))
+
+
+def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
+    """Spectrum of a heat problem; the mode's shift where the light is read."""
+    if read == LIGHT and LIGHT not in heat.readable:
+        raise checks.InputError(
+            f"read = {LIGHT!r}, but the heat problem has no light",
+            "heat.with_light(th.light(heat, wavelength=1.55e-6).mode()) has, or read='core'",
+        )
+    system = heat.channels(heat.heated[0], read)
+    spectrum = _certified(system.E, system.A, np.asarray(system.C[0]), omega)
+    if read != LIGHT or heat.light is None:
+        return spectrum
+    nu = light_speed / heat.light.wavelength
+    return spectrum._replace(shift=nu * heat.light.thermo_optic)
+
+
+def _of_system(system: StateSpace, omega: Array, read: str, error: float) -> Spectrum:
+    """Spectrum of what a system reads, with the same weight for heat; ``error`` is relative, of its own channels."""
+    output = _output(system, read)
+    weight = np.asarray(system.C[output])
+    if system.order > LARGEST:
+        return _certified(system.E, system.A, weight, omega)
+    rate, modes = eigenmodes(system)
+    port = system.inputs == system.outputs == (system.outputs[output],)
+    return _of_poles((weight @ modes) ** 2, rate, omega, error if port or not error else np.nan)
+
+
+def _of_poles(gain: Array, rate: Array, omega: Array, error: float) -> Spectrum:
+    """Spectrum of poles: gain = R/tau (K/J) and rate (1/s); ``error`` is relative to the static value."""
+    real = (gain * rate / (rate**2 + omega[:, None] ** 2)).sum(axis=1)
+    bound = np.full(omega.size, error * (gain / rate).sum())
+    return Spectrum(real, bound, float(gain.sum()), None)
+
+
+def _certified(E: Any, A: Any, weight: Array, omega: Array) -> Spectrum:
+    """Spectrum of a large system from a rational Krylov space that grows until its error is bounded.
+
+    With V the space, R = c - M V V^T c and r = c - (K + i w M) V y = phi R the residual of the reduced solution,
+
+        |Z - Z_r| <= |phi|^2 min_j R^T (K + s_j M)^-1 R sqrt(1 + s_j^2/w^2)          over the shifts s_j
+
+    which `surrogate.reduction.certified_space` derives; for s_j = 0 the root is 1.
+    """
+    port = StateSpace(E, A, weight[:, None], weight[None])
+    space = four_shifts(port)
+    for _ in range(MOST_ROUNDS):
+        space.grow()
+        basis = space.basis()
+        heating = basis.heating[:, 0]
+        remainder = space.remainder[:, 0]
+        y = heating / (basis.rate + 1j * omega[:, None])
+        real = (y @ heating).real
+        across = basis.read((space.K @ remainder)[None])[0] + 1j * omega[:, None] * basis.read(
+            (space.M @ remainder)[None]
+        )
+        square = remainder @ remainder
+        phi = (remainder @ weight - (across * y).sum(axis=1)) / square if square else np.zeros(omega.size)
+        bound = np.abs(phi) ** 2 * _smallest(space, remainder, omega) + ROUND_OFF * real
+        if np.all(bound <= CERTIFIED * real):
+            break
+    mean_square = weight @ factorize(csr_matrix(E))(weight)
+    return Spectrum(real, bound, float(mean_square), None)
+
+
+def _smallest(space: Any, remainder: Array, omega: Array) -> Array:
+    """min_j R^T (K + s_j M)^-1 R sqrt(1 + s_j^2/w^2) at every w."""
+    squares = np.array([remainder @ solve(remainder) for solve in space.solvers])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(space.shifts > 0, space.shifts / omega[:, None], 0.0)
+    return np.asarray((squares * np.sqrt(1 + ratio**2)).min(axis=1))
+
+
+def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
+    """Spectrum of a ring with light, dx/dt = A x + F xi: 4 k_B T^2 sum_k |C (i w - A)^-1 F_k|^2.
+
+    The variance k_B T^2 C P C^T has A P + P A^T + 2 F F^T = 0.
+    """
+    if ring.thermal_forces is None:
+        raise checks.InputError(
+            "the forces on the poles of this linear ring are not known: its heat is read elsewhere than it is made, is "
+            "not linear, or is shared by several rings",
+            "linearize it with the reduction of one part, or of all parts that are read",
+        )
+    if not ring.stable:
+        raise checks.InputError("the steady state is unstable: its noise grows without end", "lower the power")
+    kelvin = [name for name in ring.outputs if name.startswith("delta_T")]
+    output = ring.outputs.index(kelvin[0] if read == LIGHT else checks.choice("read", read, ring.outputs))
+    # states of comparable size: in SI those of light and carriers differ by 1e30, which the solvers do not survive
+    A, (scale, _) = matrix_balance(ring.A, permute=False, separate=True)
+    weight = ring.C[output] * scale
+    forces = ring.thermal_forces / scale[:, None]
+    shifted = 1j * omega[:, None, None] * np.eye(len(A)) - A
+    by_force = weight @ np.linalg.solve(shifted, forces.astype(complex))
+    real = (np.abs(by_force) ** 2).sum(axis=1)
+    covariance = solve_continuous_lyapunov(A, -2 * forces @ forces.T)
+    return Spectrum(real, np.zeros(omega.size), float(weight @ covariance @ weight), ring.thermal_shift)
+
+
+def _described(spectrum: Spectrum, f: Array, temperature: float, read: str) -> xr.Dataset:
+    """The Dataset of `thermal_noise`."""
+    unit = 4 * Boltzmann * temperature**2
+    variance = Boltzmann * temperature**2 * spectrum.mean_square
+    about = {"units": "K^2/Hz", "long_name": "bound of the error of S_T by the reduction"}
+    variables = {
+        "S_T": ("frequency", unit * spectrum.real, dataset.describe("S_T")),
+        "bound": ("frequency", unit * spectrum.bound, about),
+    }
+    attrs = dataset.stamp("thermal noise") | {
+        "temperature": float(temperature),
+        "read": read,
+        "variance": variance,
+        "rms_temperature": float(np.sqrt(variance)),
+    }
+    if spectrum.shift is not None:
+        variables["S_nu"] = ("frequency", spectrum.shift**2 * unit * spectrum.real, dataset.describe("S_nu"))
+        attrs |= {"thermal_shift": spectrum.shift, "rms_frequency": float(spectrum.shift * np.sqrt(variance))}
+    return xr.Dataset(variables, {"frequency": ("frequency", f, dataset.describe("frequency"))}, attrs)
