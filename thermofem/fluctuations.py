@@ -160,7 +160,7 @@ def _of_system(system: StateSpace, omega: Array, read: str, error: float) -> Spe
     if system.order > LARGEST:
         return _certified(system.E, system.A, weight, omega)
     rate, modes = eigenmodes(system)
-    port = system.inputs == system.outputs == (system.outputs[output],)
+    port = system.heated == system.outputs == (system.outputs[output],)
     return _of_poles((weight @ modes) ** 2, rate, omega, error if port or not error else np.nan)
 
 

@@ -10,8 +10,8 @@ The inputs enter f linearly, but for the root of a power:
     dz_k/dt = ... + gain_k d(heat)
     P_port  = |sum_i S_i a_i + sum_l L_l s_l|^2,     delta_T_i = sum_k read_ik z_k + ambient
 
-e, S and L are the matrices of `coupled.circuit.network`. The ambient adds to every temperature at once, as the node
-``ambient`` of the exported circuits does: the time that heat takes from the package to the ring is not in it.
+e, S and L are the matrices of `coupled.circuit.network`. The ambient reaches the ring through the chip where the
+thermal model has that input; with any other model every temperature follows it at once, as the last terms say.
 """
 
 import logging
@@ -27,6 +27,7 @@ from scipy.linalg import matrix_balance
 from thermofem import OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, Complex
 from thermofem.errors import MissingLibraryError
+from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models import ThermalModel, bare
 from thermofem.models.state_space import eigenmodes
 
@@ -225,7 +226,7 @@ class Optics(NamedTuple):
 class Heat(NamedTuple):
     """The n thermal states, which follow fields and carriers: columns of B and rows of C.
 
-    gain [shape (n, R)]: per W absorbed in each ring. heaters: per W in each heater.
+    gain [shape (n, R)]: per W absorbed in each ring. heaters: per W in each heater, and per K of the ambient.
     read: of every temperature in K. forces: as of `Linear`, for these states.
     """
 
@@ -455,9 +456,11 @@ def _assembled(A: Array, optics: Optics, heat: Heat, names: Names, state: xr.Dat
     R = optics.fields.size
     per_watt = optics.waves / (2 * np.abs(optics.waves) ** 2)
     turned = -1j * optics.fields
-    ambient = turned * optics.shift
+    at_once = AMBIENT not in heat.heaters
+    ambient = turned * optics.shift * at_once
     fields = np.column_stack([1j * optics.entry * per_watt, 2 * np.pi * turned, np.zeros((R, R)), ambient])
-    inputs = (*names.powers, "detuning", *names.heats, "ambient", *heat.heaters)
+    heaters = [name for name in heat.heaters if name != AMBIENT]
+    inputs = (*names.powers, "detuning", *names.heats, AMBIENT, *heaters)
     temperatures = list(heat.read)
     outputs = (*names.ports, *temperatures)
     for kind, each in (("inputs", inputs), ("outputs", outputs)):
@@ -478,7 +481,7 @@ def _assembled(A: Array, optics: Optics, heat: Heat, names: Names, state: xr.Dat
     C[Q:, 3 * R :] = list(heat.read.values())
     D = np.zeros((len(outputs), len(inputs)))
     D[:Q, :lasers] = 2 * (seen.conj()[:, None] * optics.seen_laser * per_watt).real
-    D[Q:, inputs.index("ambient")] = 1.0
+    D[Q:, inputs.index(AMBIENT)] = at_once
 
     forces = None
     if heat.forces is not None:

@@ -232,6 +232,25 @@ def test_the_leading_pair_lies_on_the_imaginary_axis_at_a_hopf_point():
     assert np.abs(pair.real).max() < 1e-6 * omega
 
 
+def test_the_ambient_reaches_the_ring_through_the_chip():
+    """With the input of the model, a step of the ambient against `simulate`; at rest it is at once."""
+    heat = th.assemble(th.strip_ring())
+    model = surrogate.reduce(heat.channels(("core", "ambient"), "core"), tolerance=1e-4).model
+    linear = coupled.linearize(RING, model, power=POWER, detuning=DETUNING, heated="core")
+    assert linear.inputs == ("power", "detuning", "heat", "ambient")
+    at_once = coupled.linearize(RING, model.channel("core", "core"), power=POWER, detuning=DETUNING)
+    gain = values(at_once, "delta_T", "ambient")
+    assert values(linear, "delta_T", "ambient") == pytest.approx(gain, rel=1e-4)  # two reductions, each to 1e-4
+    light = {"power": POWER, "detuning": DETUNING, "heated": "core", "read": "core"}
+    rest = coupled.simulate(RING, model, duration=1e-3, rtol=1e-10, **light)
+    times = np.array([1e-6, 1e-5, 5e-5])
+    run = coupled.simulate(RING, model, ambient=1e-3, duration=6e-5, rtol=1e-10, initial=rest, times=times, **light)
+    change = run["delta_T"].values - float(linear.state["delta_T"])
+    step = linear.step(times)["step"].sel(input="ambient", output="delta_T").values * 1e-3
+    assert change == pytest.approx(step, rel=2e-3, abs=1e-3 * step[-1])
+    assert step[0] < 0.1 * step[-1]
+
+
 # ---- circuits ---------------------------------------------------------------------------------
 
 
