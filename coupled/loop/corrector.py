@@ -174,14 +174,18 @@ class FEM:
     @cached_property
     def predictor(self) -> Foster | Quadratic:
         """Krylov reduction with the heated part as input and output; k(T) and c_p(T) enter to second order."""
-        curved, basis = self.field.curved, self.basis
-        if self.nonlinear is None:
+        basis = self.basis
+        curved = self.field.equations.curved
+        if curved is None:
             return foster(basis.reduced(self.linear).channel(self.heated, self.heated))
         inflow = curved.inverse * basis.rate
-        H, b = (inflow + inflow.transpose(0, 2, 1)) / 2 - curved.flow, basis.heating[:, 0]
+        symmetric = (inflow + inflow.transpose(0, 2, 1)) / 2
+        H = symmetric - curved.flow
+        B = basis.heating[:, 0]
+        G = -(curved.inverse @ B)
         C = self.linear.C[0] @ basis.vectors
         name = (self.heated,)
-        return Quadratic(np.diag(-basis.rate), H, -(curved.inverse @ b), b, C, name, name)
+        return Quadratic(np.diag(-basis.rate), H, G, B, C, name, name)
 
     def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
         """Return the rise in K at ``times`` (s), shape (n,), by those heaters that are inputs of ``reduced``."""

@@ -84,8 +84,8 @@ def test_any_forms_give_the_same_field_and_the_right_ones_take_fewer_steps():
     basis, found, steps = krylov(system.linear), [], []
     for share in (0.0, 0.5, 1.0):
         field = FieldIntegrator(system, basis, tolerance=5e-3)
-        forms = field.curved
-        field.curved = Curvature(share * forms.flow, share * forms.content, share * forms.inverse)
+        forms = field.equations.curved
+        field.equations.curved = Curvature(share * forms.flow, share * forms.content, share * forms.inverse)
         found.append(field.advance(field.start(), [wave], TIMES)[0][:, 0])
         steps.append(field.stepper.steps)
     assert np.abs(found[0] - found[2]).max() < 5e-3

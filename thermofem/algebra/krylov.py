@@ -29,7 +29,7 @@ SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and 
 
 
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
-MUCH = 1e-6  # squared length of what a column of unit length adds, above which one more projection is enough
+ADDS_MUCH = 1e-6  # squared length of what a column of unit length adds, above which one projection more is enough
 REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
 
 
@@ -77,7 +77,10 @@ class KrylovSpace:
     """
 
     def __init__(self, K: Any, M: Any, B: Array, smallest: float = 1e-16) -> None:
-        self.K, self.M, self.B, self.smallest = K, M, B, smallest
+        self.K = K
+        self.M = M
+        self.B = B
+        self.smallest = smallest
         self.V = self.MV = np.empty((B.shape[0], 0), order="F")
         self.stiffness = np.empty((0, 0))
         self.inside = np.empty((0, B.shape[1]))
@@ -118,7 +121,9 @@ class Rounds(KrylovSpace):
 
     def __init__(self, system: StateSpace, shifts: Array, solvers: Sequence[Solve]) -> None:
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
-        self.shifts, self.solvers, self.sizes = shifts, solvers, [self.order]
+        self.shifts = shifts
+        self.solvers = solvers
+        self.sizes = [self.order]
 
     def grow(self) -> None:
         """Add one solve at each shift; nothing once the space holds every unknown."""
@@ -130,7 +135,9 @@ class Rounds(KrylovSpace):
     def basis(self, size: int | None = None, *, constant: bool = False) -> Basis:
         """First ``size`` fields (default all) in modal form; ``constant``: with the constant field added."""
         size = self.order if size is None else size
-        V, stiffness, inside = self.V[:, :size], self.stiffness[:size, :size], self.inside[:size]
+        V = self.V[:, :size]
+        stiffness = self.stiffness[:size, :size]
+        inside = self.inside[:size]
         if constant and size < len(V):
             one = np.ones((len(V), 1))
             w, _ = orthonormal(one, self.M, V, self.MV[:, :size], smallest=self.smallest)
@@ -165,8 +172,9 @@ def four_shifts(system: StateSpace) -> Rounds:
     K = -csr_matrix(system.A)
     static = factorize(K)
     slow, fast = rates(system, static)
-    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, 3))
-    return Rounds(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
+    positive = np.geomspace(30 * slow, 300 * fast, 3)
+    solvers = [static, *(factorize(K + shift * M) for shift in positive)]
+    return Rounds(system, np.append(0.0, positive), solvers)
 
 
 def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
@@ -181,7 +189,9 @@ def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
     content = np.einsum("ij,ij->j", x, M @ x)
     for name, values in (("static gain", gain), ("heat content", content)):
         checks.positive(name, values.min(), hint=REFUSAL)
-    return float((gain / content).min()), float((slopes(M, B) / gain).max())
+    slowest = (gain / content).min()
+    fastest = (slopes(M, B) / gain).max()
+    return float(slowest), float(fastest)
 
 
 def slopes(M: Any, B: Array) -> Array:
@@ -212,37 +222,43 @@ def orthonormal(
     Raises InputError: M not positive definite.
     """
     MW = M @ W
-    size = np.einsum("ij,ij->j", W, MW)
+    size = _squares(W, MW)
     checks.positive("heat content of a field", size.min(), hint=REFUSAL)
     inside = MV.T @ W
     W = (W - V @ inside) / np.sqrt(size)
     MW = (MW - MV @ inside) / np.sqrt(size)
-    room = W.shape[1] if most is None else min(most, W.shape[1])
-    found = np.empty((W.shape[0], room), order="F")
-    heavy = np.empty((W.shape[0], room), order="F")
-    for k in range(room):
-        left = np.einsum("ij,ij->j", W, MW)
-        if left.max() <= MUCH:  # differences of M W know lengths no better
+    count = W.shape[1] if most is None else min(most, W.shape[1])
+    basis = np.empty((W.shape[0], count), order="F")
+    M_basis = np.empty((W.shape[0], count), order="F")
+    for k in range(count):
+        outside = _squares(W, MW)
+        if outside.max() <= ADDS_MUCH:  # differences of M W know lengths no better
             MW = M @ W
-            left = np.einsum("ij,ij->j", W, MW)
-        pivot = int(np.argmax(left))
-        if left[pivot] <= smallest:
-            return found[:, :k], heavy[:, :k]
-        w = W[:, pivot] / np.sqrt(left[pivot])
-        for _ in range(
-            1 if left[pivot] > MUCH else 2
-        ):  # round-off along the basis grows with 1/left: it goes out again
-            w = w - V @ (MV.T @ w) - found[:, :k] @ (heavy[:, :k].T @ w)
-            heavy[:, k] = M @ w
-            length = np.sqrt(w @ heavy[:, k])
+            outside = _squares(W, MW)
+        pivot = int(np.argmax(outside))
+        if outside[pivot] <= smallest:
+            return basis[:, :k], M_basis[:, :k]
+        w = W[:, pivot] / np.sqrt(outside[pivot])
+        passes = 1 if outside[pivot] > ADDS_MUCH else 2  # round-off along the basis grows with 1/outside
+        for _ in range(passes):
+            along_basis = M_basis[:, :k].T @ w
+            w = w - V @ (MV.T @ w) - basis[:, :k] @ along_basis
+            Mw = M @ w
+            length = np.sqrt(w @ Mw)
             w = w / length
-            heavy[:, k] = heavy[:, k] / length
-        found[:, k] = w
-        if k + 1 < room:
-            share = heavy[:, k] @ W
+            Mw = Mw / length
+        basis[:, k] = w
+        M_basis[:, k] = Mw
+        if k + 1 < count:
+            share = Mw @ W
             W = W - np.outer(w, share)
-            MW = MW - np.outer(heavy[:, k], share)
-    return found, heavy
+            MW = MW - np.outer(Mw, share)
+    return basis, M_basis
+
+
+def _squares(W: Array, MW: Array) -> Array:
+    """Squared M-norm of each column, shape (p,)."""
+    return np.asarray(np.einsum("ij,ij->j", W, MW))
 
 
 def symmetric_part(matrix: Array) -> Array:

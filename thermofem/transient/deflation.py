@@ -32,20 +32,18 @@ from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis
 from ..arrays import Array, ArrayLike
-from ..waveforms import Constant, Waveform
-from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
-from .fast_part import Advanced, FastPart, FieldState, Inside, Piece
+from ..waveforms import Waveform
+from .esdirk import GAMMA, STAGE_TIMES, WEIGHTS, Stepper
+from .fast_part import Advanced, FastPart, FieldState, Inside
 from .integration import Ledger, between
-from .newton_stages import GUESS, NewtonStepper
-from .nonlinear import Curvature, NonlinearEquations, NonlinearLedger, curvature, flow_of
+from .nonlinear import NonlinearEquations, NonlinearLedger
+from .remainders import SETTLED, LinearRemainder, NonlinearRemainder
 
 if TYPE_CHECKING:
     from ..models import StateSpace
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
-ROUNDS = 4  # of dz/dt = dw/dt - e'(z) dz/dt; each leaves a share of c_p's relative change
-SETTLED = 1e-3  # of the tolerance, that the iteration of the fast part may leave
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
 
 
@@ -69,49 +67,42 @@ class FieldIntegrator:
         direct: Sequence[float] = (),
         factors: Pencil | None = None,
     ) -> None:
-        self.tolerance, self.basis, self.ledger = tolerance, basis, ledger
-        linear = system.linear if isinstance(system, NonlinearEquations) else system
-        self.linear, quiet = linear, [Constant(0.0)] * len(linear.inputs)
-        self.newton = None
+        self.tolerance = tolerance
+        self.basis = basis
+        self.ledger = ledger
         if isinstance(system, NonlinearEquations):
-            self.newton = NewtonStepper(system, quiet, tolerance, factors)
-        self.stepper = s = self.newton or Stepper(linear, quiet, factors)
-        V = basis.vectors
-        KV = -(s.A @ V)
-        self.EV = s.E @ V
-        self.forcing = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
-        self.curved = Curvature(*np.zeros((3, *(V.shape[1],) * 3)))
-        if isinstance(system, NonlinearEquations):
-            self.curved = curvature(system, basis)
-            self.flow = flow_of(system, V)
-            self.loads = np.column_stack([KV, self.forcing, self.EV])
-            self.readers = np.stack([s.solve(0.0, row) for row in np.asarray(linear.C)])
+            self.linear = system.linear
+            self.equations: LinearRemainder | NonlinearRemainder
+            self.equations = NonlinearRemainder(system, basis, tolerance, factors)
         else:
-            self.jump = np.column_stack([s.solve(0.0, column) for column in self.forcing.T])
-        fields = np.column_stack([s.factors.solve(0.0, 1.0, b) for b in linear.B.T])
-        self.per_kelvin = max(map(s.norm, fields.T)) / np.abs(linear.C @ fields).max()
-        self.direct = np.array(direct) if len(direct) else np.zeros(len(linear.inputs))
+            self.linear = system
+            self.equations = LinearRemainder(system, basis, tolerance, factors)
+        self.stepper: Stepper = self.equations.stepper
+        per_watt = [self.stepper.factors.solve(0.0, 1.0, column) for column in self.linear.B.T]
+        largest_output = np.abs(self.linear.C @ np.column_stack(per_watt)).max()
+        self.per_kelvin = max(map(self.stepper.norm, per_watt)) / largest_output
+        if isinstance(self.equations, NonlinearRemainder):
+            self.equations.share = SHARE
+            self.equations.per_kelvin = self.per_kelvin
+        self.direct = np.array(direct) if len(direct) else np.zeros(len(self.linear.inputs))
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
-        self._missed: dict[float, float] = {}
+        self._missed: dict[float, Array] = {}
         self._passed: Advanced  # the last window
 
     def start(self) -> FieldState:
         """The field at ambient temperature, at t = 0."""
-        n, inputs = self.forcing.shape[0], len(self.linear.inputs)
-        k = self.forcing.shape[1] - inputs
-        return FieldState(0.0, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(inputs + k))
+        n, columns = self.equations.forcing.shape
+        k = columns - len(self.linear.inputs)
+        return FieldState(0.0, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(columns))
 
     def begin(self, x: Array) -> FieldState:
         """The field with the rise x in K, shape (n,), at t = 0."""
-        V, s = self.basis.vectors, self.stepper
-        z = V.T @ (s.E @ x)
+        V = self.basis.vectors
+        z = V.T @ (self.stepper.E @ x)
         r = x - V @ z
-        source = np.concatenate([np.zeros(len(self.linear.inputs)), z])
-        if self.newton is None:
-            return FieldState(0.0, z, r, s.solve(0.0, self.forcing @ source + s.A @ r), source)
-        flow, _ = self.curved(z[None])
-        slope = self.loads @ np.concatenate([z, source, flow[0]]) - self.newton.system.flow(x)
-        return FieldState(0.0, z, r, slope, source)
+        no_power = np.zeros(len(self.linear.inputs))
+        source = np.concatenate([no_power, z])
+        return FieldState(0.0, z, r, self.equations.begin(x, z, r, source), source)
 
     def temperature(self, state: FieldState) -> Array:
         """Rise x in K, shape (n,)."""
@@ -146,7 +137,9 @@ class FieldIntegrator:
         fast = self._fast(state, waves, times)
         fields = fast.z(keep) @ self.basis.vectors.T
         fields[keep <= state.time] += state.r
-        begin, done, count = state.time, 0, self._steps(window, state.step)
+        begin = state.time
+        done = 0
+        count = self._steps(window, state.step)
         while done < count:
             h = window / count
             t = begin + done * h
@@ -196,38 +189,15 @@ class FieldIntegrator:
         length = end.time - first.time
         new = self._fast(first, waves, times)
         gained = new.energy() - old.energy()
-        z, r, slope = self._revised_end(end, new, old, gained, length)
-        out = float(self.direct @ gained)
+        z, r, slope = self.equations.revised(end, new, old, gained, length)
+        heat_out = end.heat_out + float(self.direct @ gained)
         if self.ledger:
-            drained = [self._drained(self.ledger, fast, length, end.r) for fast in (new, old)]
-            out += drained[0] - drained[1]
-        state = replace(
-            end, z=z, r=r, slope=slope, heat_in=end.heat_in + float(gained.sum()), heat_out=end.heat_out + out
-        )
-        return self._outputs(new, times), state, fields + (new.z(keep) - old.z(keep)) @ self.basis.vectors.T
-
-    def _revised_end(
-        self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float
-    ) -> tuple[Array, Array, Array]:
-        """z, r and slope at the end of a revised window; ``gained`` [J]: energy of each input beyond that before.
-
-        r gains the heat of the changed powers that V does not represent, spread for the length of a step. With c_p(T) r
-        changes further, so that H(x) keeps the heat that the steps of r brought.
-        """
-        V, s, z, before = self.basis.vectors, self.stepper, new.values[-1], old.values[-1]
-        left = self.forcing @ np.concatenate([gained, length * (new.mean() - old.mean())])
-        if self.newton is None:
-            return z, end.r + s.solve(GAMMA * end.step, left), end.slope
-        bent = length * self.flow((new.mean_products() - old.mean_products())[None])[0]
-        flow, held = self.curved(np.stack([z, before]))
-        x = V @ z + end.r
-        was = V @ before + end.r
-        system = self.newton.system
-        moved = self.EV @ (z + held[0] - before - held[1])
-        moved += s.E @ s.solve(GAMMA * end.step, left + self.EV @ (V.T @ bent) - bent)
-        x = self._holding(self.newton, x, system.content(was) + moved)
-        slope = end.slope + self.loads @ np.concatenate([z - before, np.zeros(end.source.size), flow[0] - flow[1]])
-        return z, x - V @ z, slope - system.flow(x) + system.flow(was)
+            drained = self._drained(self.ledger, new, length, end.r)
+            heat_out += drained - self._drained(self.ledger, old, length, end.r)
+        heat_in = end.heat_in + float(gained.sum())
+        state = replace(end, z=z, r=r, slope=slope, heat_in=heat_in, heat_out=heat_out)
+        change = (new.z(keep) - old.z(keep)) @ self.basis.vectors.T
+        return self._outputs(new, times), state, fields + change
 
     @property
     def remainder(self) -> float:
@@ -235,26 +205,20 @@ class FieldIntegrator:
         begin = self.linear.C @ self._passed.begin.r
         return max(float(np.abs(inside(STAGE_TIMES) - begin).max()) for _, _, inside in self._passed.steps)
 
-    def _holding(self, s: NewtonStepper, x: Array, target: Array) -> Array:
-        """Rise near x with the heat content H(x) = target in J."""
-        for _ in range(ROUNDS):
-            change = s.solve(0.0, target - s.system.content(x)) / s.nodal.slope(x)
-            x = x + change
-            if s.norm(change) <= SETTLED * self.tolerance * self.per_kelvin:
-                break
-        return x
-
     def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
         """Amplitudes z in the window that begins at ``state``."""
         reach = np.abs(self.linear.C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
-        left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
-        return FastPart(self.basis, state.time, state.z, waves, times, self.curved if self.newton else None, left)
+        allowed = SETTLED * self.tolerance / (reach * max(reach.size, 1))
+        return FastPart(self.basis, state.time, state.z, waves, times, self.equations.curved, allowed)
 
     def _drained(self, ledger: Ledger | NonlinearLedger, fast: FastPart, length: float, r: Array) -> float:
         """Heat in J that leaves in a window of this length, from the mean field and its change."""
-        begin, mean, end = np.stack([fast.values[0], fast.mean(), fast.values[-1]]) @ self.basis.vectors.T + r
+        amplitudes = np.stack([fast.values[0], fast.mean(), fast.values[-1]])
+        fields = amplitudes @ self.basis.vectors.T + r
+        begin, _, end = fields
         slopes = np.stack([0 * begin, (end - begin) / length, 0 * begin])
-        return ledger.outflow(length, np.array([0.0, 1.0, 0.0]), np.stack([begin, mean, end]), slopes)
+        only_mean = np.array([0.0, 1.0, 0.0])
+        return ledger.outflow(length, only_mean, fields, slopes)
 
     def _steps(self, window: float, last: float) -> int:
         """Initial number of steps of a window; a step is the first window over a power of four, at most ``last``."""
@@ -272,105 +236,52 @@ class FieldIntegrator:
         missed = float(piece.leftover @ self.missed(h)) / (SHARE * self.tolerance)
         if missed > 1:
             return None
-        s, C, V = self.stepper, self.linear.C, self.basis.vectors
-        correction = np.zeros(6)
-        jump = piece.stages[0] - state.source
-        z = fast.z(t + h * STAGE_TIMES)
-        z[4] = piece.stages[4, piece.energy.size :]  # the fifth stage lies beyond the step
-        if self.newton is None:
-            done = s.step(state.r, state.slope + self.jump @ jump, h, piece.stages @ self.forcing.T)
-        else:
-            correction = self._correction(fast, z, t, h)
-            slope = state.slope + self.forcing @ jump + (correction[0] - state.correction)
-            done = self._nonlinear(self.newton, piece, z, h, slope, state.r, correction)
-        if done is None:
+        step = self.equations.step(fast, piece, state, t, h)
+        if step is None:
             return None
-        slopes, rests = done
-        rate, estimate = slopes[-1], h * ((WEIGHTS - EMBEDDED) @ slopes)
-        if self.newton is None:
-            read = C @ rate
-        else:
-            rate = self._load(self.newton, piece, z[-1], rests[-1], rate)
-            read = self.readers @ rate
-            estimate = s.solve(0.0, estimate)
-        at = rests @ C.T
-        inside = Inside(at[0], at[3], at[5], h * read)
-        step, apart = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
-        if not max(missed, step, apart) <= 1:
+        outputs = step.states @ self.linear.C.T
+        inside = Inside(outputs[0], outputs[3], outputs[5], h * step.output_rate)
+        apart = outputs[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT])
+        end_error, inside_error = self._errors(step.estimate, apart)
+        if not max(missed, end_error, inside_error) <= 1:
             return None
-        # 1 / 8: with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
-        error = max(missed, step, apart * (1.0 if self.newton is None else (1 / 8)))
-        out = float(self.direct @ piece.energy)
+        error = max(missed, end_error, inside_error * self.equations.inside_share)
+        z = fast.z(np.array([t, t + h]))
+        heat_out = state.heat_out + float(self.direct @ piece.energy)
         if self.ledger:
-            amplitudes = z if self.newton else piece.stages[:, piece.energy.size :]
-            out += self.ledger.outflow(h, WEIGHTS, amplitudes @ V.T + rests, slopes + V @ (z[-1] - z[0]) / h)
+            V = self.basis.vectors
+            slopes = step.slopes + V @ (z[1] - z[0]) / h
+            heat_out += self.ledger.outflow(h, WEIGHTS, step.amplitudes @ V.T + step.states, slopes)
+        heat_in = state.heat_in + float(piece.energy.sum())
         new = FieldState(
-            t + h, z[-1], rests[-1], slopes[-1], piece.stages[-1], h,
-            state.heat_in + float(piece.energy.sum()), state.heat_out + out, correction[-1],
+            t + h, z[1], step.states[-1], step.slopes[-1], piece.stages[-1], h, heat_in, heat_out, step.correction
         )  # fmt: skip
 
         def whole() -> Inside:
-            return Inside(rests[0], rests[3], rests[5], h * (rate if self.newton is None else s.solve(0.0, rate)))
+            return Inside(step.states[0], step.states[3], step.states[5], h * self.equations.rate(step))
 
         return new, error, inside, whole
 
-    def _nonlinear(
-        self, s: NewtonStepper, piece: Piece, z: Array, h: float, slope: Array, r: Array, correction: Array
-    ) -> tuple[Array, Array] | None:
-        """Slopes in W and remainders r at the six stages with k(T), c_p(T), (6, n) each; None if one does not converge.
-
-        The unknown is x = V z + r.
-        """
-        slopes = np.empty((6, r.size))
-        rests = np.empty((6, r.size))
-        slopes[0], rests[0] = slope, r
-        shift = GAMMA * h
-        fields = z @ self.basis.vectors.T
-        flow, held = self.curved(z)
-        follows = (z + held) @ self.EV.T
-        targets = follows + shift * (np.hstack([z, piece.stages, flow]) @ self.loads.T + correction)
-        s.tolerance = 0.02 * SHARE * self.tolerance / max(s.rise, self.tolerance)
-        start = s.system.content(fields[0] + rests[0]) - follows[0]
-        for i in range(1, 6):
-            known = start + h * (STAGES[i, :i] @ slopes[:i])
-            x = s.stage(fields[i] + GUESS[i, :i] @ rests[:i], known + targets[i], shift)
-            if x is None:
-                return None
-            rests[i] = x - fields[i]
-            slopes[i] = (s.system.content(x) - follows[i] - known) / shift
-        s.steps += 1
-        return slopes, rests
-
-    def _correction(self, fast: FastPart, z: Array, t: float, h: float) -> Array:
-        """Error of E V f - [F(V z) - K V z] at the stages of a step, to second order in z; W, shape (6, n).
-
-        The products z_j z_k enter as their best cubics, as the power does: heat of pulses between stages counts.
-        """
-        missed = self.flow(fast.products(t, h) - z[:, :, None] * z[:, None, :])
-        return np.asarray(missed @ self.basis.vectors @ self.EV.T - missed)
-
-    def _load(self, s: NewtonStepper, piece: Piece, z: Array, r: Array, slope: Array) -> Array:
-        """E dr/dt at the end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt with H' inverted node by node."""
-        x, curved, one = self.basis.vectors @ z + r, self.curved, z[None]
-        moving = self.basis.heating @ piece.stages[-1, : piece.energy.size] - self.basis.rate * z - curved(one)[0][0]
-        rate = moving
-        for _ in range(ROUNDS):
-            rate = moving - curved.along(one, rate[None])[1][0]
-        return (slope + self.EV @ moving - s.system.content.derivative(x)(self.basis.vectors @ rate)) / s.nodal.slope(x)
-
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:
         """Errors of a step relative to the tolerance: of outputs and field at its end, and of outputs inside it."""
-        C, allowed = self.linear.C, SHARE * self.tolerance
-        worst = max(np.abs(C @ estimate).max(), self.stepper.norm(estimate) / self.per_kelvin)
-        return float(worst) / allowed, float(np.abs(inside).max()) / allowed
+        allowed = SHARE * self.tolerance
+        outputs = np.abs(self.linear.C @ estimate).max()
+        field = self.stepper.norm(estimate) / self.per_kelvin
+        return float(max(outputs, field)) / allowed, float(np.abs(inside).max()) / allowed
 
     def missed(self, h: float) -> Array:
         """|H - H_V| of the worst output for each input, at time scales up to a step h; K/W, shape (inputs,)."""
         steps = [float(f"{step:.8e}") for step in GAMMA * h * FINER]
         for step in steps:
             if step not in self._missed:
-                s, C = self.stepper, self.linear.C
-                full = C @ np.column_stack([s.solve(step, step * b) for b in s.B.T])
-                kept = (C @ self.basis.vectors) @ (step * self.basis.heating / (1 + step * self.basis.rate[:, None]))
-                self._missed[step] = np.abs(full - kept).max(axis=0)
+                self._missed[step] = self._impedance_left(step)
         return np.max([self._missed[step] for step in steps], axis=0)
+
+    def _impedance_left(self, shift: float) -> Array:
+        """|H - H_V| at 1/``shift`` of the worst output for each input, K/W, shape (inputs,)."""
+        s = self.stepper
+        C = self.linear.C
+        full = C @ np.column_stack([s.solve(shift, shift * b) for b in s.B.T])
+        decay = 1 + shift * self.basis.rate[:, None]
+        in_basis = (C @ self.basis.vectors) @ (shift * self.basis.heating / decay)
+        return np.abs(full - in_basis).max(axis=0)

@@ -218,7 +218,7 @@ class FieldState:
     source [shape (inputs + k,)]: the P and z that this slope was computed with.
     step [s]: length of the last step; 0 before the first.
     heat_in, heat_out [J]: since the start.
-    correction [shape (n,), W]: what `FieldIntegrator._correction` has added to the slope.
+    correction [shape (n,), W]: what `NonlinearRemainder.step` has added to the slope.
     """
 
     time: float
