@@ -9,7 +9,8 @@ import typer
 import xarray as xr
 
 import thermofem as th
-from thermofem.arrays import ArrayLike
+from thermofem import InputError
+from thermofem.arrays import Array, ArrayLike
 from thermofem.campaign import Summary
 from thermofem.data import quantity
 from thermofem.fem.domain_truncation import NOTABLE
@@ -20,6 +21,7 @@ from .console import bar, note, say, settings, time_bar, working, written, wrote
 from .drive_texts import heating, times_of
 
 FRAMES = 60  # fields for ParaView whose times are not given
+SAME = 1e-3  # relative difference from which R_th at a power is printed beside that at small power
 
 
 def solve(
@@ -34,7 +36,10 @@ def solve(
     ] = False,
     duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
     samples: Annotated[int, typer.Option(min=2, max=1_000_000, help="Number of times in the result.")] = 801,
-    heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
+    heated: Annotated[
+        str | None,
+        typer.Option(help="Part that carries the power, or several that share it: 'inner, outer'; default: the first."),
+    ] = None,
     read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
     accuracy: options.Accuracy = 1e-3,
     rtol: options.Rtol = 1e-4,
@@ -82,7 +87,16 @@ def solve(
         heat = th.assemble(section, accuracy)
     if preview:
         _preview(section, heat.mesh, preview)
-    wanted = read[0] if read and len(read) == 1 else tuple(read or ()) or None
+    parts = [name.strip() for name in heated.split(",")] if heated else []
+    outputs = [name.strip() for text in read or () for name in text.split(",")]
+    if len(parts) > 1:
+        heat = heat.heated_together(parts)
+        note(f"the power is divided evenly between {heated}: 1/{len(parts)} in each")
+        heated = heat.heated[-1]
+        outputs = outputs or parts
+    elif heated is None and len(heat.heated) > 1:
+        note(f"{heat.heated[0]} alone carries the power; --heated {', '.join(heat.heated)!r} divides it between them")
+    wanted = outputs[0] if len(outputs) == 1 else tuple(outputs) or None
     settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": rtol}
     what = f"solving with {heat.unknowns} unknowns"
     if periodic:
@@ -98,7 +112,8 @@ def solve(
             th.fields.write_fields(data, paraview)
         if figure:
             _draw(data, figure)
-    numbers = _say(data, None if pulse or square else float(wave.mean(0.0, length)))
+    step = None if pulse or square else float(wave.mean(0.0, length))
+    numbers = _say(data, step, _steady_rises(heat, data, step))
     if data.attrs["domain_error"] <= NOTABLE:  # a larger one is reported by the log
         _note_domain([data.attrs["domain_error"]], accuracy)
     wrote(*files)
@@ -106,21 +121,38 @@ def solve(
     return {**numbers, "wrote": [path for path in files if path]}
 
 
-def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
-    """Print and return R_th of every output and, for a step of ``power`` in W, its rise time from 10 to 90 %."""
-    a, times = data.attrs, data["time"].values
-    source, names = a["heated"], a["read"].split(", ")
+def _steady_rises(heat: th.fem.HeatProblem, data: xr.Dataset, power: float | None) -> dict[str, float]:
+    """Rise of every output in K that a step of ``power`` in W settles at, by k(T) at that power; nan where it fails."""
+    rises: dict[str, float] = {}
+    for name in data.attrs["read"].split(", ") if power else ():
+        try:
+            rises[name] = heat.steady_rise(power or 0.0, data.attrs["heated"], name)
+        except InputError:
+            rises[name] = float("nan")
+    return rises
+
+
+def _say(data: xr.Dataset, power: float | None, steady: dict[str, float]) -> dict[str, Any]:
+    """Print and return R_th of every output and, for a step of ``power`` in W, its rise time from 10 to 90 %.
+
+    steady: rise of every output at rest under the step, in K.
+    """
+    a = data.attrs
+    times = data["time"].values
+    source = a["heated"]
+    names = a["read"].split(", ")
     resistances = dict(zip(names, np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"])), strict=True))
+    rises = dict(zip(names, np.atleast_2d(data["delta_T"].transpose(..., "time")), strict=True))
     rise_times: dict[str, float | None] = {}
-    for (name, R), rise in zip(resistances.items(), np.atleast_2d(data["delta_T"].transpose(..., "time")), strict=True):
-        line = f"R_th of {name if name == source else f'{name} heated by {source}'} = {R / 1e3:.4g} K/mW"
+    for name, R in resistances.items():
+        of = name if name == source else f"{name} heated by {source}"
+        line = f"R_th of {of} = {R / 1e3:.4g} K/mW"
         if power:
-            share = rise / (R * power)
-            low = float(np.interp(0.1, share, times))
-            high = float(np.interp(0.9, share, times))
-            rise_times[name] = high - low if share[-1] >= 0.9 else None
-            line += f", rise 10-90 % in {written(high - low, 's')}" if share[-1] >= 0.9 else ""
-            line += f", {share[-1]:.0%} of the steady rise at the end of the run" if share[-1] < 0.99 else ""
+            share = rises[name] / steady[name]
+            settles = abs(steady[name] / (R * power) - 1) < SAME
+            line += "" if settles else f" at small power, {steady[name] / power / 1e3:.4g} K/mW at this one"
+            rise_times[name] = _rise_time(times, share)
+            line += _progress(share, rise_times[name])
         say(line)
     largest = float(data["delta_T"].max())
     say(f"largest rise {largest:.4g} K, energy imbalance {a['heat_imbalance']:.0e}")
@@ -131,8 +163,25 @@ def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
         "domain_error": a["domain_error"],
         "heated": source,
         **({"thermal_resistances": resistances} if len(names) > 1 else {}),
-        **({"rise_time": rise_times} if power else {}),
+        **({"rise_time": rise_times, "steady_rise": steady} if power else {}),
     }
+
+
+def _rise_time(times: Array, share: Array) -> float | None:
+    """Time in s from 10 to 90 % of the steady rise; None where the run ends before."""
+    if not share[-1] >= 0.9:
+        return None
+    low = float(np.interp(0.1, share, times))
+    high = float(np.interp(0.9, share, times))
+    return high - low
+
+
+def _progress(share: Array, rise_time: float | None) -> str:
+    """Words on the rise time, and on what is missing of the steady rise at the end of the run."""
+    if np.isnan(share[-1]):
+        return ", no steady state found at this power"
+    words = "" if rise_time is None else f", rise 10-90 % in {written(rise_time, 's')}"
+    return words + (f", {share[-1]:.0%} of the steady rise at the end of the run" if share[-1] < 0.99 else "")
 
 
 def _note_domain(errors: ArrayLike, accuracy: float) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,6 +37,40 @@ def test_a_heater_and_the_core_in_solve_and_reduce(tmp_path):
     assert reduced["thermal_resistance"][0][1] == pytest.approx(cross, rel=1e-3)
     # 800 steps of 50 ns in 15 us, and the tolerance of the reduction
     assert reduced["rise_time"][0][1] == pytest.approx(solved["rise_time"]["core"], rel=5e-3)
+
+
+def test_parts_that_share_a_power_heat_by_the_mean_of_their_channels(tmp_path):
+    """Superposition: half of the power in each of two parts makes half of the sum of both rises."""
+    section = th.heated_ring()
+    (tmp_path / "ring.toml").write_text(section.to_toml())
+    heat = th.assemble(section, 1e-2)
+    channels = [heat.thermal_resistance(part, "core") for part in ("core", "heater")]
+    common = "solve", "ring.toml", "--accuracy", "1e-2", "--power", "10 mW", "--duration", "400 us"
+    shared = numbers(*common, "--heated", "core, heater", "--read", "core", cwd=tmp_path)
+    assert shared["thermal_resistance"] == pytest.approx(sum(channels) / 2, rel=1e-12)
+    assert shared["steady_rise"]["core"] == pytest.approx(10e-3 * sum(channels) / 2, rel=1e-12)
+    rise = th.load(tmp_path / "heat.nc").delta_T.values
+    alone = [th.solve(heat, th.Constant(5e-3), [5e-6, 50e-6], heated=part, read="core") for part in ("core", "heater")]
+    # 400 us in 800 steps: 5 and 50 us are rows; each transient is within its rtol = 1e-4
+    np.testing.assert_allclose(rise[[10, 100]], alone[0].delta_T + alone[1].delta_T, rtol=4e-4)
+    several = thermofem(*common, cwd=tmp_path)
+    assert "core alone carries the power" in several.stderr
+
+
+def test_the_steady_rise_of_warm_silicon_is_that_at_its_power(tmp_path):
+    """The linear problem takes 104 % of the settled rise for what is still to come."""
+    laws = [replace(th.materials.find(f"{name}(T)"), name=name) for name in ("Si", "SiO2")]
+    section = replace(th.strip_ring(), materials=tuple(laws))
+    (tmp_path / "warm.toml").write_text(section.to_toml())
+    arguments = "solve", "warm.toml", "--accuracy", "1e-2", "--power", "10 mW", "--duration", "300 us"
+    done = thermofem(*arguments, "--samples", "301", cwd=tmp_path)
+    assert "of the steady rise" not in done.stdout
+    assert "rise 10-90 %" in done.stdout
+    heat = th.assemble(section, 1e-2)
+    settled = numbers(*arguments, "--samples", "301", cwd=tmp_path)["steady_rise"]["core"]
+    assert settled == pytest.approx(heat.steady_rise(10e-3), rel=1e-6)
+    assert float(th.load(tmp_path / "heat.nc").delta_T[-1]) == pytest.approx(settled, rel=1e-3)
+    assert abs(settled / (10e-3 * heat.thermal_resistance()) - 1) > 5e-3
 
 
 def test_the_card_of_a_model_shows_every_pole(tmp_path):

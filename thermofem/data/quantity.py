@@ -150,6 +150,27 @@ def _convert(digits: str, given: str, unit: str) -> tuple[float, str]:
 def _factor(given: str, unit: str) -> tuple[float, str]:
     """One ``given`` in ``unit``, and ""; or nan and why: no unit, an unknown one, or another dimension."""
     text = given.translate(_SUPERSCRIPTS).replace("**", "^")
+    factor, fault = _factor_of(text, given, unit)
+    if not fault:
+        return factor, ""
+    factor, spelled_fault = _factor_of(_with_powers(text), given, unit)
+    return (factor, "") if not spelled_fault else (math.nan, fault)
+
+
+def _with_powers(text: str) -> str:
+    """A unit as data sheets write it, with its signs: kg/m3 as kg/m^3, cm-3 as cm^-3, W/m2K as W/m^2/K, W/m-K as W/m/K.
+
+    All symbols behind the first slash divide, and mK there is m K, as a millikelvin has failed before.
+    """
+    powers = re.sub(r"(?<=[A-Za-z])(-?[1-9])", r"^\1", text)
+    products = re.sub(r"(?<=\d)(?=[A-Za-z])", "*", powers)
+    above, slash, below = products.partition("/")
+    divisors = re.sub(r"(?<=[mg])(?=K)", "/", below)
+    return above + slash + re.sub(r"(?<!\^)[-*\s]+", "/", divisors)
+
+
+def _factor_of(text: str, given: str, unit: str) -> tuple[float, str]:
+    """`_factor` of a unit ``text`` with "^" before every power; ``given``: the same as it was written."""
     if unit == "1/m" and text.startswith("dB/"):
         # math.log(10) / 10: natural attenuation of power for 1 dB
         factor, fault = _factor(f"1{text[2:]}", unit)

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from ..mesh import Mesh
     from ..optics import Mode
 
+TOGETHER = " + "  # between the names of parts that share a power
+
 
 HELD_SHARE = 1e-9  # of a mean at held unknowns, by which its gain of the ambient is below 1
 
@@ -52,6 +54,8 @@ class HeatProblem:
         that was asked for.
     light : Mode, optional
         the mode whose temperature is read as "light" (`with_light`).
+    together : tuple of str
+        further inputs, each several parts that share a power (`heated_together`).
     """
 
     geometry: CrossSection
@@ -59,6 +63,7 @@ class HeatProblem:
     discretization: Discretization
     accuracy: float
     light: Mode | None = None
+    together: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         size = f"{self.unknowns} unknowns, accuracy {self.accuracy:g}"
@@ -77,8 +82,8 @@ class HeatProblem:
 
     @property
     def heated(self) -> tuple[str, ...]:
-        """Names of the parts that may carry absorbed power."""
-        return self.geometry.heated
+        """Names of the parts that may carry absorbed power, and of those that share it."""
+        return (*self.geometry.heated, *self.together)
 
     @property
     def regions(self) -> tuple[str, ...]:
@@ -87,9 +92,9 @@ class HeatProblem:
 
     @property
     def readable(self) -> tuple[str, ...]:
-        """Names of everything that can be read: regions, probes, and "light" after `with_light`."""
+        """Names of everything that can be read: regions, probes, shared inputs, and "light" after `with_light`."""
         light = () if self.light is None else (LIGHT,)
-        return (*self.regions, *(probe.name for probe in self.geometry.probes), *light)
+        return (*self.regions, *(probe.name for probe in self.geometry.probes), *self.together, *light)
 
     def with_light(self, mode: Mode) -> HeatProblem:
         """The same problem with one more output, "light": the temperature as a mode sees it, `Mode.light_integral`.
@@ -109,6 +114,20 @@ class HeatProblem:
         checks.unique("what can be read", names, hint="rename the region or probe")
         return replace(self, light=mode).reading(LIGHT)
 
+    def heated_together(self, parts: Sequence[str]) -> HeatProblem:
+        """The same problem with one more input, ``" + ".join(parts)``: each part takes an equal share of its power.
+
+        Its load is the mean of the loads of the parts, c = (c_1 + ... + c_n)/n.
+
+        Raises InputError: a name that is no heated part.
+        """
+        names = _names("heated", parts, self.heated, self.heated)
+        name = TOGETHER.join(names)
+        loads = [self.discretization.means[part] for part in names]
+        means = {**self.discretization.means, name: np.mean(loads, axis=0)}
+        discretization = replace(self.discretization, means=means)
+        return replace(self, discretization=discretization, together=(*self.together, name))
+
     def reading(self, *names: str) -> HeatProblem:
         """Copy in which probes or the light, given by ``names``, are among the means of the `Discretization`."""
         integrals = {name: self.integral(name, self.discretization.basis) for name in names}
@@ -119,6 +138,9 @@ class HeatProblem:
         """Integral of 2 pi r times each function of a basis over a region or probe, or weighted with the light."""
         if name == LIGHT and self.light is not None:
             return self.light.light_integral(basis)
+        if name in self.together:
+            parts = [self.integral(part, basis) for part in name.split(TOGETHER)]
+            return np.asarray(sum(part / part.sum() for part in parts))
         if name in self.regions:
             return np.asarray(volume(basis, self.mesh.region == self.regions.index(name)))
         probe = next(probe for probe in self.geometry.probes if probe.name == name)
