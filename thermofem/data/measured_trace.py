@@ -18,28 +18,21 @@ from .. import checks
 from ..arrays import Array
 from ..waveforms import Constant, Waveform
 from . import dataset, files, heating_start, quantity
-from .number_table import (
-    BRACKETS,
-    IMPEDANCE,
-    POWER,
-    TEMPERATURE,
-    TIME,
-    VOLTAGE,
-    Column,
-    NumberTable,
-    Scale,
-    number_table,
-    scale_of,
-    units_above,
-)  # fmt: skip
+from .column_units import IMPEDANCE, POWER, TEMPERATURE, TIME, VOLTAGE, Scale, scale_of
+from .number_table import Column, NumberTable, is_about_units, number_table
 from .variables import VOLTS, unit_of
 
 LONGEST = 1.0  # s; a column of time without unit that is longer may be in another unit
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
 READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
 ROLES = ("time", "temperature", "power")
-_TIMES = re.compile(r"\W*(?:t|x|X|s|t[_ /].*|(?i:time.*|.*\btimes?|zeit|seconds?))\W*")
+PLAIN = {  # names that may stand without a unit, which is then that of SI
+    "time": re.compile(r"t|(?i:time|zeit)"),
+    "temperature": re.compile(r"d?T|delta_T|(?i:.*\btemperature\b.*|rise)"),
+}
+SI = {"time": ("s", "seconds"), "temperature": ("K", "kelvin")}
 _COUNTS = re.compile(r"(?i)(?:index|idx|no\.?|nr\.?|n|#|point|sample|row|step|samples_averaged|averages?)\W*")
+ASK_UNITS = 'give the units of time and temperature, such as --units "us,mV"'
 
 
 def read_trace(
@@ -97,17 +90,15 @@ def read_trace(
         table = number_table(content)
         del content
         said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
-        found = _columns(table, columns, time, temperature, power)
-        given = _units(units)
-        unit = given.get("time") or _named_unit(found[0], time)
-        t = _times(table, found[0], unit, said)
+        chosen = _columns(table, columns, time, temperature, power)
+        given = _units(units, time, temperature)
+        t = _times(table, chosen[0], given["time"], said)
         wave = watts = None
         if isinstance(power, str):
-            watts = _scaled(found[2], given.get("power") or found[2].unit, "power", (POWER,))[1]
+            watts = _scaled(chosen[2], given.get("power") or chosen[2].unit, "power", (POWER,))[1]
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
-        unit = given.get("temperature") or _named_unit(found[1], temperature)
-        y = _temperatures(table, found[1], unit, sensitivity, wave, said)
+        y = _temperatures(table, chosen[1], given["temperature"], sensitivity, wave, said)
         t, (y, *more) = _distinct(t, [y] if watts is None else [y, watts], said)
         level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
         first = quantity.parse(start, "s", name="--start") if isinstance(start, str) else start
@@ -122,7 +113,7 @@ def read_trace(
         "source": path.name,
         "source_sha256": digest,
         "source_columns": ", ".join(
-            f"{role}: {column.name or column.number}" for role, column in zip(ROLES, found, strict=False)
+            f"{role}: {column.header or column.number}" for role, column in zip(ROLES, chosen, strict=False)
         ),
         "assumed": "\n".join(said),
         **about,
@@ -134,90 +125,101 @@ def _columns(
     table: NumberTable, columns: Any, time: str | None, temperature: str | None, power: Any
 ) -> tuple[Column, ...]:
     """Columns of time and temperature and, where ``power`` is the name of one, of power."""
-    known = {str(column.number): column for column in table.columns}
-    listed = ", ".join(f"{number} {column.name!r}" for number, column in known.items())
     third = (_named(table, "power", power),) if isinstance(power, str) else ()
     if columns is not None:
-        wanted = [str(c).strip() for c in (columns.split(",") if isinstance(columns, str) else columns)]
-        pair = [known[number] for number in wanted if number in known]
-        if not len(wanted) == len(pair) == 2:
-            raise checks.InputError(
-                f"--columns = {checks.shown(columns)} must be two of the columns of numbers: {listed}"
-            )
-        return (*pair, *third)
-    measures = {column: scale.dimensions for column in table.columns if (scale := scale_of(column.unit))}
+        return (*_numbered(table, columns), *third)
     first = None if time is None else _named(table, "time", time)
     second = None if temperature is None else _named(table, "temperature", temperature)
+    free = [column for column in table.columns if column not in (first, second, *third)]
     if first is None:
-        free = [column for column in table.columns if column not in (second, *third)]
-        likely = [column for column in free if measures.get(column) == TIME]
-        likely = likely or [column for column in free if not column.unit and _TIMES.fullmatch(column.name)]
-        if not likely and (len(free) <= 2 or not table.columns[0].name):
-            likely = free[:1]
+        likely = [column for column in free if _measures(column, "time", (TIME,))]
         first = likely[0] if len(likely) == 1 else None
+        first = free[0] if not likely and len(free) <= 2 else first
+    free = [column for column in free if column is not first and not _COUNTS.fullmatch(column.header)]
     if second is None and first is not None:
-        free = [c for c in table.columns if c not in (first, *third) and not _COUNTS.fullmatch(c.name)]
-        hot = [column for column in free if measures.get(column) in (TEMPERATURE, IMPEDANCE)]
-        second = hot[0] if len(hot) == 1 else free[0] if len(free) == 1 else None
-    if first is None or second is None or first == second:
+        likely = [column for column in free if _measures(column, "temperature", (TEMPERATURE, IMPEDANCE))]
+        likely = likely if len(likely) == 1 else free
+        second = likely[0] if len(likely) == 1 else None
+    if first is None or second is None or first is second:
         raise checks.InputError(
-            f"{len(known)} columns of numbers ({listed}); say which are time and temperature: --columns "
-            f"{','.join([*known][:2])}, or --time and --temperature"
+            f"{len(table.columns)} columns of numbers ({table.listed}); say which are time and temperature: --columns "
+            f"{','.join(str(column.number) for column in table.columns[:2])}, or --time and --temperature"
         )
     return first, second, *third
 
 
+def _measures(column: Column, role: str, dimensions: tuple[str, ...]) -> bool:
+    """Whether the unit of a column, or without one its name, says that it is a time or a temperature."""
+    if column.scale is None:
+        return bool(PLAIN[role].fullmatch(column.header))
+    return column.scale.dimensions in dimensions
+
+
+def _numbered(table: NumberTable, columns: Any) -> list[Column]:
+    """The two columns of these numbers, "4,5" or (4, 5)."""
+    numbers = [str(number).strip() for number in (columns.split(",") if isinstance(columns, str) else columns)]
+    by_number = {str(column.number): column for column in table.columns}
+    pair = [by_number[number] for number in numbers if number in by_number]
+    if not len(numbers) == len(pair) == 2:
+        rule = f"must be two of the columns of numbers: {table.listed}"
+        raise checks.InputError(f"--columns = {checks.shown(columns)} {rule}")
+    return pair
+
+
 def _named(table: NumberTable, role: str, name: str) -> Column:
     """The column with this header, with or without its unit."""
-    short = BRACKETS.split(name)[0].strip()
-    found = [column for column in table.columns if column.name == name]
-    found = found or [column for column in table.columns if BRACKETS.split(column.name)[0].strip() == short]
-    if len(found) != 1:
-        numbers = ",".join(str(column.number) for column in found)
-        rule = f"names the columns {numbers}" if found else "is none of the columns"
-        names = ", ".join(f"{column.number} {column.name!r}" for column in table.columns)
+    short = _without_unit(name)[0]
+    same = [column for column in table.columns if column.header == name]
+    same = same or [column for column in table.columns if column.name == short]
+    if len(same) != 1:
+        numbers = ",".join(str(column.number) for column in same)
+        rule = f"names the columns {numbers}" if same else "is none of the columns"
         raise checks.InputError(
-            f"--{role} = {checks.shown(name)} {rule}", f"say which by number, --columns, of {names}"
+            f"--{role} = {checks.shown(name)} {rule}", f"say which by number, --columns, of {table.listed}"
         )
-    return found[0]
+    return same[0]
 
 
-def _named_unit(column: Column, name: str | None) -> str:
-    """Unit that the caller wrote behind the name of a column, as in "TIME (us)", where the header has none; else ""."""
-    found = BRACKETS.findall(name or "")
-    return found[-1] if found and name != column.name and scale_of(found[-1]) else ""
+def _without_unit(name: str) -> tuple[str, str]:
+    """A name and the unit in brackets behind it, "" where there is none: "TIME (us)" as the caller wrote it."""
+    short, bracket, unit = name.partition("(")
+    return (short.strip(), unit.rstrip(") ")) if bracket else (name.strip(), "")
 
 
-def _units(units: str | Mapping[str, str] | None) -> dict[str, str]:
-    """Units by role ("time", "temperature") from either form of ``units``."""
+def _units(units: str | Mapping[str, str] | None, time: str | None, temperature: str | None) -> dict[str, str]:
+    """Units by role ("time", "temperature") from either form of ``units``, else from behind the names of columns."""
     given = dict(zip(ROLES, units.split(","), strict=False)) if isinstance(units, str) else dict(units or {})
     for role in given:
         checks.choice("units", role, ROLES)
+    for role, name in (("time", time), ("temperature", temperature)):
+        unit = _without_unit(name or "")[1]
+        given[role] = given.get(role) or (unit if scale_of(unit) else "")
     return given
 
 
-def _unit(table: NumberTable, column: Column, dimensions: tuple[str, ...], said: list[str]) -> str:
-    """Unit of a column as text, from its header or from a line above the table; "" where neither states one."""
-    unit, hint = column.unit, 'give its unit, such as --units "us,mV"'
-    column.check_name(hint)
-    above = [(scale, *a) for a in units_above(table.above) if (scale := scale_of(a[0]))]
-    above = [a for a in above if a[0].dimensions in dimensions]
-    stated = [a for a in above if a[3]]
-    one = len({a[0] for a in stated}) == 1
-    own = scale_of(unit) if unit else None
-    open_line = ""
-    if own is not None:
-        if one and stated[0][0] != own and stated[0][0].dimensions == own.dimensions:
-            open_line = stated[0][2]
-    elif one:
-        said.append(f"{column.label} is in {stated[0][1]}, as {stated[0][2][:40]!r} above the table says")
-        return stated[0][1]
-    else:
-        plain = [scale_of(si) for si in "sKV"]
-        open_line = next((a[2] for a in above if a[3] or a[0] not in plain), "")
-    if open_line:
-        states = f"is in {unit}, but" if own else "states no unit, and"
-        raise checks.InputError(f"{column.label} {states} {open_line[:40]!r} stands above the table", hint)
+def _unit(table: NumberTable, column: Column, role: str, said: list[str]) -> str:
+    """Unit of a column: that of its header, the only one that a line above states, or SI where the name says enough.
+
+    Raises InputError: a name that does not say it, or lines above the table that may name another unit.
+    """
+    if column.unit:
+        return column.unit
+    above = table.units_above((TIME,) if role == "time" else READINGS)
+    stated = {unit: line for unit, line in above if is_about_units(line)}
+    if len(stated) == 1:
+        (unit, line), *_ = stated.items()
+        said.append(f"{column.label} is in {unit}, as {line[:40]!r} above the table says")
+        return unit
+    if not PLAIN[role].fullmatch(column.header):
+        raise checks.InputError(f"{column.label} states no unit and is no name of a {role}", ASK_UNITS)
+    if above:
+        line = above[0][1]
+        raise checks.InputError(f"{column.label} states no unit, and {line[:40]!r} stands above the table", ASK_UNITS)
+    unit, word = SI[role]
+    if role == "time":
+        span = f"the span of {column.label}, which states no unit,"
+        checks.between(span, np.ptp(column.values), 0, LONGEST, hint=ASK_UNITS)
+    said.append(f"{column.label} states no unit: {word}")
     return unit
 
 
@@ -231,18 +233,14 @@ def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -
         hint = 'give --units "us,mV" or --columns' + (f', or --sensitivity "... {unit}/K"' if role != "time" else "")
         raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
     # beyond 1e30 is the code of an overload
-    values = checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
-    return scale, scale.offset + scale.factor * values
+    checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
+    return scale, column.in_si(unit)
 
 
 def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> Array:
     """Times in s, checked not to decrease."""
-    unit = given or _unit(table, column, (TIME,), said)
-    if not unit:
-        span = f"the span of {column.label}, which states no unit,"
-        checks.between(span, np.ptp(column.values), 0, LONGEST, hint='give its unit, such as --units "us,K"')
-        said.append(f"{column.label} states no unit: seconds")
-    _, t = _scaled(column, unit or "s", "time", (TIME,))
+    unit = given or _unit(table, column, "time", said)
+    _, t = _scaled(column, unit, "time", (TIME,))
     return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
 
 
@@ -251,18 +249,17 @@ def _temperatures(
     said: list[str],
 ) -> Array:  # fmt: skip
     """Temperatures in K, or readings divided by the sensitivity."""
-    readings, unit = READINGS, given or _unit(table, column, READINGS, said)
-    if not unit:
-        unit = "K" if sensitivity is None else "V"
-        said.append(f"{column.label} states no unit: {'kelvin' if sensitivity is None else 'volts'}")
-    size, role = 1.0, "temperature"
+    unit = given or _unit(table, column, "temperature", said)
+    readings = READINGS
+    kelvin = 1.0
+    role = "temperature"
     if sensitivity is not None:
         size, measured = _sensitivity(sensitivity)
         readings = (measured,)
+        kelvin = 1 / size
         role = f"reading, whose sensitivity is {sensitivity}"
         said.append(f"{column.label} is in {unit}: divided by {sensitivity}")
     scale, y = _scaled(column, unit, role, readings)
-    kelvin = 1 / size
     if sensitivity is None and scale.dimensions == IMPEDANCE:
         if not isinstance(wave, Constant):
             raise checks.InputError(
@@ -283,13 +280,14 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
     """A sensitivity in SI units of the reading per kelvin, and the dimensions of the reading."""
     if not isinstance(given, str):
         return checks.finite("sensitivity", given, unit="V/K"), VOLTAGE
-    match = re.fullmatch(r"\s*([+-]?)\s*(\d.*\S|\d)\s*/\s*(?:K|deg\s?C|°C|C)\s*", given)
+    match = re.fullmatch(r"\s*([+-]?)\s*(\d.*\S|\d)\s*/\s*(?:K|deg\s?C|°C|℃|C)\s*", given)
     scale = scale_of(match[2]) if match else None
-    if match is None or scale is None or scale.offset or scale.factor == 0:
+    if match is None or scale is None or scale.offset or scale.decibels or scale.factor == 0:
         raise checks.InputError(
             f"--sensitivity = {given!r} must be a reading per kelvin", 'such as "10 mV/K" or "75 pm/K"'
         )
-    return (-1 if match[1] == "-" else 1) * scale.factor, scale.dimensions
+    sign = -1.0 if match[1] == "-" else 1.0
+    return sign * scale.factor, scale.dimensions
 
 
 def _distinct(t: Array, values: list[Array], said: list[str]) -> tuple[Array, list[Array]]:
