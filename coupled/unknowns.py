@@ -1,4 +1,4 @@
-"""Free parameters of `identify`: fields of the ring, its carriers and its thermal model, as logarithms."""
+"""Free parameters of fits: numbers of the ring, its carriers and its thermal model, as logarithms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -21,6 +21,13 @@ POLES = ("R", "tau")
 HEAT_CAPACITY = "heat_capacity"
 LAWS = {*SECOND_ORDER, *POLES, "tau_th", HEAT_CAPACITY}
 LIFETIMES = ("tau_n", "tau_p")
+LIFETIME, LOADED, INTRINSIC = "lifetime", "loaded_q", "intrinsic_q"
+# free numbers that are computed from fields, and the fields that they set
+COMPUTED = {
+    LIFETIME: ("tau0", "tau"),
+    LOADED: ("bus_rate", "drop_rate"),
+    INTRINSIC: ("loss_rate", "scattering_rate"),
+}
 FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numbers that may be 0
 SPAN = 4.0  # how far a value may go from its start, as a factor, where no bounds are given
 
@@ -86,9 +93,10 @@ def unknowns(
     ranges = family.ranges if family else {}
     for name in ranges.keys() - {*free}:
         raise checks.InputError(f"{name} of the family must be free or held: family.held({name}=...) as the model")
-    optical = optical_names(ring)
+    optical = fitted_names(ring)
     for name in free:
         checks.choice("a name in free", name, optical | (ranges.keys() if family else LAWS))
+    check_apart(free)
     thermal, poles = ({}, None) if isinstance(model, ThermalFamily) else _law(free, model)
     start: dict[str, float] = {}
     for name in free:
@@ -150,7 +158,9 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
 
 
 def number_of(ring: RingResonator, name: str) -> float:
-    """Value of a field of the ring or of its carriers by name; AttributeError if neither has it."""
+    """Value of a number of the ring or of its carriers by name; AttributeError if neither has it."""
+    if name == LIFETIME:
+        return float(ring.carriers.tau0)
     return float(getattr(ring if hasattr(ring, name) else ring.carriers, name))
 
 
@@ -160,11 +170,64 @@ def optical_names(ring: RingResonator) -> set[str]:
     return own | {f.name for f in fields(ring.carriers)} | {"tau0"}
 
 
-def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
-    """Return a copy of the ring with the fields in ``values`` (SI, by name) replaced, carriers' fields included.
+def fitted_names(ring: RingResonator) -> set[str]:
+    """Names of all numbers of the ring that a fit may free: `optical_names`, "lifetime", "loaded_q", "intrinsic_q"."""
+    return optical_names(ring) | {*COMPUTED}
 
-    "tau0" scales all lifetimes by one factor; "lumped_fcd" also sets ``fcd`` if that is the lumped term.
+
+def check_apart(free: Sequence[str]) -> None:
+    """Raise InputError where a free number is computed from another one, such as "loaded_q" from "bus_rate"."""
+    for name, sources in COMPUTED.items():
+        shared = [source for source in sources if source in free]
+        if name in free and shared:
+            raise checks.InputError(
+                f"free holds {name!r} and {shared[0]!r}, and the one sets the other", "free one of the two"
+            )
+
+
+def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
+    """Return a copy of the ring with the numbers in ``values`` (SI, by name) replaced, carriers' fields included.
+
+    "tau0" and "lifetime", its other name, scale all lifetimes by one factor; "lumped_fcd" also sets ``fcd`` if that is
+    the lumped term. "intrinsic_q" scales absorption and scattering, "loaded_q" then the rates into the buses:
+
+        gamma_i + gamma_s = w0/(2 Q_i),     gamma_e + gamma_d = w0/(2 Q_l) - (gamma_i + gamma_s)
+
+    Raises InputError: a loaded Q that is not below the intrinsic one; an intrinsic Q of a ring without loss.
     """
+    values = dict(values)
+    if LIFETIME in values:
+        values["tau0"] = values.pop(LIFETIME)
+    qualities = {name: values.pop(name) for name in (INTRINSIC, LOADED) if name in values}
+    changed = _with_fields(ring, values)
+    if INTRINSIC in qualities:
+        changed = _with_intrinsic_q(changed, qualities[INTRINSIC])
+    if LOADED in qualities:
+        changed = _with_loaded_q(changed, qualities[LOADED])
+    return changed
+
+
+def _with_intrinsic_q(ring: RingResonator, quality: float) -> RingResonator:
+    """The ring whose absorption and scattering are scaled to an intrinsic Q."""
+    if not np.isfinite(ring.intrinsic_q):
+        raise checks.InputError("intrinsic_q of a ring without loss cannot be set: its loss_rate is 0")
+    factor = ring.intrinsic_q / quality
+    return replace(ring, loss_rate=factor * ring.loss_rate, scattering_rate=factor * ring.scattering_rate)
+
+
+def _with_loaded_q(ring: RingResonator, quality: float) -> RingResonator:
+    """The ring whose rates into the buses are scaled to a loaded Q."""
+    own = ring.loss_rate + ring.scattering_rate
+    buses = ring.omega / (2 * quality) - own
+    hint = f"it must be below the intrinsic Q, {ring.intrinsic_q:.4g}"
+    checks.positive(f"the rate into the buses at loaded_q = {quality:.4g}", buses, unit="1/s", hint=hint)
+    factor = buses / (ring.bus_rate + ring.drop_bus_rate)
+    drop = None if ring.drop_rate is None else factor * ring.drop_rate
+    return replace(ring, bus_rate=factor * ring.bus_rate, drop_rate=drop)
+
+
+def _with_fields(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
+    """The ring with fields of itself and of its carriers, and "tau0", replaced."""
     names = {f.name for f in fields(ring)}
     own: dict[str, Any] = {name: v for name, v in values.items() if name in names}
     if "lumped_fcd" in own and ring.fcd == ((ring.lumped_fcd, 1.0),):

@@ -330,7 +330,7 @@ Every command takes `--json`, `--quiet` (`-q`), `--verbose` (`-v`), `--seed` and
 | | family | designs, spreads | [design](#design), [uncertainty](#uncertainty), [calibrate](#calibrate) |
 | ring and light | model, `--ring` (TOML) | traces | [simulate](#simulate) |
 | | | maps | [map](#map), [stability](#stability) |
-| | model, traces of light | parameters of the ring | [identify](#identify) |
+| | model, traces of light, sweeps of a laser | parameters of the ring | [identify](#identify), [sweep](#sweep) |
 | | model, `--ring` | a page that computes | [explore](#explore) |
 | FEM in the loop | geometry, `--ring` | traces | [cosimulate](#cosimulate) |
 | hand on | model, results | files, references | [export](#export), [cite](#cite) |

@@ -162,3 +162,18 @@ def test_a_fit_of_samples_in_equal_ratios_is_drawn_over_them():
     upper, lower = FUNCTIONS["plot_fit"](surrogate.fit_foster(data, order=1), data)
     assert upper.get_xscale() == lower.get_xscale() == "log"
     assert lower.get_xlabel() == "time (s)"
+
+
+def test_a_ring_on_one_bus_shows_its_through_port():
+    """There is no light at a drop port that it does not have; the panel was empty."""
+    ring = replace(coupled.borghi2021(), drop_rate=0.0)
+    wave = coupled.Sweep([0, 1e-6], [10e9, -10e9])
+    run = coupled.simulate(ring, MODEL, power=1e-3, detuning=wave, duration=1e-6)
+    ax = FUNCTIONS["plot_traces"](run)
+    assert ax.get_ylabel() == "through power (µW)"
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), 1e6 * run["through"].values)
+    assert FUNCTIONS["plot_sweep"](run).get_ylabel() == "through power (µW)"
+    curve = coupled.transmission(ring, MODEL, power=1e-3, detuning=(-30e9, 20e9))
+    ax = FUNCTIONS["plot_transmission"](curve)
+    assert ax.get_ylabel() == "through power (mW)"
+    assert FUNCTIONS["plot_transmission"](curve, "absorbed").get_ylabel() == "absorbed power (mW)"

@@ -38,6 +38,7 @@ from .rings.identify_command import identify
 from .rings.map_command import map_, stability
 from .rings.modes_command import modes, ring
 from .rings.simulate_command import cosimulate, simulate
+from .rings.sweep_command import sweep
 from .show_command import show
 from .solve_command import campaign, solve
 from .validate_command import validate
@@ -59,6 +60,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "map": map_,
     "stability": stability,
     "identify": identify,
+    "sweep": sweep,
     "cosimulate": cosimulate,
     "explore": explore,
     "modes": modes,

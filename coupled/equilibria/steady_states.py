@@ -241,6 +241,16 @@ def resting(
     return Resting(warm, at, U, D, found.assign_attrs(**light, **warm.attributes))
 
 
+def drop_power(ring: RingResonator, U: Array) -> Array:
+    """Power (W) at the drop port of fixed points of energy U (fJ): 2 gamma_d U."""
+    return np.asarray(2 * ring.drop_bus_rate * NS * U * UW)
+
+
+def through_power(ring: RingResonator, D: Array, gamma: Array, powers: Array) -> Array:
+    """Power (W) at the through port of fixed points: P |1 - 2 gamma_e/(gamma - i D)|^2, D and gamma in 1/ns, P in W."""
+    return np.asarray(powers * np.abs(1 - 2 * ring.bus_rate * NS / (gamma - 1j * D)) ** 2)
+
+
 def described(
     kind: str, ring: RingResonator, model: Any, at: InternalRing, U: Array, D: Array, powers: Array, over: str,
     **further: Array,
@@ -252,14 +262,12 @@ def described(
     here = balance(U, at)
     growth, omega, growing = leading(eigenvalues(U, D, at))
     unstable = np.where(growing % 2, "saddle", np.where(omega > 0, "unstable focus", "unstable node"))
-    coupling = 2 * ring.bus_rate * NS
-    dropped = 2 * ring.drop_bus_rate * NS
     values = further | {
         "energy": U * FJ,
         "carriers": here.N * DENSITY,
         "delta_T": here.dT,
-        "drop": dropped * U * UW,
-        "through": powers * np.abs(1 - coupling / (here.gamma - 1j * D)) ** 2,
+        "drop": drop_power(ring, U),
+        "through": through_power(ring, D, here.gamma, powers),
         "absorbed": here.P_abs * UW,
         "growth_rate": growth / NS,
         "frequency": omega / (2 * np.pi * NS),

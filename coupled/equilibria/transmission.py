@@ -1,7 +1,7 @@
 """Steady transmission of a nonlinear ring: all branches against detuning or power, and the path of a slow sweep."""
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, cast
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 import xarray as xr
@@ -28,7 +28,7 @@ from .balance import (
     peak,
     tilted,
 )
-from .steady_states import described, eigenvalues
+from .steady_states import described, drop_power, eigenvalues, through_power
 from .zeros import intervals_in_window, zeros
 
 POINTS = 600  # of a curve
@@ -92,6 +92,27 @@ def transmission(
     U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
     found = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
     return found.assign_attrs(doubts)
+
+
+class PortCurve(NamedTuple):
+    """Curve of all fixed points at the ports, without their stability: what a fit computes many times.
+
+    power [W], detuning [Hz], drop, through [W]: shape (points,), those of `transmission`.
+    """
+
+    power: Array
+    detuning: Array
+    drop: Array
+    through: Array
+
+
+def port_curve(ring: RingResonator, model: Foster, *, power: ArrayLike, detuning: ArrayLike) -> PortCurve:
+    """Return the powers at both ports along the curve of `transmission`, whose arguments it takes."""
+    P, nu = _checked(power, detuning)
+    at = internal_ring(ring, model, absorbable(ring, P[-1]))
+    U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
+    gamma = balance(U, at).gamma
+    return PortCurve(powers, detunings, drop_power(ring, U), through_power(ring, D, gamma, powers))
 
 
 def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[Curve, float, float]:

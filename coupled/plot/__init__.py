@@ -10,8 +10,9 @@ from thermofem.checks import choice
 from thermofem.data.variables import contents, label
 from thermofem.plot import CYCLE, INK, WIDTH, axes as new_axes
 
+from ..identification.fit_transmission import TransmissionFit
 from ..identification.identify import Identification
-from .curves import HEAT, dbm, plot_branch, plot_transmission
+from .curves import HEAT, dbm, leaves, plot_branch, plot_transmission
 from .maps import plot_map, plot_maps
 from .runs import plot_sweep, plot_traces
 
@@ -25,8 +26,10 @@ __all__ = [
     "plot_sweep",
     "plot_traces",
     "plot_transmission",
+    "plot_transmission_fit",
 ]
 
+SIGNALS = {"W": "mW", "1": "of the input"}  # units of the axis for those of a signal
 RUN = "a Dataset of coupled.simulate of a circuit"
 
 
@@ -54,6 +57,37 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
         ax.set_title(f"{drive}\n{periods}", fontsize="small")
         ax.set(xlabel="fraction of the period", xlim=(0, 1))
     column[0].set_ylabel(label)
+    column[0].legend(frameon=False, fontsize="small")
+    return column
+
+
+def plot_transmission_fit(found: TransmissionFit, axes: Sequence[Axes] | None = None) -> np.ndarray:
+    """Draw the samples of every sweep as dots and the fitted curve with its baseline through them.
+
+    found: from `fit_transmission`.
+    axes: one for each sweep; a new column of them by default.
+    Returns: the Axes, shape (sweeps,).
+    """
+    count = len(found.samples)
+    column = np.atleast_1d(new_axes(axes, (WIDTH, 2.0 * count + 0.4), count))
+    for ax, sweep, curve in zip(column, found.samples, found.curves, strict=True):
+        by_power = "power" in sweep.variables
+        name, scale, label = ("power", 1e3, "power (mW)") if by_power else ("detuning", 1e-9, "detuning (GHz)")
+        unit = str(sweep["signal"].attrs["units"])
+        factor = 1e3 if unit == "W" else 1.0
+        shown = SIGNALS.get(unit, unit)
+        x = curve[name].values * scale
+        y = curve["signal"].values * factor
+        ends = leaves(x, y)
+        swept = sweep[name].values * scale
+        ax.plot(swept, sweep["signal"] * factor, ".", color=INK, markersize=3, alpha=0.5, label="measured")
+        ax.plot(np.insert(x, ends, np.nan), np.insert(y, ends, np.nan), color=HEAT, linewidth=1.2, label="fitted")
+        margin = 0.02 * np.ptp(swept)
+        ax.set(xlabel=label, ylabel=f"{sweep.attrs['port']} ({shown})")
+        ax.set_xlim(swept.min() - margin, swept.max() + margin)
+        drive = "" if by_power else f"{dbm(np.asarray(sweep.attrs['power'])):.1f} dBm, "
+        residual = float(np.sqrt(np.mean(sweep["residual"].values ** 2)))
+        ax.set_title(f"{drive}residual {residual:.2g} of noise and step", fontsize="small", loc="left")
     column[0].legend(frameon=False, fontsize="small")
     return column
 

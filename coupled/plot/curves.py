@@ -44,9 +44,16 @@ def draw_stability(
         ax.plot(x, np.where(stable, np.nan, y), color=color, linewidth=1.2, linestyle=dots, label=labels[1])
 
 
+def lit_port(run: Any) -> str:
+    """Return "drop", or "through" for the Dataset of a ring on one bus, at whose drop port there is no light."""
+    variables = getattr(run, "variables", ())
+    dark = "drop" not in variables or not np.any(run["drop"].values)
+    return "through" if dark and "through" in variables else "drop"
+
+
 def plot_transmission(
     curve: xr.Dataset,
-    show: str = "drop",
+    show: str | None = None,
     ax: Axes | None = None,
     *,
     sweeps: Mapping[str, xr.Dataset] | None = None,
@@ -54,7 +61,7 @@ def plot_transmission(
     """Draw one output against detuning or power: stable stretches solid, unstable ones dotted, sweeps over them.
 
     curve: from `transmission`.
-    show: "drop", "through", "absorbed", "delta_T" or "carriers".
+    show: "drop", "through", "absorbed", "delta_T" or "carriers"; by default "drop", "through" on one bus.
     sweeps [mapping of a name to a Dataset of `sweep` or of `simulate` with a swept laser]: drawn over the curve, each
         in its colour.
     """
@@ -65,6 +72,7 @@ def plot_transmission(
         "delta_T": (1.0, "temperature rise (K)"),
         "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
     }
+    show = show or lit_port(curve)
     choice("show", show, labels)
     dims = ("detuning", "power", "regime", show)
     curve = contents("curve", curve, dims, what="a Dataset of coupled.transmission")
@@ -75,7 +83,7 @@ def plot_transmission(
     x = curve[name].values * scale
     y = curve[show].values * unit
     stable = curve["regime"].values == "stable"
-    ends = _leaves(x, y)
+    ends = leaves(x, y)
     x = np.insert(x, ends, np.nan)
     y = np.insert(y, ends, np.nan)
     stable = np.insert(stable, ends, False)
@@ -97,7 +105,7 @@ def _swept(name: str, run: Any, by: str, show: str) -> tuple[np.ndarray, np.ndar
     return run[own[0]].values, run[show].values
 
 
-def _leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the indices before which a line is broken: a curve leaves the range of x and re-enters at the same edge.
 
     The points of a curve have equal distances along it; a step in y of ten times the usual height, at an edge, is not

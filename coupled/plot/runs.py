@@ -11,7 +11,7 @@ from thermofem.data import quantity
 from thermofem.data.variables import contents
 from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes, readable
 
-from .curves import HEAT, LIGHT, joined
+from .curves import HEAT, LIGHT, joined, lit_port
 
 RUN = "a Dataset of coupled.simulate or coupled.cosimulate; plot_rings and plot_ports draw that of a circuit"
 OTHERS = (GREEN, PURPLE, ORANGE)
@@ -24,7 +24,7 @@ OUTPUTS = {
 
 
 def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the drop power and the temperature rise against time.
+    """Draw the drop power, of a ring on one bus the through power, and the temperature rise against time.
 
     In a figure of its own each has a panel; the drop power of other resonances has one below, and so have laser power,
     heater powers and detuning where they vary.
@@ -32,11 +32,12 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
     run: from `simulate` or `cosimulate`.
     ax: drawn into, without panels below; a new figure by default.
-    Returns: the Axes with the drop power.
+    Returns: the Axes with the power.
     """
     run = contents("run", run, ("time", "drop", "delta_T"), what=RUN)
     t, time_unit = readable(run["time"].values, "s")
-    drop, power_unit = readable(run["drop"].values, "W")
+    port = lit_port(run)
+    output, power_unit = readable(run[port].values, "W")
     if ax is None:
         drives = _drives(run)
         heights = [1.9, 1.9, *(1.2 for _ in drives)]
@@ -54,10 +55,10 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         right = ax.twinx()
         style = (0, (5, 1))
         ax.set_xlabel(f"time ({time_unit})")
-    ax.plot(t, drop, color=LIGHT, linewidth=1.1)
-    ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)
+    ax.plot(t, output, color=LIGHT, linewidth=1.1)
+    ax.set_ylabel(f"{port} power ({power_unit})", color=LIGHT)
     ax.set_xlim(t[0], t[-1])
-    late = drop[_switched(t) :]
+    late = output[_switched(t) :]
     ax.set_ylim(0, 1.05 * float(late[np.isfinite(late)].max(initial=0.0)) or None)
     right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.1, linestyle=style)
     right.set_ylabel("temperature rise (K)", color=HEAT)
@@ -118,13 +119,14 @@ def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarra
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> Axes:
+def plot_sweep(run: xr.Dataset, show: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw one output of a run against the detuning or power that is swept, with the direction of every stretch.
 
     run: from `simulate` with a detuning or power that varies; the detuning counts where both do.
-    show: "drop", "through", "absorbed" or "delta_T".
+    show: "drop", "through", "absorbed" or "delta_T"; by default "drop", "through" of a ring on one bus.
     Raises InputError: nothing is swept, or an unknown name.
     """
+    show = show or lit_port(run)
     choice("show", show, OUTPUTS)
     run = contents("run", run, ("time", "drop", show), what=RUN)
     swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]

@@ -16,8 +16,10 @@ from .. import options
 from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, watched, written, wrote
 from ..drive_texts import detuning_of
+from ..light_tables import light_unit, picked, watts_of
 
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
+UNITS = "Units of both, 'us,mV' or 'us,dBm'; any but W, mW and dBm frees the scale."
 
 
 def identify(
@@ -30,7 +32,9 @@ def identify(
     power: Annotated[list[str] | None, typer.Option(help="Power in the bus waveguide, of each table.")] = None,
     detuning: Annotated[list[str] | None, typer.Option(help="Laser minus cold resonance, of each table.")] = None,
     columns: Annotated[str, typer.Option(help="Numbers of the columns of time and drop in tables.")] = "1,2",
-    units: Annotated[str | None, typer.Option(help="Units of both, 'us,mV'; any but W frees the scale.")] = None,
+    units: Annotated[
+        str | None, typer.Option(help="Units of both, 'us,mV' or 'us,dBm'; any but W, mW, dBm frees the scale.")
+    ] = None,
     settled: Annotated[bool, typer.Option("--settled", help="The light was on long before the tables begin.")] = False,
     figure: options.Figure = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path(
@@ -102,19 +106,16 @@ def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     from thermofem.data.number_table import number_table
 
     table = number_table(path.read_bytes())
-    known = {str(column.number): column for column in table.columns}
-    try:
-        first, second = (known[text.strip()] for text in columns.split(","))
-    except (KeyError, ValueError):
-        raise InputError(f"--columns = {columns!r} must be two of the columns {', '.join(known)}") from None
-    stated = units.split(",") if units else [first.unit, second.unit]
-    t, drop = first.values, second.values
-    if not stated[0] and t[-1] - t[0] > 1.0:  # hardly seconds
+    time, signal = picked(table, columns)
+    stated = units.split(",") if units else ["", ""]
+    if len(stated) != 2:
+        raise InputError(f"--units = {units!r} must be two units", 'such as "us,mV"')
+    t = time.values
+    time_unit = stated[0].strip() or time.unit
+    if not time_unit and t[-1] - t[0] > 1.0:  # hardly seconds
         raise InputError(f"the times of {path} state no unit and span {t[-1] - t[0]:g}", 'give --units "us,mV"')
-    t = t * quantity.parse(f"1 {stated[0] or 's'}", "s", name="--units")
-    unit = stated[-1].strip() or "arbitrary"
-    try:
-        drop, unit = drop * quantity.parse(f"1 {unit}", "W", name="--units"), "W"
-    except InputError:
+    t = t * quantity.parse(f"1 {time_unit or 's'}", "s", name="--units")
+    drop, unit = watts_of(f"{path}: {signal.label}", signal.values, stated[1].strip() or light_unit(signal))
+    if unit != "W":
         note(f"the drop of {path} is in an arbitrary unit ({unit}): its scale is free")
     return xr.Dataset({"drop": ("time", drop, {"units": unit})}, {"time": t})

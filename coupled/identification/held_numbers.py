@@ -1,0 +1,76 @@
+"""How far a fit leans on the numbers that it holds: their derivatives, and deviations that contain theirs.
+
+A minimum of |r(x, p)|^2 + (x - x_0)^T L (x - x_0) in the unknowns x moves with a held number p as
+
+    dx/dp = -(J^T J + L)^-1 J^T dr/dp,        J = dr/dx,
+
+in the approximation of Gauss and Newton. A quantity q(x, p) moves as dq/dp + dq/dx dx/dp, and the variance of q that
+the deviation s_p of a held number adds is (s_p dq/dp)^2 of this total derivative.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from thermofem import checks
+from thermofem.arrays import Array
+
+from ..resonator import RingResonator
+from ..unknowns import COMPUTED, fitted_names, number_of
+
+WEAK = 0.02  # slope of a parameter, below which a held number does not matter
+SHARE = 5e-3  # of a held number, by which it is moved for a derivative
+IGNORED = {"lumped_fcd", *COMPUTED}  # the lumped term is one of ``fcd``; the others are computed from fields
+
+
+def held_numbers(ring: RingResonator, free: Sequence[str]) -> dict[str, float]:
+    """Numbers of a ring that a fit holds and that are not 0, in SI by name; the carriers by "tau0" alone."""
+    sets = {name for computed, fields in COMPUTED.items() if computed in free for name in fields}
+    carriers = {name for name in fitted_names(ring) if not hasattr(ring, name)} - {"tau0"}
+    names = fitted_names(ring) - IGNORED - carriers - sets - {*free}
+    if carriers & {*free}:
+        names -= {"tau0"}
+    values = {name: number_of(ring, name) for name in sorted(names)}
+    return {name: value for name, value in values.items() if np.isfinite(value) and value != 0}
+
+
+def held_deviations(held: Mapping[str, float] | None, known: Sequence[str], free: Sequence[str]) -> dict[str, float]:
+    """Check the standard deviations of held numbers: InputError for an unknown or free name, or a negative number."""
+    given = checks.mapping("held", held, hint='standard deviations in SI, such as {"fca_cross_section": 7e-23}')
+    for name, deviation in given.items():
+        if name in free:
+            raise checks.InputError(f"held has {name!r}, which is free: only a number that is held has a deviation")
+        checks.choice("a name in held", name, known)
+        checks.between(f"held[{name!r}]", deviation, 0, np.inf)
+    return {name: float(deviation) for name, deviation in given.items()}
+
+
+def moved_minimum(J: Array, change: Array, precision: Array | None = None) -> Array:
+    """dx/dp of a least-squares minimum, shape (unknowns,), from J = dr/dx, dr/dp and the precision L of a prior."""
+    normal_matrix = J.T @ J + (np.zeros((J.shape[1], J.shape[1])) if precision is None else precision)
+    return np.asarray(-np.linalg.lstsq(normal_matrix, J.T @ change, rcond=None)[0])
+
+
+def central_difference(function: Callable[[float], Array], value: float, step: float) -> Array:
+    """Derivative of a function of one number by a central difference of a step."""
+    above = function(value + step)
+    below = function(value - step)
+    return np.asarray((above - below) / (2 * step))
+
+
+def leaning(sensitivities: Mapping[str, Mapping[str, float]], most: int = 3) -> list[str]:
+    """Lines on the held numbers on which parameters lean most, each with the parameter that it moves most.
+
+    sensitivities: of a parameter to each held number, d ln parameter/d ln held; slopes below `WEAK` are left out.
+    """
+    strongest: dict[str, tuple[float, str]] = {}
+    for parameter, by_held in sensitivities.items():
+        for held, slope in by_held.items():
+            if abs(slope) > abs(strongest.get(held, (WEAK, ""))[0]):
+                strongest[held] = (slope, parameter)
+    order = sorted(strongest, key=lambda held: -abs(strongest[held][0]))
+    lines = []
+    for held in order[:most]:
+        slope, parameter = strongest[held]
+        lines.append(f"{parameter} moves by {slope:+.2g} % for 1 % of {held}")
+    return lines
