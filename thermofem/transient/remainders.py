@@ -22,7 +22,7 @@ from ..waveforms import Constant
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import FastPart, FieldState, Piece
 from .newton_stages import GUESS, NewtonStepper
-from .nonlinear import Curvature, NonlinearEquations, curvature, flow_of
+from .nonlinear import NonlinearEquations, curvature, flow_of
 
 if TYPE_CHECKING:
     from ..models import StateSpace
