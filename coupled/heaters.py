@@ -19,11 +19,12 @@ from thermofem.arrays import Array
 from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models import ThermalModel, bare
 from thermofem.piecewise import hermite
+from thermofem.ring_temperature import CORE, detuning_output
 
 from .arguments import power_in_time
 from .inputs import Pieces, add, bounds, last_change, pieces
 from .resonator import RingResonator
-from .thermal import Compact, check_resistance, compact
+from .thermal import Compact, check_model, check_resistance, compact
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
 LARGEST_POWER = 10.0  # W
@@ -54,14 +55,19 @@ class Channels(NamedTuple):
 
 
 def channels(
-    model: ThermalModel, heaters: Mapping[str, Any] | None = None, heated: str | None = None, read: str | None = None
+    model: ThermalModel,
+    wanted: str = CORE,
+    heaters: Mapping[str, Any] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> Channels:
     """Select the transfer functions of a thermal model from the absorbed light and from the heaters.
 
     model: a StateSpace (or a reduction that holds one) may have several inputs and outputs, any other model has one.
+    wanted: the temperature that the ring reads, "core" or "light".
     heaters [mapping of an input's name to its power]: with "ambient" where the model is to have that input.
     heated, read: input that the light heats, and output whose rise detunes it; by default the first input that is not
-        a heater, where heaters are given, and the output of the same name.
+        a heater, where heaters are given, and the wanted output.
     Raises InputError: several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
     """
     names = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
@@ -71,7 +77,7 @@ def channels(
     inputs = system.inputs
     outputs = system.outputs
     parts = system.heated if isinstance(system, StateSpace) else inputs
-    if several and (len(parts), len(outputs)) != (1, 1) and heated is None and not names:
+    if len(parts) > 1 and heated is None and not names:
         raise checks.InputError(
             f"model has the inputs {', '.join(inputs)} and the outputs {', '.join(outputs)}: say which one the light "
             f"heats with heated={inputs[0]!r}, and the power of others with heaters={{{parts[-1]!r}: 5e-3}}, or pick "
@@ -83,7 +89,7 @@ def channels(
     own = checks.choice("heated", heated, inputs, default=next((n for n in parts if n not in names), inputs[0]))
     check_unlit(names, own)
     hint = "it is the output that detunes the light"
-    out = checks.choice("read", read, outputs, default=own if several else outputs[0], hint=hint)
+    out = checks.choice("read", read, outputs, default=detuning_output(wanted, own, tuple(outputs)), hint=hint)
     if single is not None:
         return Channels(single, {})
     transfers = {name: system.channel(name, out).dynamics for name in names if name in inputs}
@@ -98,6 +104,19 @@ def with_ambient(heaters: Mapping[str, Any] | None, ambient: Any) -> dict[str, A
     if AMBIENT in names:
         raise checks.InputError("heaters holds 'ambient', which has no power", "give its temperature as ambient=")
     return {**names} if ambient is None else {**names, AMBIENT: ambient}
+
+
+class Driving(NamedTuple):
+    """The channel of a thermal model that drives a ring, and what is said about it as attributes of a result."""
+
+    model: Compact
+    doubts: dict[str, Any]
+
+
+def driving(ring: RingResonator, model: ThermalModel) -> Driving:
+    """Select the channel from the absorbed light to the temperature that a ring reads; raises as `channels`."""
+    small = channels(model, ring.read).model
+    return Driving(small, check_model(ring, model, small))
 
 
 def check_unlit(heaters: Mapping[str, Any], lit: str) -> None:
@@ -258,7 +277,11 @@ class ConstantHeating(NamedTuple):
 
 
 def constant(
-    model: ThermalModel, heaters: Mapping[str, Any] | None, heated: str | None = None, read: str | None = None
+    model: ThermalModel,
+    wanted: str,
+    heaters: Mapping[str, Any] | None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> ConstantHeating:
     """Select the light's channel of a model and compute the steady temperature rise under constant heaters (W).
 
@@ -266,7 +289,7 @@ def constant(
 
     Raises InputError: as `channels`, and a power that is no number or out of range.
     """
-    found = channels(model, heaters, heated, read)
+    found = channels(model, wanted, heaters, heated, read)
     powers = {name: heater_power(name, value) for name, value in checks.mapping("heaters", heaters).items()}
     rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
     return ConstantHeating(found.model, float(rise), powers)

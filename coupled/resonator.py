@@ -15,6 +15,7 @@ from scipy.constants import c, hbar
 
 from thermofem import checks
 from thermofem.data import dataset, files
+from thermofem.ring_temperature import CORE, READS
 
 from . import ring_toml
 from .carriers import ConstantLifetime, ShockleyReadHall
@@ -75,6 +76,9 @@ class RingResonator:
         printed sigma_FCA.
     rates : tuple of (name, value)
         derived rates that are given instead of computed (`with_rates`).
+    read : str
+        the temperature that goes with ``thermo_optic``: "core", the mean over the heated part, for dn/dT of a material;
+        "light", the output of that name, for dn_eff/dT of a whole section (`coupled.ring_from`).
 
     Raises
     ------
@@ -106,6 +110,7 @@ class RingResonator:
     kerr_coefficient: float = 0.0
     index_confinement: float | None = None
     rates: tuple[tuple[str, float], ...] = ()
+    read: str = CORE
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -118,6 +123,7 @@ class RingResonator:
         for name, value in self.rates:
             checks.choice("rates", name, ring_toml.RATES)
             checks.between(f"rates {name}", value, -math.inf if name == "thermal_shift" else 0, math.inf)
+        checks.choice("read", self.read, READS)
         _check_dispersion(self.fcd)
 
     @property

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from thermofem import InputError, checks
+from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics.coupler import MOST
 
 from .resonator import RingResonator
@@ -58,7 +59,7 @@ def ring_at(
     fields: dict[str, Any] = fields_of(n, _order(n) if order is None else order)
     name = f"{family.box.campaign.name} at {', '.join(f'{key} = {value:.6g}' for key, value in values.items())}"
     made = replace(base_of(base, material, n["wavelength"]), name=name, rates=(), **fields)
-    return replace(made, scattering_rate=n["radiated"])
+    return replace(made, scattering_rate=n["radiated"], read=LIGHT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,10 @@ import thermofem as th
 from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.geometry import Bus
+from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics import mode_derivatives
 from thermofem.optics.coupler import MOST, STEP, TRUSTED, of_buses
+from thermofem.ring_temperature import detuning_output
 
 from . import ring_toml
 from .carriers import ConstantLifetime
@@ -184,6 +186,7 @@ def ring_from(
     made = _buses(found, gap, coupling, straight, buses)
     fields: dict[str, Any] = fields_of(_numbers(found, alpha, made, rules), round(found.order))
     fields["scattering_rate"] = found.radiation_rate
+    fields["read"] = LIGHT
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
     ring_toml.tell_base(_name(base), base, fields)
     return MadeRing(ring, _origins(ring, base, found, made), found, alpha, made, rules)
@@ -236,6 +239,7 @@ def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Seque
         "group_index": (computed, error),
         "index_confinement": (f"{computed}, dn_eff/dn of {material}", 1e-3),
         "thermo_optic": (f"{computed}, with the cladding's share", 1e-3),
+        "read": (f"the temperature that goes with thermo_optic, weighted by mode {found.name}", math.nan),
         **{f"{of}_{what}": (computed, 1e-3) for of in ("tpa", "fca") for what in ("confinement", "volume")},
     }
     others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")
@@ -325,7 +329,8 @@ def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str
     """
     part = heated or model.inputs[0]
     several = len(model.inputs) > 1 or len(model.outputs) > 1
-    R = float((model.channel(part, read or part) if several else model).thermal_resistance)
+    output = read or detuning_output(ring.read, part, tuple(model.outputs))
+    R = float((model.channel(part, output) if several else model).thermal_resistance)
     numbers = {"shift_per_kelvin": ring.shift_per_kelvin, "shift_per_watt": ring.shift_per_kelvin * R}
     text = (getattr(model, "origin", None) or {}).get("geometry")
     section = th.CrossSection.from_toml_text(text) if text else None

@@ -12,6 +12,8 @@ perimeter = "50 um"              # with mode_area, or tpa_volume and fca_volume 
 mode_area = "0.1 um^2"
 refractive_index = 3.485         # group_index, thermo_optic ("1.86e-4 1/K"), fca_cross_section ("1.5e-21 m^2"),
 tpa_coefficient = "0.81 cm/GW"   # tpa_confinement, fca_confinement, kerr_coefficient ("4.5e-18 m^2/W"), lumped_fcd,
+read = "light"                   # the temperature that goes with thermo_optic: "core" (default), or "light", where it
+                                 # is dn_eff/dT of a whole section
 drop_rate = "40e9 1/s"           # scattering_rate, index_confinement: as the fields of RingResonator
 resonance_shift = "75 pm/K"      # or "9.3 GHz/K": measured; instead of what refractive_index and thermo_optic give
 
@@ -41,6 +43,7 @@ from thermofem import InputError, checks
 from thermofem.data import files, quantity
 from thermofem.data.files import ANY, TABLE, TABLES, TEXT, read_table
 from thermofem.errors import one_line
+from thermofem.ring_temperature import CORE
 
 from .carriers import ConstantLifetime, ShockleyReadHall
 
@@ -93,8 +96,8 @@ _OTHERWISE = {"tau": ("lifetime", "s", 1.0), "thermal_energy": ("temperature", "
 _KEYS = {
     **{name: known.unit for name, known in FIELDS.items()},
     "wavelength": "m", "loaded_q": "", "intrinsic_q": "", "buses": "", "absorbed_fraction": "", "perimeter": "m",
-    "mode_area": "m^2", "resonance_shift": ANY, "name": TEXT, "base": TEXT, "dispersion": TABLES, "carriers": TABLE,
-    "rates": TABLE,
+    "mode_area": "m^2", "resonance_shift": ANY, "name": TEXT, "base": TEXT, "read": TEXT, "dispersion": TABLES,
+    "carriers": TABLE, "rates": TABLE,
 }  # fmt: skip
 _NEEDED = (
     "frequency", "bus_rate", "loss_rate", "refractive_index", "group_index", "thermo_optic", "fcd",
@@ -239,6 +242,8 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
         return f"{text:<40}  # {comment}\n" if comment else f"{text}\n"
 
     text = f"name = {json.dumps(ring.name)}\n"
+    if ring.read != CORE:
+        text += line("read", json.dumps(ring.read), "read")
     for key, (unit, *_) in FIELDS.items():
         value = getattr(ring, key)
         if value is not None:

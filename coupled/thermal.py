@@ -11,8 +11,10 @@ from scipy.constants import c
 
 from thermofem import CrossSection, Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import ThermalModel
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
+from thermofem.ring_temperature import CORE, check_read
 
 from .resonator import PUBLISHED, RingResonator, origin
 from .ring_toml import SILICON
@@ -152,6 +154,37 @@ def long_enough(model: ThermalModel) -> float:
     return min(float(f"{10 * times[left[-1]]:.1e}"), 1.0) if left.size else 1e-9
 
 
+def check_model(ring: RingResonator, model: Any, small: ThermalModel, read: str | None = None) -> dict[str, Any]:
+    """`check_geometry`, and the temperature that a ring reads (`ring_temperature.check_read`).
+
+    model: as `check_geometry` takes it.
+    small: its channel that drives the ring.
+    read: the output that the caller has chosen, if any.
+    Returns the attributes of both for a result, their warnings joined.
+    """
+    return check_ports(ring, model, small.inputs[0], small.outputs[0], chosen=read is not None)
+
+
+def check_ports(
+    ring: RingResonator, model: Any, heated: str, read: str, *, chosen: bool = False
+) -> dict[str, Any]:  # fmt: skip
+    """`check_model` for the input ``heated`` and the output ``read``, which the caller may have ``chosen``."""
+    found: dict[str, Any] = check_geometry(ring, model)
+    also = check_read(ring, geometry_of(model), heated, read, chosen=chosen)
+    warnings = [one["warning"] for one in (found, also) if "warning" in one]
+    return found | also | ({"warning": "; ".join(warnings)} if warnings else {})
+
+
+def notes_of(doubts: dict[str, Any]) -> tuple[str, ...]:
+    """The warning among the attributes of `check_model`, for the notes of a fit."""
+    return (doubts["warning"],) if "warning" in doubts else ()
+
+
+def as_read(ring: RingResonator, small: ThermalModel) -> RingResonator:
+    """The ring as it reads a channel that `check_model` has compared before, so that it is not compared again."""
+    return replace(ring, read=LIGHT if small.outputs[0] == LIGHT else CORE)
+
+
 def check_geometry(ring: RingResonator, model: Any) -> dict[str, str]:
     """Compare volume and material of a ring with the geometry of a thermal model; log a warning if they disagree.
 
@@ -160,16 +193,17 @@ def check_geometry(ring: RingResonator, model: Any) -> dict[str, str]:
     Returns {"warning": text} for the attributes of a result, or an empty dict.
     Raises InputError: parameters of a silicon ring for a core of another material.
     """
-    text = _geometry(model)
+    text = geometry_of(model)
     found = _contradiction(ring, text) if text else ""
     if found:
         log.warning("%s", found)
     return {"warning": found} if found else {}
 
 
-def _geometry(model: Any) -> str:
+def geometry_of(model: Any) -> str:
     """Text of the geometry of a model; empty where it is not known."""
-    section = getattr(model, "geometry", None) or getattr(getattr(model, "box", None), "base", None)
+    family = getattr(model, "family", model)
+    section = getattr(model, "geometry", None) or getattr(getattr(family, "box", None), "base", None)
     if isinstance(section, CrossSection):
         return section.to_toml()
     origins = (getattr(one, "origin", None) for one in (model, bare(model)))

@@ -8,11 +8,12 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.models import Foster, ThermalModel
+from thermofem.models import Foster, ThermalModel, bare
 from thermofem.models.foster import second_order_parameters, second_order_poles
 
 from . import parameters
 from .carriers import ShockleyReadHall
+from .heaters import channels
 from .resonator import RingResonator
 from .thermal import Compact, compact, linear
 
@@ -72,7 +73,7 @@ class Unknowns:
         values = dict(zip(self.names, np.exp(x).tolist(), strict=True))
         if self.family is not None:
             inside = {n: min(max(values.pop(n), low), high) for n, (low, high) in self.family.ranges.items()}
-            return varied(self.ring, values), compact(self.family.at(inside))
+            return varied(self.ring, values), channels(self.family.at(inside), self.ring.read).model
         law = {name: values.pop(name, value) for name, value in self.thermal.items()}
         return varied(self.ring, values), compact(_model(law, self.model, values))
 
@@ -97,7 +98,7 @@ def unknowns(
     for name in free:
         checks.choice("a name in free", name, optical | (ranges.keys() if family else LAWS))
     check_apart(free)
-    thermal, poles = ({}, None) if isinstance(model, ThermalFamily) else _law(free, model)
+    thermal, poles = ({}, None) if isinstance(model, ThermalFamily) else _law(free, read_by(ring, model))
     start: dict[str, float] = {}
     for name in free:
         if name in ranges:
@@ -121,6 +122,12 @@ def unknowns(
     low, high = np.array(ends).T
     values = np.clip(values, low, high)
     return Unknowns(ring, thermal, poles, tuple(start), np.log(values), np.log(low), np.log(high), family)
+
+
+def read_by(ring: RingResonator, model: ThermalModel | None) -> ThermalModel | None:
+    """The channel of a model with several outputs that the ring reads; any other model unchanged."""
+    several = model is not None and len(bare(model).outputs) > 1
+    return channels(model, ring.read).model if model is not None and several else model
 
 
 def span_of(
@@ -254,4 +261,4 @@ def _model(law: Mapping[str, float], poles: Compact | None, values: Mapping[str,
     if not isinstance(poles, Foster):
         return poles
     R, tau = ([values.get(f"{name}{k + 1}", float(v)) for k, v in enumerate(getattr(poles, name))] for name in POLES)
-    return Foster(R=R, tau=tau)
+    return Foster(R=R, tau=tau, inputs=poles.inputs, outputs=poles.outputs)

@@ -163,8 +163,8 @@ def model_of(
     for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
         if given is not None:
             checks.choice(option, given, names)
-    several = len(model.inputs) > 1 or len(model.outputs) > 1
-    if several and heated is None and not list(heaters):
+    parts = getattr(model, "heated", model.inputs)
+    if len(parts) > 1 and heated is None and not list(heaters):
         first = shlex.quote(model.inputs[0])
         other = shlex.quote(f"{model.inputs[-1]}=5 mW")
         raise InputError(

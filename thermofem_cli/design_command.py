@@ -17,11 +17,12 @@ import surrogate
 import thermofem as th
 from coupled import RingResonator
 from coupled.ring_family import MovingRing, ring_at
-from coupled.thermal import check_geometry
+from coupled.thermal import as_read, check_geometry, geometry_of
 from coupled.unknowns import number_of, varied
 from surrogate.family import Family
 from thermofem import InputError, checks
 from thermofem.data import quantity
+from thermofem.ring_temperature import check_read
 
 from . import options
 from .command_files import check_outputs, expect, note_ring, ring_of
@@ -224,11 +225,18 @@ def ring_for(family: Family, given: str) -> RingResonator:
     if given == options.REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
         found = ring_at(family, family.box.nominal)
         note(f"the ring is computed from the geometry: {found.name}; carriers of {given}")
-        return found
+        return _as_read(found, family)
     found = ring_of(given)
     note_ring(found, given)
     check_geometry(found, family)
-    return found
+    return _as_read(found, family)
+
+
+def _as_read(ring: RingResonator, family: Family) -> RingResonator:
+    """The ring as it reads the models of a family, after one comparison of both temperatures for all members."""
+    middle = family.at(dict(zip(family.names, family.box.middle.tolist(), strict=True)))
+    check_read(ring, geometry_of(family), middle.inputs[0], middle.outputs[0])
+    return as_read(ring, middle)
 
 
 def optics_of(family: Family, ring: RingResonator) -> MovingRing | None:

@@ -65,7 +65,7 @@ def export(
 
 def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:
     """Return the settled period in s; None, with a message, where the ring does not pulse."""
-    channel = model.channel(*lit_part(model)) if isinstance(model, StateSpace) else model
+    channel = model.channel(*lit_part(model, ring.read)) if isinstance(model, StateSpace) else model
     try:
         return float(coupled.limit_cycle(ring, channel, power=power, detuning=detuning).attrs["period"])
     except InputError as error:

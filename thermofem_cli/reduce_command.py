@@ -10,10 +10,13 @@ import thermofem as th
 from surrogate.studies.inverse_search import channel_steps
 from thermofem import InputError, checks
 from thermofem.data import files, quantity
+from thermofem.geometry.section_parts import LIGHT
 
 from . import options
 from .command_files import check_outputs, section_of
 from .console import say, working, written, wrote
+
+READ = "Outputs: 'core, neighbour', parts, probes, light; default: the first input, with [light] the light, too."
 
 
 def reduce(
@@ -25,7 +28,8 @@ def reduce(
         str | None, typer.Option(help="Inputs, the ring first: 'core, heater'; default: the ring.")
     ] = None,
     read: Annotated[
-        str | None, typer.Option(help="Outputs: 'core, neighbour', parts and probes; default: the first input.")
+        str | None,
+        typer.Option(help=READ),
     ] = None,
     positions: Annotated[
         Path | None, typer.Option(help="Centres of many such rings: a table 'x (um),y (um)'; makes an array.")
@@ -42,7 +46,8 @@ def reduce(
         names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]
         for name in names:
             checks.choice("--heated", name, heat.heated)
-        outputs = [name.strip() for name in read.split(",")] if read else names[:1]
+        light = [LIGHT] if LIGHT in heat.readable else []
+        outputs = [name.strip() for name in read.split(",")] if read else [*names[:1], *light]
         for name in outputs:
             checks.choice("--read", name, heat.readable)
         if positions is not None:

@@ -24,14 +24,15 @@ import numpy as np
 
 from thermofem import OutputMap, StateSpace, checks
 from thermofem.arrays import Array, Complex, NDArray
-from thermofem.geometry.section_parts import AMBIENT
+from thermofem.geometry.section_parts import AMBIENT, LIGHT
 from thermofem.models.contract import bare
 from thermofem.models.state_space import eigenmodes
 
-from ..heaters import Poles
+from ..heaters import Poles, channels
 from ..kernel import units as eq
 from ..kernel.integrator import BUS, LOOPS, Network
-from ..thermal import check_resistance, compact, linear
+from ..resonator import RingResonator
+from ..thermal import check_ports, check_resistance, linear
 from .circuit import Circuit
 
 log = logging.getLogger("thermofem")
@@ -182,6 +183,7 @@ class RingHeat:
     read [shape (N, N, K)]
     curvature [1/K]: of an output map, if each ring has its own model.
     crossed: whether rings heat each other. heaters: `Poles` by heater.
+    doubts: attribute of a result, where a ring reads another temperature than the model gives, or has another volume.
     """
 
     gain: Array
@@ -190,6 +192,7 @@ class RingHeat:
     curvature: float
     crossed: bool
     heaters: Mapping[str, Poles]
+    doubts: Mapping[str, str]
 
     @property
     def thermal_resistance(self) -> Array:
@@ -198,8 +201,8 @@ class RingHeat:
         return np.asarray((own * self.gain / self.rate).sum(axis=1))
 
 
-def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
-    """The thermal states of the rings ``names`` under a thermal model.
+def ring_heat(thermal: Any, rings: Sequence[RingResonator], names: Sequence[str]) -> RingHeat:
+    """The thermal states of the ``rings`` called ``names`` under a thermal model.
 
     thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: a model with one input and output applies
         to every ring separately; a StateSpace with one output per ring has the rings as its first inputs, then heaters.
@@ -207,23 +210,36 @@ def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
     Raises InputError: another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
     """
     model = bare(thermal)
-    rings = len(names)
+    parts = getattr(model, "heated", model.inputs)
+    several = isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(parts) > 1)
+    if several and not (len(parts) == 1 and {*model.outputs} <= {*parts, LIGHT}):
+        return _of_array(model, rings, names)
+    drives = {AMBIENT: 0.0} if AMBIENT in model.inputs else {}
+    each = [channels(thermal, ring.read, drives, parts[0]) for ring in rings]
+    models = [one.model for one in each]
+    networks = [small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit") for small in models]
+    order = networks[0].order
+    read = np.eye(len(rings))[:, :, None] * np.ones(order)
+    gain = np.array([network.gain for network in networks])
+    rate = np.array([1 / np.asarray(network.tau) for network in networks])
     moved = {}
-    if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):
-        if len(model.heated) > 1 or len(model.outputs) > 1:
-            return _of_array(model, names)
-        ambient = model.channel(AMBIENT).dynamics
-        moved[AMBIENT] = Poles(1 / np.asarray(ambient.tau), np.tile(ambient.gain, (rings, 1)))
-        model = model.channel(*model.heated)
-    small = compact(model)
-    network = small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit")
-    read = np.eye(rings)[:, :, None] * np.ones(network.order)
-    gain = np.tile(network.gain, (rings, 1))
-    rate = np.tile(1 / np.asarray(network.tau), (rings, 1))
-    return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, moved)
+    if drives:
+        ambient = [one.transfers[AMBIENT] for one in each]
+        moved[AMBIENT] = Poles(1 / np.asarray(ambient[0].tau), np.array([one.gain for one in ambient]))
+    ports = [(small.inputs[0], small.outputs[0]) for small in models]
+    doubts = _doubts(rings, thermal, ports)
+    return RingHeat(gain, rate, read, float(getattr(models[0], "coefficient", 0.0)), False, moved, doubts)
 
 
-def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
+def _doubts(rings: Sequence[RingResonator], thermal: Any, ports: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """The warnings of `thermal.check_ports` on all rings with their (input, output), each once, as an attribute."""
+    each = dict.fromkeys(zip(rings, ports, strict=True))
+    found = [check_ports(ring, thermal, *port).get("warning", "") for ring, port in each]
+    warnings = dict.fromkeys(filter(None, found))
+    return {"warning": "; ".join(warnings)} if warnings else {}
+
+
+def _of_array(model: StateSpace, resonators: Sequence[RingResonator], names: Sequence[str]) -> RingHeat:
     rings = len(names)
     if len(model.outputs) != rings or len(model.inputs) < rings:
         raise checks.InputError(
@@ -253,7 +269,8 @@ def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
         gain[j, : k.size], rates[j, : k.size], read[:, j, : k.size] = B[k, j], rate[k], C[:, k]
     later = zip(model.inputs, B.T, heated, strict=True)
     heaters = {name: Poles(rate[k], C[:, k] * b[k]) for name, b, k in [*later][rings:]}
-    heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters)
+    ports = list(zip(model.inputs[:rings], own, strict=True))
+    heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters, _doubts(resonators, model, ports))
     checks.positive("thermal: R_th of every ring", heat.thermal_resistance.min(), unit="K/W")
     return heat
 

@@ -47,7 +47,7 @@ def circuit_steady_states(
     system = autonomous(circuit, thermal, power, heaters, detuning)
     states = described(system, fixed_points(system, starts, seed))
     trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
-    return states
+    return states.assign_attrs(system.heat.doubts)
 
 
 def fixed_points(system: System, starts: int, seed: int) -> list[Array]:

@@ -62,7 +62,7 @@ def system_of(
 
     before: states of the heaters at the end of the run that is continued.
     """
-    heat = ring_heat(thermal, circuit.names)
+    heat = ring_heat(thermal, circuit.resonators, circuit.names)
     powers, detunings = inputs_of(circuit, power, detuning, duration)
     constant = float(detunings[0].coefficients[0, 0]) if len(detunings[0].coefficients) == 1 else 0.0
     light = light_of(circuit).at(constant + circuit.lasers[0].offset)

@@ -13,7 +13,7 @@ from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import check_geometry, provenance, trusted
+from ..thermal import check_model, provenance, trusted
 from . import branch
 from .branch import born, is_hopf_point, laser_of
 from .cycle_problem import CycleProblem, value_of
@@ -85,9 +85,9 @@ def continue_cycle(
     4.598 GHz; ends in a Hopf point
     """
     check_ring(ring)
-    doubts = check_geometry(ring, model)
     points = checks.integer("points", points, 1, MOST_CYCLES)
-    warm = constant(model, heaters, heated, read)
+    warm = constant(model, ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
     ends = checks.array("values", values)
     if ends.shape != (2,) or ends[0] == ends[1]:

@@ -26,7 +26,7 @@ from ..equilibria.bifurcation_curves import hopf_curves
 from ..equilibria.zeros import distances
 from ..heaters import constant
 from ..resonator import RingResonator
-from ..thermal import trusted
+from ..thermal import as_read, check_model, trusted, without_origin
 from .branch import born, described, follow, laser_of
 from .cycle_problem import CycleProblem
 from .multiple_shooting import Family, Place, corrected
@@ -88,12 +88,15 @@ def cycle_fold_curves(
     check_ring(ring)
     P = check_axis("powers", powers)
     nu = check_axis("detunings", detunings)
-    warm = constant(model, heaters, heated, read)
+    warm = constant(model, ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
     low, high = np.transpose([np.log(P[[0, -1]]), nu[[0, -1]]])
     window = _Window(low, high)
     watts, offsets = window.wider(AROUND).T
+    compared = as_read(ring, warm.model)
+    small = without_origin(warm.model)
     curves: list[xr.Dataset] = []
-    for hopf in hopf_curves(ring, warm.model, watts, offsets + warm.turned(ring)):
+    for hopf in hopf_curves(compared, small, watts, offsets + warm.turned(ring)):
         for seed in _seeds(hopf):
             p = CycleProblem(ring, warm.model, *laser_of(seed, warm.turned(ring)), warm.rise)
             for family, fold, across in _folds_from(p, seed, window):
@@ -101,7 +104,7 @@ def cycle_fold_curves(
                     curves += _curve(family, fold, across, window)
     for curve in curves:
         trusted(model, curve["highest_rise"].values - warm.rise)
-    return [curve.assign_attrs(warm.attributes) for curve in curves]
+    return [curve.assign_attrs(warm.attributes | doubts) for curve in curves]
 
 
 class _Window(NamedTuple):

@@ -27,7 +27,7 @@ from ..kernel.integrator import QuadraticHeat
 from ..kernel.units import NS, internal_heat
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
-from ..thermal import provenance, trusted
+from ..thermal import check_model, provenance, trusted
 from ..unknowns import FROM_ZERO
 from .cycle_problem import CycleProblem, numbers_of, value_of
 from .limit_cycle import cycle_near
@@ -86,7 +86,8 @@ def cycle_derivatives(
     check_ring(ring)
     power = check_power(power)
     detuning = check_detuning(detuning)
-    warm = constant(model, heaters, heated, read)
+    warm = constant(model, ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
     small = warm.model
     p = CycleProblem(ring, small, float(power), float(detuning), warm.rise)
     numbers = numbers_of(p)
@@ -111,7 +112,7 @@ def cycle_derivatives(
     attrs |= {"input_power": p.power, "detuning": p.detuning}
     attrs |= {"period": orbit.T * NS, "duty": measures.duty, "swing": measures.swing}
     attrs |= {"extinction": float(measures.extinction)}
-    attrs |= warm.attributes
+    attrs |= warm.attributes | doubts
     return xr.Dataset(variables, coords={"parameter": names}, attrs=attrs)
 
 

@@ -20,7 +20,7 @@ from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, internal_rates, 
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..states import State, starting_point
-from ..thermal import check_geometry, provenance, trusted
+from ..thermal import check_model, provenance, trusted
 from .branch import is_hopf_point, near_hopf
 from .cycle_problem import CycleProblem
 from .cycle_search import measured, pulse_train
@@ -100,10 +100,10 @@ def limit_cycle(
     if isinstance(ring, Circuit):
         return _of_circuit(ring, model, power, heaters, detuning, settle)
     check_ring(ring)
-    doubts = check_geometry(ring, model)
     power = check_power(power)
     detuning = check_detuning(detuning)
-    warm = constant(model, heaters, heated, read)
+    warm = constant(model, ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
     p = CycleProblem(ring, warm.model, float(power), float(detuning), warm.rise)
     orbit = cycle_near(p, guess)
     cycle = dataset_of(p, orbit)

@@ -19,7 +19,7 @@ whose roots in w are found at many U. From each root the curve is continued in b
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -29,6 +29,7 @@ from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
+from ..heaters import driving
 from ..kernel.units import FJ, NS, UW, internal_pump, slowest_rate
 from ..resonator import RingResonator
 from ..thermal import trusted
@@ -53,6 +54,7 @@ class Plane(NamedTuple):
     powers: Array
     detunings: Array
     energies: Array
+    doubts: dict[str, Any]
 
 
 def hopf_curves(
@@ -118,11 +120,12 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
     check_ring(ring)
     P = check_axis("powers", powers)
     nu = check_axis("detunings", detunings)
-    at = internal_ring(ring, model, absorbable(ring, P[-1]))
+    small, doubts = driving(ring, model)
+    at = internal_ring(ring, small, absorbable(ring, P[-1]))
     shifts = 2 * np.pi * NS * nu
     faint, high = peak([internal_pump(ring, P[0]), internal_pump(ring, P[-1])], at)
     low = faint / np.cosh(farthest(np.abs(shifts).max(), high, at)) ** 2
-    return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES))
+    return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES), doubts)
 
 
 def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -313,5 +316,5 @@ def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = 
         values["frequency"] = omega / (2 * np.pi * NS)
     return xr.Dataset(
         {name: ("point", v, dataset.describe({"power": "input_power"}.get(name, name))) for name, v in values.items()},
-        attrs={"kind": kind, "ring": plane.ring.name},
+        attrs={"kind": kind, "ring": plane.ring.name, **plane.doubts},
     )

@@ -38,7 +38,7 @@ from ..kernel import units as eq
 from ..kernel.integrator import Drive, PoleHeat, Problem
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
-from ..thermal import check_geometry, trusted
+from ..thermal import trusted
 from .balance import balance
 from .steady_states import Resting, resting
 
@@ -288,9 +288,8 @@ def linearize(
     """
     if isinstance(ring, Circuit):
         return _of_circuit(ring, model, power, detuning, heaters, branch, starts, seed)
-    doubts = check_geometry(ring, model)
     found = resting(ring, model, power, detuning, heaters, heated, read)
-    state = _picked(found.states, "branch", branch).assign_attrs(doubts)
+    state = _picked(found.states, "branch", branch)
     problem, y, heat = _of_ring(ring, model, found, branch)
     amplitude = np.sqrt(found.states.attrs["input_power"])
     buses = 2 * np.array([[ring.drop_bus_rate], [ring.bus_rate]])

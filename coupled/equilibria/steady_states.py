@@ -21,7 +21,7 @@ from ..heaters import ConstantHeating, constant
 from ..kernel.integrator import CAP
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import check_geometry, provenance, trusted
+from ..thermal import check_model, provenance, trusted
 from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
@@ -205,8 +205,7 @@ def steady_states(
     """
     if isinstance(ring, Circuit):
         return circuit_steady_states(ring, model, power, detuning, heaters, starts, seed)
-    doubts = check_geometry(ring, model)
-    return resting(ring, model, power, detuning, heaters, heated, read).states.assign_attrs(doubts)
+    return resting(ring, model, power, detuning, heaters, heated, read).states
 
 
 class Resting(NamedTuple):
@@ -232,13 +231,14 @@ def resting(
     check_ring(ring)
     power = check_power(power)
     detuning = check_detuning(detuning)
-    warm = constant(model, heaters, heated, read)
+    warm = constant(model, ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
     at = internal_ring(ring, warm.model, absorbable(ring, power))
     U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + warm.turned(ring)), at)
     found = described("steady states", ring, model, at, U, D, np.full(U.size, power), "branch")
     found["delta_T"].values += warm.rise
     light = {"input_power": float(power), "detuning": float(detuning)}
-    return Resting(warm, at, U, D, found.assign_attrs(**light, **warm.attributes))
+    return Resting(warm, at, U, D, found.assign_attrs(**light, **warm.attributes, **doubts))
 
 
 def drop_power(ring: RingResonator, U: Array) -> Array:

@@ -13,9 +13,10 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
+from ..heaters import driving
 from ..kernel.units import FJ, NS, UW, absorbed_power, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import check_geometry, trusted
+from ..thermal import trusted
 from .balance import (
     SPACING,
     InternalRing,
@@ -80,7 +81,6 @@ def transmission(
     if isinstance(ring, Circuit):
         return low_power_transmission(ring, detuning, power)
     check_ring(ring)
-    doubts = check_geometry(ring, model)
     P, nu = _checked(power, detuning)
     swept = P if P.size > 1 else nu
     if P.size + nu.size != 3 or swept[0] >= swept[1]:
@@ -88,7 +88,8 @@ def transmission(
             f"power = {power!r}, detuning = {detuning!r}: one must be a pair (first, last) with first < last, "
             "the other one number"
         )
-    at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
+    small, doubts = driving(ring, cast(ThermalModel, model))
+    at = internal_ring(ring, small, absorbable(ring, P[-1]))
     U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
     found = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
     return found.assign_attrs(doubts)
@@ -176,7 +177,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / FJ
     rates, _ = internal_rates(ring)
     largest = float(absorbed_power(U, carriers(U, rates)[0], rates).max()) * UW
-    at = internal_ring(ring, model, largest)
+    at = internal_ring(ring, driving(ring, model).model, largest)
     linear = at.model.thermal_resistance * largest
     trusted(model, linear if isinstance(at.model, Foster) else at.model.steady_rise(largest), linear)
     here = balance(U, at)
@@ -220,7 +221,8 @@ def sweep(
     P, nu = _checked(power, detuning)
     if (P.size > 1) == (nu.size > 1):
         raise checks.InputError("one of power and detuning must be an array of steps, the other one number")
-    at = internal_ring(ring, model, absorbable(ring, float(P.max())))
+    small, doubts = driving(ring, model)
+    at = internal_ring(ring, small, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
     P = np.broadcast_to(P, steps)
     nu = np.broadcast_to(nu, steps)
@@ -242,7 +244,7 @@ def sweep(
         path[k], jumped[k] = (same[0], False) if same.size else (rest[nearest], k > 0)
     found = described("slow sweep", ring, model, at, U[path], D[path], P, "step", power=P, detuning=nu)
     found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
-    return found
+    return found.assign_attrs(doubts)
 
 
 def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tuple[Array, ...]:

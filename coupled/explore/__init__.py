@@ -15,11 +15,12 @@ from thermofem import __version__, checks
 from thermofem.data.files import check_target, write_whole
 from thermofem.fem import HeatProblem
 from thermofem.models import ThermalModel
+from thermofem.ring_temperature import check_read, detuning_output
 
 from ..arguments import check_detuning, check_power
 from ..heaters import heater_power
 from ..resonator import RingResonator
-from ..thermal import check_geometry
+from ..thermal import check_geometry, compact, geometry_of
 from . import bundle, contents
 from .geometries import family_of
 from .section import section_of
@@ -122,8 +123,12 @@ def explore(
     order = getattr(models, "order", None)
     alone = f"{type(models).__name__}{f', {order} poles' if order else ''}"
     given: Mapping[str, Any] = {} if models is None else models if isinstance(models, Mapping) else {alone: models}
-    check_geometry(ring, next((one for one in (heat, family, *given.values()) if one is not None), None))
-    parts = contents.Parts(heated, read)
+    parts = contents.Parts(heated, read, ring.read)
+    every = [*given.values()] if family is None else [family, *given.values()]
+    check_geometry(ring, every[0] if heat is None else heat)
+    for model in every:
+        small = contents.channels_of(_middle(model) if model is family else model, parts).model
+        check_read(ring, geometry_of(model), small.inputs[0], small.outputs[0], chosen=read is not None)
     own = [] if models is None else contents.models_of(given, parts)
     names = [model["name"] for model in own]
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
@@ -154,7 +159,7 @@ def explore(
         "start": start,
         "presets": contents.presets(rings, everything, start),
         "kernel": bundle.kernel(),
-        "reference": _step(heat) if heat is not None else None,
+        "reference": None if heat is None else _step(heat, parts),
         "section": section_of(heat, found, parts) if heat is not None and found is not None else None,
         "borders": contents.curves_of(ring, first, rings[0]["window"]) if first is not None else [],
         "family": grid,
@@ -166,6 +171,11 @@ def explore(
     return Page(text, written)
 
 
+def _middle(family: Any) -> Any:
+    """The thermal model of the member in the middle of a family's ranges."""
+    return compact(family.at(dict(zip(family.names, family.box.middle, strict=True))))
+
+
 def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | None) -> dict[str, float]:
     """Return the initial powers of the heaters in mW, with the keys "h0", "h1", ... of their sliders; default 0."""
     names = [slider["name"] for slider in sliders]
@@ -175,11 +185,13 @@ def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | 
     return {f"h{k}": 1e3 * heater_power(name, given.get(name, 0.0)) for k, name in enumerate(names)}
 
 
-def _step(heat: HeatProblem) -> dict[str, Any]:
-    """Return the FEM's step response: its name, times in s, and rise in K/W at each."""
+def _step(heat: HeatProblem, parts: contents.Parts) -> dict[str, Any]:
+    """Return the FEM's step response: its name, times in s, and rise in K/W at each, of the output that is read."""
     from thermofem import Constant, solve
 
-    found = solve(heat, Constant(1e-3), times=STEP_TIMES, rtol=1e-4)
+    heated = parts.heated or heat.heated[0]
+    read = parts.read or detuning_output(parts.wanted, heated, heat.system.outputs)
+    found = solve(heat, Constant(1e-3), times=STEP_TIMES, heated=heated, read=read, rtol=1e-4)
     return {"name": f"FEM, {heat.unknowns} unknowns", "times": STEP_TIMES.tolist(), "rise": (found["delta_T"].values.ravel() / 1e-3).tolist()}  # fmt: skip  # noqa: E501
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.models import OutputMap, Quadratic, StateSpace, ThermalModel, bare, newton, second_order
+from thermofem.ring_temperature import CORE
 
 from .. import parameters
 from ..arguments import check_ring
@@ -17,6 +18,7 @@ from ..equilibria.bifurcation_curves import hopf_curves
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..kernel.units import internal_rates
 from ..resonator import RingResonator
+from ..thermal import Compact, as_read, without_origin
 
 Window = dict[str, tuple[float, float]]  # of powers in dBm and of detunings in GHz
 
@@ -36,10 +38,14 @@ SERIES = 6  # models that a figure can tell apart by colour
 
 
 class Parts(NamedTuple):
-    """Input of a model that the light heats (None: its first), and output that detunes the ring (None: the same)."""
+    """Input of a model that the light heats (None: its first), and output that detunes the ring (None: as it reads).
+
+    wanted: the temperature that the ring reads, "core" or "light".
+    """
 
     heated: str | None = None
     read: str | None = None
+    wanted: str = CORE
 
 
 FIRST = Parts()
@@ -49,10 +55,10 @@ def channels_of(model: ThermalModel, parts: Parts) -> Channels:
     """Return the model from the light's input to the read output, and those from all other inputs (heaters) to it."""
     system = getattr(bare(model), "without_ambient", model)
     if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
-        return channels(system)
+        return channels(system, parts.wanted)
     heated = parts.heated or system.inputs[0]
     others = {name: 0.0 for name in system.inputs if name != heated}
-    return channels(system, others, heated, parts.read)
+    return channels(system, parts.wanted, others, heated, parts.read)
 
 
 def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, Any]:
@@ -89,7 +95,7 @@ def models_of(models: Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[
     """Return the given thermal models, 1 to 6, as JSON data of the page, each with its name."""
     if not 1 <= len(models) <= SERIES:
         raise checks.InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
-    for word, given, ports in zip(Parts._fields, parts, ("inputs", "outputs"), strict=True):
+    for word, given, ports in (("heated", parts.heated, "inputs"), ("read", parts.read, "outputs")):
         known = {str(one) for model in models.values() for one in getattr(bare(model), ports, ("core",))}
         if given is not None:
             checks.choice(word, given, known)
@@ -156,11 +162,13 @@ def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: di
     return [{"name": name, "state": start | state, "text": text} for name, state, text in rows]
 
 
-def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[list[list[float]]]:
+def curves_of(ring: RingResonator, model: Compact, window: Window) -> list[list[list[float]]]:
     """Return the fold curves of cycles in a window of power (dBm) and detuning (GHz), if a Hopf curve is subcritical.
 
     Each is a list of at most 80 points [power in W, detuning in Hz].
     """
+    ring = as_read(ring, model)
+    model = without_origin(model)
     axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
     try:
         if not any(np.any(c["leading"] & (c["lyapunov"] > 0)) for c in hopf_curves(ring, model, *axes)):

@@ -12,6 +12,7 @@ from thermofem.fem import HeatProblem
 from thermofem.geometry.section_parts import AMBIENT
 from thermofem.materials.material_library import VOID
 from thermofem.models import Foster
+from thermofem.ring_temperature import detuning_output
 
 from .contents import Parts
 
@@ -59,7 +60,8 @@ def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str
     if isinstance(model, Foster):
         return np.asarray(model.R), np.asarray(model.tau), basis.T, {}
     light = parts.heated or model.inputs[0]
-    read = model.C[model.outputs.index(parts.read or light)]
+    output = parts.read or detuning_output(parts.wanted, light, tuple(model.outputs))
+    read = model.C[model.outputs.index(output)]
     rate, modes = eigh(-model.A, model.E)
     seen = read @ modes
     R = seen * (model.B[:, model.inputs.index(light)] @ modes) / rate

@@ -14,7 +14,7 @@ from ..resonator import RingResonator
 from ..runs.pulsing import Regime, crossings, pulsing
 from ..runs.repetition import LONGEST_PATTERN, miss
 from ..runs.simulate import simulate
-from ..thermal import Compact, without_origin
+from ..thermal import Compact, as_read, without_origin
 from ..unknowns import Unknowns
 from .box_search import Residuals, at_bound
 from .cycles import HARMONICS, NEAR, Cycle, Seen, Target, cycle_of, lag
@@ -55,8 +55,8 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
     late = max(LATE, (end - middle) / MOST)
     times = np.concatenate([np.arange(0.0, middle, early), np.arange(middle + late, end, late)])
     run = simulate(
-        ring, without_origin(model), power=target.power, detuning=target.detuning, duration=end, times=times,
-        rtol=RTOL,
+        as_read(ring, model), without_origin(model), power=target.power, detuning=target.detuning, duration=end,
+        times=times, rtol=RTOL,
     )  # fmt: skip
     at = np.linspace(begin, end, int((end - begin) / late))
     return run, cycle_of(at, np.interp(at, run["time"].values, run["drop"].values))

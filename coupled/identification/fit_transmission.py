@@ -15,9 +15,10 @@ from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
 from ..arguments import check_ring, datasets
+from ..heaters import driving
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
-from ..thermal import check_geometry
+from ..thermal import notes_of
 from .bus_or_loss import with_other_answer
 from .fit_summary import summary
 from .held_numbers import SHARE, held_deviations, held_numbers
@@ -142,19 +143,19 @@ def fit_transmission(
     9000 K/W
     """
     check_ring(ring)
-    contradicted = tuple(check_geometry(ring, model).values())
     given = datasets("sweeps", sweeps)
     sizes = _noises(noise, len(given))
     data = []
     for k, (sweep, size) in enumerate(zip(given, sizes, strict=True)):
         data.append(read_sweep(f"sweeps[{k}]", sweep, ring, size))
-    heat = second_order_poles(**asdict(SECOND_ORDER_FEM)) if model is None else model
+    law = second_order_poles(**asdict(SECOND_ORDER_FEM)) if model is None else model
+    heat, doubts = driving(ring, law)
     search = make_search(ring, float(heat.thermal_resistance), data, free, bounds)
     values = held_numbers(ring, free) | {RESISTANCE: search.resistance, POWER: 1.0, FREQUENCY: ring.frequency}
     values = {name: value for name, value in values.items() if name not in free}
     deviations = held_deviations(held, [*values], free)
     search, end, other = with_other_answer(search, searched(search, search.start), bounds)
-    return _result(search, end, other, values, deviations, contradicted)
+    return _result(search, end, other, values, deviations, notes_of(doubts))
 
 
 def _noises(noise: float | Sequence[float] | None, count: int) -> list[float | None]:

@@ -13,7 +13,7 @@ from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import bar, check_ring
 from ..resonator import RingResonator
-from ..thermal import Compact, check_geometry
+from ..thermal import Compact, check_model, notes_of
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .box_search import End, Prior, at_bound, central_slopes, least_squares
 from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
@@ -139,8 +139,8 @@ def identify(
     three traces by a multi-objective swarm, and takes the standard deviation over ten runs.
     """
     check_ring(ring)
-    contradicted = tuple(check_geometry(ring, model).values())
     what = unknowns(ring, free, model, bounds)
+    contradicted = () if model is None else notes_of(check_model(ring, model, what.build(what.start)[1]))
     targets = targets_of(traces)
     seed = checks.seed(seed)
     runs = checks.integer("runs", runs, 1, 100, hint="minima of the first step that are followed")

@@ -15,6 +15,7 @@ from thermofem.arrays import Array
 
 from ..equilibria.transmission import port_curve, transmission
 from ..resonator import RingResonator
+from ..thermal import as_read
 from ..unknowns import SPAN, check_apart, fitted_names, number_of, span_of, varied
 from .slow_sweeps import Sweep
 from .sweep_residuals import sweep_residuals
@@ -84,7 +85,7 @@ class Search:
         found = {}
         for drive in dict.fromkeys(drives):
             power, detuning = self._span(factor, shift, *drive)
-            found[drive] = curve(ring, heat, power=power, detuning=detuning)
+            found[drive] = curve(as_read(ring, heat), heat, power=power, detuning=detuning)
         return [found[drive] for drive in drives]
 
     def _span(self, factor: float, shift: float, power: float | None, detuning: float | None) -> tuple[Any, Any]:

@@ -73,7 +73,9 @@ class FEM:
     heat : HeatProblem, StateSpace or NonlinearSystem
         or matrices of another program: E dx/dt = A x + B P, dT = C x with E and -A symmetric.
     heated : str, optional
-        part that absorbs the light and whose mean temperature shifts the resonance; default: the first heated part.
+        part that absorbs the light; default: the first heated part.
+    read : str, optional
+        output whose temperature shifts the resonance; default: the mean over ``heated``.
     heaters : mapping of name to Waveform
         other heated parts and their power in W.
     max_discrepancy : float, K
@@ -87,6 +89,7 @@ class FEM:
         heat: HeatProblem | StateSpace | NonlinearSystem,
         *,
         heated: str | None = None,
+        read: str | None = None,
         heaters: Mapping[str, Waveform] | None = None,
         max_discrepancy: float = 1e-3,
         field_times: ArrayLike = (),
@@ -98,6 +101,9 @@ class FEM:
         names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs
         self.heaters = checks.mapping("heaters", heaters, hint="e.g. {'heater': th.Constant(5e-3)}")
         self.heated = checks.choice("heated", heated, names, default=names[0])
+        readable = heat.readable if isinstance(heat, HeatProblem) else heat.outputs
+        hint = "what shifts the resonance must also be read"
+        self.read = checks.choice("read", read or self.heated, readable, hint=hint)
         for name in self.heaters:
             checks.choice("heaters", name, names)
         check_unlit(self.heaters, self.heated)
@@ -105,7 +111,7 @@ class FEM:
         if kept.size and self.problem is None:
             raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
         inputs = (self.heated, *self.heaters)
-        system = heat.model(inputs, self.heated) if isinstance(heat, HeatProblem) else _channels(heat, inputs)
+        system = heat.model(inputs, self.read) if isinstance(heat, HeatProblem) else _channels(heat, inputs, self.read)
         self.nonlinear = system if isinstance(system, NonlinearSystem) else None
         self.linear = system.linear if isinstance(system, NonlinearSystem) else system
         self.basis = krylov(self.linear)
@@ -126,7 +132,7 @@ class FEM:
         return f"FEM({self.problem!r})"
 
     def advance(self, times: Array, power: Waveform) -> Array:
-        """Return the rise of the heated part in K at ``times`` in s, shape (n,), from the accepted state."""
+        """Return the rise that is read, in K, at ``times`` in s, shape (n,), from the accepted state."""
         outputs, *self._tried = self.field.advance(
             self.state, [power, *self.heaters.values()], times, keep=self._kept(times)
         )
@@ -158,7 +164,7 @@ class FEM:
 
     @property
     def rise(self) -> float:
-        """Rise of the heated part in the accepted state, K."""
+        """Rise that is read in the accepted state, K."""
         return float(self.linear.C[0] @ self.field.temperature(self.state))
 
     @property
@@ -173,19 +179,18 @@ class FEM:
 
     @cached_property
     def predictor(self) -> Foster | Quadratic:
-        """Krylov reduction with the heated part as input and output; k(T) and c_p(T) enter to second order."""
+        """Krylov reduction from the heated part to what is read; k(T) and c_p(T) enter to second order."""
         basis = self.basis
         curved = self.field.equations.curved
         if curved is None:
-            return foster(basis.reduced(self.linear).channel(self.heated, self.heated))
+            return foster(basis.reduced(self.linear).channel(self.heated, self.read))
         inflow = curved.inverse * basis.rate
         symmetric = (inflow + inflow.transpose(0, 2, 1)) / 2
         H = symmetric - curved.flow
         B = basis.heating[:, 0]
         G = -(curved.inverse @ B)
         C = self.linear.C[0] @ basis.vectors
-        name = (self.heated,)
-        return Quadratic(np.diag(-basis.rate), H, G, B, C, name, name)
+        return Quadratic(np.diag(-basis.rate), H, G, B, C, (self.heated,), (self.read,))
 
     def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
         """Return the rise in K at ``times`` (s), shape (n,), by those heaters that are inputs of ``reduced``."""
@@ -193,7 +198,7 @@ class FEM:
         rise = np.zeros(np.size(times))
         for name, wave in self.heaters.items():
             if name in reduced.inputs:
-                rise = rise + foster(reduced.channel(name, self.heated)).response(wave, times)
+                rise = rise + foster(reduced.channel(name, self.read)).response(wave, times)
         return rise
 
     def summary(self) -> dict[str, Any]:
@@ -206,7 +211,7 @@ class FEM:
         if heat:
             provenance = {
                 "heated": self.heated,
-                "thermal_resistance": heat.thermal_resistance(self.heated),
+                "thermal_resistance": heat.thermal_resistance(self.heated, self.read),
                 "geometry": heat.geometry.to_toml(),
                 "mesh_hash": mesh_hash(heat.mesh),
                 "accuracy": heat.accuracy,
@@ -226,14 +231,13 @@ class FEM:
         }
 
 
-def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...]) -> StateSpace | NonlinearSystem:
-    """Return the system with the given inputs only; its single output is the part of the first input."""
+def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...], read: str) -> StateSpace | NonlinearSystem:
+    """Return the system with the given inputs and one output only."""
     linear = system.linear if isinstance(system, NonlinearSystem) else system
-    checks.choice("heated", inputs[0], linear.outputs, hint="the part that the light heats must also be read")
     columns = [linear.inputs.index(name) for name in inputs]
-    row = linear.outputs.index(inputs[0])
+    row = linear.outputs.index(read)
     B, C = linear.B[:, columns], linear.C[[row]]
-    picked = StateSpace(linear.E, linear.A, B, C, inputs=inputs, outputs=(inputs[0],))
+    picked = StateSpace(linear.E, linear.A, B, C, inputs=inputs, outputs=(read,))
     return replace(system, linear=picked) if isinstance(system, NonlinearSystem) else picked
 
 

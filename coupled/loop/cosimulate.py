@@ -11,6 +11,7 @@ from thermofem import Foster, OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel
+from thermofem.ring_temperature import detuning_output
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_ring, check_run, detuning_in_time, power_in_time
@@ -19,7 +20,7 @@ from ..inputs import Lights, last_change, pieces
 from ..resonator import RingResonator
 from ..runs.window import Laser, Window, lights_of, provenance, traces
 from ..states import State
-from ..thermal import Compact, check_geometry, compact
+from ..thermal import Compact, check_geometry, check_model, compact
 from .corrector import FEM, Corrector, beginning
 from .relaxation import Passed, Relaxation
 
@@ -105,7 +106,6 @@ def cosimulate(
     """
     check_ring(ring)
     duration, rtol = check_run(duration, rtol)
-    doubts = check_geometry(ring, heat)
     max_discrepancy = checks.between(
         "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
     )
@@ -116,7 +116,10 @@ def cosimulate(
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
         known = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
         known = {name: _over(name, power, duration) for name, power in known.items()}
-        corrector: Any = FEM(heat, heaters=known, max_discrepancy=max_discrepancy, field_times=kept)
+        read = _read_output(ring, heat)
+        corrector: Any = FEM(
+            heat, read=read, heaters=known, max_discrepancy=max_discrepancy, field_times=kept
+        )  # fmt: skip
     elif heaters or np.size(field_times):
         raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
     elif isinstance(heat, type) or not all(callable(getattr(heat, name, None)) for name in ("advance", "accept")):
@@ -126,9 +129,12 @@ def cosimulate(
         )
     else:
         corrector = heat
+    fem_given = isinstance(corrector, FEM)
+    doubts = check_model(ring, corrector.problem or heat, corrector.linear) if fem_given else check_geometry(ring, heat)
     chosen = getattr(corrector, "predictor", NO_PREDICTOR) if predictor is None else predictor
-    if isinstance(chosen, StateSpace) and len(chosen.inputs) > 1 and isinstance(corrector, FEM):
-        chosen = chosen.channel(corrector.heated, corrector.heated)
+    if isinstance(chosen, StateSpace) and isinstance(corrector, FEM):
+        output = detuning_output(ring.read, corrector.heated, tuple(chosen.outputs))
+        chosen = chosen.channel(corrector.heated, output)
     model = NO_PREDICTOR if chosen is NO_PREDICTOR else compact(chosen)
     begin = beginning(initial, corrector, model)
     loop = Relaxation(
@@ -143,6 +149,12 @@ def cosimulate(
             progress(loop.time)
     data = _dataset(ring, light, loop, parts, duration).assign_attrs(doubts)
     return data if initial is None else data.assign_attrs(initial="given")
+
+
+def _read_output(ring: RingResonator, heat: HeatProblem | StateSpace | NonlinearSystem) -> str:
+    """Name of the output of the FEM that a ring reads."""
+    system = heat.system if isinstance(heat, HeatProblem) else heat
+    return detuning_output(ring.read, system.inputs[0], tuple(system.outputs))
 
 
 def _read(model: Compact, state: State) -> float:

@@ -33,7 +33,7 @@ from ..runs.pulsing import FEWEST, Pulsing, Regime, classify, lasting
 from ..runs.resting import Rest
 from ..runs.window import Window, advance
 from ..states import State
-from ..thermal import Compact, check_geometry, long_enough, provenance, trusted
+from ..thermal import Compact, check_model, long_enough, provenance, trusted
 from .cycle_map import Cell, settled_row
 from .grid import Point, fixed_of, grid_of
 
@@ -127,9 +127,9 @@ def pulsing_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Figs. 4 and 6; cold start, as the paper's shutter does.
     """
-    warm = constant(model, heaters, heated, read)
+    warm = constant(model, ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
-    doubts = check_geometry(ring, model)
     if settled is None:
         settled = duration is None and follow is None and ring.g_tpa > 0
     elif checks.flag("settled", settled) and not (duration is None and follow is None):

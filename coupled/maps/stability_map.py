@@ -14,7 +14,7 @@ from ..equilibria.balance import absorbable
 from ..heaters import constant
 from ..kernel.units import NS
 from ..resonator import RingResonator
-from ..thermal import Compact, check_geometry, provenance, trusted, warn_at_top
+from ..thermal import Compact, check_model, provenance, trusted, warn_at_top
 from .grid import Grid, fixed_of, grid_of
 
 
@@ -66,9 +66,9 @@ def stability_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, for the maps.
     """
-    warm = constant(model, heaters, heated, read)
+    warm = constant(model, ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
     grid = grid_of(ring, powers, detunings, vary).warmed(warm)
-    doubts = check_geometry(ring, model)
     small = warm.model
     fixed, stable, growth, omega, rise = _survey(small, grid)
     trusted(model, rise)

@@ -18,6 +18,7 @@ from ..carriers import ConstantLifetime, ShockleyReadHall
 from ..equilibria.steady_states import steady_states
 from ..heaters import turned_by
 from ..resonator import RingResonator
+from ..thermal import as_read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,7 +62,7 @@ def rest_of_run(run: xr.Dataset) -> Rest | None:
             model = OutputMap(model, attrs["model_coefficient"])
         if power == 0:
             return Rest(np.zeros(1), np.array([rise]), np.array([-np.inf]))
-        found = steady_states(ring, model, power=power, detuning=detuning + turned_by(rise, ring))
+        found = steady_states(as_read(ring, model), model, power=power, detuning=detuning + turned_by(rise, ring))
         return Rest(found["energy"].values, found["delta_T"].values + rise, found["growth_rate"].values)
     except (InputError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return None  # attributes that another program wrote

@@ -19,7 +19,7 @@ from ..inputs import Input
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import attributes, check_geometry, dense_times, trusted
+from ..thermal import attributes, check_model, dense_times, trusted
 from .window import Event, Laser, advance, provenance, traces
 
 
@@ -96,7 +96,7 @@ def simulate(
         other one the ring follows it at once, which attrs["ambient"] says.
     heated, read : str, optional
         the input of such a model that the light heats and the output that detunes it; with ``heaters`` by default the
-        first input that is no heater, and the output of the same name.
+        first input that is no heater, and the temperature that the ring reads, ``ring.read``.
     lasers : Laser or sequence of them, optional
         further lasers: a probe or a second channel on another resonance, or light that beats on the same one. The
         lasers of a circuit are its own.
@@ -149,8 +149,6 @@ def simulate(
         for name, value in alone.items():
             if value is not None:
                 raise checks.InputError(f"{name} is for one ring; a circuit has its own lasers, ports and heaters")
-        for one in dict.fromkeys(ring.resonators):
-            check_geometry(one, model)
         return run_circuit(
             ring, model, power=power, detuning=detuning, heaters=drives, duration=duration, rtol=rtol, times=wanted,
             average=average, method=chosen, initial=initial, progress=progress,
@@ -161,10 +159,10 @@ def simulate(
         replace(one, power=power_in_time(one.power, duration), detuning=detuning_in_time(one.detuning, duration))
         for one in checks.instances("lasers", lasers, Laser)
     ]
-    picked = channels(model, drives, heated, read)
+    picked = channels(model, ring.read, drives, heated, read)
     small = picked.model
     poles = picked.poles
-    doubts = check_geometry(ring, model)
+    doubts = check_model(ring, model, small, read)
     described = attributes(small)
     heat = heating(poles, drives, duration, rtol, np.zeros(small.order * len(poles)))
     if heat.powers and getattr(event, "quantity", "") == "delta_T":

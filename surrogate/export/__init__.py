@@ -10,9 +10,11 @@ from typing import Any
 from thermofem import checks
 from thermofem.data.files import check_target
 from thermofem.models import HasModel, ThermalModel, bare
+from thermofem.ring_temperature import check_read
 
 from . import fmu, poles, spice, verilog_a
 from .export_header import header
+from .poles import LitPart, lit_part
 from .ring_rates import demonstration
 
 FORMATS = {"spice": ".cir", "verilog-a": ".va", "fmu": ".fmu", "mat": ".mat", "csv": ".csv"}  # usual endings
@@ -90,8 +92,20 @@ def export_model(
     if provenance is None:
         provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
     model = bare(model)
+    if ring is not None:
+        _check_rings(ring, model, str((provenance or {}).get("geometry", "")))
     lines = header(model, checks.mapping("provenance", provenance, hint="such as the .provenance of a fit"))
     options: dict[str, Any] = {"fmi": fmi, "platforms": platforms} if to == "fmu" else {}
     light = () if to not in DEMONSTRATIONS else (ring, run)
     write = {"spice": spice.write, "verilog-a": verilog_a.write, "fmu": fmu.write, "mat": poles.write_mat}
     return write.get(to, poles.write_csv)(model, path, lines, *light, **options)
+
+
+def _check_rings(light: Any, model: Any, geometry: str) -> None:
+    """Compare the temperature that each ring reads with the output of the model that the export connects to it."""
+    rings = getattr(light, "resonators", (light,))
+    array = len(rings) > 1 and len(model.outputs) == len(rings) <= len(model.inputs)
+    for k, ring in enumerate(rings):
+        checks.has("ring", ring, "read", "frequency", hint="a coupled.RingResonator is one")
+        channel = LitPart(model.inputs[k], model.outputs[k]) if array else lit_part(model, ring.read)
+        check_read(ring, geometry, channel.heated, channel.read)

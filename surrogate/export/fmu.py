@@ -27,7 +27,7 @@ from thermofem import checks
 from thermofem.data.files import write_whole
 
 from .export_header import identifiers, plain_name
-from .poles import Poles, lit_part, poles_of
+from .poles import LitPart, Poles, lit_part, poles_of
 from .ring_rates import DURATION, EPSILON, Demonstration, RingRates, ring_rates
 
 log = logging.getLogger("thermofem")
@@ -98,7 +98,8 @@ def write(
     rates = None if ring is None else ring_rates(ring)
     poles = poles_of(model)
     name = identifiers([path.stem])[0]
-    numbers = _numbers(model, poles, rates)
+    channel = lit_part(model, ring.read) if ring is not None else LitPart(poles.inputs[0], poles.outputs[0])
+    numbers = _numbers(poles, rates, channel)
     code = [files(__package__).joinpath(file).read_text(encoding="utf-8") for file in ("unit.c", f"fmi{fmi}.c")]
     token = "{" + hashlib.sha256("\n".join([numbers, *code]).encode()).hexdigest()[:32] + "}"
     source = "\n".join([f'#define GUID "{token}"', numbers, *code])
@@ -125,16 +126,15 @@ def _pack(root: Path, path: Path) -> None:
                 unit.write(file, file.relative_to(root).as_posix())
 
 
-def _numbers(model: Any, poles: Poles, rates: RingRates | None) -> str:
+def _numbers(poles: Poles, rates: RingRates | None, channel: LitPart) -> str:
     """C source with the constants of the model: sizes, rates, gains and, for a ring, the numbers of `RingRates`."""
-    heated, read = lit_part(model) if rates is not None else (poles.inputs[0], poles.outputs[0])
     counts = {
         "LIGHT": int(rates is not None),
         "POLES": poles.rate.size,
         "HEATED": len(poles.inputs),
         "PARTS": len(poles.outputs),
-        "LIT": poles.inputs.index(heated),
-        "CORE": poles.outputs.index(read),
+        "LIT": poles.inputs.index(channel.heated),
+        "CORE": poles.outputs.index(channel.read),
     }
     scalars = {"COEFFICIENT": poles.coefficient}
     arrays: dict[str, Any] = {}

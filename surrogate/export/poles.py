@@ -11,7 +11,7 @@ import io
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.io import savemat
@@ -20,6 +20,7 @@ from thermofem import Foster, OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array
 from thermofem.data.files import write_whole
 from thermofem.models.state_space import eigenmodes
+from thermofem.ring_temperature import detuning_output
 
 from .export_header import comment, identifiers
 
@@ -127,26 +128,33 @@ def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
     return RCNetwork(size / found.rate, 1 / size, shares, found.C, parts, pins, heated, read, found.coefficient)
 
 
-def ring_network(model: Any, *, taken: Iterable[str]) -> tuple[RCNetwork, str]:
-    """RC network with a pin "heat" at the part that light heats, and the pin of the part whose rise detunes it."""
+def ring_network(model: Any, wanted: str, *, taken: Iterable[str]) -> tuple[RCNetwork, str]:
+    """RC network with a pin "heat" at the part that light heats, and the pin of the output that detunes it.
+
+    wanted: the temperature that the ring reads, "core" or "light".
+    """
     net = rc_network(model, taken=(*taken, "heat"))
-    heated, read = (net.parts.index(part) for part in lit_part(model))
-    net.pins[heated] = "heat"
-    return net, net.pins[read]
+    channel = lit_part(model, wanted)
+    net.pins[net.parts.index(channel.heated)] = "heat"
+    return net, net.pins[net.parts.index(channel.read)]
 
 
-def lit_part(model: Any) -> tuple[str, str]:
-    """The part that the light of a ring heats (the first input), and the part whose rise detunes it.
+class LitPart(NamedTuple):
+    """The input that the light of a ring heats, and the output that detunes it."""
 
-    The second is the first one again where the model reads it, else the only output.
+    heated: str
+    read: str
 
-    Raises InputError: the model does not read that part, and reads several others.
+
+def lit_part(model: Any, wanted: str) -> LitPart:
+    """The first input of a model, and the output that detunes a ring which reads ``wanted``, "core" or "light".
+
+    Raises InputError: the model does not read that input, and reads several others.
     """
     heated = getattr(model, "heated", model.inputs)[0]
-    if heated in model.outputs:
-        return heated, heated
-    if len(model.outputs) == 1:
-        return heated, model.outputs[0]
+    read = detuning_output(wanted, heated, tuple(model.outputs))
+    if read in model.outputs:
+        return LitPart(heated, read)
     raise checks.InputError(f"model heats {heated!r} and reads {', '.join(model.outputs)}: one must be {heated!r}, too")
 
 

@@ -79,7 +79,7 @@ def _ring(
 ) -> tuple[list[str], list[str], str]:
     """Comment lines, netlist and deck of one ring with its heat."""
     rates = ring_rates(ring)
-    net, read = ring_network(model, taken=(*WORDS, *LIGHT.split()))
+    net, read = ring_network(model, ring.read, taken=(*WORDS, *LIGHT.split()))
     others = [pin for pin in net.pins if pin != "heat"]
     pins = " ".join([LIGHT, "heat", *others])
     lines = [*RING_USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", f"ring: {ring.name}", ""]
@@ -153,7 +153,6 @@ def _heat_of_rings(
         pin |= {own[k]: ring for ring, k in zip(rings, order, strict=True)}
         line = f"Xheat {' '.join(pin[part] for part in parts)} ambient {name}_heat"
         return [line], list(pin.values()), [(pin[own[k]], pin[model.outputs[k]]) for k in order]
-    heated, read = lit_part(model)
     if len(model.inputs) > 1 and count > 1:
         raise InputError(
             f"model has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {count} rings: one of "
@@ -163,6 +162,7 @@ def _heat_of_rings(
     lit = []
     pins: list[str] = []
     for k, ring in enumerate(rings):
+        heated, read = lit_part(model, circuit.resonators[k].read)
         pin = {part: ring if part == heated else f"{ring}_{word}" for part, word in zip(parts, net.pins, strict=True)}
         lines.append(f"Xheat__{k} {' '.join(pin.values())} ambient {name}_heat")
         pins += pin.values()

@@ -86,7 +86,7 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
         disciplines = []
         lines = header
     else:
-        net, read = ring_network(model, taken=(*KEYWORDS, *LIGHT, *NAMES, name))
+        net, read = ring_network(model, ring.read, taken=(*KEYWORDS, *LIGHT, *NAMES, name))
         rates = ring_rates(ring)
         signals = list(LIGHT)
         disciplines = DISCIPLINES

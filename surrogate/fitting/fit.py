@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import MZI, Foster, checks
+from thermofem import MZI, CrossSection, Foster, checks
 from thermofem.arrays import Array
 from thermofem.data.dataset import at_probe, responses_of
+from thermofem.geometry.section_parts import LIGHT
 from thermofem.models.foster import (
     BORGHI2021_HEAT_CAPACITY,
     check_heat_capacity,
@@ -26,6 +27,7 @@ from thermofem.models.foster import (
     second_order,
     second_order_parameters as parameters_of,
 )
+from thermofem.ring_temperature import CORE
 
 from .fit_result import OUTSIDE, UNSEEN, Fit, check_explained, common, model_notes, undetermined
 from .optical_fit import fit_optical
@@ -221,6 +223,12 @@ def _smallest_order(training: Training) -> int:
     return order
 
 
+def _guide(geometry: str | None) -> str:
+    """Name of the part that guides the light of a geometry, given by its text."""
+    section = CrossSection.from_toml_text(geometry) if geometry else None
+    return CORE if section is None or section.light is None else section.light.part
+
+
 @dataclass(frozen=True, eq=False)
 class Training:
     """The training data and the attributes of their Datasets."""
@@ -257,7 +265,7 @@ class Training:
         heated = common([d.attrs.get("heated") for d in datasets])
         read = common([d.attrs.get("read") for d in datasets])
         known = bool(heated and read)
-        apart = known and heated != read
+        apart = known and heated != read and not (read == LIGHT and heated == _guide(geometry))
         transfer = apart if transfer is None else checks.flag("transfer", transfer)
         parts = {"inputs": (heated if known else "heater",), "outputs": (read if known else "core",)}
         problem = FitProblem(responses, thermal_resistance, impose and not transfer)

@@ -133,7 +133,8 @@ def training_data(
 
 def fit_usual(exact: Foster) -> dict[str, ThermalModel]:
     """A Foster network of five poles, the second-order equation and Newton's law, trained on a precise model."""
-    periodic, step = training_data(exact, 2e-3, 1 / 3)
+    ports = {"heated": exact.inputs[0], "read": exact.outputs[0]}
+    periodic, step = training_data(exact, 2e-3, 1 / 3, ports)
     return {
         "Foster, 5 poles": fit_foster(step, 5).model,
         "second order": fit_second_order(periodic).model,

@@ -167,8 +167,9 @@ class HeatProblem:
 
     @cached_property
     def system(self) -> StateSpace:
-        """The FEM itself as a thermal model: every heated part is an input and an output."""
-        return self.channels(self.heated, self.heated)
+        """The FEM itself as a thermal model: every heated part is an input and an output, the light is an output."""
+        light = () if self.light is None else (LIGHT,)
+        return self.channels(self.heated, (*self.heated, *light))
 
     def channels(
         self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None

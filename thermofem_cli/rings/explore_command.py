@@ -11,6 +11,7 @@ import thermofem as th
 from coupled.explore import Page
 from thermofem import InputError, checks
 from thermofem.data import quantity
+from thermofem.ring_temperature import CORE, detuning_output
 
 from .. import options
 from ..command_files import check_outputs, expect, kind_of, note_ring, ring_of, section_of
@@ -63,7 +64,7 @@ def explore(
         settings["family"] = surrogate.load_family(given[0])
         models = _beside(settings["family"])
     elif not given or kinds == {"geometry"}:
-        models, settings["heat"] = models_of_geometry(given[0] if given else None, accuracy, heated)
+        models, settings["heat"] = models_of_geometry(given[0] if given else None, accuracy, heated, resonator.read)
     else:
         models = _loaded(given, heated, read)
     with working("writing the page"):
@@ -97,9 +98,12 @@ def _beside(family: Any) -> dict[str, Any]:
 
 
 def models_of_geometry(
-    path: Path | None, accuracy: float = 1e-3, heated: str | None = None
+    path: Path | None, accuracy: float = 1e-3, heated: str | None = None, wanted: str = CORE
 ) -> tuple[dict[str, Any], th.fem.HeatProblem]:
-    """Return the certified reduction of a geometry and models trained on it, by name, and the heat problem."""
+    """Return the certified reduction of a geometry and models trained on it, by name, and the heat problem.
+
+    wanted: the temperature that the ring reads, "core" or "light".
+    """
     from coupled.explore.contents import HEATERS
     from surrogate.judging.ladder import fit_usual
 
@@ -110,8 +114,9 @@ def models_of_geometry(
         others = [name for name in heat.heated if name != ring]
         if len(others) > HEATERS:
             note(f"of the heated parts, {', '.join(others[HEATERS:])} get no slider: the page has room for {HEATERS}")
-        rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), ring), tolerance=1e-4)
+        read = detuning_output(wanted, ring, heat.system.outputs)
+        rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), read), tolerance=1e-4)
         whole: Any = rom.model
-        exact: Any = whole.channel(ring, ring).dynamics if others else whole
+        exact: Any = whole.channel(ring, read).dynamics if others else whole
         models = {f"certified reduction, {rom.order} poles": rom, **fit_usual(exact)}
     return models, heat

@@ -13,6 +13,7 @@ import thermofem as th
 from coupled import RingResonator
 from coupled.heaters import constant
 from coupled.ring_from import tuning
+from coupled.thermal import as_read, without_origin
 from thermofem.data import quantity
 
 from .. import options
@@ -125,8 +126,10 @@ def draw_map(
     from coupled.plot import plot_maps
     from thermofem.plot import save_figure
 
-    warmed = constant(model, heaters, **parts)
+    warmed = constant(model, ring.read, heaters, **parts)
     thermal, turned = warmed.model, warmed.turned(ring)  # Hz, by which the heaters move the resonance
+    ring = as_read(ring, thermal)
+    thermal = without_origin(thermal)
     axes = found["power"].values, found["detuning"].values + turned
     hopf = []
     folds = []
