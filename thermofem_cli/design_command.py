@@ -20,6 +20,7 @@ from coupled.ring_family import MovingRing, ring_at
 from coupled.thermal import as_read, check_geometry, geometry_of
 from coupled.unknowns import number_of, varied
 from surrogate.family import Family
+from surrogate.family.family import ChannelNames
 from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.ring_temperature import check_read
@@ -42,6 +43,8 @@ def design(
     ring: options.Ring = options.REFERENCE_RING,
     power: options.Power = "8 dBm",
     detuning: options.Detuning = "0 GHz",
+    heated: options.Heated = None,
+    read: options.Read = None,
     workers: options.Processes = 1,
     scheduler: options.Scheduler = None,
     seed: options.Seed = 0,
@@ -51,6 +54,7 @@ def design(
         options.unused(context, "goes with --period", "power", "detuning", "ring")
     expect(file, "family")
     found = surrogate.load_family(file)
+    channel = channel_of(found, heated, read)
     target: dict[Any, float] = {}
     moving: Any = None
     if resistance:
@@ -58,50 +62,53 @@ def design(
     if rise_time:
         target["rise_time"] = quantity.positive(rise_time, "s", name="--rise-time")
     if period:
-        settled, moving = settled_of(found, ring, power, detuning)
+        settled, moving = settled_of(found, channel, ring, power, detuning)
         target[settled] = quantity.positive(period, "s", name="--period")
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
     fixed = fixed_of(found, fix)
-    settings: dict[str, Any] = {"fixed": fixed, "optics": moving, "seed": seed}
+    ports = {"heated": channel.heated, "read": channel.read}
+    settings: dict[str, Any] = {"fixed": fixed, "optics": moving, "seed": seed, **ports}
     with options.executor_of(context, scheduler, workers) as executor, working("searching"):
         result = surrogate.design(found, target=target, executor=executor, **settings)
     units = {**units_of(found), **dict.fromkeys(result.achieved, "s"), "thermal_resistance": "K/W"}
-    say("reached" if result.reached else "no member that was looked at does that; the nearest one:")
+    say(f"{channel}: {'reached' if result.reached else 'no member that was looked at does that; the nearest one:'}")
     for name, wanted in zip(result.achieved, target.values(), strict=True):
-        say(f"{name} = {written(result.achieved[name], units[name])}, wanted {written(wanted, units[name])}")
+        say(f"{channel}: {name} = {written(result.achieved[name], units[name])}, wanted {written(wanted, units[name])}")
     for name in found.names:
         end = " (end of its range)" if name in result.active else ""
-        say(f"{name} = {written(result.values[name], units[name])}{end}")
+        say(f"{channel}: {name} = {written(result.values[name], units[name])}{end}")
     free = [name for name in found.names if name not in fixed]
     for name, slopes in result.sensitivity.items():
         words = [
             f"{slope * result.values[one] / result.achieved[name]:+.3g} % for 1 % of {one}"
             for one, slope in slopes.items()
         ]
-        say(f"{name} changes by {', '.join(words)}")
+        say(f"{channel}: {name} changes by {', '.join(words)}")
     if result.reached and len(target) < len(free):
         note(
             f"{len(target)} wanted, {len(free)} free: one solution of many, the nearest to the geometry of the family "
             f"in units of the ranges; --fix {free[-1]}=... picks another"
         )
-    own = written(result.certified.thermal_resistance, "K/W")
-    say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
+    own = written(result.thermal_resistance, "K/W")
+    say(f"{channel}: on its own mesh R_th = {own}, off by {result.certified.error:.1e}")
     front = None
     if result.front is not None:
         front = {str(name): column.values.tolist() for name, column in result.front.items()}
         count = result.front.sizes["member"]
-        say(f"members that no other beats in all targets ({', '.join(result.achieved)}):")
+        say(f"{channel}: members that no other beats in all targets ({', '.join(result.achieved)}):")
         for k in sorted({round(k * (count - 1) / 8) for k in range(9)}):  # at most nine, ends included
-            say("  ".join(f"{name} = {written(values[k], units[name])}" for name, values in front.items()))
+            row = "  ".join(f"{name} = {written(values[k], units[name])}" for name, values in front.items())
+            say(f"{channel}: {row}")
     return {
+        **ports,
         "values": result.values,
         "achieved": result.achieved,
         "reached": result.reached,
         "active": list(result.active),
         "sensitivity": result.sensitivity,
         "error": result.certified.error,
-        "thermal_resistance": result.certified.thermal_resistance,
+        "thermal_resistance": result.thermal_resistance,
         "front": front,
     }
 
@@ -123,6 +130,8 @@ def uncertainty(
     ring: options.Ring = options.REFERENCE_RING,
     power: options.Power = "8 dBm",
     detuning: options.Detuning = "0 GHz",
+    heated: options.Heated = None,
+    read: options.Read = None,
     workers: options.Processes = 1,
     scheduler: options.Scheduler = None,
     seed: options.Seed = 0,
@@ -138,14 +147,16 @@ def uncertainty(
     check_outputs([map_], inputs=[file, ring])
     expect(file, "family")
     found = surrogate.load_family(file)
-    spreads, fixed = spreads_of(found, spread), fixed_of(found, fix)
+    channel = channel_of(found, heated, read)
+    spreads = spreads_of(found, spread)
+    fixed = fixed_of(found, fix)
     what: Any = "thermal_resistance"
     moving = None
     if map_:
-        resonator = ring_for(found, ring)
+        resonator = ring_for(found, channel, ring)
         what, moving = Pulsing(resonator, *grid(resonator, power, detuning, points)), optics_of(found, resonator)
     elif period:
-        what, moving = settled_of(found, ring, power, detuning)
+        what, moving = settled_of(found, channel, ring, power, detuning)
     held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads} | fixed
     if held:
         units = units_of(found)
@@ -154,23 +165,25 @@ def uncertainty(
     if period and interpolate is None:
         count = samples * (len(spreads) + 2)
         note(f"{count} settled cycles, some minutes; with --interpolate 150 only 150, interpolated, some seconds")
-    settings: dict[str, Any] = {"samples": samples, "fixed": fixed, "optics": moving, "seed": seed}
+    ports = {"heated": channel.heated, "read": channel.read}
+    settings: dict[str, Any] = {"samples": samples, "fixed": fixed, "optics": moving, "seed": seed, **ports}
     with options.executor_of(context, scheduler, workers) as executor, working("sampling"):
         data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, executor=executor, **settings)
     if map_:
         th.save(data, map_)
         unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())
-        say(f"{unsure:.0%} of the points pulse with a probability between 5 and 95 %")
+        say(f"{channel}: {unsure:.0%} of the points pulse with a probability between 5 and 95 %")
         wrote(map_)
-        return {"map": map_, "unsure": unsure, "probability": data["mean"].values.tolist()}
+        return {**ports, "map": map_, "unsure": unsure, "probability": data["mean"].values.tolist()}
     return _say(data, "s" if period else "K/W", interpolate)
 
 
 def _say(data: Any, unit: str, interpolate: int | None) -> dict[str, Any]:
     """Print and return mean, quantiles, and Sobol indices with their intervals of 95 % probability."""
+    channel = f"{data.attrs['heated']} to {data.attrs['read']}"
     names = ("mean", "standard_deviation", "quantile_05", "quantile_95")
     mean, deviation, low, high = (written(data.attrs[name], unit) for name in names)
-    say(f"mean {mean}, standard deviation {deviation}; 5 to 95 %: {low} .. {high}")
+    say(f"{channel}: mean {mean}, standard deviation {deviation}; 5 to 95 %: {low} .. {high}")
     parameters = list(map(str, data.parameter.values))
     for name in parameters:
         row = data.sel(parameter=name)
@@ -178,11 +191,11 @@ def _say(data: Any, unit: str, interpolate: int | None) -> dict[str, Any]:
             f"{row[kind].item():.3f} ({row[kind + '_low'].item():.3f} .. {row[kind + '_high'].item():.3f})"
             for kind in ("first_order", "total_order")
         )
-        say(f"{name}: first-order Sobol index {first}; total {total}")
-        say(f"{name}: {_change(row, unit)} for one standard deviation")
+        say(f"{channel}: {name}: first-order Sobol index {first}; total {total}")
+        say(f"{channel}: {name}: {_change(row, unit)} for one standard deviation")
     if interpolate:
         error = data.attrs["interpolation_error"]
-        say(f"interpolated between {interpolate} members; rms error {error:.1e} over held-out ones")
+        say(f"{channel}: interpolated between {interpolate} members; rms error {error:.1e} over held-out ones")
     kinds = [f"{kind}{end}" for kind in ("first_order", "total_order") for end in ("", "_low", "_high")]
     kinds += [kind for kind in ("per_deviation", "per_deviation_heat") if kind in data]
     return {**data.attrs, **{kind: dict(zip(parameters, data[kind].values.tolist(), strict=True)) for kind in kinds}}
@@ -219,23 +232,31 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
     return spreads
 
 
-def ring_for(family: Family, given: str) -> RingResonator:
+def channel_of(family: Family, heated: str | None, read: str | None) -> ChannelNames:
+    """The channel of --heated and --read; the error has the options' names."""
+    for option, part, parts in (("--heated", heated, family.inputs), ("--read", read, family.outputs)):
+        if part is not None:
+            checks.choice(option, part, parts)
+    return family.named_channel(heated, read)
+
+
+def ring_for(family: Family, channel: ChannelNames, given: str) -> RingResonator:
     """Return the ring of --ring; by default that of the family's geometry, if this has [light] and [[bus]]."""
     own = family.optics
     if given == options.REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
         found = ring_at(family, family.box.nominal)
         note(f"the ring is computed from the geometry: {found.name}; carriers of {given}")
-        return _as_read(found, family)
+        return _as_read(found, family, channel)
     found = ring_of(given)
     note_ring(found, given)
     check_geometry(found, family)
-    return _as_read(found, family)
+    return _as_read(found, family, channel)
 
 
-def _as_read(ring: RingResonator, family: Family) -> RingResonator:
+def _as_read(ring: RingResonator, family: Family, channel: ChannelNames) -> RingResonator:
     """The ring as it reads the models of a family, after one comparison of both temperatures for all members."""
-    middle = family.at(dict(zip(family.names, family.box.middle.tolist(), strict=True)))
-    check_read(ring, geometry_of(family), middle.inputs[0], middle.outputs[0])
+    middle = family.of_channel(channel, dict(zip(family.names, family.box.middle.tolist(), strict=True)))
+    check_read(ring, geometry_of(family), channel.heated, channel.read)
     return as_read(ring, middle)
 
 
@@ -277,9 +298,11 @@ class Settled:
         return float(found.attrs["period"])
 
 
-def settled_of(family: Family, ring: str, power: str, detuning: str) -> tuple[Settled, MovingRing | None]:
+def settled_of(
+    family: Family, channel: ChannelNames, ring: str, power: str, detuning: str
+) -> tuple[Settled, MovingRing | None]:
     """Return the settled period as a function of the member, and how the ring's optics depend on the geometry."""
-    resonator = ring_for(family, ring)
+    resonator = ring_for(family, channel, ring)
     watts = quantity.parse(power, "W", name="--power")
     return Settled(resonator, watts, detuning_of(detuning, resonator)), optics_of(family, resonator)
 

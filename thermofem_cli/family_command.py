@@ -65,6 +65,8 @@ def calibrate(
     noise: Annotated[
         str | None, typer.Option(help="Standard deviation of a sample, e.g. '10 mK'; a number alone is in K.")
     ] = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
 ) -> dict[str, Any]:
     """Find the ring of a family that explains thermal traces best, with standard errors."""
     if noise is not None:
@@ -76,17 +78,23 @@ def calibrate(
     for path in data:
         expect(path, "data")
     with working("fitting"), about(data):
-        result = surrogate.calibrate(found, [th.load(path) for path in data], noise=spread)
+        traces = [th.load(path) for path in data]
+        result = surrogate.calibrate(found, traces, noise=spread, heated=heated, read=read)
+    channel = result.channel
     for name, unit in zip(found.names, found.box.units, strict=True):
         value, error = result.values[name], result.standard_errors[name]
-        say(f"{name} = {written(value, unit, error)}" + (" (end of its range)" if name in result.active else ""))
-    say(f"residual {result.residual:.3g} K rms, correlation of neighbouring residuals {result.correlation:.2f}")
+        end = " (end of its range)" if name in result.active else ""
+        say(f"{channel}: {name} = {written(value, unit, error)}{end}")
+    noise = f"residual {result.residual:.3g} K rms, correlation of neighbouring residuals {result.correlation:.2f}"
+    say(f"{channel}: {noise}")
     for text in result.unseen:
-        say(f"not determined by the data: {text}")
-    say(f"± contains the noise only; on its own mesh the family is off by {result.certified.error:.1e}")
+        say(f"{channel}: not determined by the data: {text}")
+    say(f"{channel}: ± contains the noise only; on its own mesh the family is off by {result.certified.error:.1e}")
     return {
         "values": result.values,
         "standard_errors": result.standard_errors,
+        "heated": channel.heated,
+        "read": channel.read,
         "residual": result.residual,
         "correlation": result.correlation,
         "error": result.certified.error,

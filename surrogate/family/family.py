@@ -56,6 +56,17 @@ class HeldOut(float):
         return f"HeldOut(worst={self.worst:.2g}, median={self.median:.2g}, count={self.count})"
 
 
+@dataclass(frozen=True)
+class ChannelNames:
+    """The part of a family that is heated, and what is read."""
+
+    heated: str
+    read: str
+
+    def __str__(self) -> str:
+        return f"{self.heated} to {self.read}"
+
+
 @dataclass(frozen=True, eq=False)
 class Family:
     """Thermal models of all rings in a box of parameters, by projection on one basis.
@@ -139,6 +150,11 @@ class Family:
         b = checks.choice("read", read, self.outputs, default=default)
         return self.ports.index(a), self.ports.index(b)
 
+    def named_channel(self, heated: str | None = None, read: str | None = None) -> ChannelNames:
+        """Names of a heated and a read part; defaults and errors as of `channel`."""
+        a, b = self.channel(heated, read)
+        return ChannelNames(self.ports[a], self.ports[b])
+
     def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Model:
         """Return the Foster network of one member; with k(T) an OutputMap over it, of the first channel.
 
@@ -161,6 +177,10 @@ class Family:
     def at(self, values: Mapping[str, Any]) -> Model:
         """`model` of the first channel; ``values`` maps the name of each parameter to its value in SI."""
         return self.model(**values)
+
+    def of_channel(self, channel: ChannelNames, values: Mapping[str, Any]) -> Model:
+        """`model` of a channel; ``values`` maps the name of each parameter to its value in SI."""
+        return self.model(heated=channel.heated, read=channel.read, **values)
 
     def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
         if self.output_maps is None:

@@ -15,6 +15,7 @@ from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
+from ..family.family import ChannelNames
 from ..fitting.pole_projection import noise_along
 from .inverse_search import family_over, inside
 
@@ -50,6 +51,8 @@ class Calibration:
     certified : Certified
         the member on its own mesh.
     family : Family
+    channel : ChannelNames
+        heated and read, of the data and the members.
     """
 
     values: dict[str, float]
@@ -62,11 +65,12 @@ class Calibration:
     active: tuple[str, ...]
     certified: Certified = field(repr=False)
     family: Family = field(repr=False)
+    channel: ChannelNames
 
     @property
     def model(self) -> Foster | OutputMap:
         """The thermal model with these parameters."""
-        return self.family.at(self.values)
+        return self.family.of_channel(self.channel, self.values)
 
 
 def calibrate(
@@ -76,6 +80,8 @@ def calibrate(
     *,
     noise: float | None = None,
     tolerance: float = 1e-3,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> Calibration:
     """Fit geometry and material parameters to thermal traces.
 
@@ -98,6 +104,8 @@ def calibrate(
         standard deviation of a sample, in every trace; without it that of the residual of each trace is taken.
     tolerance : float
         of a family that is trained here; keep it below the relative noise of the mean of all samples.
+    heated, read : str
+        the channel of the data; default the first heated part, and itself or what the family reads first.
 
     Returns
     -------
@@ -109,7 +117,7 @@ def calibrate(
     ------
     InputError
         fewer samples than parameters, ranges outside the family's box, data without a drive, or data of another part
-        than the family's first channel.
+        than the channel.
     """
     from scipy.optimize import least_squares
 
@@ -117,7 +125,8 @@ def calibrate(
     ranges = family.ranges | {name: inside(family, name, ends) for name, ends in (free or {}).items()}
     low, high = np.array(list(ranges.values())).T
     responses = responses_of(data)
-    channel = family.channel()
+    channel = family.channel(heated, read)
+    names = family.named_channel(heated, read)
     _check_channel(family, channel, data)
     warn_of(responses)
     measured = np.concatenate([response.rise for response in responses])
@@ -128,12 +137,16 @@ def calibrate(
     def values_of(x: Array) -> dict[str, float]:
         return dict(zip(family.names, span.at(x).tolist(), strict=True))
 
+    def member(x: Array) -> Foster | OutputMap:
+        return family.of_channel(names, values_of(x))
+
     def misfit(x: Array) -> Array:
-        return (np.concatenate([_rise(family.at(values_of(x)), d) for d in responses]) - measured) / scale
+        model = member(x)
+        return (np.concatenate([_rise(model, d) for d in responses]) - measured) / scale
 
     def jacobian(x: Array) -> Array:
         row = span.at(x)
-        model = family.at(values_of(x))
+        model = member(x)
         modal = family.modal_derivative(row, channel)
         each = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
         if isinstance(model, OutputMap) and family.output_maps is not None:  # dT = z + a z^2
@@ -167,6 +180,7 @@ def calibrate(
         active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
         certified=family.certify(**found),
         family=family,
+        channel=names,
     )
 
 

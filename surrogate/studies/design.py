@@ -11,6 +11,7 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..family import Certified, Family
+from ..family.family import ChannelNames
 from .inverse_search import LACKING, QUANTITIES, Follows, Quantity, Ranges, Search, family_over, search_of, wanted_of
 
 CANDIDATES = 64  # members looked at before the search; the best of them begins it
@@ -40,6 +41,8 @@ class Design:
         the member on its own mesh.
     message : str
     family : Family
+    channel : ChannelNames
+        heated and read, of the properties.
     front : xarray.Dataset or None
         where several targets are not reached at once: over "member", quantities and parameters of those of 1024 that
         no other one beats in all targets.
@@ -54,12 +57,18 @@ class Design:
     certified: Certified = field(repr=False)
     message: str
     family: Family = field(repr=False)
+    channel: ChannelNames
     front: xr.Dataset | None = field(default=None, repr=False)
 
     @property
     def model(self) -> Foster | OutputMap:
         """The thermal model of the member."""
-        return self.family.at(self.values)
+        return self.family.of_channel(self.channel, self.values)
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th of the channel in K/W, on the member's own mesh."""
+        return self.certified.model.channel(self.channel.heated, self.channel.read).thermal_resistance
 
 
 def design(
@@ -72,6 +81,8 @@ def design(
     tolerance: float = 1e-3,
     executor: Executor | None = None,
     seed: int = 0,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> Design:
     """Find the member whose properties come nearest to the wanted ones.
 
@@ -99,6 +110,8 @@ def design(
     executor : concurrent.futures.Executor
         of the training, and of the members that the search begins from and the front is made of.
     seed : int
+    heated, read : str
+        the channel of the members; default the first heated part, and itself or what the family reads first.
 
     Returns
     -------
@@ -115,7 +128,8 @@ def design(
         if name in QUANTITIES:
             checks.positive(f"target {name}", value)
     family = family_over(family, free, tolerance, executor)
-    search = search_of(family, free, target, fixed, optics)
+    channel = family.named_channel(heated, read)
+    search = search_of(family, free, target, fixed, optics, channel)
     x = _nearest(search, seed, executor)
     got = search.achieved(x)
     if all(np.isnan(value) for value in got.values()):
@@ -133,8 +147,9 @@ def design(
         active=tuple(at),
         sensitivity=slopes,
         certified=family.certify(**found),
-        message=_message(search, reached, got, at, slopes),
+        message=f"{channel}: {_message(search, reached, got, at, slopes)}",
         family=family,
+        channel=channel,
         front=front,
     )
 

@@ -16,6 +16,7 @@ from thermofem.geometry.parameter_paths import change
 
 from ..export.poles import poles_of
 from ..family import Family, train_family
+from ..family.family import ChannelNames
 
 log = logging.getLogger("thermofem")
 
@@ -140,16 +141,26 @@ def word(quantity: Quantity) -> str:
 class Property:
     """A property as a function of a member's parameters; nan where its computation raises InputError.
 
+    channel: heated part, and what is read, of the model that the property is one of; default the family's first.
     reason: why the last member without the property has none.
     """
 
-    def __init__(self, family: Family, quantity: Quantity, optics: Follows | None = None) -> None:
+    def __init__(
+        self,
+        family: Family,
+        quantity: Quantity,
+        optics: Follows | None = None,
+        channel: ChannelNames | None = None,
+    ) -> None:
         if optics is not None:
             checks.has("optics", optics, "changes", hint="surrogate.Optics, or coupled.ring_family.MovingRing")
             optics.check(family)
         if isinstance(quantity, str):
             checks.choice("quantity", quantity, QUANTITIES, hint="or give a function of a model")
-        self.family, self.quantity, self.optics = family, quantity, optics
+        self.family = family
+        self.quantity = quantity
+        self.optics = optics
+        self.channel = channel or family.named_channel()
         self.reason = "none was looked at"
 
     def many(self, members: Sequence[Mapping[str, float]], executor: Executor | None = None) -> list[Any]:
@@ -182,7 +193,7 @@ class Property:
 
     def __call__(self, values: Mapping[str, float]) -> Any:
         """Value of the property for the member with the parameters ``values`` in SI; nan where it has none."""
-        model = self.family.at(values)
+        model = self.family.of_channel(self.channel, values)
         try:
             if isinstance(self.quantity, str):
                 return QUANTITIES[self.quantity](model)
@@ -263,6 +274,7 @@ def search_of(
     target: Mapping[Quantity, float],
     fixed: Mapping[str, float] | None,
     optics: Follows | None,
+    channel: ChannelNames,
 ) -> Search:
     """Check targets, ranges and fixed values, and make the `Search`."""
     fixed = checks.mapping("fixed", fixed)
@@ -280,7 +292,7 @@ def search_of(
             low[k] = high[k] = held[k]
     if not np.any(high > low):
         raise checks.InputError("nothing is free; name a parameter in free, or fix fewer")
-    properties = {word(quantity): Property(family, quantity, optics) for quantity in target}
+    properties = {word(quantity): Property(family, quantity, optics, channel) for quantity in target}
     return Search(family, low, high, held, properties, wanted_of(target))
 
 

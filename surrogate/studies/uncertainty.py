@@ -35,6 +35,8 @@ def uncertainty(
     interpolate: int | None = None,
     executor: Executor | None = None,
     seed: int = 0,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> xr.Dataset:
     """Distribution of a property of the members, and the Sobol index of every parameter.
 
@@ -62,6 +64,8 @@ def uncertainty(
     executor : concurrent.futures.Executor
         where members are worked out, such as that of a Dask client; the quantity must then be one that it can pickle.
     seed : int
+    heated, read : str
+        the channel of the members; default the first heated part, and itself or what the family reads first.
 
     Returns
     -------
@@ -70,7 +74,7 @@ def uncertainty(
         per_deviation, half the change from 16 to 84 % of one parameter; with ``optics`` also per_deviation_heat, with
         the optics at rest; over "sample": ``value``. Attributes: mean, standard_deviation, quantile_05, quantile_50,
         quantile_95, missing (share of members without the property), and with ``interpolate`` interpolation_error
-        (rms, relative, over held-out members). Of a map: mean (of Booleans the probability),
+        (rms, relative, over held-out members), heated and read. Of a map: mean (of Booleans the probability),
         standard_deviation, first_order and total_order at every point (nan where nothing varies). Without ``optics``
         it is the thermal part alone.
 
@@ -84,8 +88,10 @@ def uncertainty(
     """
     fixed = checks.mapping("fixed", fixed)
     _check(family, distributions, fixed, samples)
-    study = _Study(Property(family, quantity, optics), distributions, fixed, executor)
+    channel = family.named_channel(heated, read)
+    study = _Study(Property(family, quantity, optics, channel), distributions, fixed, executor)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
+    attrs |= {"heated": channel.heated, "read": channel.read}
     values: Callable[[Array], Any] = study.values
     if interpolate is not None:
         tails = np.tile([TAIL, 1 - TAIL], (len(distributions), 1))
@@ -103,7 +109,7 @@ def uncertainty(
         per = {"per_deviation": study.per_deviation()}
         if optics is not None and callable(quantity):
             rest = optics.changes(family, study.medians)
-            still = Property(family, lambda model: quantity(model, rest))
+            still = Property(family, lambda model: quantity(model, rest), channel=channel)
             per["per_deviation_heat"] = replace(study, one=still).per_deviation()
         return data.assign({name: ("parameter", change) for name, change in per.items()})
     table = [np.ravel(value) if np.ndim(value) else np.full(np.size(like), np.nan) for value in found]
@@ -180,7 +186,8 @@ class _Study:
         """The property of n members with varied parameters x, shape (p, n); R_th of all of them in one call."""
         if self.one.quantity == "thermal_resistance":
             columns: dict[str, Any] = {**self.held, **dict(zip(self.distributions, x, strict=True))}
-            return self.one.family.thermal_resistance(**columns)
+            channel = self.one.channel
+            return self.one.family.thermal_resistance(heated=channel.heated, read=channel.read, **columns)
         held = self.held
         members = [{**held, **dict(zip(self.distributions, row, strict=True))} for row in x.T.tolist()]
         return self.one.many(members, self.executor)
