@@ -17,7 +17,7 @@ from thermofem.fem import HeatProblem
 from thermofem.models import ThermalModel
 from thermofem.ring_temperature import check_read, detuning_output
 
-from ..arguments import check_detuning, check_power
+from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import heater_power
 from ..resonator import RingResonator
 from ..thermal import check_geometry, compact, geometry_of
@@ -123,13 +123,14 @@ def explore(
     order = getattr(models, "order", None)
     alone = f"{type(models).__name__}{f', {order} poles' if order else ''}"
     given: Mapping[str, Any] = {} if models is None else models if isinstance(models, Mapping) else {alone: models}
+    check_ring(ring)
     parts = contents.Parts(heated, read, ring.read)
+    own = [] if models is None else contents.models_of(given, parts)
     every = [*given.values()] if family is None else [family, *given.values()]
     check_geometry(ring, every[0] if heat is None else heat)
     for model in every:
         small = contents.channels_of(_middle(model) if model is family else model, parts).model
         check_read(ring, geometry_of(model), small.inputs[0], small.outputs[0], chosen=read is not None)
-    own = [] if models is None else contents.models_of(given, parts)
     names = [model["name"] for model in own]
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
     rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE)

@@ -24,7 +24,7 @@ from thermofem.data import dataset, files
 from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
-from ..arguments import bar, check_duration
+from ..arguments import bar, check_duration, check_ring
 from ..equilibria.steady_states import Fixed
 from ..heaters import constant
 from ..kernel.units import FJ, NS
@@ -127,6 +127,7 @@ def pulsing_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Figs. 4 and 6; cold start, as the paper's shutter does.
     """
+    check_ring(ring)
     warm = constant(model, ring.read, heaters, heated, read)
     doubts = check_model(ring, model, warm.model, read)
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)

@@ -10,6 +10,7 @@ from thermofem import InputError, OutputMap, dataset
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
+from ..arguments import check_ring
 from ..equilibria.balance import absorbable
 from ..heaters import constant
 from ..kernel.units import NS
@@ -66,6 +67,7 @@ def stability_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, for the maps.
     """
+    check_ring(ring)
     warm = constant(model, ring.read, heaters, heated, read)
     doubts = check_model(ring, model, warm.model, read)
     grid = grid_of(ring, powers, detunings, vary).warmed(warm)
