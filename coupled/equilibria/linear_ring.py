@@ -359,7 +359,7 @@ def _of_circuit(
     found = fixed_points(system, starts, seed)
     states = described(system, found)
     trusted(model, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
-    state = _picked(states, "state", branch).assign_attrs(detuning=float(detuning))
+    state = _picked(states, "state", branch).assign_attrs(detuning=float(detuning), **system.heat.doubts)
     y = found[branch]
     rings = len(circuit.names)
     ports = slice(len(circuit.ports))
