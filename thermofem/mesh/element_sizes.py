@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.regions import Subdivision
 
-LARGEST = 4e-6  # m, near the heat
+LARGEST_SIZE = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
 THICKNESS = 450e-9 * 220e-9 / 1340e-9
 EXTENT = math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
@@ -48,7 +48,7 @@ class Sizes:
     h: float
     slope: float
     h_c: float
-    largest: float = LARGEST
+    largest: float = LARGEST_SIZE
 
 
 def sizes(accuracy: float) -> Sizes:
@@ -65,7 +65,10 @@ def sizes(accuracy: float) -> Sizes:
     hint = "it is the wanted relative error of the thermal resistance and the step response"
     decades = -3 - math.log10(checks.between("accuracy", accuracy, 1e-5, 0.05, hint=hint))
     decades *= 0.85 if decades < 0 else 1.0  # corners and layers that are hardly resolved give less than the power law
-    return Sizes(h=45e-9 * (2 / 3) ** decades, slope=0.5 * (3 / 5) ** decades, h_c=10e-9 * (1 / 5) ** decades)
+    h = 45e-9 * (2 / 3) ** decades
+    slope = 0.5 * (3 / 5) ** decades
+    h_c = 10e-9 * (1 / 5) ** decades
+    return Sizes(h, slope, h_c)
 
 
 def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
@@ -83,21 +86,27 @@ def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
     extent = float(np.sqrt(areas).min()) / EXTENT
     grown = max(1.0, min(thickness / THICK, geometry.outer_radius / WIDE))
     h = at.h * grown * min(thickness, 16.0) ** 0.25
-    return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST * grown)
+    return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST_SIZE * grown)
 
 
 def _perimeter(edges: NDArray[np.float64], *, mirrored: bool) -> float:
     """Length of a face's outline in m; of a mirrored section with that of its image, without the mirror plane."""
     lengths = np.linalg.norm(np.diff(edges, axis=1), axis=-1)[:, 0]
-    return float(2 * lengths[edges[:, :, 0].any(axis=1)].sum() if mirrored else lengths.sum())
+    if not mirrored:
+        return float(lengths.sum())
+    off_mirror = edges[:, :, 0].any(axis=1)
+    return float(2 * lengths[off_mirror].sum())
 
 
 def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:
     """Function of (r, z) in m that returns the element size in m there; the mesher calls it some thousand times."""
     at, cut = fitted(geometry, at), geometry.subdivision
-    edges = [_drawn(geometry, heated) for heated in (True, False)]
-    heated, other = (shapely.multilinestrings(shapely.linestrings(cut.corners[ends])) for ends in edges)
-    corners = np.array(_corners(cut, np.unique(np.concatenate(edges)), heated, at.h_c)).reshape(-1, 3)
+    of_heated = _drawn(geometry, True)
+    of_others = _drawn(geometry, False)
+    heated = shapely.multilinestrings(shapely.linestrings(cut.corners[of_heated]))
+    other = shapely.multilinestrings(shapely.linestrings(cut.corners[of_others]))
+    ends = np.unique(np.concatenate([of_heated, of_others]))
+    corners = np.array(_corners(cut, ends, heated, at.h_c)).reshape(-1, 3)
     copies = _copies(geometry)
     far = min(1.0, at.slope / sizes(1e-3).slope) if copies else 1.0
     edge = max(part.outer_radius for part in geometry.parts if part.heated)
@@ -110,7 +119,8 @@ def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float],
             smallest = min(smallest, at.h * (1 + d / REACH) + at.slope * other.distance(point))
         for inner, outer, middle in copies:
             x = min(max(r, inner), outer)
-            smallest = min(smallest, far * (x - edge) / 4 + at.slope * math.hypot(r - x, z - middle))
+            on_copy = far * (x - edge) / 4
+            smallest = min(smallest, on_copy + at.slope * math.hypot(r - x, z - middle))
         at_corners = corners[:, 2] + at.slope * np.hypot(corners[:, 0] - r, corners[:, 1] - z)
         return float(at_corners.min(initial=smallest))
 
@@ -121,34 +131,46 @@ def _copies(geometry: CrossSection) -> list[tuple[float, float, float]]:
     """Inner and outer radius and middle height in m of every copy off the axis."""
     parts = {part.name: part for part in geometry.parts}
     copies = [(probe.distance, parts[probe.part]) for probe in geometry.probes if probe.distance is not None]
-    return [(d - part.outer_radius, d + part.outer_radius, part.bottom + part.height / 2) for d, part in copies]
+    rows = []
+    for distance, part in copies:
+        middle = part.bottom + part.height / 2
+        rows.append((distance - part.outer_radius, distance + part.outer_radius, middle))
+    return rows
 
 
 def _drawn(geometry: CrossSection, heated: bool) -> NDArray[np.intp]:
     """Edges, as pairs of corners, of the heated parts or of all others and voids; not those on axis or outer side."""
-    cut, parts = geometry.subdivision, {part.name for part in geometry.parts if part.heated == heated}
-    own = np.array([not parts.isdisjoint(pair) for pair in cut.owners]) | ((cut.side == "wall") & (not heated))
-    return cut.ends[own & ~np.isin(cut.side, ["axis", "outer"])]
+    cut = geometry.subdivision
+    parts = {part.name for part in geometry.parts if part.heated == heated}
+    drawn = np.array([not parts.isdisjoint(pair) for pair in cut.owners])
+    if not heated:
+        drawn |= cut.side == "wall"
+    return cut.ends[drawn & ~np.isin(cut.side, ["axis", "outer"])]
 
 
 def _corners(cut: Subdivision, ends: NDArray[np.intp], heated: Any, h_c: float) -> list[tuple[float, float, float]]:
     """r, z and element size in m at ends of edges, except at convex corners in the open, where the field is smooth."""
     turns: dict[tuple[float, float], list[float]] = {}
-    for ring in (ring for face in cut.faces for ring in face.rings):
-        before = ring - np.roll(ring, 1, axis=0)
-        after = np.roll(ring, -1, axis=0) - ring
-        for (r, z), turn in zip(ring.tolist(), before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], strict=True):
-            turns.setdefault((r, z), []).append(turn)
+    for face in cut.faces:
+        for ring in face.rings:
+            before = ring - np.roll(ring, 1, axis=0)
+            after = np.roll(ring, -1, axis=0) - ring
+            cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+            for (r, z), turn in zip(ring.tolist(), cross, strict=True):
+                turns.setdefault((r, z), []).append(turn)
     at_end = set(cut.ends[np.isin(cut.side, ["axis", "outer"])].flat)
     in_the_open = set(cut.ends[np.isin(cut.side, ["top", "wall"])].flat)
-    found = []
+    rows = []
     for k in ends:
         r, z = cut.corners[k].tolist()
-        if k in at_end or (k in in_the_open and len(turns[r, z]) == 1 and turns[r, z][0] > 0):
+        convex = len(turns[r, z]) == 1 and turns[r, z][0] > 0
+        if k in at_end or (k in in_the_open and convex):
             continue
         # 0.15: an insulated surface makes the singularity r^(1/2) instead of r^(2/3): h_c is reduced to this
         share = 0.15 if k in in_the_open else 1.0
-        away = np.hypot(*(cut.corners[ends[ends != k]] - (r, z)).T)
-        wanted = h_c * share * (1 + heated.distance(shapely.Point(r, z)) / REACH)
-        found.append((r, z, float(away.min(initial=wanted))))
-    return found
+        others = cut.corners[ends[ends != k]]
+        away = np.hypot(others[:, 0] - r, others[:, 1] - z)
+        distance = heated.distance(shapely.Point(r, z))
+        size = h_c * share * (1 + distance / REACH)
+        rows.append((r, z, float(away.min(initial=size))))
+    return rows

@@ -47,13 +47,17 @@ def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:
     """The file of the committed mesh with this content, in the installed package or in the checkout."""
     here = Path(__file__).resolve().parents[1]
     pattern = f"*-{content_hash(geometry, accuracy)}.npz"
-    return next((path for folder in (here / "meshes", here.parent / "meshes") for path in folder.glob(pattern)), None)
+    installed = here / "meshes"
+    in_checkout = here.parent / "meshes"
+    committed = [*installed.glob(pattern), *in_checkout.glob(pattern)]
+    return committed[0] if committed else None
 
 
 def read_committed(path: Path) -> Mesh:
     """Read a mesh that benchmarks/make_meshes.py wrote: the arrays of a `Mesh` under their names."""
-    with np.load(path) as found:
-        return Mesh(found["points"], found["triangles"], found["region"], tuple(found["region_names"].tolist()))
+    with np.load(path) as arrays:
+        names = tuple(arrays["region_names"].tolist())
+        return Mesh(arrays["points"], arrays["triangles"], arrays["region"], names)
 
 
 def content_hash(geometry: CrossSection, accuracy: float) -> str:
@@ -62,12 +66,15 @@ def content_hash(geometry: CrossSection, accuracy: float) -> str:
     Materials, boundary conditions and the geometry's name do not enter.
     """
     role = {part.name: "heated" if part.heated else "part" for part in geometry.parts}
-    faces = [
-        (face.owner, role.get(face.owner, "layer"), [np.rint(ring / GRID).astype(int).tolist() for ring in face.rings])
-        for face in geometry.subdivision.faces
-    ]
+    faces = []
+    for face in geometry.subdivision.faces:
+        rings = [np.rint(ring / GRID).astype(int).tolist() for ring in face.rings]
+        faces.append((face.owner, role.get(face.owner, "layer"), rings))
     copies = sorted(probe.distance for probe in geometry.probes if probe.distance is not None)
-    text = repr((VERSION, f"{accuracy:.6e}", faces, *([copies] if copies else [])))
+    content = [VERSION, f"{accuracy:.6e}", faces]
+    if copies:
+        content.append(copies)
+    text = repr(tuple(content))
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
@@ -77,7 +84,8 @@ def gmsh_problem() -> str | None:
         for module in ("gmsh", "pygmsh"):
             importlib.import_module(module)
     except (ImportError, OSError) as error:
-        brings = f"pip install {error.name}" if isinstance(error, ModuleNotFoundError) else f"Debian: {DEBIAN}"
+        is_module = isinstance(error, ModuleNotFoundError)
+        brings = f"pip install {error.name}" if is_module else f"Debian: {DEBIAN}"
         remedy = "the committed meshes of the reference cross-sections work without it"
         return f"gmsh cannot be loaded: {error} ({brings}); {remedy}"
     return None
@@ -94,9 +102,8 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
 
     Raises InputError, MissingLibraryError: as `mesh_for`.
     """
-    mesh = make_faces(
-        geometry.subdivision.faces, size_function(geometry, sizes(accuracy)), geometry.name, geometry.depth
-    )
+    size = size_function(geometry, sizes(accuracy))
+    mesh = make_faces(geometry.subdivision.faces, size, geometry.name, geometry.depth)
     meshed = mesh.volumes()
     for name, volume in geometry.volumes().items():
         if abs(meshed[name] - volume) > 1e-9 * volume:
@@ -141,22 +148,31 @@ def _triangulate(
     gmsh.model.add("thermofem")
     try:
         surfaces = _surfaces(builder, faces)
-        builder.set_mesh_size_callback(lambda dim, tag, r, z, _, __: size(r * MICRON, z * MICRON) / MICRON)
+
+        def in_microns(dim: int, tag: int, r: float, z: float, _: float, __: float) -> float:
+            return size(r * MICRON, z * MICRON) / MICRON
+
+        builder.set_mesh_size_callback(in_microns)
         for option, value in OPTIONS.items():
             gmsh.option.setNumber(option, value)
         builder.synchronize()
         gmsh.model.mesh.generate(2)
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        cells = [gmsh.model.mesh.getElementsByType(2, surface.dim_tag[1])[1].reshape(-1, 3) for surface in surfaces]
+        cells = []
+        for surface in surfaces:
+            _, nodes = gmsh.model.mesh.getElementsByType(2, surface.dim_tag[1])
+            cells.append(nodes.reshape(-1, 3))
     finally:
         gmsh.model.mesh.removeSizeCallback()
         gmsh.model.remove()
         gmsh.model.setCurrent(before)
     names = tuple(dict.fromkeys(face.owner for face in faces))
-    region = np.repeat([names.index(face.owner) for face in faces], [len(cell) for cell in cells])
+    owners = [names.index(face.owner) for face in faces]
+    region = np.repeat(owners, [len(cell) for cell in cells])
     order = np.argsort(tags)
     used, triangles = np.unique(np.concatenate(cells), return_inverse=True)
-    points = coordinates.reshape(-1, 3)[order[np.searchsorted(tags, used, sorter=order)], :2] * MICRON
+    rows = order[np.searchsorted(tags, used, sorter=order)]
+    points = coordinates.reshape(-1, 3)[rows, :2] * MICRON
     return points, triangles.reshape(-1, 3).astype(np.int64), region.astype(np.int64), names
 
 
@@ -168,7 +184,8 @@ def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
     def line(start: tuple[float, float], stop: tuple[float, float]) -> Any:
         for corner in (start, stop):
             if corner not in points:
-                points[corner] = builder.add_point([corner[0] / MICRON, corner[1] / MICRON, 0.0])
+                r, z = corner
+                points[corner] = builder.add_point([r / MICRON, z / MICRON, 0.0])
         if (stop, start) in lines:
             return -lines[stop, start]
         if (start, stop) not in lines:
@@ -177,9 +194,14 @@ def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
 
     def loop(ring: NDArray[np.float64]) -> Any:
         corners = [(float(r), float(z)) for r, z in ring]
-        return builder.add_curve_loop([line(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
+        following = corners[1:] + corners[:1]
+        return builder.add_curve_loop([line(a, b) for a, b in zip(corners, following, strict=True)])
 
-    return [builder.add_plane_surface(loop(face.rings[0]), [loop(hole) for hole in face.rings[1:]]) for face in faces]
+    surfaces = []
+    for face in faces:
+        outline, *holes = [loop(ring) for ring in face.rings]
+        surfaces.append(builder.add_plane_surface(outline, holes))
+    return surfaces
 
 
 @contextlib.contextmanager

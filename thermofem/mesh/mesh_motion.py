@@ -42,8 +42,9 @@ if TYPE_CHECKING:
     from ..geometry.parameter_paths import Change
     from ..geometry.regions import Face
 
-NEAR = 1e-9  # of the largest coordinate: a vertex this near to an edge lies on it
+ON_EDGE = 1e-9  # of the largest coordinate: a vertex this near to an edge lies on it
 AGREE = 1e-6  # of the largest velocity: two velocities of one edge that differ by less are the same
+PARALLEL = 1e-6  # singular value, of unit normals, below which edges count as parallel
 SOFT = 1.0  # the larger, the more of the strain goes to large triangles; the smaller, the further a mesh can move
 
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
@@ -70,19 +71,22 @@ class Motion:
 
         Shapes (vertices, 2), (vertices, c) and (vertices, 2); zero where a vertex lies on no edge.
         """
-        points, slack = self._once.points, NEAR * float(np.abs(self.corners).max())
+        points = self._once.points
+        slack = ON_EDGE * float(np.abs(self.corners).max())
         shares = np.zeros((len(points), len(self.corners)))
         held = np.zeros((len(points), 2), dtype=bool)
         ends = np.zeros((len(points), 2), dtype=np.intp)
         for a, b in self._cut.ends.tolist():
-            origin, along = self.corners[a], self.corners[b] - self.corners[a]
+            along = self.corners[b] - self.corners[a]
             length = float(np.hypot(*along))
-            offset = points - origin
-            place = offset @ along / length**2
-            away = np.abs(offset[:, 0] * along[1] - offset[:, 1] * along[0]) / length
-            there = (away < slack) & (np.abs(place - 0.5) < 0.5 + slack / length) & ~held.all(axis=1)
+            r, z = (points - self.corners[a]).T
+            share = (r * along[0] + z * along[1]) / length**2
+            away = np.abs(r * along[1] - z * along[0]) / length
+            between_ends = np.abs(share - 0.5) < 0.5 + slack / length
+            there = (away < slack) & between_ends & ~held.all(axis=1)
             shares[there] = 0.0
-            shares[there, a], shares[there, b] = 1 - place[there], place[there]
+            shares[there, a] = 1 - share[there]
+            shares[there, b] = share[there]
             ends[there] = a, b
             held[there] |= np.abs(along[::-1]) > slack  # an edge along r gives z, and the other way round
         for c, corner in enumerate(self.corners):
@@ -104,7 +108,8 @@ class Motion:
             rows = stiffness[free]
             load = -(rows[:, held] @ self._shares[held])
             solve = factorize(rows[:, free])
-            weights[axis, free] = np.column_stack([solve(np.ascontiguousarray(column)) for column in load.T])
+            columns = [solve(np.ascontiguousarray(column)) for column in load.T]
+            weights[axis, free] = np.column_stack(columns)
         return weights
 
     def corners_of(self, geometry: CrossSection) -> Array:
@@ -113,14 +118,12 @@ class Motion:
         Raises InputError: the other geometry has other faces, or a face with another number of corners.
         """
         faces = geometry.subdivision.faces
-        sizes = ([(face.owner, *map(len, face.rings)) for face in each] for each in (faces, self._cut.faces))
-        if len({str(one) for one in sizes}) > 1:
+        if _counts(faces) != _counts(self._cut.faces):
             raise InputError("the new geometry has other faces than the old one, so its mesh cannot follow")
-        pairs = {
-            (tuple(corner), tuple(place))
-            for ring, old in zip(_rings(faces), _rings(self._cut.faces), strict=True)
-            for corner, place in zip(old.tolist(), _aligned(ring, old).tolist(), strict=True)
-        }
+        pairs = set()
+        for ring, old in zip(_rings(faces), _rings(self._cut.faces), strict=True):
+            for corner, place in zip(old.tolist(), _aligned(ring, old).tolist(), strict=True):
+                pairs.add((tuple(corner), tuple(place)))
         moved = dict(pairs)
         if len(moved) < len(pairs):
             raise InputError("the faces of the new geometry meet in other corners, so its mesh cannot follow")
@@ -145,9 +148,11 @@ class Motion:
         points[both] = self._shares[both] @ corners
         for axis in (0, 1):  # the edge may have been tilted: its line at the other coordinate
             on = self._held[:, axis] & ~both
-            (a, b), other = self._ends[on].T, 1 - axis
-            share = (points[on, other] - corners[a, other]) / (corners[b, other] - corners[a, other])
-            points[on, axis] = corners[a, axis] + share * (corners[b, axis] - corners[a, axis])
+            first, last = corners[self._ends[on].T]
+            along = last - first
+            other = 1 - axis
+            share = (points[on, other] - first[:, other]) / along[:, other]
+            points[on, axis] = first[:, axis] + share * along[:, axis]
         if signed_areas(points, self._once.triangles).min() <= 0:
             raise InputError("triangles of the mesh turn over on the way to the new geometry; make a new mesh")
         return np.asarray(points[self._place])
@@ -159,7 +164,13 @@ def quality(points: Array, triangles: NDArray[np.int64]) -> Array:
     b = points[triangles[:, 1]]
     c = points[triangles[:, 2]]
     squares = sum(np.sum(edge**2, axis=1) for edge in (b - a, c - b, a - c))
-    return np.asarray(4 * np.sqrt(3) * signed_areas(points, triangles) / squares)
+    areas = signed_areas(points, triangles)
+    return np.asarray(4 * np.sqrt(3) * areas / squares)
+
+
+def _counts(faces: tuple[Face, ...]) -> list[tuple[Any, ...]]:
+    """Owner of each face, and the number of corners of each of its outlines."""
+    return [(face.owner, *map(len, face.rings)) for face in faces]
 
 
 def _rings(faces: tuple[Face, ...]) -> list[Array]:
@@ -172,7 +183,10 @@ def _aligned(ring: Array, old: Array) -> Array:
     before = old - old.mean(axis=0)
     shape = shape / np.ptp(shape, axis=0)
     before = before / np.ptp(before, axis=0)
-    costs = [float(np.sum((np.roll(shape, -k, axis=0) - before) ** 2)) for k in range(len(ring))]
+    costs = []
+    for k in range(len(ring)):
+        distance_squares = (np.roll(shape, -k, axis=0) - before) ** 2
+        costs.append(float(distance_squares.sum()))
     return np.roll(ring, -int(np.argmin(costs)), axis=0)
 
 
@@ -181,10 +195,12 @@ def _stiffness(mesh: Mesh) -> Any:
     corners = mesh.points[mesh.triangles]
     edges = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # opposite to each corner
     area = signed_areas(mesh.points, mesh.triangles)
-    local = np.einsum("eix,ejx->eij", edges, edges) / (4 * area ** (1 + SOFT / 2))[:, None, None]
-    rows = np.broadcast_to(mesh.triangles[:, :, None], local.shape)
-    columns = np.broadcast_to(mesh.triangles[:, None, :], local.shape)
-    return csr_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(mesh.points),) * 2)
+    softness = 4 * area ** (1 + SOFT / 2)
+    local = np.einsum("eix,ejx->eij", edges, edges) / softness[:, None, None]
+    rows = np.broadcast_to(mesh.triangles[:, :, None], local.shape).ravel()
+    columns = np.broadcast_to(mesh.triangles[:, None, :], local.shape).ravel()
+    count = len(mesh.points)
+    return csr_matrix((local.ravel(), (rows, columns)), shape=(count, count))
 
 
 @dataclass(frozen=True)
@@ -204,6 +220,10 @@ class Line:
         """Velocity in the middle of the edge."""
         return (self.start + self.stop) / 2
 
+    def apart(self, other: Line) -> float:
+        """Difference of the velocities of two lines, at both ends."""
+        return abs(self.start - other.start) + abs(self.stop - other.stop)
+
 
 class CornerMotion:
     """Velocities of the corners of a geometry's faces when a parameter changes.
@@ -213,7 +233,8 @@ class CornerMotion:
 
     def __init__(self, geometry: CrossSection, roles: Collection[str]) -> None:
         self.geometry, self.roles = geometry, set(roles)
-        self.roles |= {interface.part for interface in geometry.interfaces} | {p.part for p in geometry.probes}
+        self.roles |= {interface.part for interface in geometry.interfaces}
+        self.roles |= {probe.part for probe in geometry.probes}
         self.edges = geometry.subdivision
         self.outlines = outlines(geometry)
         self.polygons = {name: shapely.Polygon(outline / GRID) for name, outline in self.outlines.items()}
@@ -237,8 +258,9 @@ class CornerMotion:
             normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)  # to the left
             line = self._line(k, normal, change)
             left, right = map(self.key, self.edges.owners[k])
-            for corner, speed in ((a, line.start), (b, line.stop)):
-                (soft if left == right else hard)[corner].append((normal, speed))
+            wanted = soft if left == right else hard
+            wanted[a].append((normal, line.start))
+            wanted[b].append((normal, line.stop))
         return np.array([self._corner(k, hard[k], soft[k], change) for k in range(count)])
 
     def _corner(
@@ -258,9 +280,10 @@ class CornerMotion:
             wanted = np.array([speed for _, speed in rows])
             inside = normals @ free
             u, s, vt = np.linalg.svd(inside)
-            rank = int((s > 1e-6).sum())  # 1e-6: singular value, of unit normals, below which edges count as parallel
+            rank = int((s > PARALLEL).sum())
             missing = wanted - normals @ velocity
-            step = vt[:rank].T @ ((u[:, :rank].T @ missing) / s[:rank])
+            along = (u[:, :rank].T @ missing) / s[:rank]
+            step = vt[:rank].T @ along
             velocity = velocity + free @ step
             if must and np.abs(normals @ velocity - wanted).max() > AGREE * scale:
                 r, z = self.edges.corners[k]
@@ -276,16 +299,21 @@ class CornerMotion:
         a, b = self.edges.corners[self.edges.ends[k]]
         lines = []
         for name, side in self._drawing[k]:
-            outline, velocity = self.outlines[name], change.outlines.get(name, np.zeros((4, 2)))
-            start, inward = outline[side], outline[(side + 1) % 4] - outline[side]
-            shares = [float((point - start) @ inward / (inward @ inward)) for point in (a, b)]
-            turn = velocity[(side + 1) % 4] - velocity[side]
-            ends = [(velocity[side] + share * turn) @ normal for share in shares]
+            outline = self.outlines[name]
+            velocity = change.outlines.get(name, np.zeros((4, 2)))
+            after = (side + 1) % 4
+            start = outline[side]
+            inward = outline[after] - start
+            turn = velocity[after] - velocity[side]
+            ends = []
+            for point in (a, b):
+                share = float((point - start) @ inward / (inward @ inward))
+                ends.append(float((velocity[side] + share * turn) @ normal))
             encloses = 1 if inward @ (b - a) > 0 else -1  # outlines run counterclockwise: inside lies to the left
-            lines.append(Line(name, float(ends[0]), float(ends[1]), encloses))
-        scale = max(abs(end) for line in lines for end in (line.start, line.stop))
+            lines.append(Line(name, ends[0], ends[1], encloses))
         first = lines[0]
-        if all(abs(x.start - first.start) + abs(x.stop - first.stop) <= AGREE * scale for x in lines):
+        scale = max(max(abs(line.start), abs(line.stop)) for line in lines)
+        if all(line.apart(first) <= AGREE * scale for line in lines):
             return first
         for line in lines:
             if all(self._stays(k, line, lines, direction) for direction in (1, -1)):
@@ -303,12 +331,12 @@ class CornerMotion:
         """For every edge the outlines that draw it, each with the index of its side (0 to 3)."""
         drawn = []
         for ends in self.edges.corners[self.edges.ends]:
-            found = []
+            on_edge = []
             for name, outline in self.outlines.items():
                 sides = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
-                near = [k for k, side in enumerate(sides) if distance(ends, side[None]).max() < self.slack]
-                found += [(name, k) for k in near[:1]]
-            drawn.append(found)
+                along = [k for k, side in enumerate(sides) if distance(ends, side[None]).max() < self.slack]
+                on_edge += [(name, k) for k in along[:1]]
+            drawn.append(on_edge)
         return drawn
 
     def _stays(self, k: int, chosen: Line, lines: list[Line], direction: int) -> bool:
@@ -323,9 +351,12 @@ class CornerMotion:
             side, offset = moved[name]
             return side * (y - offset) > 0
 
-        for y in (ends[0] - 1, *(sum(pair) / 2 for pair in pairwise(ends)), ends[-1] + 1):
+        left, right = self.edges.owners[k]
+        middles = [sum(pair) / 2 for pair in pairwise(ends)]
+        for y in (ends[0] - 1, *middles, ends[-1] + 1):
             owner = next((name for name in reversed(self.outlines) if covers(name, y)), None)
-            if self.key(owner) != self.key(self.edges.owners[k][0 if y > direction * chosen.middle else 1]):
+            before = left if y > direction * chosen.middle else right
+            if self.key(owner) != self.key(before):
                 return False
         return True
 

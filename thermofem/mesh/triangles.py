@@ -16,6 +16,7 @@ from .. import checks
 from ..data import files
 
 WIDE = 0.1  # m, the largest length of a geometry file
+FLAT = 1e-10  # height over longest side, of a triangle that has no area
 ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
 
 _COUNT = re.compile(rb"(?<!\S)[0-9]{9,}(?!\S)")  # memory that meshio takes before it knows that the numbers are there
@@ -54,37 +55,38 @@ class Mesh:
             raise checks.InputError(
                 f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh"
             )
-        if self.depth is None and points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
-            raise checks.InputError(
-                f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on"
-            )
+        innermost = points[:, 0].min()
+        round_off = 1e-12 * np.abs(points).max()  # of gmsh on the axis
+        if self.depth is None and innermost < -round_off:
+            raise checks.InputError(f"r = {innermost:g} m of the mesh lies beyond the axis; r counts from the axis on")
         checks.shape("region", region, (len(triangles),))
-        a = points[triangles[:, 0]]
-        b = points[triangles[:, 1]]
-        c = points[triangles[:, 2]]
+        corners = points[triangles]
+        sides = np.roll(corners, -1, axis=1) - corners
+        longest = (sides**2).sum(axis=2).max(axis=1)
         area = signed_areas(points, triangles)
-        longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
-        flat = 2 * np.abs(area) <= 1e-10 * longest  # 1e-10: height over longest side, of a triangle that has no area
+        flat = 2 * np.abs(area) <= FLAT * longest
         if flat.any():
             raise checks.InputError(
                 f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)"
             )
         triangles = np.where(area[:, None] < 0, triangles[:, ::-1], triangles)
-        own = {"region_names": names, "points": points, "triangles": triangles, "region": region}
-        for name, value in own.items():
+        checked = {"region_names": names, "points": points, "triangles": triangles, "region": region}
+        for name, value in checked.items():
             object.__setattr__(self, name, value)
 
     @cached_property
     def skfem(self) -> Any:
         """The triangles as scikit-fem holds them."""
-        return Grid(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T), depth=self.depth)
+        points = np.ascontiguousarray(self.points.T)
+        triangles = np.ascontiguousarray(self.triangles.T)
+        return Grid(points, triangles, depth=self.depth)
 
     def volumes(self) -> dict[str, float]:
         """Volume of every region in m^3: the sum of 2 pi r_centroid area, or of depth area; exact for triangles."""
         radius = radii(self.points[:, 0], self.depth)[self.triangles].mean(axis=1)
-        share = 2 * np.pi * radius * signed_areas(self.points, self.triangles)
-        share = np.bincount(self.region, share, minlength=len(self.region_names))
-        return dict(zip(self.region_names, map(float, share), strict=True))
+        each = 2 * np.pi * radius * signed_areas(self.points, self.triangles)
+        volumes = np.bincount(self.region, each, minlength=len(self.region_names))
+        return dict(zip(self.region_names, map(float, volumes), strict=True))
 
     def save(self, path: str | Path) -> None:
         """Write a binary gmsh file (format 2.2: the one that keeps region names and reads back everywhere).
@@ -96,9 +98,10 @@ class Mesh:
         path = checks.path("path", path)
         cells = [("triangle", self.triangles.astype(np.int32))]
         tags = [(self.region + 1).astype(np.int32)]
-        names = {name: np.array([k + 1, 2]) for k, name in enumerate(self.region_names)}
+        names = {name: np.array([k, 2]) for k, name in enumerate(self.region_names, start=1)}
         points = np.column_stack([self.points, np.zeros(len(self.points))])
-        mesh = meshio.Mesh(points, cells, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=names)
+        cell_data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        mesh = meshio.Mesh(points, cells, cell_data=cell_data, field_data=names)
         files.write_whole(path, lambda p: meshio.gmsh.write(p, mesh, fmt_version="2.2", binary=True))
 
 
@@ -130,15 +133,14 @@ def locate(grid: Any, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], ND
     points [shape (n, 2)]: in the unit of the mesh; the reference coordinates have shape (2, n).
     """
     corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
-    which, around = shapely.STRtree(shapely.polygons(corners)).query(shapely.points(points), predicate="intersects")
+    tree = shapely.STRtree(shapely.polygons(corners))
+    which, around = tree.query(shapely.points(points), predicate="intersects")
     inside, first = np.unique(which, return_index=True)  # a point on an edge lies in two triangles
     cells = np.full(len(points), -1)
     cells[inside] = around[first]
     origin = corners[cells, 0]
-    one = corners[cells, 1]
-    two = corners[cells, 2]
-    a, c = (one - origin).T
-    b, d = (two - origin).T
+    a, c = (corners[cells, 1] - origin).T
+    b, d = (corners[cells, 2] - origin).T
     x, y = (points - origin).T
     return cells, np.array([d * x - b * y, a * y - c * x]) / (a * d - b * c)
 
@@ -155,8 +157,10 @@ def sampled(
     if cells.min() < 0:
         r, z = points[cells.argmin()]
         raise checks.InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
-    values = weights * np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
-    return np.bincount(basis.element_dofs[:, cells].ravel(), values.ravel(), minlength=basis.N).astype(float)
+    functions = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
+    values = weights * functions
+    unknowns = basis.element_dofs[:, cells]
+    return np.bincount(unknowns.ravel(), values.ravel(), minlength=basis.N).astype(float)
 
 
 def load(path: str | Path) -> Mesh:
@@ -178,7 +182,8 @@ def load(path: str | Path) -> Mesh:
         if _COUNT.search(content):
             raise checks.InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")
         mesh = _read(path)
-    if (span := float(np.ptp(mesh.points, axis=0).max())) > WIDE:
+    span = float(np.ptp(mesh.points, axis=0).max())
+    if span > WIDE:
         _log.warning(
             "mesh file %r spans %.3g m; lengths are in m: Mesh.ScalingFactor = 1e-6 turns um into m", str(path), span
         )
@@ -189,30 +194,36 @@ def _read(path: str | Path) -> Mesh:
     """Read the triangles in named physical groups, and the points that they use; coinciding points become one."""
     import meshio
 
-    found = meshio.gmsh.read(path)
-    if others := {block.type for block in found.cells} - {"vertex", "line", "triangle"}:
+    content = meshio.gmsh.read(path)
+    others = {block.type for block in content.cells} - {"vertex", "line", "triangle"}
+    if others:
         raise checks.InputError(
             f"it holds elements of type {min(others)!r}, which are no triangles of three corners",
             "mesh with triangles of first order, without quadrangles (no Recombine) and volumes",
         )
-    corners = found.cells_dict.get("triangle", np.empty((0, 3), dtype=int))
-    tags = found.cell_data_dict.get("gmsh:physical", {}).get("triangle", np.zeros(len(corners), dtype=int))
-    names = {int(tag): name for name, (tag, dimension) in found.field_data.items() if dimension == 2}
+    corners = content.cells_dict.get("triangle", np.empty((0, 3), dtype=int))
+    groups = content.cell_data_dict.get("gmsh:physical", {})
+    tags = groups.get("triangle", np.zeros(len(corners), dtype=int))
+    names = {int(tag): name for name, (tag, dimension) in content.field_data.items() if dimension == 2}
     if not len(corners) or corners.min() < 0:
         raise checks.InputError("it has no triangles, or one with a corner that is none of its points")
     used = np.unique(tags).tolist()
-    if unnamed := set(used) - set(names):
+    unnamed = set(used) - set(names)
+    if unnamed:
         raise checks.InputError(f"the physical groups {sorted(unnamed)} have no names")
-    at = found.points
-    if np.abs(at[:, 2]).max() > 1e-12 * np.abs(at).max():
+    points = content.points
+    if np.abs(points[:, 2]).max() > 1e-12 * np.abs(points).max():
         raise checks.InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
-    _, first, place = np.unique(at, axis=0, return_index=True, return_inverse=True)
-    kept, triangles = np.unique(first[place.ravel()][corners], return_inverse=True)
+    _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    joined = first[place.ravel()][corners]
+    vertices, triangles = np.unique(joined, return_inverse=True)
     region = np.searchsorted(used, tags)
-    mesh = Mesh(at[kept, :2], triangles.reshape(corners.shape), region, tuple(names[tag] for tag in used))
+    region_names = tuple(names[tag] for tag in used)
+    mesh = Mesh(points[vertices, :2], triangles.reshape(corners.shape), region, region_names)
     each = mesh.points[mesh.triangles]
     shapes = shapely.polygons(np.concatenate([each, each[:, :1]], axis=1))
-    if not shapely.coverage_is_valid(shapes, gap_width=ROUND_OFF * np.ptp(mesh.points, axis=0).max()):
+    span = np.ptp(mesh.points, axis=0).max()
+    if not shapely.coverage_is_valid(shapes, gap_width=ROUND_OFF * span):
         rule = "its triangles overlap, or meet without sharing their points: no heat would flow there"
         raise checks.InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
     return mesh
