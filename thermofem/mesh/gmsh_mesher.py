@@ -84,8 +84,9 @@ def gmsh_problem() -> str | None:
         for module in ("gmsh", "pygmsh"):
             importlib.import_module(module)
     except (ImportError, OSError) as error:
-        is_module = isinstance(error, ModuleNotFoundError)
-        brings = f"pip install {error.name}" if is_module else f"Debian: {DEBIAN}"
+        brings = f"Debian: {DEBIAN}"
+        if isinstance(error, ModuleNotFoundError):
+            brings = f"pip install {error.name}"
         remedy = "the committed meshes of the reference cross-sections work without it"
         return f"gmsh cannot be loaded: {error} ({brings}); {remedy}"
     return None

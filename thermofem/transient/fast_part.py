@@ -38,10 +38,13 @@ _GRADING = 2.0 ** -np.arange(1, 25)
 
 def _legendre(u: ArrayLike) -> Array:
     """Polynomials of degree 0 to 3, orthonormal on [0, 1], shape (..., 4)."""
-    return np.polynomial.legendre.legvander(2 * np.asarray(u, dtype=float) - 1, 3) * np.sqrt([1.0, 3.0, 5.0, 7.0])
+    x = 2 * np.asarray(u, dtype=float) - 1
+    norms = np.sqrt([1.0, 3.0, 5.0, 7.0])
+    return np.polynomial.legendre.legvander(x, 3) * norms
 
 
 _AT_STAGES = _legendre(STAGE_TIMES)
+BENDS = 40  # iterations of z under k(T) and c_p(T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,19 +99,21 @@ class FastPart:
     def _bend(self, curved: Curvature, linear: tuple[Array, ...], allowed: Array | float) -> None:
         """Iterate values and slopes of z with k(T) and c_p(T), from those of the ``linear`` solution."""
         h, gains, decay, forcing, heat = linear
-        w0 = self.values[0] + curved(self.values[:1])[1][0]
-        for _ in range(40):
+        _, held_at_start = curved(self.values[:1])
+        w0 = self.values[0] + held_at_start[0]
+        for _ in range(BENDS):
             z = self.values
             flow, held = curved(z)
             g = self.rate * held - flow
-            turns = [curved.along(*pair) for pair in zip(_ends(z), self.slopes, strict=True)]
-            along = np.stack([turn[1] for turn in turns])
-            cubics = _coefficients(g, *(h * (self.rate * turn[1] - turn[0]) for turn in turns))
+            flow_slopes, held_slopes = _along(curved, _ends(z), self.slopes)
+            g_slopes = h * (self.rate * held_slopes - flow_slopes)
+            cubics = _coefficients(g, g_slopes[0], g_slopes[1])
             w = _followed(w0, decay, forcing + (cubics * gains).sum(axis=0))
             self.values = w - held
             self.values[0] = z[0]
-            self.slopes = heat + _ends(g) - self.rate * _ends(w) - along
-            if np.all(np.abs(self.values - z).max(axis=0, initial=0) <= allowed):
+            self.slopes = heat + _ends(g) - self.rate * _ends(w) - held_slopes
+            change = np.abs(self.values - z).max(axis=0, initial=0)
+            if np.all(change <= allowed):
                 return
         raise checks.InputError("the amplitudes of the fields under k(T) do not settle; is the power far too large?")
 
@@ -119,13 +124,15 @@ class FastPart:
     @cached_property
     def _cubics(self) -> Array:
         """Coefficients of u^m of z on every grid interval, shape (4, intervals, k)."""
-        return _coefficients(self.values, *(np.diff(self.grid)[:, None] * self.slopes))
+        first, last = np.diff(self.grid)[:, None] * self.slopes
+        return _coefficients(self.values, first, last)
 
     def z(self, t: ArrayLike) -> Array:
         """Amplitudes z at any times of the window, shape (*t.shape, k)."""
         t = np.asarray(t, dtype=float)
         i = np.clip(np.searchsorted(self.grid, t, side="right") - 1, 0, self.grid.size - 2)
-        u = ((t - self.grid[i]) / (self.grid[i + 1] - self.grid[i]))[..., None]
+        h = self.grid[i + 1] - self.grid[i]
+        u = ((t - self.grid[i]) / h)[..., None]
         c = self._cubics
         return np.asarray(c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i])))
 
@@ -145,26 +152,40 @@ class FastPart:
     def piece(self, t: float, h: float) -> Piece:
         """The `Piece` of the step from ``t`` to ``t + h``."""
         u, weight = self._nodes(t, h)
-        at = t + h * u
-        power = self.powers(at)
+        times = t + h * u
+        power = self.powers(times)
+        values = np.concatenate([power, self.z(times)], axis=1)
         shapes = _legendre(u)
-        moments = shapes.T @ (weight[:, None] * np.concatenate([power, self.z(at)], axis=1))
-        left = power - shapes @ moments[:, : power.shape[1]]
-        return Piece(_AT_STAGES @ moments, np.abs(left).max(axis=0), h * (weight @ power))
+        moments = shapes.T @ (weight[:, None] * values)
+        leftover = power - shapes @ moments[:, : power.shape[1]]
+        energy = h * (weight @ power)
+        return Piece(_AT_STAGES @ moments, np.abs(leftover).max(axis=0), energy)
 
     def products(self, t: float, h: float) -> Array:
         """All z_j z_k at the stages of the step from ``t`` to ``t + h``, as their best cubics, shape (6, k, k)."""
         u, weight = self._nodes(t, h)
         z = self.z(t + h * u)
-        moments = (weight[:, None] * _legendre(u)).T @ (z[:, :, None] * z[:, None, :]).reshape(u.size, -1)
-        return np.asarray((_AT_STAGES @ moments).reshape(len(_AT_STAGES), z.shape[1], z.shape[1]))
+        products = (z[:, :, None] * z[:, None, :]).reshape(u.size, -1)
+        moments = (weight[:, None] * _legendre(u)).T @ products
+        k = z.shape[1]
+        return np.asarray((_AT_STAGES @ moments).reshape(len(_AT_STAGES), k, k))
 
     def _nodes(self, t: float, h: float) -> tuple[Array, Array]:
         """Gauss points of all grid intervals in a step, as fractions of the step, and their weights."""
-        inside = self.grid[(self.grid > t + 1e-9 * h) & (self.grid < t + h * (1 - 1e-9))]
-        edges = (np.concatenate([[t], inside, [t + h]]) - t) / h
-        width = np.diff(edges)
-        return (edges[:-1, None] + width[:, None] * NODES).ravel(), (width[:, None] * WEIGHTS).ravel()
+        after_start = self.grid > t + 1e-9 * h
+        before_end = self.grid < t + h * (1 - 1e-9)
+        times = np.concatenate([[t], self.grid[after_start & before_end], [t + h]])
+        edges = (times - t) / h
+        width = np.diff(edges)[:, None]
+        points = edges[:-1, None] + width * NODES
+        return points.ravel(), (width * WEIGHTS).ravel()
+
+
+def _along(curved: Curvature, values: Array, slopes: Array) -> tuple[Array, Array]:
+    """Time derivatives of f(z) and e(z) at start and end of every interval, shape (2, intervals, k) each."""
+    each = [curved.along(z, slope) for z, slope in zip(values, slopes, strict=True)]
+    flow, held = zip(*each, strict=True)
+    return np.stack(flow), np.stack(held)
 
 
 def _followed(z: Array, decay: Array, forcing: Array) -> Array:
@@ -179,7 +200,9 @@ def _followed(z: Array, decay: Array, forcing: Array) -> Array:
 def _coefficients(values: Array, d0: Array, d1: Array) -> Array:
     """Coefficients of u^m, shape (4, intervals, k), of cubics through values with slopes d0, d1 times the interval."""
     rise = np.diff(values, axis=0)
-    return np.stack([values[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
+    quadratic = 3 * rise - 2 * d0 - d1
+    cubic = d0 + d1 - 2 * rise
+    return np.stack([values[:-1], d0, quadratic, cubic])
 
 
 def _ends(values: Array) -> Array:
@@ -194,17 +217,19 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
     for wave in waves:
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
-        if not wave.piecewise_linear:
-            # 1e-6 of a smooth power by one cubic between grid times, relative to its peak
-            parts.append(wave.pieces(start, stop, tolerance=1e-6).edges)  # between two knots the power is one cubic
-        parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]
+        if not wave.piecewise_linear:  # between two knots the power is one cubic, within 1e-6 of its peak
+            knots = wave.pieces(start, stop, tolerance=1e-6).edges
+            parts.append(knots)
+        graded = jumps[:, None] + (stop - start) * _GRADING
+        parts += [edges, graded.ravel()]
     grid = np.unique(np.concatenate(parts))
     grid = grid[(grid >= start) & (grid <= stop)]
     return grid[np.append(True, np.diff(grid) > 1e-13 * stop)]
 
 
 # coefficients of the cubic of `Inside` from its four numbers
-CUBIC = np.linalg.inv(np.stack([np.arange(4) == 0, STAGE_TIMES[3] ** np.arange(4), np.ones(4), np.arange(4)]))
+_DEGREES = np.arange(4)
+CUBIC = np.linalg.inv(np.stack([_DEGREES == 0, STAGE_TIMES[3] ** _DEGREES, np.ones(4), _DEGREES]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +272,8 @@ class Inside(NamedTuple):
 
     def __call__(self, u: ArrayLike) -> Array:
         """Value at the fractions u of the step, shape (*u.shape, components)."""
-        return np.asarray((np.asarray(u)[..., None] ** np.arange(4)) @ CUBIC @ np.stack(self))
+        powers = np.asarray(u)[..., None] ** _DEGREES
+        return np.asarray(powers @ CUBIC @ np.stack(self))
 
 
 class Advanced(NamedTuple):

@@ -85,7 +85,9 @@ class Trajectory:
 
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
-PASSES = 30
+PASSES = 30  # of a period, before the periodic state is given up
+MIDDLE = 1.149  # of the interval 1..1.298 of the corrected period map
+FIRST_STEP_GAIN = 4**1.5  # of a first step's error from level to level: the rise there is t - a t^1.5 (measured)
 FINEST = 40  # step levels below the length of a piece before a run is given up
 
 
@@ -120,7 +122,8 @@ def integrate(
     stepper = _stepper(system, waves, rtol, factors)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x, progress)
-    edges = stepper.edges(max(times[-1], *kept[-1:], 0.0), rtol)
+    stop = max(times[-1], *kept[-1:], 0.0)
+    edges = stepper.edges(stop, rtol)
     x, _ = _crossed(_Control(stepper, rtol, x), record, x, edges)
     return record.trajectory(x)
 
@@ -130,7 +133,8 @@ def check_run(times: ArrayLike, snapshots: ArrayLike, rtol: float) -> tuple[Arra
     times = checks.array("times", times, increasing=True)
     kept = checks.array("snapshots", snapshots, increasing=True, empty=True)
     checks.between("rtol", rtol, 1e-10, 0.1)
-    checks.between("times", min([times[0], *kept[:1]]), 0, np.inf, unit="s", hint="a run starts at t = 0")
+    earliest = min([times[0], *kept[:1]])
+    checks.between("times", earliest, 0, np.inf, unit="s", hint="a run starts at t = 0")
     return times, kept
 
 
@@ -166,11 +170,12 @@ def integrate_periodic(
     x = np.array(initial, dtype=float)
     edges = stepper.edges(period, rtol)
     control = _Control(stepper, rtol, x)
-    end, plan = _crossed(control, _Record(stepper, times, np.empty(0), None, x, progress), x, edges)
+    first_pass = _Record(stepper, times, np.empty(0), None, x, progress)
+    end, plan = _crossed(control, first_pass, x, edges)
     for k in range(1, PASSES + 1):
         defect = end - x
-        # 1 / 1.149: middle of the interval 1..1.298 of the corrected period map
-        correction = (1 / 1.149) * (defect + stepper.static(stepper.E @ defect) / period)
+        steady_part = stepper.static(stepper.E @ defect) / period
+        correction = (defect + steady_part) / MIDDLE
         x = x + correction
         record = _Record(stepper, times, np.empty(0), ledger, x, progress, k * period)
         end = _march(plan, x, record)
@@ -211,29 +216,32 @@ def _cross(control: _Control, record: _Record, x: Array, start: float, stop: flo
     done = 0
     taken: list[int] = []
     while done < 4**level:
-        while not stepper.resolves(start + done * length / 4**level, length / 4**level):
+        h = length / 4**level
+        while not stepper.resolves(start + done * h, h):
             done = 4 * done
             level = level + 1
-        h = length / 4**level
+            h = length / 4**level
         t = start + done * h
-        tried = stepper.step(x, slope, h, stepper.sources(t, h, stop))
+        solution = stepper.step(x, slope, h, stepper.sources(t, h, stop))
         error = np.inf
-        if tried is not None:
-            slopes, states = tried
-            error = control.error(h * ((WEIGHTS - EMBEDDED) @ slopes), states[-1])
+        if solution is not None:
+            slopes, states = solution
+            estimate = h * ((WEIGHTS - EMBEDDED) @ slopes)
+            error = control.error(estimate, states[-1])
         if error > 1:
             if level > FINEST:
                 raise checks.InputError(
                     f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?"
                 )
             stepper.rejected += 1
-            # 4**1.5 of a first step's error from level to level: behind a breakpoint the rise is t - a t^1.5 (measured)
-            down = int(np.ceil(np.log(error) / np.log(4**1.5))) if not taken and np.isfinite(error) else 1
+            is_first = not taken and np.isfinite(error)
+            down = int(np.ceil(np.log(error) / np.log(FIRST_STEP_GAIN))) if is_first else 1
             done = 4**down * done
             level = level + down
             continue
         record.add(t, h, slopes, states)
-        x, slope = states[-1], slopes[-1]
+        x = states[-1]
+        slope = slopes[-1]
         taken.append(level)
         done += 1
         if error * 4**4 < 1 and done % 4 == 0 and level > 0:
@@ -248,15 +256,18 @@ def _march(plan: Sequence[Plan], x: Array, record: _Record) -> Array:
     """Integrate from another state with the steps of ``plan``; returns the state at the end."""
     stepper = record.stepper
     for start, stop, levels in plan:
-        t, slope = start, stepper.start_slope(x, start, stop - start, stop)
+        t = start
+        slope = stepper.start_slope(x, start, stop - start, stop)
         for level in levels:
             h = (stop - start) / 4**level
-            done = stepper.step(x, slope, h, stepper.sources(t, h, stop))
-            if done is None:
+            solution = stepper.step(x, slope, h, stepper.sources(t, h, stop))
+            if solution is None:
                 raise checks.InputError(f"the step at t = {t:g} s does not converge; take a smaller rtol")
-            record.add(t, h, *done)
-            slopes, states = done
-            x, slope, t = states[-1], slopes[-1], t + h
+            slopes, states = solution
+            record.add(t, h, slopes, states)
+            x = states[-1]
+            slope = slopes[-1]
+            t = t + h
         record.deliver(start, stop)
     return x
 
@@ -278,9 +289,11 @@ class _Control:
         self.outputs = np.maximum(self.outputs, np.abs(self.stepper.C @ x))
         self.field = max(self.field, self.stepper.norm(x))
         scale = np.maximum(self.outputs, self.field * self.stepper.far)
-        ratios = np.abs(self.stepper.C @ estimate) / np.maximum(scale, np.finfo(float).tiny)
-        field = self.stepper.norm(estimate) / max(self.field, np.finfo(float).tiny)
-        return float(max(field, ratios.max(initial=0.0)) / (SAFETY * self.rtol))
+        tiny = np.finfo(float).tiny
+        ratios = np.abs(self.stepper.C @ estimate) / np.maximum(scale, tiny)
+        field = self.stepper.norm(estimate) / max(self.field, tiny)
+        worst = max(field, ratios.max(initial=0.0))
+        return float(worst / (SAFETY * self.rtol))
 
     def first_level(self, length: float, wanted: float) -> int:
         """Level k of the first step, whose length is length/4^k.
@@ -289,7 +302,8 @@ class _Control:
         L-stable step across a whole transient is accurate at its end only; its interior and its estimate are not.
         """
         first = min(wanted, 16 * self.first_step, self.shortest_rise)
-        return max(0, int(np.ceil(np.log(length / first) / np.log(4) - 1e-9)))
+        levels = np.log(length / first) / np.log(4)
+        return max(0, int(np.ceil(levels - 1e-9)))
 
 
 def _shortest_rise(stepper: Stepper) -> float:
@@ -323,9 +337,11 @@ class _Record:
 
     def first_wanted(self, start: float, stop: float) -> float:
         """Time in s from ``start`` to the first wanted output or snapshot of the piece, or to the end of the piece."""
-        wanted = np.concatenate([self.times, self.kept])
-        inside = wanted[(wanted > start * (1 + 1e-12)) & (wanted <= stop)]
-        return max(float(inside.min()) if inside.size else stop, start + 1e-9 * (stop - start)) - start
+        times = np.concatenate([self.times, self.kept])
+        inside = times[(times > start * (1 + 1e-12)) & (times <= stop)]
+        first = float(inside.min(initial=stop))
+        shortest = 1e-9 * (stop - start)
+        return max(first - start, shortest)
 
     def add(self, t: float, h: float, slopes: Array, states: Array) -> None:
         """Record one step of length h from t: outputs, snapshots and heat that left."""
@@ -333,9 +349,11 @@ class _Record:
         read = between(self.times, t, t + h)
         kept = between(self.kept, t, t + h)
         if read.size or kept.size:
-            rates = [h * self.stepper.rate(states[k], slopes[k]) for k in (0, -1)]
-            ends = (states[0], states[-1], *rates)
-            self.outputs[read] = hermite((self.times[read] - t) / h, *(C @ v for v in ends))
+            begin_rate = h * self.stepper.rate(states[0], slopes[0])
+            end_rate = h * self.stepper.rate(states[-1], slopes[-1])
+            ends = np.stack([states[0], states[-1], begin_rate, end_rate])
+            output_ends = ends @ C.T
+            self.outputs[read] = hermite((self.times[read] - t) / h, *output_ends)
             if kept.size:
                 self.snapshots[kept] = hermite((self.kept[kept] - t) / h, *ends)
         if self.ledger:
@@ -353,13 +371,14 @@ class _Record:
     def trajectory(self, x: Array) -> Trajectory:
         """Return the trajectory with its energy balance."""
         s = self.stepper
+        stored = self.ledger.content(x) - self.ledger.content(self.start) if self.ledger else np.nan
         return Trajectory(
             times=self.times,
             outputs=self.outputs,
             final=x,
             snapshots=self.snapshots,
             heat_in=self.heat_in,
-            heat_stored=self.ledger.content(x) - self.ledger.content(self.start) if self.ledger else np.nan,
+            heat_stored=stored,
             heat_out=self.heat_out,
             steps=s.steps,
             rejected=s.rejected,
@@ -378,4 +397,6 @@ def between(times: Array, start: float, stop: float) -> NDArray[np.intp]:
 def hermite(u: Array, x0: Array, x1: Array, d0: Array, d1: Array) -> Array:
     """Cubic through both ends of a step with their slopes (times the step); u in 0..1, result (u, components)."""
     u = u[:, None]
-    return x0 + u * (d0 + u * (3 * (x1 - x0) - 2 * d0 - d1 + u * (2 * (x0 - x1) + d0 + d1)))
+    quadratic = 3 * (x1 - x0) - 2 * d0 - d1
+    cubic = 2 * (x0 - x1) + d0 + d1
+    return x0 + u * (d0 + u * (quadratic + u * cubic))

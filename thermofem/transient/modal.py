@@ -40,11 +40,12 @@ SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns 
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # rounds before the first comparison, and before the integrator takes over
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
+NO_CHANGE = 1e-2  # of the tolerance, below which a change counts as none, however slowly the changes fall
 LOUDER = 10.0  # over all power before it: the response behind such a breakpoint exceeds that of the heat before it
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class Solution:
     """Solution on one Krylov basis at every wanted time: z, shape (times, k), and outputs, shape (times, outputs)."""
 
     basis: Basis
@@ -93,11 +94,12 @@ class Modal:
         times, kept = check_run(times, snapshots, rtol)
         if not wave.piecewise_linear:
             return None
-        wanted = np.unique(np.concatenate([[0.0], times, kept]))
-        shown = wanted.searchsorted(kept)
-        first = _first(wave, wanted)
-        answers = list[Answer]()
-        last = np.inf
+        every = np.unique(np.concatenate([[0.0], times, kept]))
+        stop = float(every[-1])
+        shown = every.searchsorted(kept)
+        first = _first(wave, every)
+        solutions = list[Solution]()
+        change = np.inf
         size = 0
         for rounds in range(FEWEST, ROUNDS):
             smaller = size
@@ -110,26 +112,28 @@ class Modal:
             basis = space.basis(size, constant=ledger is not None)
             if basis.rate[0] <= 0:  # a growing mode: -A is not positive definite
                 return None
-            z = pole_responses(basis.rate, wave, wanted, periodic=periodic) * basis.heating[:, 0]
-            answers = [*answers[-2:], Answer(basis, z, z @ basis.read(C).T)]
-            if len(answers) == 3:
-                before, last = last, _change(answers[0], answers[-1], C, space, shown) / rtol
-                # 1e-2 of the tolerance: below it a change counts as none, however slowly the changes fall
-                if max(before, last) <= 1 and last <= max(before / 2, 1e-2):
+            z = pole_responses(basis.rate, wave, every, periodic=periodic) * basis.heating[:, 0]
+            solution = Solution(basis, z, z @ basis.read(C).T)
+            solutions = [*solutions[-2:], solution]
+            if len(solutions) == 3:
+                before = change
+                change = _change(solutions[0], solution, C, space, shown) / rtol
+                if max(before, change) <= 1 and change <= max(before / 2, NO_CHANGE):
                     break
         else:
             return None
-        found = answers[-1]
-        heat = _balance(found, ledger, wave, float(wanted[-1])) if isinstance(ledger, Ledger) else [np.nan] * 3
+        V = basis.vectors
+        snapshots = solution.z[shown] @ V.T if shown.size else np.empty((0, self.system.order))
+        heat = _balance(solution, ledger, wave, stop) if isinstance(ledger, Ledger) else [np.nan] * 3
         return Trajectory(
             times=times,
-            outputs=found.outputs[wanted.searchsorted(times)],
-            final=found.basis.vectors @ found.z[-1],
-            snapshots=found.z[shown] @ found.basis.vectors.T if shown.size else np.empty((0, self.system.order)),
+            outputs=solution.outputs[every.searchsorted(times)],
+            final=V @ solution.z[-1],
+            snapshots=snapshots,
             heat_in=heat[0],
             heat_stored=heat[1],
             heat_out=heat[2],
-            steps=wave.breakpoints(0.0, float(wanted[-1])).size + 1,
+            steps=wave.breakpoints(0.0, stop).size + 1,
             rejected=0,
             factorizations=space.shifts.size,
             solves=size,
@@ -143,11 +147,13 @@ class Modal:
             low = SLOWEST * slow
             high = FASTEST * fast
             if EARLIEST / first > high:  # rounded up to a decade and limited by the fastest rate of the mesh
-                high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
+                decade = 10 ** np.ceil(np.log10(EARLIEST / first))
+                high = max(high, min(decade, self._cell))
             if high not in self._spaces:
                 gaps = max(1, int(np.ceil(np.log10(high / low) / SPAN)))
                 shifts = np.append(0.0, np.geomspace(low, high, gaps + 1))
-                self._spaces[high] = Rounds(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts])
+                solvers = [self.factors.keep(shift, 1.0) for shift in shifts]
+                self._spaces[high] = Rounds(self.system, shifts, solvers)
             space = self._spaces[high]
             while len(space.sizes) <= rounds:
                 space.grow()
@@ -161,47 +167,60 @@ class Modal:
     @cached_property
     def _cell(self) -> float:
         """Approximate rate in 1/s of the fastest cell of the mesh."""
-        return float((-self.system.A.diagonal() / self.system.E.diagonal()).max())
+        fastest = (-self.system.A.diagonal() / self.system.E.diagonal()).max()
+        return float(fastest)
 
 
-def _first(wave: Waveform, wanted: Array) -> float:
-    """Shortest time in s to a wanted time, counted from each power that is `LOUDER` than all before it."""
-    if not wanted[-1]:
+def _first(wave: Waveform, times: Array) -> float:
+    """Shortest time in s to one of ``times``, counted from each power that is `LOUDER` than all before it."""
+    if not times[-1]:
         return np.inf
-    lines = wave.pieces(0.0, float(wanted[-1]))
+    lines = wave.pieces(0.0, float(times[-1]))
     power = np.abs([lines.coefficients[:, 0], lines.ends]).max(axis=0)
     so_far = np.append(0.0, np.maximum.accumulate(power)[:-1])
     starts = lines.edges[:-1][power > LOUDER * so_far]
-    at = wanted.searchsorted(starts * (1 + 5e-13), side="right")  # round-off behind an edge is on it
-    return float((np.append(wanted, np.inf)[at] - starts).min(initial=np.inf))
+    rows = times.searchsorted(starts * (1 + 5e-13), side="right")  # round-off behind an edge is on it
+    after = np.append(times, np.inf)[rows]
+    return float((after - starts).min(initial=np.inf))
 
 
-def _change(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
+def _change(old: Solution, new: Solution, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
     """Largest relative change between two solutions: of an output, or of fields at the times ``shown`` (indices).
 
     Relative to the largest value so far; for an output at least to `esdirk.FAR` of its value in a steady field.
     Changes of fields, and of outputs that are not heated, count `OTHERS` times.
     """
-    basis, tiny = new.basis, np.finfo(float).tiny
+    basis = new.basis
+    tiny = np.finfo(float).tiny
     size = np.maximum.accumulate(np.linalg.norm(new.z, axis=1))
     steady = basis.heating.sum(axis=1) / basis.rate
     far = FAR * np.abs(basis.read(C) @ steady) / np.linalg.norm(steady)
-    scale = np.maximum(np.maximum.accumulate(np.abs(new.outputs), axis=0), np.multiply.outer(size, far))
-    changes = (np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)).max(axis=0)
-    weights = [1.0 if any(np.array_equal(row, b) for b in space.B.T) else OTHERS for row in C]
-    moved = list(weights * changes)
+    largest = np.maximum.accumulate(np.abs(new.outputs), axis=0)
+    scale = np.maximum(largest, np.multiply.outer(size, far))
+    relative = np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)
+    weights = [1.0 if _is_heated(row, space) else OTHERS for row in C]
+    changes = list(weights * relative.max(axis=0))
     if shown.size:  # the new space contains the old one, so the fields are those of z
-        z, was = new.z[shown], old.z[shown] @ (old.basis.vectors.T @ (space.M @ basis.vectors))
-        moved.append(OTHERS * (np.linalg.norm(z - was, axis=1) / np.maximum(np.linalg.norm(z, axis=1), tiny)).max())
-    return float(max(moved))
+        z = new.z[shown]
+        between_bases = old.basis.vectors.T @ (space.M @ basis.vectors)
+        moved = np.linalg.norm(z - old.z[shown] @ between_bases, axis=1)
+        field_change = moved / np.maximum(np.linalg.norm(z, axis=1), tiny)
+        changes.append(OTHERS * field_change.max())
+    return float(max(changes))
 
 
-def _balance(found: Answer, ledger: Ledger, wave: Waveform, end: float) -> tuple[float, float, float]:
+def _is_heated(row: Array, space: Rounds) -> bool:
+    """Whether an output is the mean of a part that is heated."""
+    return any(np.array_equal(row, column) for column in space.B.T)
+
+
+def _balance(solution: Solution, ledger: Ledger, wave: Waveform, end: float) -> tuple[float, float, float]:
     """Heat in J that entered, that is stored and that left.
 
     The integral of x over time is V (V^T B int P dt - change of z)/rate.
     """
-    basis, change = found.basis, found.z[-1] - found.z[0]
+    basis = solution.basis
+    change = solution.z[-1] - solution.z[0]
     entered = end * float(wave.mean(0.0, end)) if end else 0.0
     integral = basis.vectors @ ((basis.heating[:, 0] * entered - change) / basis.rate)
     gained = basis.vectors @ change

@@ -25,6 +25,7 @@ from .nonlinear import NodalOperator, NonlinearEquations
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
 ITERATIONS = 10  # per stage, before the step is made shorter
+JUDGED = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which it is made shorter at once
 SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
@@ -100,24 +101,30 @@ class NewtonStepper(Stepper):
         Exact in dH/dt of the heat content H; slopes are E^-1 dH/dt node by node, for the error estimate.
         """
         allowed = DRIFT if self._near.ready(1.0, GAMMA * h) else SLIGHT_DRIFT
-        if max(one.drift(x) for one in self._neighbours) > allowed:
-            self._near.replace(*(one.at(x) for one in self._neighbours))
+        if max(neighbour.drift(x) for neighbour in self._neighbours) > allowed:
+            self._near.replace(*(neighbour.at(x) for neighbour in self._neighbours))
         slopes, states, flows = np.empty((3, 6, x.size))
-        slopes[0], states[0] = slope, x
-        flows[0] = self._last[1] if self._last and np.array_equal(self._last[0], slope) else self.E @ slope
-        extended, matrix = self.system.content.extended(x), self.system.content.matrix
+        slopes[0] = slope
+        states[0] = x
+        continues = self._last is not None and np.array_equal(self._last[0], slope)
+        flows[0] = self._last[1] if self._last and continues else self.E @ slope
+        matrix = self.system.content.matrix
+        extended = self.system.content.extended(x)
         shift = GAMMA * h
         nodal = self.nodal.integral(extended)
         start = matrix @ extended
         per_slope = h / self.nodal.slope(x)
         for i in range(1, 6):
-            known = start + h * (STAGES[i, :i] @ flows[:i])
-            found = self.stage(_predicted(i, states, slopes, per_slope), known + shift * sources[i], shift)
-            if found is None:
+            before = start + h * (STAGES[i, :i] @ flows[:i])
+            guess = _predicted(i, states, slopes, per_slope)
+            solution = self.stage(guess, before + shift * sources[i], shift)
+            if solution is None:
                 return None
-            states[i], extended = found, self.system.content.extended(found)
-            flows[i] = (matrix @ extended - known) / shift  # not from F: that would amplify the error of the iteration
-            slopes[i] = (self.nodal.integral(extended) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
+            states[i] = solution
+            extended = self.system.content.extended(solution)
+            flows[i] = (matrix @ extended - before) / shift  # not from F: that would amplify the error of the iteration
+            by_stages = h * (STAGES[i, :i] @ slopes[:i])
+            slopes[i] = (self.nodal.integral(extended) - nodal - by_stages) / shift
         self._last = slopes[5], flows[5]
         self.steps += 1
         return slopes, states
@@ -128,8 +135,11 @@ class NewtonStepper(Stepper):
 
         None where the iterations do not converge.
         """
-        flow, content = self.system.flow, self.system.content
-        rate, last = 0.0, np.inf
+        flow = self.system.flow
+        content = self.system.content
+        tiny = np.finfo(float).tiny
+        rate = 0.0
+        last = np.inf
         for k in range(ITERATIONS):
             both = np.concatenate([content.extended(x), shift * flow.extended(x)])
             change = self._near.solve(1.0, shift, target - self._both @ both)
@@ -137,13 +147,16 @@ class NewtonStepper(Stepper):
             x = x + change
             if not k:
                 self._scale = np.maximum(self._scale, self._measure(x))
-            size = float(np.max(self._measure(change) / np.maximum(self._scale, np.finfo(float).tiny)))
+            relative = self._measure(change) / np.maximum(self._scale, tiny)
+            size = float(relative.max())
             rate = size / last if k else min(self._rate * self.rise, STALLED)
             last = size
-            # 3: iterations before their rate is judged: a good guess makes the first ratios large
-            if not np.isfinite(size) or (k >= 3 and rate > STALLED):
+            stalls = k >= JUDGED and rate > STALLED
+            if not np.isfinite(size) or stalls:
                 return None
-            if size * rate <= self.tolerance * (1 - rate) and (k or rate > 0 or size <= self.tolerance):
+            remaining_error_is_small = size * rate <= self.tolerance * (1 - rate)
+            rate_is_known = k or rate > 0 or size <= self.tolerance
+            if remaining_error_is_small and rate_is_known:
                 if k and self.rise:
                     self._rate = max(rate / self.rise, 0.9 * self._rate)
                 return x
@@ -168,9 +181,12 @@ class _Nodal:
     """Approximation of a `NodalOperator` by one law at each node: its laws there, weighted by the matrix diagonal."""
 
     def __init__(self, operator: NodalOperator, diagonal: Array) -> None:
-        self.operator, self.size = operator, diagonal.size
-        own = [(at, block.tocsr()[at, np.arange(at.size)]) for _, at, block in operator.parts()]
-        self.laws = [(at, np.asarray(weight).ravel() / diagonal[at]) for at, weight in own]
+        self.operator = operator
+        self.size = diagonal.size
+        self.laws = []
+        for _, nodes, block in operator.parts():
+            weight = np.asarray(block.tocsr()[nodes, np.arange(nodes.size)]).ravel()
+            self.laws.append((nodes, weight / diagonal[nodes]))
 
     def slope(self, x: Array) -> Array:
         """Derivative of the weighted law at each node, shape (n,)."""
@@ -202,18 +218,21 @@ class _Neighbour:
         for _, at, block in operator.parts():
             block = block.tocoo()
             spread = csr_matrix((block.data, (block.row, at[block.col])), shape=(n, n))
-            self.laws.append((at, *pencil.entries(spread)))
+            where, values = pencil.entries(spread)
+            self.laws.append((at, where, values))
         self.slopes = [np.ones(at.size) for at, *_ in self.laws]
 
     def drift(self, x: Array) -> float:
         """Largest relative change of a law's derivative since `at`; InputError for a law that is not positive."""
         new = self.operator.slopes(x, positive=True)
-        return max((float(np.abs(a / b - 1).max()) for a, b in zip(new, self.slopes, strict=True)), default=0.0)
+        changes = [np.abs(slope / before - 1).max() for slope, before in zip(new, self.slopes, strict=True)]
+        return float(max(changes, default=0.0))
 
     def at(self, x: Array) -> Array:
         """Matrix entries of the approximation at the rise ``x``, in the order of the pencil's pattern."""
         self.slopes = self.operator.slopes(x)
-        total, (rows, columns) = self.rest.copy(), self.places
+        total = self.rest.copy()
+        rows, columns = self.places
         for (at, where, values), slope in zip(self.laws, self.slopes, strict=True):
             root = np.zeros(x.size)
             root[at] = np.sqrt(slope)

@@ -35,6 +35,8 @@ from ..algebra.krylov import Basis
 from ..arrays import Array, NDArray
 from ..materials.material_laws import Law, check_positive
 
+CANCELS = 1e-12  # of the numbers that are added: a sum that is smaller is round-off
+
 
 @dataclass(frozen=True, eq=False)
 class NodalOperator:
@@ -70,23 +72,31 @@ class NodalOperator:
         """[x, g_1(x), g_2(x), ...] in K, from x of shape (..., n)."""
         if not self.laws:
             return x
-        both = zip(self.laws, self.references, strict=True)
-        laws = [law.integral(self.ambient, x[..., at]) / reference for (law, at), reference in both]
-        return np.concatenate([x, *laws], axis=-1)
+        integrals = []
+        for (law, nodes), reference in zip(self.laws, self.references, strict=True):
+            integrals.append(law.integral(self.ambient, x[..., nodes]) / reference)
+        return np.concatenate([x, *integrals], axis=-1)
 
     def __call__(self, x: Array) -> Array:  # noqa: D102 - the class says what it is
         return np.asarray(self.matrix @ self.extended(x))
 
     def jacobian(self, x: Array) -> Any:
         """Jacobian matrix at the rise ``x``, sparse."""
-        both = zip(self.laws, self.slopes(x), strict=True)
-        blocks = [csr_matrix((slope, at, np.arange(at.size + 1)), shape=(at.size, x.size)) for (_, at), slope in both]
-        return self.matrix @ vstack([identity(x.size), *blocks], format="csr")
+        blocks = [identity(x.size)]
+        for (_, nodes), slope in zip(self.laws, self.slopes(x), strict=True):
+            row_starts = np.arange(nodes.size + 1)
+            blocks.append(csr_matrix((slope, nodes, row_starts), shape=(nodes.size, x.size)))
+        return self.matrix @ vstack(blocks, format="csr")
 
     def derivative(self, x: Array) -> Callable[[Array], Array]:
         """Jacobian at the rise ``x`` as a function of a direction, without forming the matrix."""
-        slopes = [(slope, at) for (_, at), slope in zip(self.laws, self.slopes(x), strict=True)]
-        return lambda v: np.asarray(self.matrix @ np.concatenate([v, *(slope * v[at] for slope, at in slopes)]))
+        slopes = self.slopes(x)
+
+        def along(v: Array) -> Array:
+            changes = [slope * v[nodes] for (_, nodes), slope in zip(self.laws, slopes, strict=True)]
+            return np.asarray(self.matrix @ np.concatenate([v, *changes]))
+
+        return along
 
     def parts(self) -> Iterator[tuple[Law, NDArray[np.intp], Any]]:
         """Every law, the nodes where it is taken, and its columns of the matrix."""
@@ -150,8 +160,9 @@ class NonlinearLedger:
 
     def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
         """Heat in J that left during one step of length h, by the quadrature ``weights`` of its stages."""
-        flow = float(weights @ (self.drain.extended(states) @ self.drain.matrix.toarray()[0]))
-        return h * flow - float(self.held(states[-1])[0] - self.held(states[0])[0])
+        drains = self.drain.extended(states) @ self.drain.matrix.toarray()[0]
+        gained_by_held = self.held(states[-1])[0] - self.held(states[0])[0]
+        return h * float(weights @ drains) - float(gained_by_held)
 
 
 def nodal_operator(
@@ -166,16 +177,17 @@ def nodal_operator(
     """
     rest = rest.tocsr(copy=True)
     if parts:
-        rest.data[np.abs(rest.data) < 1e-12 * max(abs(matrix).max() for matrix, _ in parts)] = 0.0
+        largest = max(abs(matrix).max() for matrix, _ in parts)
+        rest.data[np.abs(rest.data) < CANCELS * largest] = 0.0
         rest.eliminate_zeros()
     blocks = [rest[:, free]]
     laws = []
     for matrix, law in parts:
         columns = matrix[:, free].tocsc()
         columns.eliminate_zeros()  # triangles of other laws
-        at = np.flatnonzero(np.diff(columns.indptr))
-        blocks.append(columns[:, at])
-        laws.append((law, at))
+        nodes = np.flatnonzero(np.diff(columns.indptr))
+        blocks.append(columns[:, nodes])
+        laws.append((law, nodes))
     return NodalOperator(hstack(blocks, format="csr"), tuple(laws), ambient)
 
 
@@ -183,7 +195,8 @@ def rows(operator: NodalOperator, matrix: Any) -> NodalOperator:
     """NodalOperator ``matrix`` @ operator, such as some rows or sums of them, with the nodes that it needs."""
     matrix = csr_matrix(matrix)
     total = (matrix @ operator.matrix).toarray()
-    total[np.abs(total) <= 1e-12 * (abs(matrix) @ abs(operator.matrix)).toarray()] = 0.0  # what cancels inside
+    sizes = (abs(matrix) @ abs(operator.matrix)).toarray()
+    total[np.abs(total) <= CANCELS * sizes] = 0.0
     needed = np.abs(total).max(axis=0) > 0
     start = total.shape[1] - sum(at.size for _, at in operator.laws)
     needed[:start] = True
@@ -244,20 +257,27 @@ def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
 def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
     """Return the quadratic part of F(V z) - K V z as a function of products z z^T, (m, k, k) to (m, n)."""
     n, k = V.shape
-    parts = [(_chord(law, system.flow.ambient) * block, at) for law, at, block in system.flow.parts()]
+    parts = []
+    for law, nodes, block in system.flow.parts():
+        parts.append((_chord(law, system.flow.ambient) * block, nodes))
 
     def flow(products: Array) -> Array:
         m = len(products)
-        wide = (V @ products.transpose(1, 0, 2).reshape(k, m * k)).reshape(n, m, k)  # one product of matrices
+        columns = products.transpose(1, 0, 2).reshape(k, m * k)
+        wide = (V @ columns).reshape(n, m, k)  # one product of matrices
         squares = np.einsum("nmk,nk->nm", wide, V)
-        return np.asarray(sum((block @ squares[at] for block, at in parts), np.zeros_like(squares)).T)
+        total = np.zeros_like(squares)
+        for block, nodes in parts:
+            total = total + block @ squares[nodes]
+        return np.asarray(total.T)
 
     return flow
 
 
 def _chord(law: Law, T0: float) -> float:
     """Coefficient a in 1/K of the parabola x + a x^2 through the law's integral at rise 0 and at rise `HOT`."""
-    return float((law.integral(T0, HOT) / law.factor(T0) - HOT) / HOT**2)
+    integral = law.integral(T0, HOT) / law.factor(T0)
+    return float((integral - HOT) / HOT**2)
 
 
 def cubic_form(left: Array, right: Array) -> Array:
