@@ -222,12 +222,14 @@ def test_heaters(js):
         span = {"detunings": [detuning - width, detuning + width]}
         found = js(f"r => {{ {ENGINE} return engine.light(request); }}", about | {"more": span})
         states = coupled.steady_states(ring, model, **light)
-        for name in ("energy", "carriers", "delta_T", "drop"):
+        for name in ("energy", "carriers", "delta_T", "drop", "through"):
             assert np.allclose([p[name] for p in found["states"]], states[name], rtol=1e-8, atol=0)
         assert [p["regime"] for p in found["states"]] == states.regime.values.tolist()
         point = found["points"][len(found["points"]) // 2]
         there = coupled.steady_states(ring, model, **light | {"detuning": point["detuning"]})
-        assert np.min(np.abs(there.energy.values / point["energy"] - 1)) < 1e-6
+        nearest = int(np.argmin(np.abs(there.energy.values / point["energy"] - 1)))
+        for name in ("energy", "through"):
+            assert float(there[name][nearest]) == pytest.approx(point[name], rel=1e-6)
         plane = {"powers": [power / 2, 4 * power], **span, "sizes": [[3, 4]]}
         (part,) = js(f"r => {{ {ENGINE} return [...engine.plane(request)].filter(p => p && p.kind === 'map').map(p => [...p.stable]); }}", about | {"more": plane})  # fmt: skip  # noqa: E501
         powers = power / 2 * 8 ** ((np.arange(3) + 0.5) / 3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import re
 import xml.etree.ElementTree as ET
@@ -117,6 +118,26 @@ def test_every_figure_is_saved(browser, file):
                 check_table(data.decode(), page)
 
 
+def test_a_ring_on_one_bus_shows_its_through_port(browser, tmp_path):
+    """Its figures had the energy in the place of the drop power."""
+    ring = dataclasses.replace(coupled.borghi2021(), drop_rate=0.0, name="on one bus")
+    path = tmp_path / "one.html"
+    model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    coupled.explore(ring, {"reference": model}, path)
+    with opened(browser, path, viewport=WIDE) as page:
+        settled(page, "ringPage.shown.points.length && ringPage.shown.trace")
+        for figure in ("traces", "transmission"):
+            text = page.locator(f"#{figure}").text_content()
+            assert "Through (mW)" in text
+            assert "Energy" not in text
+        points = page.evaluate("ringPage.shown.points.map((p) => [p.detuning, p.through])")
+        dbm = page.evaluate("ringPage.state().power")
+        page.screenshot(path=tmp_path / "one.png", full_page=True)
+    detuning, through = points[len(points) // 2]
+    states = coupled.steady_states(ring, model, power=1e-3 * 10 ** (dbm / 10), detuning=detuning)
+    assert np.min(np.abs(states["through"].values / through - 1)) < 1e-6  # both are solved to 1e-9
+
+
 def check_table(text, page):
     """Two settled cycles, whose drop and absorbed power belong to energy, carriers and heat of each row."""
     rows = list(csv.DictReader(io.StringIO(text)))
@@ -128,6 +149,10 @@ def check_table(text, page):
     assert columns["drop_W"] == pytest.approx(2 * ring.bus_rate * energy, rel=1e-12)
     absorbed = 2 * (ring.loss_rate + ring.eta_fca * carriers + ring.eta_tpa * energy) * energy
     assert columns["absorbed_W"] == pytest.approx(absorbed, rel=1e-9)
+    # over a cycle what comes in goes out: the rest is what the trapezoidal rule leaves of pulses on uneven steps
+    out = columns["drop_W"] + columns["through_W"] + absorbed + 2 * ring.scattering_rate * energy
+    power = 1e-3 * 10 ** (page.evaluate("ringPage.state().power") / 10)
+    assert np.trapezoid(out, columns["time_s"]) / (2 * period) == pytest.approx(power, rel=5e-3)
     swing = page.evaluate("ringPage.shown.trace.cycle.swing")
     assert np.ptp(columns["delta_T_K"]) == pytest.approx(swing, rel=1e-3)  # the samples pass the top by little
 

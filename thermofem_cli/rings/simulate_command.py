@@ -94,7 +94,8 @@ def say_pulsing(found: Pulsing, run: xr.Dataset) -> dict[str, Any]:
     if found.regime == "self-pulsing":
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3g}, swing {found.swing:.2f} K")
     else:
-        say(f"at the end drop power {float(run['drop'][-1]) * 1e3:.4g} mW, rise {float(run['delta_T'][-1]):.4g} K")
+        port = "drop" if run["drop"].values.any() else "through"  # a ring on one bus has no drop port
+        say(f"at the end {port} power {float(run[port][-1]) * 1e3:.4g} mW, rise {float(run['delta_T'][-1]):.4g} K")
     numbers = {name: getattr(found, name) for name in ("period", "duty", "swing")}
     return {"regime": str(found.regime), "reason": found.reason, **numbers}
 

@@ -5,7 +5,7 @@ import { limitCycle, settling } from "./cycle.mjs";
 import { countBeyond, lineAt, reach, steadyStates, survey, tilted } from "./equilibria.mjs";
 import { DONE, integrate, loadKernel } from "./kernel.mjs";
 import { classify, columns, extent, lasting } from "./pulsing.mjs";
-import { DENSITY, FJ, NS, UW, absorbedPower, driveOf, lifted, setting, turnOf } from "./ring.mjs";
+import { DENSITY, FJ, NS, UW, absorbedPower, driveOf, lifted, setting, steadyThrough, turnOf } from "./ring.mjs";
 
 const EQUAL = 1e-4; // relative difference of periods that counts as none; a cycle of a slider is found within 1e-5
 
@@ -100,9 +100,9 @@ function shortest(system, drive, turn, cycle, accuracy) {
 /** Every fixed point at one laser setting, SI. */
 function states(request) {
   const { system, drive, turn, rise } = setting(request);
-  return steadyStates(drive, turn, system).map(({ U, N, dT, growth, omega, regime }) => ({
+  return steadyStates(drive, turn, system).map(({ U, D, N, dT, gamma, growth, omega, regime }) => ({
     energy: U * FJ, carriers: N * DENSITY, delta_T: dT + rise, drop: 2 * system.drop * U * UW, regime,
-    absorbed: absorbedPower(U, N, system) * UW, growth_rate: growth / NS, frequency: omega / (2 * Math.PI * NS),
+    through: steadyThrough(gamma, D, request.power, system.bus), absorbed: absorbedPower(U, N, system) * UW, growth_rate: growth / NS, frequency: omega / (2 * Math.PI * NS),
   })); // prettier-ignore
 }
 
@@ -130,7 +130,7 @@ function* plane(request) {
   }
 }
 
-/** The tilted resonance at one power between two detunings (Hz): detuning, drop (W), regime along it. */
+/** The tilted resonance at one power between two detunings (Hz): detuning, drop and through (W), regime along it. */
 function transmission(request) {
   const { system, drive, moved } = setting(request);
   const [first, last] = request.detunings.map((x) => turnOf(x) + moved);
@@ -147,7 +147,8 @@ function transmission(request) {
     }
     const grow = countBeyond(line, p.U, p.D, system);
     const regime = grow % 2 ? "saddle" : grow ? "unstable" : "stable";
-    points.push({ detuning: (p.detuning - moved) / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime, cut });
+    const through = steadyThrough(p.gamma, p.D, request.power, system.bus);
+    points.push({ detuning: (p.detuning - moved) / turnOf(1), drop: 2 * system.drop * p.U * UW, through, energy: p.U * FJ, regime, cut });
     cut = false;
   }
   return points;

@@ -67,7 +67,7 @@ export function tilted(drive, sys) {
     const rest = share ** 2 > 1e-8 ? ((drive * drive) / top - at.gamma ** 2) / share ** 2 : perU;
     const ratio = Math.sqrt(square + rest);
     const slope = -2 * U * share * at.shiftSlope - (square + perU) / ratio;
-    return { U, D: share * ratio, detuning: at.shift - share * ratio, slope, N: at.N, dT: at.dT };
+    return { U, D: share * ratio, detuning: at.shift - share * ratio, slope, N: at.N, dT: at.dT, gamma: at.gamma };
   };
 }
 
@@ -205,7 +205,7 @@ export function kindOf({ re, im }) {
 export function steadyStates(drive, detuning, sys) {
   return fixedPoints(Math.abs(detuning), drive, sys)(detuning)
     .sort((p, q) => p.U - q.U)
-    .map((p) => ({ U: p.U, D: p.D, N: p.N, dT: p.dT, ...kindOf(spectrumAt(p.U, p.D, sys)) }));
+    .map((p) => ({ U: p.U, D: p.D, N: p.N, dT: p.dT, gamma: p.gamma, ...kindOf(spectrumAt(p.U, p.D, sys)) }));
 }
 
 /** Number of stable points at one power for each of the detunings (rad/ns). */

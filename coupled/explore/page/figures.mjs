@@ -2,7 +2,7 @@
 
 import { boxOf, curve, dot, figure, stroke } from "./plot.mjs";
 import { extent, firstAt } from "./pulsing.mjs";
-import { FJ, UW, toPicometres } from "./ring.mjs";
+import { UW, throughPower, toPicometres } from "./ring.mjs";
 
 function padded(values, share = 0.06) {
   const [low, high] = extent(values);
@@ -72,22 +72,23 @@ export function planeFigure(width, height, { window, map, curves, cycles, kept, 
   return { ...whole.done("Plane of power and detuning with regimes and bifurcation curves"), x, y, box };
 }
 
-/** Drop power in mW, or the energy in fJ of a ring on one bus. */
-const output = (U, drop) => (drop > 0 ? 2 * drop * U * UW * 1e3 : U);
-const outputLabel = (drop) => (drop > 0 ? "Drop (mW)" : "Energy (fJ)");
+/** Power in mW at the drop port, of a ring on one bus at the through port: of a fixed point, and along a trace. */
+const steadyOutput = (p, { drop }) => 1e3 * (drop > 0 ? p.drop : p.through);
+const output = ({ U, re, im }, { drop, bus, power }) => U.map((u, i) => 1e3 * (drop > 0 ? 2 * drop * u * UW : throughPower(re[i], im[i], power, bus)));
+const outputLabel = ({ drop }) => (drop > 0 ? "Drop (mW)" : "Through (mW)");
 
-/** Traces of drop power (energy for a ring on one bus), temperature and carriers over a common time, over those that were kept. */
-export function tracesFigure(width, height, { now, kept, drop, zoom }, colours) {
+/** Traces of drop power (through power for a ring on one bus), temperature and carriers over a common time, over those that were kept. */
+export function tracesFigure(width, height, { now, kept, light, zoom }, colours) {
   const length = ({ t }) => t[t.length - 1] - t[0];
   const span = Math.max(length(now), kept ? length(kept.now) : 0);
   const [unit, scale] = span < 3000 ? ["ns", 1] : ["µs", 1e-3];
   const gap = 10;
   const whole = boxOf(width, height);
   const each = (whole.height - 2 * gap) / 3;
-  const rowsOf = (run, out) => [run.U.map((u) => output(u, out)), run.dT, run.N];
-  const [mine, theirs] = [rowsOf(now, drop), kept && rowsOf(kept.now, kept.drop)];
+  const rowsOf = (run, its) => [output(run, its), run.dT, run.N];
+  const [mine, theirs] = [rowsOf(now, light), kept && rowsOf(kept.now, kept.light)];
   const fig = figure(width, height, colours, zoom);
-  [outputLabel(drop), "ΔT (K)", "N (10²³ m⁻³)"].forEach((label, k) => {
+  [outputLabel(light), "ΔT (K)", "N (10²³ m⁻³)"].forEach((label, k) => {
     const time = { domain: [now.t[0] * scale, (now.t[0] + span) * scale], label: `Time (${unit})`, hidden: k < 2 };
     const read = (t) => mine[k][Math.min(firstAt(now.t, t / scale), now.t.length - 1)];
     fig.panel({ ...whole, top: whole.top + k * (each + gap), height: each }, time, { domain: padded(kept ? [...mine[k], ...theirs[k]] : mine[k]), label, read }, (x, y) => {
@@ -95,7 +96,7 @@ export function tracesFigure(width, height, { now, kept, drop, zoom }, colours) 
       return before + stroke(curve(x, y, now.t.map((t) => t * scale), mine[k], { sorted: true }), colours.series[k]); // prettier-ignore
     });
   });
-  return fig.done("Traces over time of drop power, temperature rise and carrier density");
+  return fig.done("Traces over time of optical power, temperature rise and carrier density");
 }
 
 /** Orbit in the plane of temperature and carriers, with every fixed point. */
@@ -114,18 +115,18 @@ export function phaseFigure(width, height, { now, states, kept, zoom }, colours)
 }
 
 /** All fixed points against detuning at the present power; a slow sweep jumps at the folds. */
-export function transmissionFigure(width, height, { points, states, state, drop, window, kept, ring, zoom }, colours) {
+export function transmissionFigure(width, height, { points, states, state, light, window, kept, ring, zoom }, colours) {
   const box = boxOf(width, height, { bottom: 64 });
   const fig = figure(width, height, colours, zoom);
-  const value = (p) => output(p.energy / FJ, drop);
+  const value = (p) => steadyOutput(p, light);
   const [unit] = detuningAxis([1], state.units, ring).domain;
   const place = (p) => (p.detuning / 1e9) * unit;
   const inside = points.filter((p) => p.detuning / 1e9 >= window[0] && p.detuning / 1e9 <= window[1]);
-  fig.panel(box, detuningAxis(window, state.units, ring), { domain: [0, padded(inside.map(value))[1]], label: outputLabel(drop) }, (x, y) => {
+  fig.panel(box, detuningAxis(window, state.units, ring), { domain: [0, padded(inside.map(value))[1]], label: outputLabel(light) }, (x, y) => {
     const looks = { stable: [colours.accent, 2.1, ""], saddle: [colours.soft, 2.1, "2 4"], pulses: [colours.hopf, 2.1, "7 3"] };
     const line = (piece, look, height = value) => stroke(curve(x, y, piece.map(place), piece.map(height)), ...look);
     let content = "";
-    if (kept) content += line(kept.points.map((p) => (p.cut ? { ...p, detuning: NaN } : p)), [colours.soft, 1.4, "5 3"], (p) => output(p.energy / FJ, kept.drop)); // prettier-ignore
+    if (kept) content += line(kept.points.map((p) => (p.cut ? { ...p, detuning: NaN } : p)), [colours.soft, 1.4, "5 3"], (p) => steadyOutput(p, kept.light)); // prettier-ignore
     for (const piece of stretches(points, (p) => p.regime)) content += line(piece, looks[piece[0].regime] || looks.pulses);
     for (const [from, to] of jumps(points)) content += stroke(`M${x(place(from))} ${y(value(from))}V${y(value(to))}`, colours.ink, 1.2, "1 3");
     content += `<path d="M${x(state.detuning * unit)} ${box.top}v${box.height}" stroke="${colours.ink}" stroke-opacity=".35"/>`;

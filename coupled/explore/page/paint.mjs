@@ -5,7 +5,7 @@ import { theme } from "./plot.mjs";
 import { columns, firstAt } from "./pulsing.mjs";
 import { NS, dropRate, toPicometres } from "./ring.mjs";
 import { drawSection } from "./section.mjs";
-import { bordersOf, inSight, modelOf, page, planeWindow, put, ringOf, shown, widthOf, windowOf } from "./state.mjs";
+import { bordersOf, inSight, modelOf, page, planeWindow, put, ringOf, shown, watts, widthOf, windowOf } from "./state.mjs";
 import { errorFigure, spectrumFigure, stepFigure, sumOf } from "./thermal.mjs";
 
 const HEAT_EVERY = 150; // ms between two drawings of the figures of heat while a slider moves, so that traces keep 30 frames a second
@@ -20,7 +20,7 @@ export function stretch() {
   if (page.state.view === "cycle" && trace.cycle) {
     const one = columns(trace.cycle.rows, 0, trace.cycle.count);
     const two = (x, shift) => Float64Array.from({ length: 2 * x.length }, (_, i) => (i < x.length ? x[i] : x[i - x.length] + shift));
-    return { t: two(one.t, trace.cycle.period), U: two(one.U, 0), N: two(one.N, 0), dT: two(one.dT, 0) };
+    return { t: two(one.t, trace.cycle.period), U: two(one.U, 0), re: two(one.re, 0), im: two(one.im, 0), N: two(one.N, 0), dT: two(one.dT, 0) };
   }
   const count = trace.rows.length / 5;
   const all = columns(trace.rows, 0, count);
@@ -37,8 +37,11 @@ export function draw() {
   });
 }
 
-/** Drop rate of the present ring, 1/ns. */
-export const dropNow = () => dropRate(ringOf(page.state, page.data)) * NS;
+/** Rates into both buses of the present ring, 1/ns, and the power of the laser, W. */
+export function lightNow() {
+  const ring = ringOf(page.state, page.data);
+  return { drop: dropRate(ring) * NS, bus: ring.bus_rate * NS, power: watts(page.state.power) };
+}
 
 /** Show a figure; while a slider moves, those out of sight wait until it rests. */
 function show(id, height, make, content, colours) {
@@ -49,16 +52,16 @@ function show(id, height, make, content, colours) {
 }
 
 function paint() {
-  const [colours, { state, data, }, now, drop] = [theme(), page, stretch(), dropNow()]; // prettier-ignore
+  const [colours, { state, data, }, now, light] = [theme(), page, stretch(), lightNow()]; // prettier-ignore
   const ring = ringOf(state, data);
   paintPlane(ring, colours);
   if (now && now.t.length > 3) {
-    show("traces", heightOfPlane(), tracesFigure, { now, drop }, colours);
+    show("traces", heightOfPlane(), tracesFigure, { now, light }, colours);
     show("phase-portrait", 330, phaseFigure, { now, states: shown.states }, colours);
   }
   if (shown.points.length) {
     const window = [windowOf(state, data, 2.5).detuning[0], windowOf(state, data, 1.2).detuning[1]];
-    show("transmission", 330, transmissionFigure, { points: shown.points, states: shown.states, state, drop, window, ring }, colours);
+    show("transmission", 330, transmissionFigure, { points: shown.points, states: shown.states, state, light, window, ring }, colours);
   }
   clearTimeout(later);
   if (shown.moving && performance.now() - heatDrawn < HEAT_EVERY) later = setTimeout(draw, HEAT_EVERY);

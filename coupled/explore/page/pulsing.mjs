@@ -8,7 +8,8 @@ const DUTY_LEVEL = 0.45;
 /** Columns of rows (t, Re a, Im a, N, dT): { t, U, N, dT } from row `first` to `stop`. */
 export function columns(rows, first, stop) {
   const column = (value) => Float64Array.from({ length: stop - first }, (_, i) => value(5 * (first + i)));
-  return { t: column((k) => rows[k]), U: column((k) => rows[k + 1] ** 2 + rows[k + 2] ** 2), N: column((k) => rows[k + 3]), dT: column((k) => rows[k + 4]) }; // prettier-ignore
+  const [re, im] = [column((k) => rows[k + 1]), column((k) => rows[k + 2])];
+  return { t: column((k) => rows[k]), re, im, U: re.map((x, i) => x * x + im[i] * im[i]), N: column((k) => rows[k + 3]), dT: column((k) => rows[k + 4]) }; // prettier-ignore
 }
 
 /** When sign x rises through sign level, on the cubic through the four samples around each. */

@@ -39,6 +39,18 @@ export function systemOf(ring, model) {
 /** sqrt(2 gamma_e P) in sqrt(fJ)/ns for a power in W. */
 export const driveOf = (system, power) => Math.sqrt((2 * system.bus * power) / UW);
 
+/** Power (W) that passes on the bus, |sqrt(P) + i sqrt(2 gamma_e) a|^2, of the field a = re + i im; `bus` is gamma_e in 1/ns. */
+export function throughPower(re, im, power, bus) {
+  const [inside, coupling] = [Math.sqrt(power / UW), Math.sqrt(2 * bus)];
+  return ((inside - coupling * im) ** 2 + (coupling * re) ** 2) * UW;
+}
+
+/** `throughPower` at a fixed point, where a = i drive/(gamma - i D). */
+export function steadyThrough(gamma, D, power, bus) {
+  const scale = Math.sqrt((2 * bus * power) / UW) / (gamma * gamma + D * D);
+  return throughPower(-scale * D, scale * gamma, power, bus);
+}
+
 /** Detuning in Hz to rad/ns. */
 export const turnOf = (detuning) => 2 * Math.PI * detuning * NS;
 

@@ -1,8 +1,8 @@
 // What is taken along: the view as a Python script, links, traces, figures; and a kept setting. Rings come as Python from
 // Python; what was moved is put in.
 
-import { draw, dropNow, stretch } from "./paint.mjs";
-import { DENSITY, FJ, NS, UW, absorbedPower, dropRate, systemOf } from "./ring.mjs";
+import { draw, lightNow, stretch } from "./paint.mjs";
+import { DENSITY, FJ, NS, UW, absorbedPower, systemOf, throughPower } from "./ring.mjs";
 import { changesOf, hashOf, modelOf, page, ringOf, shown, watts } from "./state.mjs";
 
 /** A number as Python reads it back, bit for bit. */
@@ -92,7 +92,7 @@ export function watchButtons() {
 /** Keep what is shown, to compare it with other settings, or forget it. */
 function keep() {
   const { state, data } = page;
-  const kept = shown.kept ? null : { now: stretch(), points: shown.points, drop: dropNow(), model: modelOf(state, data), state };
+  const kept = shown.kept ? null : { now: stretch(), points: shown.points, light: lightNow(), model: modelOf(state, data), state };
   shown.kept = kept && kept.now ? kept : null;
   $("keep").textContent = shown.kept ? "Forget the kept setting" : "Keep to compare";
   $("kept").textContent = shown.kept ? `Kept (grey, dashed): ${$("numbers").textContent} ${$("summary").textContent}` : "";
@@ -119,11 +119,13 @@ async function copy(text, what) {
 
 /** The trace that is shown, SI, with the fields of coupled.simulate. */
 function traceTable() {
-  const { t, U, N, dT } = stretch();
+  const { t, U, re, im, N, dT } = stretch();
   const ring = ringOf(page.state, page.data);
   const system = systemOf(ring, modelOf(page.state, page.data));
-  const row = (time, i) => [time * NS, U[i] * FJ, N[i] * DENSITY, dT[i], 2 * dropRate(ring) * NS * U[i] * UW, absorbedPower(U[i], N[i], system) * UW].join(",");
-  return `${["time_s,energy_J,carriers_per_m3,delta_T_K,drop_W,absorbed_W", ...Array.from(t, row)].join("\n")}\n`;
+  const { drop, bus, power } = lightNow();
+  const ports = (i) => [2 * drop * U[i] * UW, throughPower(re[i], im[i], power, bus)];
+  const row = (time, i) => [time * NS, U[i] * FJ, N[i] * DENSITY, dT[i], ...ports(i), absorbedPower(U[i], N[i], system) * UW].join(",");
+  return `${["time_s,energy_J,carriers_per_m3,delta_T_K,drop_W,through_W,absorbed_W", ...Array.from(t, row)].join("\n")}\n`;
 }
 
 const svgOf = (id) => new XMLSerializer().serializeToString($(id).querySelector("svg"));
