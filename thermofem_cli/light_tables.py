@@ -1,13 +1,18 @@
-"""Tables of light: columns of a laser and of a port, powers in W, dBm, dB or arbitrary units."""
+"""Measured light on the command line: columns of tables in W, dBm, dB or arbitrary units, and deviations of numbers."""
 
 import re
 
 import numpy as np
 
+from coupled import RingResonator
+from coupled.unknowns import fitted_names, number_of
+from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import quantity
 from thermofem.data.number_table import Column, NumberTable
 from thermofem.errors import InputError
+
+from .drive_texts import assigned
 
 DECIBELS = re.compile(r"(?<![A-Za-z])(dBm|dB)(?![A-Za-z])", re.IGNORECASE)
 SPELLED = {"dbm": "dBm", "db": "dB"}
@@ -48,3 +53,16 @@ def watts_of(name: str, values: Array, unit: str) -> tuple[Array, str]:
         return values * quantity.parse(f"1 {unit}", "W", name="--units"), "W"
     except InputError:
         return values, unit
+
+
+def held_of(ring: RingResonator, held: list[str] | None) -> dict[str, float]:
+    """Return standard deviations in SI of --held 'NAME=DEVIATION', a share in per cent of the number that is held."""
+    known = {name: number_of(ring, name) for name in fitted_names(ring)} | {"power": 1.0}
+    found = {}
+    for name, text in assigned("--held", held or [], "fca_cross_section=5 %").items():
+        checks.choice("--held", name, known)
+        if not text.endswith("%"):
+            raise InputError(f"--held {name} = {text!r} must be a share of the number", "such as '5 %'")
+        share = quantity.positive(text.removesuffix("%").strip(), "", name=f"--held {name}") / 100
+        found[name] = share * known[name]
+    return found

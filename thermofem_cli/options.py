@@ -54,6 +54,8 @@ Wavelength = Annotated[
     str | None,
     typer.Option(help="Vacuum wavelength; a ring has the resonance next to it. Default: that of [light], or 1550 nm."),
 ]
+HELD = "Standard deviation of a number that is held, as a share of it: 'fca_cross_section=5 %'. Repeatable."
+Held = Annotated[list[str] | None, typer.Option(help=HELD)]
 Pulse = Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'; default: a step.")]
 Square = Annotated[str | None, typer.Option(help="Heat in a square wave of this period, from rest, e.g. '1 us'.")]
 Duty = Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")]

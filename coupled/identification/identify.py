@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
@@ -18,7 +18,10 @@ from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .box_search import End, Prior, at_bound, central_slopes, least_squares
 from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
 from .cycles import Target, targets_of
+from .fit_summary import summary
 from .forced_filters import forced_starts
+from .held_numbers import held_deviations, held_numbers
+from .trace_leaning import leaning_of
 
 log = logging.getLogger("thermofem")
 
@@ -32,9 +35,9 @@ UNKNOWN = 1.0  # deviations of a logarithm, given as inf
 MANY = 30  # residuals from which the noise is estimated where it is less than expected
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification(HasModel):
-    """Result of `identify`.
+    """Result of `identify`. ``print`` shows it in a dozen lines.
 
     Attributes
     ----------
@@ -58,6 +61,11 @@ class Identification(HasModel):
         ended on a bound; deviations that were widened; another end of equal misfit; periods of trace and model that are
         a multiple of each other, or a model whose pulses do not repeat; traces that pulse while their model rests, or
         the other way round. They are logged, too.
+    sensitivities : dict of str to dict of str to float
+        of each parameter to each number of the ring that was held, d ln parameter/d ln held: -3 says that the parameter
+        falls by 3 % where the held number is 1 % larger. Empty where the fit failed.
+    thermal_resistance_deviation : float, K/W
+        standard deviation of R_th of the model; nan where that of a parameter is.
     """
 
     parameters: dict[str, float]
@@ -69,6 +77,18 @@ class Identification(HasModel):
     samples: xr.Dataset
     failed: bool
     notes: tuple[str, ...] = ()
+    sensitivities: dict[str, dict[str, float]] = field(default_factory=dict)
+    thermal_resistance_deviation: float = float("nan")
+
+    def __repr__(self) -> str:
+        """The parameters and R_th with their deviations, what they lean on, and the notes: a line each."""
+        verdict = "failed" if self.failed else "fitted"
+        misfit = float(self.samples["misfit"].min())
+        title = f"Identification from {self.residuals.sizes['trace']} traces: {verdict}, misfit {misfit:.3g}"
+        resistance = float(self.model.thermal_resistance)
+        parameters = self.parameters | {"thermal_resistance": resistance}
+        deviations = self.standard_deviations | {"thermal_resistance": self.thermal_resistance_deviation}
+        return summary(title, parameters, deviations, self.sensitivities, self.notes)
 
 
 def identify(
@@ -81,6 +101,7 @@ def identify(
     runs: int = 3,
     seed: int = 1,
     show_bar: bool = False,
+    held: Mapping[str, float] | None = None,
 ) -> Identification:
     """Fit parameters of a ring, its carriers and its thermal model to one or several drop traces at once.
 
@@ -120,6 +141,8 @@ def identify(
     seed : int
     show_bar : bool
         whether to draw a bar on the terminal.
+    held : mapping of name to float, optional
+        standard deviations (SI) of numbers of the ring that are held; those of the result then contain them.
 
     Returns
     -------
@@ -141,6 +164,7 @@ def identify(
     check_ring(ring)
     what = unknowns(ring, free, model, bounds)
     contradicted = () if model is None else notes_of(check_model(ring, model, what.build(what.start)[1]))
+    held = held_deviations(held, [*held_numbers(ring, what.names)], what.names)
     targets = targets_of(traces)
     seed = checks.seed(seed)
     runs = checks.integer("runs", runs, 1, 100, hint="minima of the first step that are followed")
@@ -149,6 +173,10 @@ def identify(
     if not found:
         raise checks.InputError("no model in the bounds could be integrated under the drive of the traces")
     result = _result(what, targets, found)
+    if not result.failed:
+        _, end, prior = found[0]
+        leaning = leaning_of(what, targets, end, prior, result.parameters, result.standard_deviations, held)
+        result = replace(result, **leaning._asdict())
     return replace(result, notes=contradicted + result.notes)
 
 

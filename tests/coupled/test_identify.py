@@ -125,6 +125,30 @@ def test_optics_and_carriers_come_back_and_seeds_repeat(traces, capsys):
     assert again.parameters == found.parameters
 
 
+@pytest.mark.slow
+def test_deviations_say_what_was_held(traces):
+    """Heat enters by thermo_optic R alone: each R goes as 1/thermo_optic, and so does R_th, exactly."""
+    start = th.Foster(R=0.9 * EXPERIMENT.R, tau=EXPERIMENT.tau)
+    plain = coupled.identify(RING, traces, free=["R"], model=start, runs=1)
+    for by_held in plain.sensitivities.values():
+        # the forced fit, a prior of 3 % at least, is held: it pulls by (deviation/3 %)^2, some 1 %
+        assert by_held["thermo_optic"] == pytest.approx(-1, abs=0.03)
+    resistance = float(plain.model.thermal_resistance)
+    noise = plain.thermal_resistance_deviation / resistance
+    assert abs(resistance - EXPERIMENT.thermal_resistance) < 5 * plain.thermal_resistance_deviation
+    parts = np.array(list(plain.standard_deviations.values())) / resistance
+    assert abs(parts[0] - parts[1]) - 1e-12 < noise < parts.sum() + 1e-12  # of a sum, whatever the correlation
+    share = {"thermo_optic": 0.05 * RING.thermo_optic}
+    held = coupled.identify(RING, traces, free=["R"], model=start, runs=1, held=share)
+    assert held.parameters == plain.parameters
+    assert held.thermal_resistance_deviation / resistance == pytest.approx(np.hypot(noise, 0.05), rel=0.04)
+    for name, value in held.parameters.items():
+        own = plain.standard_deviations[name] / value
+        assert held.standard_deviations[name] / value == pytest.approx(np.hypot(own, 0.05), rel=0.04)
+    assert len(str(held).splitlines()) <= 12
+    assert "held: R" in str(held)
+
+
 def test_at_the_true_parameters_next_to_nothing_is_left():
     for times in (TIMES, None):
         length = 12e-6 if times is None else times[-1]

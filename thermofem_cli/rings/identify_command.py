@@ -9,6 +9,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
+from coupled.identification.held_numbers import leaning
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
@@ -16,7 +17,7 @@ from .. import options
 from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, watched, written, wrote
 from ..drive_texts import detuning_of
-from ..light_tables import light_unit, picked, watts_of
+from ..light_tables import held_of, light_unit, picked, watts_of
 
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
 UNITS = "Units of both, 'us,mV' or 'us,dBm'; any but W, mW and dBm frees the scale."
@@ -36,6 +37,7 @@ def identify(
         str | None, typer.Option(help="Units of both, 'us,mV' or 'us,dBm'; any but W, mW, dBm frees the scale.")
     ] = None,
     settled: Annotated[bool, typer.Option("--settled", help="The light was on long before the tables begin.")] = False,
+    held: options.Held = None,
     figure: options.Figure = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path(
         "identified.toml"
@@ -53,6 +55,7 @@ def identify(
     heat = output.with_suffix(".json")
     check_outputs([output, heat, figure], images=[figure], inputs=[*traces, ring, model])
     resonator = ring_of(ring)
+    deviations = held_of(resonator, held)
     tables = [path for path in traces if path.suffix != ".nc"]
     for option, given in (("--power", power or []), ("--detuning", detuning or [])):
         if len(given) != len(tables):
@@ -68,7 +71,7 @@ def identify(
         seen.append(one)
     found = coupled.identify(
         resonator, seen, free=[name.strip() for name in free.split(",")], model=model_of(model)[0] if model else None,
-        seed=seed, show_bar=watched(),
+        seed=seed, show_bar=watched(), held=deviations,
     )  # fmt: skip
     output.write_text(write_text(found.ring, dict.fromkeys(found.parameters, "identified")), encoding="utf-8")
     surrogate.save_model(found.model, heat)
@@ -80,19 +83,25 @@ def identify(
     note_ring(resonator, ring)
     for name, value in found.parameters.items():
         say(f"{name:>22} = {written(value, parameter_unit(name), found.standard_deviations[name])}")
-    say(f"{'R_th':>22} = {written(float(found.model.thermal_resistance), 'K/W')}")
+    resistance = written(float(found.model.thermal_resistance), "K/W", found.thermal_resistance_deviation)
+    say(f"{'R_th':>22} = {resistance}")
     misfit = float(found.samples["misfit"].min())
     say(f"{'misfit':>22} = {misfit:.3g} of the noise: {'the fit failed' if found.failed else 'noise'}")
     for k, (read, own) in enumerate(
         zip(found.residuals.period.values, found.residuals.period_model.values, strict=True)
     ):
         say(f"{f'period of trace {k}':>22} = {written(float(read), 's')}, of the model {written(float(own), 's')}")
+    for line in leaning(found.sensitivities):
+        say(f"{'held':>22} : {line}")
     for line in found.notes:
         note(line)
     wrote(output, heat, figure)
     return {
         "parameters": found.parameters,
         "standard_deviations": found.standard_deviations,
+        "thermal_resistance": float(found.model.thermal_resistance),
+        "thermal_resistance_deviation": found.thermal_resistance_deviation,
+        "sensitivities": found.sensitivities,
         "misfit": misfit,
         "failed": found.failed,
         "passed": not found.failed,

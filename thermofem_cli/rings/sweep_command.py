@@ -12,16 +12,14 @@ import coupled
 import surrogate
 from coupled.identification.held_numbers import leaning
 from coupled.identification.slow_sweeps import with_seen_resonance
-from coupled.unknowns import fitted_names, number_of
-from thermofem import checks
+from coupled.unknowns import number_of
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options
 from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, working, written, wrote
-from ..drive_texts import assigned
-from ..light_tables import light_unit, picked
+from ..light_tables import held_of, light_unit, picked
 
 SWEEPS = "Table of wavelength and of the power at a port, one for each power; slow sweeps, up, down or both."
 FREE = "Names of the free parameters: also scattering_rate, lifetime, loaded_q, intrinsic_q, power."
@@ -44,9 +42,7 @@ def sweep(
     columns: Annotated[str, typer.Option(help="Numbers of the columns of wavelength and power.")] = "1,2",
     units: Annotated[str | None, typer.Option(help="Units of both, 'nm,dBm'; default: those of the header.")] = None,
     noise: Annotated[float | None, typer.Option(help="Noise of a sample in the unit of the tables, if known.")] = None,
-    held: Annotated[
-        list[str] | None, typer.Option(help="Deviation of a number that is held: 'fca_cross_section=5 %'. Repeatable.")
-    ] = None,
+    held: options.Held = None,
     figure: options.Figure = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path("swept.toml"),
 ) -> dict[str, Any]:
@@ -63,7 +59,7 @@ def sweep(
     if len(power) != len(sweeps):
         raise InputError(f"--power is given {len(power)} times for {len(sweeps)} tables", "give one for each")
     resonator = ring_of(ring)
-    deviations = _deviations(resonator, held)
+    deviations = held_of(resonator, held)
     data = []
     for path, watts in zip(sweeps, power, strict=True):
         one = _table(path, columns, units, port)
@@ -129,16 +125,3 @@ def _bounds(ring: coupled.RingResonator, free: str) -> dict[str, tuple[float, fl
     """Return wide bounds of free rates: the split of the linewidth into bus and losses is not known before."""
     rates = [name.strip() for name in free.split(",") if name.strip().endswith("_rate")]
     return {name: (number_of(ring, name) / WIDE, number_of(ring, name) * WIDE) for name in rates}
-
-
-def _deviations(ring: coupled.RingResonator, held: list[str] | None) -> dict[str, float]:
-    """Return standard deviations in SI of --held 'NAME=DEVIATION', a share in per cent of the number that is held."""
-    known = {name: number_of(ring, name) for name in fitted_names(ring)} | {"power": 1.0}
-    found = {}
-    for name, text in assigned("--held", held or [], "fca_cross_section=5 %").items():
-        checks.choice("--held", name, known)
-        if not text.endswith("%"):
-            raise InputError(f"--held {name} = {text!r} must be a share of the number", "such as '5 %'")
-        share = quantity.positive(text.removesuffix("%").strip(), "", name=f"--held {name}") / 100
-        found[name] = share * known[name]
-    return found
