@@ -103,6 +103,27 @@ def thermal_noise(heat: Any, frequencies: ArrayLike, read: str = LIGHT, temperat
     return _described(spectrum, f, T, read)
 
 
+def one_pole(frequency: Array, static: float, variance: float) -> Array:
+    """S_T (K^2/Hz) of one pole with the same static density (K^2/Hz) and variance (K^2), tau = static/(4 variance)."""
+    tau = static / (4 * variance)
+    return np.asarray(static / (1 + (2 * np.pi * frequency * tau) ** 2))
+
+
+def linewidth(noise: xr.Dataset) -> float:
+    """Full width at half maximum (Hz) of a line whose frequency has the noise S_nu of `thermal_noise`.
+
+        width = sqrt(8 ln 2 A),     A = int S_nu df over the frequencies with S_nu > 8 ln 2 f/pi^2
+
+    by the trapezoidal rule on the frequencies of the Dataset; observed for longer than its lowest period.
+
+    Source: Di Domenico, Schilt and Thomann, Appl. Opt. 49, 4801 (2010); they find it within 10 % of exact widths.
+    """
+    f = noise["frequency"].values
+    S = noise["S_nu"].values
+    slow = np.where(8 * np.log(2) * f / np.pi**2 < S, S, 0.0)
+    return float(np.sqrt(8 * np.log(2) * np.trapezoid(slow, f)))
+
+
 def _spectrum(heat: Any, omega: Array, read: str) -> Spectrum:
     """Spectrum of whatever `thermal_noise` takes, at angular frequencies (rad/s)."""
     if isinstance(heat, HeatProblem):

@@ -16,6 +16,7 @@ from . import checks
 from .data.fields import check_field
 from .data.files import check_image, write_whole
 from .data.variables import contents
+from .fluctuations import one_pole
 from .geometry import CrossSection
 
 if TYPE_CHECKING:
@@ -183,6 +184,30 @@ def _name_parts(geometry: CrossSection, ax: Axes) -> None:
             fontsize="small",
             arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.7},
         )
+
+
+def plot_noise(data: xr.Dataset, static: float | None = None, ax: Axes | None = None) -> Axes:
+    """Density of thermal noise over frequency: of the resonance (Hz^2/Hz) where it is known, else of the temperature.
+
+    data: from `thermal_noise`.
+    static [K^2/Hz]: S_T at f = 0; draws the noise of one pole of the same R and C beside it.
+    """
+    data = contents("data", data, ("frequency", "S_T"), what="a Dataset of th.thermal_noise")
+    ax = axes(ax)
+    f = data["frequency"].values
+    lit = "S_nu" in data
+    scale = data.attrs["thermal_shift"] ** 2 if lit else 1.0
+    ax.loglog(f, data["S_T"] * scale, color=INK, label="heat of the cross-section")
+    if static is not None:
+        one = one_pole(f, static, data.attrs["variance"])
+        ax.loglog(f, one * scale, color=VERMILION, linestyle="--", label="one pole of the same R and C")
+        ax.legend(frameon=False, fontsize="small")
+    quantity = "$S_\\nu$ (Hz²/Hz)" if lit else "$S_T$ (K²/Hz)"
+    ax.set(xlabel="frequency (Hz)", ylabel=quantity, xlim=(f[0], f[-1]))
+    ax.set_title(
+        f"thermal noise of {data.attrs['read']} at {data.attrs['temperature']:g} K", fontsize="small", loc="left"
+    )
+    return ax
 
 
 def save_figure(ax: Axes, path: Any) -> None:

@@ -31,10 +31,12 @@ from .doctor_command import doctor
 from .export_command import export
 from .family_command import calibrate, family
 from .fit_command import fit
+from .noise_command import noise
 from .options import with_common
 from .reduce_command import reduce
 from .rings.explore_command import explore
 from .rings.identify_command import identify
+from .rings.linearize_command import linearize
 from .rings.map_command import map_, stability
 from .rings.modes_command import modes, ring
 from .rings.simulate_command import cosimulate, simulate
@@ -61,6 +63,8 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "stability": stability,
     "identify": identify,
     "sweep": sweep,
+    "linearize": linearize,
+    "noise": noise,
     "cosimulate": cosimulate,
     "explore": explore,
     "modes": modes,

@@ -4,7 +4,7 @@ import contextlib
 import os
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +105,13 @@ def check_outputs(
         taken[where] = "written twice"
     for path in filter(None, images):
         files.check_image(path)
+
+
+def write_columns(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write columns of numbers under their names as a table (CSV), whole or not at all."""
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(columns), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
+    files.write_whole(path, lambda target: target.write_text("\n".join(lines) + "\n", encoding="utf-8"))
 
 
 @contextlib.contextmanager

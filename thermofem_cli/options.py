@@ -70,6 +70,7 @@ Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask scheduler
 FieldTimes = Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")]
 Paraview = Annotated[Path | None, typer.Option(help="Write the fields for ParaView: .xdmf, or .vtu of one time.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
+Table = Annotated[Path | None, typer.Option("--csv", help="Also write a table (CSV), in SI.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
 

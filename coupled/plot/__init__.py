@@ -12,11 +12,13 @@ from thermofem.plot import CYCLE, INK, WIDTH, axes as new_axes
 
 from ..identification.fit_transmission import TransmissionFit
 from ..identification.identify import Identification
+from .bode import plot_bode
 from .curves import HEAT, dbm, leaves, plot_branch, plot_transmission
 from .maps import plot_map, plot_maps
 from .runs import plot_sweep, plot_traces
 
 __all__ = [
+    "plot_bode",
     "plot_branch",
     "plot_identification",
     "plot_map",

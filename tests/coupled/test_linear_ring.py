@@ -135,6 +135,20 @@ def test_static_gains_are_differences_of_steady_states(model, detuning):
     assert values(linear, "delta_T", "ambient") == pytest.approx(rise, rel=1e-12)
 
 
+@pytest.mark.parametrize("model", [FIVE, BENT, th.OutputMap(FIVE, 2e-3)], ids=["poles", "quadratic", "output map"])
+def test_heat_raises_the_temperature_as_the_model_says_and_light_feeds_back(model):
+    """With p = dP_abs/dT by the light, dT/dheat = r/(1 - r p) and dT/dambient = 1/(1 - r p): their ratio is r.
+
+    r is the slope of the model's own steady rise at the absorbed power, by a central difference: 1e-4 squared.
+    """
+    linear = coupled.linearize(RING, model, power=POWER, detuning=-8e9)
+    P = float(linear.state["absorbed"])
+    h = 1e-4 * P
+    rise = getattr(model, "steady_rise", lambda power: FIVE.thermal_resistance * power)
+    slope = (rise(P + h) - rise(P - h)) / (2 * h)
+    assert values(linear, "delta_T", "heat") / values(linear, "delta_T", "ambient") == pytest.approx(slope, rel=1e-7)
+
+
 def test_heaters_and_probes_are_differences_of_steady_states(heated):
     linear = coupled.linearize(RING, heated, power=POWER, detuning=DETUNING, heaters={"heater": 1e-3})
     assert linear.inputs == ("power", "detuning", "heat", "ambient", "heater")

@@ -129,6 +129,16 @@ def rounded(value: float, unit: str, digits: int = 3) -> str:
     return write(number, unit) if math.isfinite(number) else f"{number} {unit}"
 
 
+def gain(value: float, unit: str, per: str) -> str:
+    """Text of a gain in ``unit`` per ``per`` (both SI), for reading.
+
+    >>> gain(2.684e-14, "W", "Hz")
+    '26.8 uW per GHz'
+    """
+    factor, name = {"Hz": (1e9, "GHz"), "W": (1e-3, "mW")}.get(per, (1.0, per))
+    return f"{rounded(value * factor, unit)} per {name}"
+
+
 def _convert(digits: str, given: str, unit: str) -> tuple[float, str]:
     """Convert the number ``digits`` from unit ``given`` to ``unit``; also a text on what is wrong, "" if nothing.
 

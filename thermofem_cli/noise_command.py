@@ -1,0 +1,84 @@
+"""``thermofem noise``: thermo-refractive noise of the ring of one geometry, from the matrices of its heat."""
+
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+import xarray as xr
+
+import thermofem as th
+from thermofem.data import quantity
+from thermofem.fluctuations import linewidth
+
+from . import options
+from .command_files import check_outputs, section_of, write_columns
+from .console import say, working, wrote
+from .drive_texts import RANGE, reading
+from .rings.modes_command import wavelength_of
+
+POINTS = 181
+PRINTED = (1e3, 1e5, 1e7)  # Hz
+
+
+def noise(
+    geometry: options.Geometry = None,
+    wavelength: options.Wavelength = None,
+    mode: Annotated[str | None, typer.Option(help="Guided mode; default: that of [light], or TE0.")] = None,
+    temperature: Annotated[
+        str | None, typer.Option(help="Absolute temperature, e.g. '300 K'; default: the ambient of the geometry.")
+    ] = None,
+    frequency: Annotated[str, typer.Option(help="First and last frequency.")] = "100 Hz, 100 MHz",
+    accuracy: options.Accuracy = 1e-3,
+    figure: options.Figure = None,
+    csv: options.Table = None,
+) -> dict[str, Any]:
+    """Compute the thermo-refractive noise of one geometry: how quiet its resonance can be.
+
+    The table has frequency and one-sided density, as programs for combs read it.
+    """
+    section = section_of(geometry)
+    check_outputs([figure, csv], images=[figure], inputs=[geometry])
+    kelvin = None if temperature is None else quantity.parse(temperature, "K", name="--temperature")
+    with reading(f"--frequency = {frequency!r}", f"{RANGE} '100 Hz, 100 MHz'"):
+        low, high = sorted(quantity.positive(part.strip(), "Hz", name="--frequency") for part in frequency.split(","))
+    shown = np.geomspace(low, high, POINTS)
+    with working("meshing, and solving for the mode"):
+        heat = th.assemble(section, accuracy)
+        found = th.light(heat, wavelength=wavelength_of(section, wavelength)).mode(mode)
+        lit = heat.with_light(found)
+    with working(f"noise of {heat.unknowns} temperatures"):
+        every = np.unique([0.0, *PRINTED, *shown])
+        data = th.thermal_noise(lit, every, temperature=kelvin)
+    lit.domain_error(read="light", what="the noise at low frequencies")
+    spectrum = data.sel(frequency=shown)
+    numbers = _said(data, found)
+    if csv:
+        write_columns(csv, {"frequency (Hz)": shown, "S_nu (Hz^2/Hz)": spectrum["S_nu"].values})
+    if figure:
+        from thermofem import plot
+
+        plot.save_figure(plot.plot_noise(data.sel(frequency=slice(low, high)), float(data["S_T"][0])), figure)
+    wrote(figure, csv)
+    return {**numbers, "figure": figure, "csv": csv}
+
+
+def _said(data: xr.Dataset, mode: Any) -> dict[str, Any]:
+    """Print and return rms values, three densities, and the linewidth that they make."""
+    a = data.attrs
+    kelvin = a["temperature"]
+    shift = a["thermal_shift"]
+    say(f"{mode.name} at {quantity.rounded(mode.wavelength, 'm', 6)}, {kelvin:g} K, {shift / 1e9:.4g} GHz/K")
+    rise = quantity.rounded(a["rms_temperature"], "K")
+    jitter = quantity.rounded(a["rms_frequency"], "Hz")
+    say(f"rms temperature {rise}, rms frequency {jitter}")
+    densities = {}
+    for f in PRINTED:
+        density = float(data["S_nu"].sel(frequency=f))
+        densities[f"{f:g}"] = density
+        say(f"S_nu at {quantity.write(f, 'Hz')}: {density:.4g} Hz^2/Hz")
+    width = linewidth(data)
+    say(f"linewidth of a laser that follows the resonance: {quantity.rounded(width, 'Hz')}, by the beta-separation line")
+    bound = float((data["bound"] / data["S_T"]).max())
+    say(f"reduction: within {bound:.0e} of every density, certified")
+    numbers = {name: a[name] for name in ("temperature", "thermal_shift", "rms_temperature", "rms_frequency")}
+    return {**numbers, "S_nu": densities, "linewidth": width, "relative_bound": bound}
