@@ -77,7 +77,9 @@ def _said(data: xr.Dataset, mode: Any) -> dict[str, Any]:
         densities[f"{f:g}"] = density
         say(f"S_nu at {quantity.write(f, 'Hz')}: {density:.4g} Hz^2/Hz")
     width = linewidth(data)
-    say(f"linewidth of a laser that follows the resonance: {quantity.rounded(width, 'Hz')}, by the beta-separation line")
+    say(
+        f"linewidth of a laser that follows the resonance: {quantity.rounded(width, 'Hz')}, by the beta-separation line"
+    )
     bound = float((data["bound"] / data["S_T"]).max())
     say(f"reduction: within {bound:.0e} of every density, certified")
     numbers = {name: a[name] for name in ("temperature", "thermal_shift", "rms_temperature", "rms_frequency")}

@@ -26,7 +26,7 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "s": ("a time", "20 us", ((1e-9, "ns"), (1e-6, "us"), (1e-3, "ms"))),
     "W": ("a power", "8 dBm", ((1e-6, "uW"), (1e-3, "mW"))),
     "Hz": ("a frequency", "-10 GHz", ((1, "Hz"), (1e3, "kHz"), (1e6, "MHz"), (1e9, "GHz"), (1e12, "THz"))),
-    "K": ("a temperature", "293.15 K", ()),
+    "K": ("a temperature", "293.15 K", ((1e-6, "uK"), (1e-3, "mK"))),
     "J": ("an energy", "20 fJ", ((1e-15, "fJ"), (1e-12, "pJ"))),
     "rad": ("an angle", "90 deg", ((math.pi / 180, "deg"),)),
     "1/m^3": ("a carrier density", "1e23 1/m^3", ()),
