@@ -26,13 +26,16 @@ from scipy.constants import Boltzmann
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.fluctuations import check_port
+from thermofem.fluctuations import TAKEN, port_of
+from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import ThermalModel
+from thermofem.models.contract import bare
+from thermofem.ring_temperature import detuning_output
 from thermofem.waveforms import PiecewiseCubic
 
+from .arguments import check_ring
 from .inputs import bounds, pieces
 from .resonator import RingResonator
-from .thermal import linear
 
 WIDER = 5.0  # bandwidth over linewidth, where the line is 10 % narrower (measured)
 OVERSAMPLED = 8  # samples in the shortest period: cubics between them err by 1e-3
@@ -128,7 +131,7 @@ def thermorefractive(
     Parameters
     ----------
     model : ThermalModel
-        linear, of the part that the light heats and that the ring reads: a Foster network, or what has one.
+        linear: a Foster network of one part, or a StateSpace that reads the temperature that the ring reads.
     ring : RingResonator
         its shift per kelvin.
     bandwidth : float, Hz
@@ -154,9 +157,12 @@ def thermorefractive(
     >>> bool(abs(wave(5e-6)) < 10e6)
     True
     """
-    poles = linear(model, "have thermo-refractive noise")
-    checks.instance("ring", ring, RingResonator, hint="it must be a RingResonator, such as borghi2021()")
-    check_port("model", poles)
+    check_ring(ring)
+    system = bare(model)
+    checks.has("model", system, "inputs", "outputs", hint=TAKEN)
+    several = len(system.outputs) > 1
+    own = detuning_output(ring.read, system.inputs[0], tuple(system.outputs))
+    poles = port_of("model", system, own if several else LIGHT)
     temperature = checks.between("temperature", temperature, 1e-3, 5000, unit="K", hint="it is absolute")
     R = np.asarray(poles.R)
     tau = np.asarray(poles.tau)

@@ -131,22 +131,38 @@ def _spectrum(heat: Any, omega: Array, read: str) -> Spectrum:
     if hasattr(heat, "thermal_forces"):
         return _of_linear(heat, omega, read)
     model = bare(heat)
+    if isinstance(model, StateSpace) and model.order > LARGEST:
+        return _certified(model.E, model.A, np.asarray(model.C[_output(model, read)]), omega)
+    return _of_poles(port_of("heat", model, read), omega, _reduction_error(heat, model, read))
+
+
+def _reduction_error(heat: Any, model: Any, read: str) -> float:
+    """Relative error bound that a reduction has for what is read; nan for what it does not heat, 0 for other models."""
+    if not hasattr(heat, "channel_bounds"):
+        return 0.0
+    output = _output(model, read)
+    part = model.outputs[output]
+    if part not in model.inputs:
+        return np.nan
+    return float(heat.channel_bounds[output, model.inputs.index(part)])
+
+
+def port_of(name: str, model: Any, read: str = LIGHT) -> Foster:
+    """The poles of a small model with one weight for heat and temperature, that of its output ``read``.
+
+    name: of the argument in messages. A model with one output has no choice.
+    Raises InputError: a model of another kind, a name that is not read, a network between two parts.
+    """
+    checks.instance(name, model, Foster, StateSpace, hint=TAKEN)
+    output = _output(model, read)
     if isinstance(model, StateSpace):
-        return _of_system(model, omega, read, getattr(heat, "error_bound", 0.0))
-    checks.instance("heat", model, Foster, hint=TAKEN)
-    check_port("heat", model)
-    _output(model, read)
-    R = np.asarray(model.R)
-    rate = 1 / np.asarray(model.tau)
-    return _of_poles(R * rate, rate, omega, getattr(heat, "error_bound", 0.0))
-
-
-def check_port(name: str, poles: Foster) -> None:
-    """Raise InputError unless heat and temperature of a network have the same weight; ``name`` is for the message."""
-    if poles.inputs == poles.outputs and poles.passive:
-        return
+        rate, modes = eigenmodes(model)
+        part = (model.outputs[output],)
+        return Foster(R=(model.C[output] @ modes) ** 2 / rate, tau=1 / rate, inputs=part, outputs=part)
+    if model.inputs == model.outputs and model.passive:
+        return model
     raise checks.InputError(
-        f"{name} is a network from {poles.inputs[0]!r} to {poles.outputs[0]!r} with R = {np.min(poles.R):.3g} K/W; "
+        f"{name} is a network from {model.inputs[0]!r} to {model.outputs[0]!r} with R = {np.min(model.R):.3g} K/W; "
         "noise needs one port, the same weight for heat and temperature",
         "give the HeatProblem to thermal_noise, or reduce heat.channels(part, part)",
     )
@@ -174,22 +190,12 @@ def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
     return spectrum._replace(shift=nu * heat.light.thermo_optic)
 
 
-def _of_system(system: StateSpace, omega: Array, read: str, error: float) -> Spectrum:
-    """Spectrum of what a system reads, with the same weight for heat; ``error`` is relative, of its own channels."""
-    output = _output(system, read)
-    weight = np.asarray(system.C[output])
-    if system.order > LARGEST:
-        return _certified(system.E, system.A, weight, omega)
-    rate, modes = eigenmodes(system)
-    port = system.heated == system.outputs == (system.outputs[output],)
-    return _of_poles((weight @ modes) ** 2, rate, omega, error if port or not error else np.nan)
-
-
-def _of_poles(gain: Array, rate: Array, omega: Array, error: float) -> Spectrum:
-    """Spectrum of poles: gain = R/tau (K/J) and rate (1/s); ``error`` is relative to the static value."""
-    real = (gain * rate / (rate**2 + omega[:, None] ** 2)).sum(axis=1)
-    bound = np.full(omega.size, error * (gain / rate).sum())
-    return Spectrum(real, bound, float(gain.sum()), None)
+def _of_poles(port: Foster, omega: Array, error: float) -> Spectrum:
+    """Spectrum of a network; ``error`` is relative to the static value."""
+    R = np.asarray(port.R)
+    real = (R / (1 + (omega[:, None] * np.asarray(port.tau)) ** 2)).sum(axis=1)
+    bound = np.full(omega.size, error * port.thermal_resistance)
+    return Spectrum(real, bound, float(port.gain.sum()), None)
 
 
 def _certified(E: Any, A: Any, weight: Array, omega: Array) -> Spectrum:

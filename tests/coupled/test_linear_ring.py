@@ -96,7 +96,7 @@ def test_the_response_is_that_of_ngspice_on_the_exported_ring(tmp_path, fem, pow
     waves = table[:, 1::2] + 1j * table[:, 2::2]
     op = np.loadtxt(tmp_path / "op.txt", ndmin=2)[0, 1:]
     linear = coupled.linearize(RING, fem, power=power, detuning=detuning)
-    assert op[0] == pytest.approx(float(linear.state["delta_T"]), rel=1e-5)
+    assert op[0] == pytest.approx(float(linear.state["delta_T"]), rel=1e-5, abs=0)
     found = linear.response(f)["response"].sel(input="detuning") * 1e9
     assert np.abs(found.sel(output="delta_T").values / waves[:, 0] - 1).max() < 1e-5
     drop = 2 * (op[1] * waves[:, 1] + op[2] * waves[:, 2])  # of |re + i im|^2 about real values
@@ -127,12 +127,14 @@ def test_static_gains_are_differences_of_steady_states(model, detuning):
     base = {"power": POWER, "detuning": detuning}
     for name, size in (("power", 1e-4 * POWER), ("detuning", 1e6)):
         found = [values(linear, output, name) for output in outputs]
-        assert found == pytest.approx(differences(run, base, name, size, outputs), rel=1e-6)
+        assert found == pytest.approx(differences(run, base, name, size, outputs), rel=1e-6, abs=0)
     # the ambient moves the resonance as a detuning does, and adds to the temperature itself
     turned = RING.thermal_shift / (2 * np.pi)
-    assert values(linear, "drop", "ambient") == pytest.approx(values(linear, "drop", "detuning") * turned, rel=1e-12)
+    assert values(linear, "drop", "ambient") == pytest.approx(
+        values(linear, "drop", "detuning") * turned, rel=1e-12, abs=0
+    )
     rise = 1 + values(linear, "delta_T", "detuning") * turned
-    assert values(linear, "delta_T", "ambient") == pytest.approx(rise, rel=1e-12)
+    assert values(linear, "delta_T", "ambient") == pytest.approx(rise, rel=1e-12, abs=0)
 
 
 @pytest.mark.parametrize("model", [FIVE, BENT, th.OutputMap(FIVE, 2e-3)], ids=["poles", "quadratic", "output map"])
@@ -146,7 +148,9 @@ def test_heat_raises_the_temperature_as_the_model_says_and_light_feeds_back(mode
     h = 1e-4 * P
     rise = getattr(model, "steady_rise", lambda power: FIVE.thermal_resistance * power)
     slope = (rise(P + h) - rise(P - h)) / (2 * h)
-    assert values(linear, "delta_T", "heat") / values(linear, "delta_T", "ambient") == pytest.approx(slope, rel=1e-7)
+    assert values(linear, "delta_T", "heat") / values(linear, "delta_T", "ambient") == pytest.approx(
+        slope, rel=1e-7, abs=0
+    )
 
 
 def test_heaters_and_probes_are_differences_of_steady_states(heated):
@@ -162,11 +166,11 @@ def test_heaters_and_probes_are_differences_of_steady_states(heated):
     outputs = ("drop", "through", "delta_T", "absorbed")
     by_heater = differences(run, {"heater": 1e-3}, "heater", 1e-6, outputs)
     found = [values(linear, output, "heater") for output in outputs[:3]]
-    assert found == pytest.approx(by_heater[:3], rel=1e-6)
+    assert found == pytest.approx(by_heater[:3], rel=1e-6, abs=0)
     # the neighbour is warmed by the heater, and by what the ring then absorbs
     gain = heated.gain
     neighbour = gain[2, 1] + gain[2, 0] * by_heater[3]
-    assert values(linear, "neighbour", "heater") == pytest.approx(neighbour, rel=1e-6)
+    assert values(linear, "neighbour", "heater") == pytest.approx(neighbour, rel=1e-6, abs=0)
 
 
 def test_the_thermal_resistance_with_light_is_a_difference_of_steady_states(fem):
@@ -181,7 +185,7 @@ def test_the_thermal_resistance_with_light_is_a_difference_of_steady_states(fem)
 
     (expected,) = differences(run, {"more": 2e-6}, "more", 1e-6, ("delta_T",))
     linear = coupled.linearize(RING, twin, power=POWER, detuning=DETUNING, heaters={"more": 2e-6})
-    assert linear.thermal_resistance == pytest.approx(expected, rel=1e-6)
+    assert linear.thermal_resistance == pytest.approx(expected, rel=1e-6, abs=0)
     assert values(linear, "delta_T", "heat") == linear.thermal_resistance
 
 
@@ -193,8 +197,8 @@ def test_one_pole_and_fast_light_in_closed_form():
     f = np.array([0.0, 100.0, 1000.0])
     found = linear.response(f)["response"].sel(input="heat", output="delta_T").values
     slope = (1 - 1000.0 / linear.thermal_resistance) / 1000.0  # W/K
-    assert found == pytest.approx(1000.0 / (1 + 2j * np.pi * f * tau - 1000.0 * slope), rel=1e-4)
-    assert linear.eigenvalues[0].real == pytest.approx(-(1 - 1000.0 * slope) / tau, rel=1e-4)
+    assert found == pytest.approx(1000.0 / (1 + 2j * np.pi * f * tau - 1000.0 * slope), rel=1e-4, abs=0)
+    assert linear.eigenvalues[0].real == pytest.approx(-(1 - 1000.0 * slope) / tau, rel=1e-4, abs=0)
 
 
 def test_a_small_step_is_that_of_simulate(fem):
@@ -215,8 +219,8 @@ def test_a_small_step_is_that_of_simulate(fem):
 def test_the_step_ends_at_the_static_gain_and_begins_with_d(fem):
     linear = coupled.linearize(RING, fem, power=POWER, detuning=DETUNING)
     step = linear.step([0.0, 1e-3])["step"].values
-    assert step[0] == pytest.approx(linear.D)
-    assert step[1] == pytest.approx(linear.static, rel=1e-9)  # the condition of the modes is 1e3
+    assert step[0] == pytest.approx(linear.D, abs=0)
+    assert step[1] == pytest.approx(linear.static, rel=1e-9, abs=0)  # the condition of the modes is 1e3
 
 
 def test_python_control_has_the_same_response(fem):
@@ -228,7 +232,7 @@ def test_python_control_has_the_same_response(fem):
     f = np.array([1e3, 1e6, 1e9])
     found = control.frequency_response(plant, 2 * np.pi * f).frdata
     expected = linear.response(f)["response"].values.transpose(1, 2, 0)
-    assert found == pytest.approx(expected, rel=1e-6)
+    assert found == pytest.approx(expected, rel=1e-6, abs=0)
 
 
 def test_the_leading_pair_lies_on_the_imaginary_axis_at_a_hopf_point():
@@ -242,7 +246,7 @@ def test_the_leading_pair_lies_on_the_imaginary_axis_at_a_hopf_point():
     linear = coupled.linearize(RING, FIVE, power=power, detuning=detuning, branch=branch)
     pair = linear.eigenvalues[:2]
     omega = 2 * np.pi * float(point["frequency"])
-    assert np.abs(pair.imag) == pytest.approx([omega, omega], rel=1e-6)
+    assert np.abs(pair.imag) == pytest.approx([omega, omega], rel=1e-6, abs=0)
     assert np.abs(pair.real).max() < 1e-6 * omega
 
 
@@ -254,7 +258,7 @@ def test_the_ambient_reaches_the_ring_through_the_chip():
     assert linear.inputs == ("power", "detuning", "heat", "ambient")
     at_once = coupled.linearize(RING, model.channel("core", "core"), power=POWER, detuning=DETUNING)
     gain = values(at_once, "delta_T", "ambient")
-    assert values(linear, "delta_T", "ambient") == pytest.approx(gain, rel=1e-4)  # two reductions, each to 1e-4
+    assert values(linear, "delta_T", "ambient") == pytest.approx(gain, rel=1e-4, abs=0)  # two reductions, each to 1e-4
     light = {"power": POWER, "detuning": DETUNING, "heated": "core", "read": "core"}
     rest = coupled.simulate(RING, model, duration=1e-3, rtol=1e-10, **light)
     times = np.array([1e-6, 1e-5, 5e-5])
@@ -300,7 +304,7 @@ def test_a_circuit_of_one_ring_is_that_ring(fem):
     # columns and rows of one size; Newton's method ends at 1e-11
     size = np.abs(expected).max(axis=0)
     assert np.abs((response - expected) / size).max() < 1e-8
-    assert circuit.thermal_resistance == pytest.approx(linear.thermal_resistance, rel=1e-8)
+    assert circuit.thermal_resistance == pytest.approx(linear.thermal_resistance, rel=1e-8, abs=0)
 
 
 @pytest.mark.parametrize("model", [FIVE, crossed()], ids=["alone", "crossed"])
@@ -357,7 +361,7 @@ def test_several_steady_states_are_listed_and_branch_chooses(caplog):
     for branch in range(3):
         linear = coupled.linearize(RING, SECOND_ORDER, branch=branch, **light)
         growth = float(states["growth_rate"][branch])
-        assert linear.eigenvalues[0].real == pytest.approx(growth, rel=1e-6)
+        assert linear.eigenvalues[0].real == pytest.approx(growth, rel=1e-6, abs=0)
         assert linear.stable == (growth < 0)
     assert "unstable" in caplog.text
     assert lowest.stable

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from correctors import NETWORK, RING
@@ -169,6 +171,10 @@ def test_thermorefractive_noise_repeats_and_refuses_what_is_no_port():
     settings = {"bandwidth": 50e6, "duration": 5e-6}
     first, again, other = (thermorefractive(NETWORK, RING, seed=s, **settings)(2e-6) for s in (1, 1, 2))
     assert first == again != other
+    system = th.StateSpace(np.eye(1), [[-1e6]], [[1e4]], [[1e4], [2e4]], ("core",), ("core", "light"))
+    lit = replace(RING, read="light")
+    light, core = (thermorefractive(system, ring, seed=1, **settings)(2e-6) for ring in (lit, RING))
+    assert light == pytest.approx(2 * core, rel=1e-12, abs=0)
     transfer = th.Foster(R=[100.0], tau=[1e-6], inputs=("heater",), outputs=("core",))
     with pytest.raises(th.InputError, match="from 'heater' to 'core'"):
         thermorefractive(transfer, RING, **settings)
