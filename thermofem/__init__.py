@@ -21,9 +21,11 @@ from .geometry import (
     Layer,
     Part,
     Probe,
+    Shape,
     disc,
     from_gdsfactory,
     heated_ring,
+    racetrack,
     rib_ring,
     straight_guide,
     strip_ring,
@@ -45,8 +47,8 @@ from .waveforms import (
 
 __all__ = [
     "MZI", "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Foster", "Function", "InputError",
-    "Interface", "Layer", "Material", "Part", "Probe", "Pulse", "RingEdge", "Sampled", "SquareWave", "StateSpace",
-    "Symbols", "Telegraph", "assemble", "dataset", "derivatives", "disc", "from_gdsfactory", "heated_ring", "light",
-    "load", "materials", "read_trace", "rib_ring", "save", "solve", "solve_periodic", "straight_guide", "strip_ring",
-    "thermal_noise",
+    "Interface", "Layer", "Material", "Part", "Probe", "Pulse", "RingEdge", "Sampled", "Shape", "SquareWave",
+    "StateSpace", "Symbols", "Telegraph", "assemble", "dataset", "derivatives", "disc", "from_gdsfactory",
+    "heated_ring", "light", "load", "materials", "racetrack", "read_trace", "rib_ring", "save", "solve",
+    "solve_periodic", "straight_guide", "strip_ring", "thermal_noise",
 ]  # fmt: skip

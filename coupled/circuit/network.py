@@ -206,14 +206,15 @@ def ring_heat(thermal: Any, rings: Sequence[RingResonator], names: Sequence[str]
 
     thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: a model with one input and output applies
         to every ring separately; a StateSpace with one output per ring has the rings as its first inputs, then heaters.
-        Its rings are matched by name if the names agree, else by order.
+        Its rings are matched by name if the names agree, else by order. Of one with more outputs, a layout, the rings
+        are those of the names, and the other inputs heaters.
     Raises InputError: another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
     """
     model = bare(thermal)
     parts = getattr(model, "heated", model.inputs)
     several = isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(parts) > 1)
     if several and not (len(parts) == 1 and {*model.outputs} <= {*parts, LIGHT}):
-        return _of_array(model, rings, names)
+        return _of_array(model.of_rings(names), rings, names)
     drives = {AMBIENT: 0.0} if AMBIENT in model.inputs else {}
     each = [channels(thermal, ring.read, drives, parts[0]) for ring in rings]
     models = [one.model for one in each]

@@ -113,6 +113,7 @@ def _circuit(
         raise InputError(
             f"ring has the lasers {names}: SPICE takes a circuit of one laser, whose frame the fields have"
         )
+    model = model.of_rings(circuit.names) if hasattr(model, "of_rings") else model
     net, laser = rc_network(model, taken=WORDS), circuit.lasers[0]
     ports = identifiers([laser.name, *circuit.outputs], taken=(*WORDS, "detuning"))
     heat, heat_pins, lit = _heat_of_rings(name, circuit, model, net, taken=(*WORDS, "detuning", *ports))

@@ -62,6 +62,8 @@ class ArrayReduction(HasModel):
     domain_error : float
         relative change of the crosstalk of the farthest pair, or of R_th, if the chip went on beyond the domain. It is
         no part of ``error_bound``; above 1 % the log warns.
+    outlines : list
+        of a layout (`reduce_layout`): the rings of points (x, y) in m around each shape, the outer one first.
     """
 
     model: StateSpace
@@ -73,6 +75,7 @@ class ArrayReduction(HasModel):
     poles: NDArray[np.int64] = field(repr=False)
     asymmetry: float = 0.0
     domain_error: float = 0.0
+    outlines: list[Any] = field(default_factory=list, repr=False)
 
     @property
     def rings(self) -> int:
@@ -112,7 +115,8 @@ class ArrayReduction(HasModel):
         """Provenance that `surrogate.save_model` writes with the model."""
         bound, centres = self.error_bound, self.positions.tolist()
         made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": centres}
-        return {**(self.model.origin or {}), **made, "ports": list(self.model.inputs)}
+        drawn = {"outlines": self.outlines} if self.outlines else {}
+        return {**(self.model.origin or {}), **made, **drawn, "ports": list(self.model.inputs)}
 
 
 def reduce_array(
@@ -168,7 +172,7 @@ def reduce_array(
         positions=centres,
         error_bound=float(bounds.max()),
         channel_bounds=bounds,
-        passive=_is_passive(model),
+        passive=is_passive(model),
         tolerance=tolerance,
         poles=poles,
         asymmetry=_asymmetry(sources, rings),
@@ -250,10 +254,14 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
     rate = np.concatenate(rates)
     B = np.vstack(inputs)
     outs = tuple(f"ring {i + 1}" for i in range(n))
-    E, A = np.ones(rate.size), -rate
-    full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")
-    model = StateSpace(full(E), full(A), B, np.hstack(outputs), inputs=tuple(names), outputs=outs)
+    model = diagonal_system(rate, B, np.hstack(outputs), tuple(names), outs)
     return model, bounds, poles
+
+
+def diagonal_system(rate: Array, B: Array, C: Array, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> StateSpace:
+    """The system dx/dt = -rate x + B P, dT = C x; its matrices are sparse from 500 states on."""
+    full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")
+    return StateSpace(full(np.ones(rate.size)), full(-rate), B, C, inputs=inputs, outputs=outputs)
 
 
 def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
@@ -268,7 +276,7 @@ def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
     return worst
 
 
-def _is_passive(model: StateSpace) -> bool:
+def is_passive(model: StateSpace) -> bool:
     """Whether summed static gains of the fastest poles, however many, have no negative eigenvalue; see the module."""
     n = len(model.outputs)
     rate = -model.A.diagonal()

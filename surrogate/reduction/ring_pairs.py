@@ -27,7 +27,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from thermofem import InputError, Part, Probe, StateSpace, assemble, checks
+from thermofem import CrossSection, InputError, Part, Probe, StateSpace, assemble, checks
 from thermofem.algebra.krylov import orthonormal, symmetric_part
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
@@ -75,7 +75,7 @@ def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) 
         if of[-1] == len(kinds):
             part = checks.choice("heated", heated, one.heated, default=one.heated[0])
             _check_heaters(one, heaters, part)
-            _check_stack(every[0], one, i)
+            check_stack(every[0].geometry, one.geometry, f"heat[{i}] and heat[0]")
             kinds.append(Kind(one, part))
     return RingKinds(kinds, np.array(of))
 
@@ -91,14 +91,13 @@ def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None
     checks.unique("heaters", names)
 
 
-def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:
-    """Raise InputError unless two rings lie on the same layers."""
-    one, two = first.geometry, other.geometry
+def check_stack(one: CrossSection, two: CrossSection, who: str) -> None:
+    """Raise InputError unless two sections have the same layers and sides; ``who`` names both."""
     differ = [w for w in ("layers", "bottom", "top", "outer", "ambient") if getattr(one, w) != getattr(two, w)]
     same = () if differ else one.layers
     differ += [f"layer {at.name!r}" for at in same if one.material_of(at.name) != two.material_of(at.name)]
     if differ:
-        raise InputError(f"heat[{i}] and heat[0] differ in {differ[0]}; rings on one chip share its layers and sides")
+        raise InputError(f"{who} differ in {differ[0]}; what lies on one chip shares its layers and sides")
 
 
 def ring_positions(positions: ArrayLike) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -90,6 +90,19 @@ class StateSpace:
         j = self.outputs.index(checks.choice("read", read, self.outputs, default=self.outputs[0]))
         names: dict[str, Any] = {"inputs": (self.inputs[i],), "outputs": (self.outputs[j],)}
         return StateSpace(self.E, self.A, self.B[:, [i]], self.C[[j]], origin=self.origin, **names)
+
+    def of_rings(self, names: Sequence[str]) -> StateSpace:
+        """The same system with only the outputs ``names``, whose inputs come first; of an array itself.
+
+        The other shapes of a layout then are heaters. A system whose outputs have other names, or no more than
+        ``names``, is returned as it is.
+        """
+        if len(self.outputs) == len(names) or not {*names} <= {*self.outputs} & {*self.inputs}:
+            return self
+        inputs = (*names, *(name for name in self.inputs if name not in names))
+        columns = [self.inputs.index(name) for name in inputs]
+        rows = [self.outputs.index(name) for name in names]
+        return replace(self, B=self.B[:, columns], C=self.C[rows], inputs=inputs, outputs=tuple(names))
 
     @cached_property
     def gain(self) -> Array:

@@ -1,0 +1,191 @@
+"""Shapes on one chip, such as racetracks and heaters: one thermal model, without a mesh in three dimensions.
+
+A chip is uniform in its plane but for small cores and heaters. Shape j of length L_j carries the power P_j, and the
+mean rise of shape i is H_ij P_j with
+
+    H_ij(s) = mean over both shapes of G(|r - r'|; s) + l_ij [Z_ij(s) - Y_ij(s)]/(L_i L_j)
+
+G: Green function of the bare stack (`surrogate.reduction.stack_green`), K/W.
+Z: rise by the power per length of a straight section, its cores and heaters included, K m/W: the certified FEM.
+Y: the same of two lines in the bare stack of that section, by the Green function.
+l_ij: length along which i runs along j in one section; L_i for i = j, 0 for shapes apart.
+
+Near the line Y and the mean of G are alike, and what is left of their difference is what the path adds to an infinite
+line; the smoothing of the lanes cancels in it. The poles are shared by all channels,
+
+    H_ij(s) = sum_k R_ijk/(1 + s/lambda_k),    lambda_k = lambda_0 + mu rho^k
+
+with lambda_0 the slowest rate of the stack, at which its continuous spectrum begins. R_ijk solves a least-squares
+problem over the frequencies, positive for i = j, with the static gain kept; poles are added until the fit is good.
+
+Errors. The bound of each channel is the sum of
+- the fit, measured at all frequencies, and the reduction of the section, which is proven;
+- the mesh of the section, estimated, and the means over the shapes, by a second computation with half of the points;
+- bends: w h/R^2 of the gain, with the sections w x h of both parts. Measured against the axisymmetric FEM, on circles
+  of 3 to 10 um with cores of 0.45 and 2 um and with a heater: 0.4 to 0.8 of that;
+- the silicon or metal of two shapes apart, which is taken as oxide: 8 % of the gain for each um^2 of w h. Measured on
+  two parts 0.5 to 8 um apart in one section: 0.5 % for two cores (8 % of 0.2 um^2 are 1.6 %), 2.8 % for two heaters.
+The chip has no sides, whatever the section says of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import nnls
+
+from thermofem import InputError, Shape, StateSpace, checks
+from thermofem.arrays import Array, Complex
+
+from .array_reduction import ArrayReduction, diagonal_system, is_passive
+from .certified_space import Indices
+from .layout_sections import ENDLESS, SECTION, Layout
+from .ring_pairs import FLOOR, check_stack
+
+RATIOS = (3.2, 2.7, 2.3, 2.0, 1.7, 1.5)  # rho of the poles, tried in turn
+ABOVE = 0.03  # mu over the slowest rate
+STIFF = 30.0  # weight of the static gain in the fit
+RIDGE = 1e-5  # weight of the residues themselves, which keeps neighbouring ones from cancelling
+LACK = 1.001  # times a negative eigenvalue, which round-off may not leave below 0
+FIT = 0.1  # of the tolerance, for the fit: it is relative to R_th, and Z is small at high frequencies
+
+
+def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayReduction:
+    """Reduce shapes in the plane of a chip to one thermal model with an input and an output for each.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        on the same layers. Parts of a section that are no shapes follow every shape of that section.
+    tolerance : float
+        of the poles of every channel at every frequency, relative to its static gain plus a hundredth of the larger own
+        gain of its two shapes; the mesh of the sections has a fifth of it.
+
+    Returns
+    -------
+    ArrayReduction
+        the errors of the method are in its ``error_bound``, which may therefore be above the tolerance.
+
+    Raises
+    ------
+    InputError
+        shapes that cross or are closer than they are thick, shapes on different layers, names that are not unique, a
+        part of a section that reaches beyond half of the way to another shape, or a tolerance out of reach.
+
+    >>> from thermofem import racetrack, straight_guide
+    >>> section = straight_guide(substrate=20e-6)
+    >>> pair = reduce_layout([racetrack("ring 1", section), racetrack("ring 2", section, at=(24e-6, 0.0))])
+    >>> (pair.crosstalk / 1e3).round(2).tolist()  # K/mW
+    [[8.37, 0.03], [0.03, 8.37]]
+    """
+    tolerance = checks.between("tolerance", tolerance, 1e-5, 0.1, hint="it is relative to the static gain")
+    shapes = checks.instances("shapes", shapes, Shape)
+    checks.enough("shapes", len(shapes), 1, "shapes")
+    checks.unique("names of the shapes", [shape.name for shape in shapes])
+    for number, shape in enumerate(shapes):
+        check_stack(shapes[0].section, shape.section, f"shapes[{number}] and shapes[0]")
+    layout = Layout.of(shapes, tolerance)
+    omega = layout.frequencies(tolerance)
+    H, error = layout.response(omega)
+    own = H[0].real.diagonal()
+    reference = np.abs(H[0].real) + FLOOR * np.maximum.outer(own, own)
+    poles = fitted(H, omega, layout.stack.slowest, reference, FIT * tolerance)
+    worst = float(poles.error.max())
+    if worst > tolerance:
+        raise InputError(f"tolerance = {tolerance:g} is out of reach: the poles leave {worst:.1e}; loosen it")
+    bounds = poles.error + error / reference
+    model = _model(poles.rate, poles.residue, [shape.name for shape in shapes])
+    origin = {"geometry": shapes[0].section.to_toml(), "mesh_accuracy": SECTION * tolerance}
+    return ArrayReduction(
+        model=replace(model, origin=origin),
+        positions=np.array([shape.centre for shape in shapes]),
+        error_bound=float(bounds.max()),
+        channel_bounds=bounds,
+        passive=is_passive(model),
+        tolerance=tolerance,
+        poles=np.count_nonzero(poles.residue, axis=0),
+        outlines=[shape.outlined() for shape in shapes],
+    ).recorded()
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Shared poles of all channels.
+
+    rate [shape (k,), 1/s]. residue [shape (k, N, N), K/W]: R_ijk.
+    error [shape (N, N)]: largest over the frequencies, relative to a reference.
+    """
+
+    rate: Array
+    residue: Array
+    error: Array
+
+
+def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance: float) -> Poles:
+    """The fewest poles that fit H [shape (frequencies, N, N), K/W] at ``omega``, 0 first, to ``tolerance``, or the best.
+
+    reference [shape (N, N), K/W]: of the errors.
+    """
+    begin = ABOVE * (slowest or ENDLESS / ABOVE)
+    best: Poles | None = None
+    for ratio in RATIOS:
+        count = int(np.log(omega[-1] / begin) / np.log(ratio)) + 2
+        rate = np.asarray(slowest + begin * ratio ** np.arange(count), dtype=float)
+        poles = _fit(H, omega, rate, reference)
+        if best is None or poles.error.max() < best.error.max():
+            best = poles
+        if best.error.max() <= tolerance:
+            break
+    assert best is not None
+    return best
+
+
+def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
+    """Least squares over the frequencies, of the own rises with positive residues, made passive."""
+    upper = np.triu_indices(H.shape[1])
+    target = H[:, *upper] / reference[upper]
+    rows = np.concatenate([target.real, target.imag, STIFF * target[:1].real])
+    responses = 1 / (1 + 1j * omega[:, None] / rate)
+    columns = np.concatenate([responses.real, responses.imag, np.full((1, rate.size), STIFF)])
+    ridge = np.concatenate([columns, RIDGE * np.eye(rate.size)])
+    nothing = np.zeros((rate.size, rows.shape[1]))
+    share = np.linalg.lstsq(ridge, np.concatenate([rows, nothing]), rcond=None)[0]
+    for k in np.flatnonzero(upper[0] == upper[1]):
+        share[:, k] = nnls(columns, rows[:, k])[0]
+    share *= target[0].real / share.sum(axis=0)
+    residue = _passive(_square(share * reference[upper], upper))
+    error = np.abs(np.tensordot(responses, residue, 1) - H).max(axis=0) / reference
+    return Poles(rate, residue, error)
+
+
+def _passive(residue: Array) -> Array:
+    """Residues whose sums over the fastest poles, however many, have no negative eigenvalue.
+
+    The sum S_m over the poles from m on gets on its diagonal what it, or one over fewer poles, lacks (about 1e-5 of
+    R_th). The largest own residue of each shape gives that back: static gains stay, and own residues stay positive.
+    """
+    sums = np.cumsum(residue[::-1], axis=0)
+    least = np.linalg.eigvalsh(sums)[:, 0]
+    lack = np.maximum.accumulate(np.maximum(0.0, -LACK * least))
+    more = np.diff(lack, prepend=0.0)[::-1]
+    result = residue + more[:, None, None] * np.eye(residue.shape[1])
+    own = np.arange(residue.shape[1])
+    result[residue[:, own, own].argmax(axis=0), own, own] -= lack[-1]
+    return result
+
+
+def _square(values: Array, upper: tuple[Indices, ...]) -> Array:
+    """Symmetric matrices, shape (n, N, N), from the values of their upper triangles, shape (n, pairs)."""
+    size = int(upper[0].max()) + 1
+    full = np.zeros((len(values), size, size))
+    full[:, *upper] = values
+    full[:, *upper[::-1]] = values
+    return full
+
+
+def _model(rate: Array, residue: Array, names: Sequence[str]) -> StateSpace:
+    """The system in which every shape drives its own poles, and all shapes read them."""
+    n = len(names)
+    drives = np.kron(np.eye(n), np.ones((rate.size, 1)))
+    reads = np.concatenate([residue[:, :, j].T * rate for j in range(n)], axis=1)
+    return diagonal_system(np.tile(rate, n), drives, reads, tuple(names), tuple(names))

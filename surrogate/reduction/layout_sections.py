@@ -1,0 +1,238 @@
+"""The sections of the shapes on a chip, and the response between shapes that they and the bare stack make.
+
+The equation is that of `surrogate.reduction.layout_reduction`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations, combinations_with_replacement
+from typing import Any
+
+import numpy as np
+import shapely
+
+from thermofem import CrossSection, Foster, InputError, Shape, assemble
+from thermofem.arrays import Array, Complex
+from thermofem.geometry.section_parts import INSULATED, ISOTHERMAL
+from thermofem.geometry.shapes import UM
+
+from .reduce import reduce
+from .shape_points import LANE, PER_GAP, Spread, centre_points, distances, points_of
+from .stack_green import HELD, SAMPLES, Stack
+
+PER_DECADE = 8  # frequencies
+ENDLESS = 1e2  # 1/s, slowest rate that is resolved on a substrate without a bottom, whose spectrum begins at 0
+SECTION = 0.2  # of the tolerance, for the mesh of a section
+BEND = 1.0  # error of a gain over w h/R^2
+NEGLECTED = 0.08e12  # 1/m^2, error of the gain between shapes apart over the sum of their w h
+LANE_SIGMA = LANE / math.sqrt(12)  # m, standard deviation of the widest lane
+HALF = 0.5  # of a length: a part along more than that belongs to the section of a shape
+MATCH = 0.05  # of a width, by which two parallel lines may be displaced
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """Two parts of a straight section that is recentred on the first.
+
+    model: from the power of the one to the mean rise of the other, for 1 m of length.
+    half_width [m]
+    error: relative error of the static gain, by the mesh and the reduction.
+    """
+
+    model: Foster
+    half_width: float
+    error: float
+
+    def impedance(self, omega: Array) -> Complex:
+        """Rise of one part by the other in K m/W at angular frequencies in rad/s."""
+        return self.model.impedance(omega / (2 * np.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Shapes, the length along which each runs along each other one, and the sections at each of them.
+
+    along [shape (N, N), m]: l_ij. apart [shape (N, N), m]: least distance of two shapes in the plane.
+    locals: by two indices, of shapes that run along each other, and of every shape with itself.
+    """
+
+    shapes: tuple[Shape, ...]
+    along: Array
+    apart: Array
+    locals: dict[tuple[int, int], Local]
+    spreads: list[Spread]
+    stack: Stack
+
+    @classmethod
+    def of(cls, shapes: tuple[Shape, ...], tolerance: float) -> "Layout":
+        """Check the places of the shapes, and solve their sections."""
+        polygons = np.array([shape.polygon for shape in shapes])
+        apart = shapely.distance(polygons[:, None], polygons) / UM
+        along = np.diag([shape.length for shape in shapes])
+        for i, j in zip(*np.nonzero(np.triu(apart == 0.0, 1) | np.triu(_same_section(shapes), 1)), strict=True):
+            along[i, j] = along[j, i] = _length_along(shapes[i], shapes[j])
+        _check_places(shapes, along, apart)
+        sections: dict[tuple[int, int], Local] = {}
+        for i, j in zip(*np.nonzero(np.triu(along)), strict=True):
+            beside = [k for k in range(len(shapes)) if k in (i, j) or along[i, k] > HALF * shapes[i].length]
+            section = _section_at(shapes[i], [shapes[k] for k in beside], shapes)
+            parts = (str(shapes[i].part), str(shapes[j].part))
+            sections[i, j] = _solved(section, parts, SECTION * tolerance)
+        spreads = [Spread.of(shape) for shape in shapes]
+        return cls(shapes, along, apart, sections, spreads, Stack.of(shapes[0].section))
+
+    def frequencies(self, tolerance: float) -> Array:
+        """0, and angular frequencies in rad/s up to where every own rise is below a tenth of the tolerance."""
+        low = 0.1 * (self.stack.slowest or ENDLESS)
+        omega = np.concatenate([[0.0], np.geomspace(low, 1e16, round(PER_DECADE * np.log10(1e16 / low)))])
+        needed = 2
+        for (i, j), local in self.locals.items():
+            if i == j:
+                size = np.abs(local.impedance(omega))
+                needed = max(needed, int(np.argmax(size < 0.1 * tolerance * size[0])))
+        return omega[: needed + 1]
+
+    def response(self, omega: Array) -> tuple[Complex, Array]:
+        """H(i omega) in K/W, shape (frequencies, N, N), and its error in K/W, shape (N, N), without that of the fit."""
+        s = np.asarray(1j * omega, dtype=complex)
+        n = len(self.shapes)
+        H = np.zeros((omega.size, n, n), dtype=complex)
+        error = np.zeros((n, n))
+        lines = self._differences(s)
+        for pairs, heated, read in self._kinds():
+            r, G = self.stack.over_distance(s, heated, read)
+            rough, G0 = self.stack.over_distance(s[:1], heated, read, SAMPLES // 2)
+            for i, j in pairs:
+                one, other = self.shapes[i], self.shapes[j]
+                pitch = None if i == j or self.apart[i, j] == 0.0 else self.apart[i, j] / PER_GAP
+                mean = G @ distances(points_of(one, pitch), points_of(other, pitch), r)
+                coarse = G0 @ distances(points_of(one, pitch, fewer=True), points_of(other, pitch, fewer=True), rough)
+                H[:, i, j] = mean
+                # a third: of a rule of second order, as on open lines, half of the points err by four times as much
+                error[i, j] = abs(coarse[0] - mean[0]) / 3
+                if (i, j) in lines:
+                    share = self.along[i, j] / (one.length * other.length)
+                    H[:, i, j] += share * lines[i, j]
+                    local = self.locals[i, j]
+                    error[i, j] += share * local.error * abs(local.impedance(omega[:1])[0])
+                H[:, j, i] = H[:, i, j]
+        error = np.maximum(error, error.T) + self._neglected() * np.abs(H[0])
+        return H, error
+
+    def _neglected(self) -> Array:
+        """Relative error of each gain by the bends of shapes along each other, or by the metal or silicon of others."""
+        area = np.array([shape.width * shape.drawn.height for shape in self.shapes])
+        bend = np.array([shape.bend for shape in self.shapes])
+        both = np.add.outer(area, area) * (1 - np.eye(area.size) / 2)
+        tightest = np.minimum.outer(bend, bend)
+        return np.where(self.along > 0, BEND * both / tightest**2, NEGLECTED * both)
+
+    def _differences(self, s: Complex) -> dict[tuple[int, int], Complex]:
+        """Z - Y in K m/W of each pair that runs along each other, equal sections once."""
+        bare = replace(self.stack, bottom=HELD, endless=False) if self.stack.endless else self.stack
+        known: dict[Any, Complex] = {}
+        lines = {}
+        for (i, j), local in self.locals.items():
+            middle = float(self.shapes[i].drawn.x or 0.0)
+            spreads = (self.spreads[i].moved(middle), self.spreads[j].moved(middle))
+            kind = (id(local), *(spread.sigma for spread in spreads))
+            if kind not in known:
+                known[kind] = local.impedance(s.imag) - bare.over_section(s, local.half_width, *spreads)
+            lines[i, j] = known[kind]
+        return lines
+
+    def _kinds(self) -> list[tuple[list[tuple[int, int]], Spread, Spread]]:
+        """Pairs of shapes with equal spreads; of shapes apart only the heights count, and one lane serves all."""
+        groups: dict[Any, list[tuple[int, int]]] = {}
+        spreads: dict[Any, tuple[Spread, Spread]] = {}
+        for i, j in combinations_with_replacement(range(len(self.shapes)), 2):
+            both = (self.spreads[i], self.spreads[j])
+            if self.along[i, j] == 0.0 and self.apart[i, j] > 0.0:
+                both = (replace(both[0], sigma=LANE_SIGMA), replace(both[1], sigma=LANE_SIGMA))
+            kind = tuple(sorted((*spread.z, spread.sigma) for spread in both))
+            groups.setdefault(kind, []).append((i, j))
+            spreads[kind] = both
+        return [(pairs, *spreads[kind]) for kind, pairs in groups.items()]
+
+
+def _same_section(shapes: Sequence[Shape]) -> Array:
+    """Which two shapes are different parts of one section, shape (N, N)."""
+    return np.array([[a.section == b.section and a.part != b.part for b in shapes] for a in shapes])
+
+
+def _length_along(one: Shape, other: Shape) -> float:
+    """Length in m of the part of ``one`` that runs along ``other`` as their parts do in the section."""
+    if one.section != other.section or one.part == other.part:
+        return 0.0
+    first, second = (one, other) if one.line is not None else (other, one)
+    if first.line is None:
+        return 0.0
+    offset = abs(float(first.drawn.x or 0.0) - float(second.drawn.x or 0.0))
+    middle = shapely.points(centre_points(first, 400) * UM)
+    depth = shapely.distance(middle, second.polygon.boundary) / UM
+    inside = shapely.contains_xy(second.polygon, shapely.get_x(middle), shapely.get_y(middle))
+    depth = np.where(inside, depth, -depth)
+    hits = np.abs(depth - (second.width / 2 - offset)) < MATCH * second.width
+    return float(hits.mean() * first.length)
+
+
+def _check_places(shapes: Sequence[Shape], along: Array, apart: Array) -> None:
+    """Raise InputError for shapes that cross or are closer than they are thick, unless they run along each other."""
+    for i, j in combinations(range(len(shapes)), 2):
+        if along[i, j] > 0:
+            continue
+        one, other = shapes[i].drawn, shapes[j].drawn
+        who = f"shapes {shapes[i].name!r} and {shapes[j].name!r}"
+        above = max(one.bottom - other.top, other.bottom - one.top, 0.0)
+        if apart[i, j] == 0.0 and above == 0.0:
+            raise InputError(f"{who} cross: they lie at one height, and their outlines overlap; move one of them")
+        gap = float(np.hypot(apart[i, j], above))
+        thick = max(min(part.height, float(part.width or 0.0)) for part in (one, other))
+        if gap < thick:
+            raise InputError(
+                f"{who} are {gap:g} m apart, closer than the {thick:g} m that they are thick; make them parts of one "
+                "section, or give the matrices of a three-dimensional model"
+            )
+
+
+def _section_at(shape: Shape, beside: Sequence[Shape], shapes: Sequence[Shape]) -> CrossSection:
+    """The section at a shape: itself, the shapes that run along it, and the parts that are no shapes.
+
+    It is recentred on the shape, and its sides and bottom are closed: what is beyond them cancels in Z - Y.
+    """
+    section = shape.section
+    present = {other.part: other.drawn for other in beside}
+    drawn = {other.part for other in shapes if other.section == section}
+    middle = float(shape.drawn.x or 0.0)
+    parts = []
+    for part in section.parts:
+        if part.name in present or part.name not in drawn:
+            cut = present.get(part.name, part)
+            parts.append(replace(cut, x=float(cut.x or 0.0) - middle, inner_radius=math.nan, outer_radius=math.nan))
+    names = {part.name for part in parts}
+    interfaces = tuple(one for one in section.interfaces if one.part in names)
+    bottom = ISOTHERMAL if section.bottom.kind == "open" else section.bottom
+    return replace(
+        section,
+        parts=tuple(parts),
+        interfaces=interfaces,
+        bottom=bottom,
+        outer=INSULATED,
+        probes=(),
+        light=None,
+        buses=(),
+    )
+
+
+@lru_cache(64)
+def _solved(section: CrossSection, parts: tuple[str, str], accuracy: float) -> Local:
+    """The FEM of a section, reduced, between two of its parts; for 1 m of length."""
+    heat = assemble(section, accuracy)
+    heated, read = parts
+    reduction = reduce(heat.channels(heated, read), accuracy)
+    poles = reduction.dynamics
+    error = heat.mesh_error(heated, read) + reduction.error_bound
+    length = float(section.length or 1.0)
+    return Local(replace(poles, R=np.asarray(poles.R) * length), section.outer_radius, error)

@@ -1,0 +1,319 @@
+"""Shapes in the plane: against the axisymmetric FEM, codes in three dimensions, closed forms; passivity; refusals."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from layouts import heated_section, random_layout
+
+import coupled
+import surrogate
+import thermofem as th
+from surrogate.reduction.shape_points import Spread, distances, lanes_of, points_of
+from surrogate.reduction.stack_green import Stack
+
+GUIDE = th.straight_guide()
+THIN = th.straight_guide(substrate=20e-6)
+HEATED = heated_section()
+BAR = {"path": [(0.0, 0.0), (20e-6, 0.0)]}
+
+
+def impedance(model: th.StateSpace, omega: float) -> np.ndarray:
+    """C (i w E - A)^-1 B of a system whose matrices are diagonal."""
+    rate = -model.A.diagonal()
+    return (model.C / (1j * omega + rate)) @ model.B
+
+
+# R_th at 0 Hz, and Z at 10 kHz, 100 kHz, 1 MHz and 10 MHz in K/W: certified axisymmetric FEM of the reference ring on a
+# domain of 90 um at a mesh accuracy of 1e-5
+CIRCLE = (7872.30, 7397.93 - 1193.16j, 4454.94 - 1757.70j, 2017.67 - 1409.73j, 441.85 - 651.46j)
+
+
+def test_a_circle_is_the_axisymmetric_ring():
+    circle = th.racetrack("ring 1", GUIDE, radius=7.955e-6, straight=0.0)
+    layout = surrogate.reduce_layout([circle])
+    Z = layout.channel(0, 0).impedance([0.0, 1e4, 1e5, 1e6, 1e7])
+    # 1e-3: the mesh of the section has 2e-4 of R_th, the bend 4e-4 (measured), the poles 1e-4 of R_th
+    np.testing.assert_array_less(np.abs(Z / CIRCLE - 1), 1e-3)
+    own = th.assemble(th.strip_ring(outer_radius=90e-6), 1e-4).thermal_resistance("core")
+    assert abs(Z[0].real / own - 1) < layout.error_bound < 3e-3
+
+
+@pytest.mark.parametrize(("radius", "width"), [(3e-6, 450e-9), (5e-6, 2e-6)])
+def test_the_bound_of_a_tight_bend_holds(radius, width):
+    ring = th.strip_ring(radius=radius, width=width, outer_radius=90e-6)
+    exact = th.assemble(ring, 1e-4).thermal_resistance("core")
+    layout = surrogate.reduce_layout(
+        [th.racetrack("ring 1", th.straight_guide(width=width), radius=radius, straight=0)]
+    )
+    off = abs(layout.model.gain[0, 0] / exact - 1)
+    # 1e-3: so far the bends show, and not only the meshes
+    assert 1e-3 < off < layout.error_bound
+
+
+def test_racetracks_against_three_dimensions():
+    """Two racetracks in a box with insulated sides at 32 um: NGSolve, 78 450 unknowns; walls are images."""
+    places = [(x, y) for x in (-52e-6, -12e-6, 76e-6, 12e-6, 52e-6, -76e-6) for y in (-64e-6, 0.0, 64e-6)]
+    shapes = [th.racetrack(f"ring {k}", THIN, radius=5e-6, straight=8e-6, at=at) for k, at in enumerate(places)]
+    gain = surrogate.reduce_layout(shapes).model.gain
+    own = places.index((-12e-6, 0.0))
+    images = gain[own].reshape(6, 3).sum(axis=1)
+    # 1 %: NGSolve's own circle lies 0.5 % below the axisymmetric FEM
+    assert images[:3].sum() == pytest.approx(8330, rel=0.01)
+    assert images[3:].sum() == pytest.approx(28.5, rel=0.01)
+
+
+def test_the_ring_of_the_paper_is_a_circle_of_its_length_to_a_tenth_of_a_percent():
+    gain = [
+        surrogate.reduce_layout([th.racetrack("ring", GUIDE, radius=R, straight=L)]).model.gain[0, 0]
+        for R, L in ((7e-6, 3e-6), (7.955e-6, 0.0))
+    ]
+    # 1.0010: a computation of the path by another Green function; 2e-4 for the smoothing and the sums of either
+    assert gain[0] / gain[1] == pytest.approx(1.0010, abs=2e-4)
+
+
+# K/mW per heater power, ring mean and heater mean, for (side, silicon) in um: femx and Elmer on one mesh of linear
+# tetrahedra (public repository yspkm/femx, ring_heater_thermal_sensitivity, summary.csv)
+FEMX = {(20, 0.5): (5.727, 14.770), (80, 50): (5.542, 14.519), (80, 5): (5.450, 14.428)}
+
+
+@pytest.fixture(scope="module")
+def femx():
+    return {case: _femx(*case) for case in FEMX}
+
+
+def _femx(side: float, silicon: float) -> np.ndarray:
+    """The study's ring and heater; images at the distance of a side stand for its insulated walls."""
+    section = _femx_section(silicon)
+    reach = 2 if side < 60 else 1
+    steps = range(-reach, reach + 1)
+    shapes = [th.racetrack("ring", section, radius=5e-6, straight=0.0)]
+    for i in steps:
+        for j in steps:
+            at = (i * side * 1e-6, j * side * 1e-6)
+            shapes.append(
+                th.racetrack(f"heater {len(shapes)}", section, radius=5e-6, straight=0.0, at=at, part="heater")
+            )
+    gain = surrogate.reduce_layout(shapes).model.gain
+    centre = 1 + len(steps) ** 2 // 2
+    return np.array([gain[0, 1:].sum(), gain[centre, 1:].sum()]) / 1e3
+
+
+def _femx_section(silicon: float) -> th.CrossSection:
+    changed = {"Si": 148.0, "SiO2": 1.38, "TiN": 28.0}
+    materials = tuple(replace(th.materials.find(name), conductivity=k) for name, k in changed.items())
+    layers = (
+        th.Layer("substrate", "Si", silicon * 1e-6),
+        th.Layer("box", "SiO2", 2e-6, datum=True),
+        th.Layer("cladding", "SiO2", 2.8e-6),
+    )
+    core = th.Part("core", "Si", bottom=0.0, height=220e-9, heated=True, x=0.0, width=500e-9)
+    heater = th.Part("heater", "TiN", bottom=2.22e-6, height=140e-9, heated=True, x=0.0, width=2e-6)
+    return th.CrossSection(
+        "femx", layers=layers, parts=(core, heater), top=th.Boundary("convection", 10.0), materials=materials,
+        kind="straight", length=100e-6, half_width=60e-6,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FEMX)
+def test_a_published_study_of_a_ring_heater(femx, case):
+    # 8 %: linear tetrahedra, a notch of 1 um in the heater and two buses; the axisymmetric FEM is 3 to 6.5 % above it
+    np.testing.assert_allclose(femx[case], FEMX[case], rtol=0.08)
+
+
+def test_ratios_of_the_study(femx):
+    """What mesh, notch and buses do is alike in all cases."""
+    for case in FEMX:
+        ratio = femx[case] / femx[80, 50]
+        expected = np.divide(FEMX[case], FEMX[80, 50])
+        np.testing.assert_allclose(ratio, expected, rtol=0.03)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_layouts_are_reciprocal_and_passive(seed):
+    layout = surrogate.reduce_layout(random_layout(seed))
+    assert layout.passive
+    # 1e-12: round-off
+    np.testing.assert_allclose(layout.model.gain, layout.model.gain.T, rtol=1e-12)
+    own = layout.model.gain.max()
+    for omega in np.geomspace(1e3, 1e11, 33):
+        Z = impedance(layout.model, omega)
+        # the definition of passivity, not the sums of residues by which it is checked; 1e-12 of R_th: round-off
+        assert np.linalg.eigvalsh((Z + Z.conj().T).real / 2)[0] >= -1e-12 * own
+
+
+def test_a_tiled_plane_is_a_ring_in_a_cell():
+    """Rings on a square lattice: each cell exchanges no heat, as a cylinder of its area does."""
+    pitch = 20e-6
+    guide = th.straight_guide(substrate=10e-6)
+    oxide = (replace(guide.layers[0], material="SiO2"), *guide.layers[1:])
+    ring = th.strip_ring(radius=5e-6, outer_radius=pitch / math.sqrt(math.pi))
+    exact = th.assemble(replace(ring, layers=oxide), 1e-4).thermal_resistance("core")
+    steps = [k * pitch for k in range(-2, 3)]
+    section = replace(guide, layers=oxide)
+    places = [(x, y) for x in steps for y in steps]
+    shapes = [th.racetrack(f"ring {k}", section, radius=5e-6, straight=0.0, at=at) for k, at in enumerate(places)]
+    gain = surrogate.reduce_layout(shapes).model.gain[12]
+    # 5e-3: a square taken for a circle (its corner is 14 um away, its side 10 um), and the bend (1.5e-3); the other
+    # rings make a third of the sum
+    assert gain.sum() == pytest.approx(exact, rel=5e-3)
+    assert gain.sum() > 1.3 * gain[12]
+
+
+def test_the_green_function_of_a_half_space():
+    """G = exp(-sqrt(i w/alpha) d)/(2 pi k d) on the surface of a half space."""
+    spread = Spread(np.array([0.0]), np.ones(1), np.zeros(1), 1e-9)
+    half_space = Stack(np.array([-1e-6, 0.0]), np.full(1, 2.0), np.full(1, 2.0), np.full(1, 1e6), 0.0, 0.0, True)
+    omega = np.array([0.0, 1e3, 1e5])
+    r, G = half_space.over_distance(1j * omega, spread, spread)
+    for d in (1e-6, 1e-5):
+        ours = [np.interp(np.log(d), np.log(r), one) for one in G]
+        exact = np.exp(-np.sqrt(1j * omega * 1e6 / 2.0) * d) / (2 * np.pi * 2.0 * d)
+        # 1e-4: both ends of the transform are taken for one, where r G has fallen to 1e-4 of its largest value
+        np.testing.assert_allclose(ours, exact, rtol=1e-3)
+
+
+def test_the_line_of_the_green_function_is_a_section_of_oxide():
+    """Two cores of the oxide's properties, 3 um apart: the FEM of the section has nothing but the stack."""
+    parts = [replace(GUIDE.parts[0], material="SiO2", name=name, x=x) for name, x in (("a", -1.5e-6), ("b", 1.5e-6))]
+    parts = [replace(part, inner_radius=math.nan, outer_radius=math.nan) for part in parts]
+    oxide = replace(GUIDE, parts=tuple(parts))
+    exact = th.assemble(oxide, 1e-4).thermal_resistance("a", "b") * oxide.length
+    one, other = (Spread.of(th.Shape("line", oxide, part=name, **BAR)) for name in ("a", "b"))
+    line = Stack.of(oxide).over_section(np.zeros(1) + 0j, oxide.half_width, one, other)[0].real
+    # 1e-3: the mesh, and a Gauss curve that stands for the width of a core
+    assert line == pytest.approx(exact, rel=1e-3)
+
+
+def test_points_have_the_area_and_the_moments_of_the_shape():
+    pad = th.Shape("pad", HEATED, outline=[(0, 0), (12e-6, 0), (12e-6, 6e-6), (0, 6e-6)], part="heater")
+    points, weight = points_of(pad)
+    lane = 6e-6 / lanes_of(6e-6).size
+    spread = ((points - weight @ points) ** 2 * weight[:, None]).sum(axis=0) + lane**2 / 12
+    # of a rectangle a x b: a^2/12 and b^2/12
+    np.testing.assert_allclose(spread, [12e-12, 3e-12], rtol=1e-2)
+    r = np.geomspace(1e-9, 1e-3, 4001)
+    apart = distances((points, weight), (points + np.array([1e-4, 0.0]), weight), r)
+    assert apart.sum() == pytest.approx(1.0, rel=1e-12)
+    # the mean of d^2 is the squared shift plus twice the variance; 1e-4 by interpolation
+    assert apart @ r**2 == pytest.approx(1e-8 + 2 * (spread.sum() - lane**2 / 6), rel=1e-3)
+
+
+def test_a_racetrack_drawn_as_a_polygon_is_the_same():
+    drawn = th.racetrack("ring", THIN, radius=5e-6, straight=8e-6)
+    around = [np.array(ring) for ring in drawn.outlined()]
+    keyhole = np.concatenate([around[0], around[1], around[0][:1]])
+    polygon = th.Shape("ring", THIN, outline=keyhole)
+    assert polygon.closed
+    assert polygon.width == pytest.approx(450e-9, abs=1e-9)
+    gain = [surrogate.reduce_layout([shape]).model.gain[0, 0] for shape in (drawn, polygon)]
+    # 1e-4: the centre line is found from the polygon
+    assert gain[1] == pytest.approx(gain[0], rel=1e-4)
+
+
+def test_a_strip_drawn_as_a_polygon_is_the_same():
+    ends = [(12e-6, -10e-6), (12e-6, 10e-6)]
+    corners = [(11e-6, -10e-6), (13e-6, -10e-6), (13e-6, 10e-6), (11e-6, 10e-6)]
+    ring = th.racetrack("ring 1", HEATED)
+    gain = [
+        surrogate.reduce_layout([ring, th.Shape("strip", HEATED, part="heater", **how)]).model.gain
+        for how in ({"path": ends}, {"outline": corners})
+    ]
+    # 1e-3: cells against points on lanes
+    np.testing.assert_allclose(gain[0], gain[1], rtol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def chip():
+    """Two racetracks, a heater along the first, a pad between: named as circuits name their rings."""
+    return surrogate.reduce_layout([
+        th.racetrack("ring 1", HEATED),
+        th.racetrack("heater 1", HEATED, part="heater"),
+        th.racetrack("ring 2", HEATED, at=(24e-6, 0.0)),
+        th.Shape("pad", HEATED, part="heater", outline=[(9e-6, 12e-6), (15e-6, 12e-6), (15e-6, 20e-6), (9e-6, 20e-6)]),
+    ])  # fmt: skip
+
+
+def test_a_heater_along_its_ring_is_the_axisymmetric_one():
+    shapes = [
+        th.racetrack("ring", HEATED, radius=10e-6, straight=0.0),
+        th.racetrack("heater", HEATED, radius=10e-6, straight=0.0, part="heater"),
+    ]
+    layout = surrogate.reduce_layout(shapes)
+    exact = th.assemble(replace(th.heated_ring(radius=10e-6), outer_radius=90e-6), 1e-4).system.gain
+    off = np.abs(layout.model.gain / exact - 1)
+    assert np.all(off < layout.channel_bounds)
+    # 2e-3 is measured for the heater's effect on the ring, by the bend
+    assert off.max() < 3e-3
+
+
+def test_what_is_read_of_a_layout(chip, tmp_path):
+    assert chip.crosstalk.shape == (4, 4)
+    assert np.isfinite(chip.half_times).all()
+    assert chip.half_times[0, 2] > chip.half_times[0, 1] > chip.half_times[0, 0]
+    assert chip.channel(0, 2).thermal_resistance == pytest.approx(chip.crosstalk[2, 0], rel=1e-12)
+    surrogate.save_model(chip, tmp_path / "chip.json")
+    kept = surrogate.load_model(tmp_path / "chip.json")
+    np.testing.assert_allclose(kept.gain, chip.crosstalk, rtol=1e-12)
+    assert len(kept.origin["outlines"]) == 4
+
+
+def test_a_circuit_takes_its_rings_by_name(chip):
+    """Heater and pad warm both rings as the static gains say, after long enough."""
+    circuit = coupled.Circuit([coupled.borghi2021()] * 2, lasers=[coupled.LaserPort("in", "ring 1.in")])
+    heaters = {"heater 1": 1e-3, "pad": 2e-3}
+    run = coupled.simulate(circuit, chip, power={"in": 1e-9}, heaters=heaters, duration=400e-6, rtol=1e-4)
+    expected = chip.crosstalk[[0, 2]] @ [0.0, 1e-3, 0.0, 2e-3]
+    # 2e-3: what is missing after 400 us, 40 of the slowest time constants, is nothing; rtol
+    np.testing.assert_allclose(run.delta_T.isel(time=-1), expected, rtol=2e-3)
+
+
+def test_a_single_ring_takes_a_layout(chip):
+    run = coupled.simulate(
+        coupled.borghi2021(), chip, power=1e-9, heaters={"pad": 2e-3}, heated="ring 2", duration=400e-6, rtol=1e-4
+    )
+    assert float(run.delta_T[-1]) == pytest.approx(2e-3 * chip.crosstalk[2, 3], rel=2e-3)
+
+
+def test_spice_takes_a_layout(chip, tmp_path):
+    circuit = coupled.Circuit([coupled.borghi2021()] * 2, lasers=[coupled.LaserPort("in", "ring 1.in")])
+    text = surrogate.export_model(chip, tmp_path / "chip.cir", ring=circuit).read_text()
+    assert "heater" in text
+    assert "pad" in text
+
+
+RING = th.racetrack("ring 1", THIN)
+VOID = th.Part("trench", "void", bottom=-1e-6, height=0.5e-6, x=0.0, width=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: surrogate.reduce_layout([RING, th.racetrack("ring 2", THIN, at=(8e-6, 0.0))]),
+            "'ring 1' and 'ring 2' cross",
+        ),
+        (lambda: surrogate.reduce_layout([RING, th.racetrack("ring 2", GUIDE, at=(30e-6, 0.0))]), "differ in layers"),
+        (lambda: surrogate.reduce_layout([RING, th.racetrack("ring 2", THIN, at=(10.6e-6, 0.0))]), "closer than"),
+        (lambda: surrogate.reduce_layout([RING, RING]), "names of the shapes"),
+        (lambda: surrogate.reduce_layout([RING], tolerance=2.0), "tolerance = 2"),
+        (lambda: surrogate.reduce_layout([]), "shapes"),
+        (lambda: th.racetrack("ring", THIN, radius=2.9e-6), "below 3e-06 m"),
+        (lambda: th.racetrack("ring", THIN, radius=5.0), "radius = 5 must"),
+        (lambda: th.racetrack("ring", th.strip_ring()), "a straight one is needed"),
+        (lambda: th.racetrack("ring", replace(THIN, parts=(*THIN.parts, VOID))), "the void 'trench' cuts the stack"),
+        (lambda: th.Shape("bar", THIN), "either an outline or a path"),
+        (lambda: th.Shape("bar", THIN, outline=[(0, 0), (1e-6, 0), (0, 1e-6)], **BAR), "either an outline or a path"),
+        (lambda: th.Shape("bar", THIN, part="heater", **BAR), "known: core"),
+        (lambda: th.Shape("bar", THIN, path=[(0, 0), (9e-6, 0), (9e-6, 9e-6)]), "turns by 90 deg"),
+        (lambda: th.Shape("bow", THIN, outline=[(0, 0), (9e-6, 9e-6), (9e-6, 0), (0, 9e-6)]), "crosses itself"),
+        (lambda: th.Shape("bar", THIN, path=[(0, 0), (0.2e-6, 0)]), "longer than wide"),
+        (lambda: th.Shape("bar", THIN, path=[0.0, 1.0]), "rows (x, y) in m"),
+    ],
+)
+def test_bad_layouts_are_refused_in_one_line(make, message):
+    with pytest.raises(th.InputError) as refused:
+        make()
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)

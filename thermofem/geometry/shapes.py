@@ -1,0 +1,277 @@
+"""Shapes in the plane of a chip: racetracks, heaters and pads, each with the section that it is drawn in; lengths in m.
+
+A shape is a line of its centre, with the width that its part has in the section, or a polygon. The section says which
+layers lie there, and at which height the part stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from .. import checks
+from ..arrays import Array, ArrayLike
+from ..materials.material_library import VOID
+from . import section_parts
+from .cross_section import CrossSection
+from .section_parts import Part
+
+NM = 1e3  # um in nm, to which the width of an outline is rounded: layouts have a grid of 1 nm
+UM = 1e6  # GEOS has absolute tolerances: polygons are in um
+LEAST_BEND = 3e-6  # m; a tighter bend is no line with a slowly turning section
+SHARPEST = math.radians(30)  # between two pieces of a line: more is a corner, not a bend
+ARC = math.radians(1)  # of one piece of a bend: a polygon shorter than its circle by 1e-5
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A core or heater of a chip, drawn in its plane.
+
+    Parameters
+    ----------
+    name : str
+        of the input and output of the model.
+    section : CrossSection
+        a straight one, with the part as it is cut across.
+    outline : array, shape (n, 2), m
+        corners (x, y) of a polygon; a ring may be drawn as one polygon that is cut open.
+    path : array, shape (n, 2), m
+        points (x, y) of the centre line; a closed line ends where it begins. Give either ``outline`` or ``path``.
+    part : str
+        of the section; default its first heated part.
+
+    Raises
+    ------
+    InputError
+        a section that is not straight or has voids, a part that is not heated, a line or outline that crosses itself, a
+        bend below 3 um or a corner of a line, a line shorter than wide.
+
+    >>> from thermofem import straight_guide
+    >>> Shape("arm", straight_guide(), path=[(0, 0), (20e-6, 0)]).length
+    2e-05
+    """
+
+    name: str
+    section: CrossSection
+    outline: ArrayLike | None = None
+    path: ArrayLike | None = None
+    part: str | None = None
+
+    def __post_init__(self) -> None:
+        checks.check_name("shape", self.name)
+        what = f"shape {self.name!r}"
+        hint = 'th.straight_guide(...) or a geometry file with kind = "straight"'
+        checks.instance(f"{what}: section", self.section, CrossSection, hint=hint)
+        if self.section.kind != "straight":
+            raise checks.InputError(
+                f"{what}: section {self.section.name!r} is that of a ring; a straight one is needed", hint
+            )
+        part = checks.choice(f"{what}: part", self.part, self.section.heated, default=self.section.heated[0])
+        object.__setattr__(self, "part", part)
+        void = next((one.name for one in self.section.parts if one.material == VOID), None)
+        if void is not None:
+            raise checks.InputError(
+                f"{what}: the void {void!r} cuts the stack, which is taken as uniform between shapes; leave it out, or "
+                "give the matrices of a three-dimensional model instead"
+            )
+        if (self.outline is None) == (self.path is None):
+            raise checks.InputError(f"{what}: give either an outline or a path, in m")
+        field = "path" if self.outline is None else "outline"
+        points = _points(f"{what}: {field}", getattr(self, field), 2 if field == "path" else 3)
+        object.__setattr__(self, field, tuple(map(tuple, points.tolist())))
+        if field == "path":
+            _check_line(what, points)
+        polygon = self.polygon
+        if polygon.geom_type != "Polygon" or not polygon.area or len(polygon.interiors) > 1:
+            raise checks.InputError(f"{what}: its {field} crosses itself; draw each piece as a shape of its own")
+        checks.between(
+            f"{what}: length",
+            self.length,
+            self.width * (1 - 1e-9),
+            math.inf,
+            unit="m",
+            hint="a line is longer than wide",
+        )
+
+    @property
+    def _section_part(self) -> Part:
+        return next(part for part in self.section.parts if part.name == self.part)
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """The area in the plane, in um."""
+        if self.path is None:
+            return _polygon(np.asarray(self.outline))
+        line = np.asarray(self.path) * UM
+        half = float(self._section_part.width or 0.0) / 2 * UM
+        if self.closed:
+            return shapely.LinearRing(line).buffer(half, join_style="mitre")
+        return shapely.LineString(line).buffer(half, cap_style="flat", join_style="mitre")
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether the shape is a ring."""
+        if self.path is None:
+            return len(self.polygon.interiors) == 1
+        line = np.asarray(self.path)
+        return bool((line[0] == line[-1]).all())
+
+    @cached_property
+    def width(self) -> float:
+        """Width in m; of an outline that of the strip with the same area and perimeter."""
+        if self.path is not None:
+            return float(self._section_part.width or 0.0)
+        area = self.polygon.area
+        half = self.polygon.length / 4
+        width = area / half / 2 if self.closed else half - math.sqrt(max(half**2 - area, 0.0))
+        return round(width * NM) / NM / UM
+
+    @property
+    def length(self) -> float:
+        """Length in m: area over width."""
+        return self.polygon.area / UM**2 / self.width
+
+    @cached_property
+    def line(self) -> Array | None:
+        """Points of the centre line in m, shape (n, 2), the first one repeated in a ring; None of an open outline."""
+        if self.path is not None:
+            return np.asarray(self.path)
+        if not self.closed:
+            return None
+        middle = shapely.Polygon(self.polygon.exterior).buffer(-self.width / 2 * UM, join_style="mitre")
+        return np.asarray(middle.exterior.coords) / UM
+
+    @property
+    def bend(self) -> float:
+        """Smallest bend radius in m, inf of a straight line or an outline that is no ring."""
+        return math.inf if self.line is None else _bends(self.line)[0]
+
+    @property
+    def drawn(self) -> Part:
+        """The part of the section with the width of the shape."""
+        return replace(self._section_part, width=self.width, inner_radius=math.nan, outer_radius=math.nan)
+
+    def outlined(self) -> list[list[list[float]]]:
+        """Points (x, y) in m around the shape, to 0.1 nm: the outer ring, then that of a hole."""
+        rings = [self.polygon.exterior, *self.polygon.interiors]
+        return [(np.round(np.asarray(ring.coords), 4) / UM).tolist() for ring in rings]
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Centroid in m."""
+        middle = self.polygon.centroid
+        return middle.x / UM, middle.y / UM
+
+
+def racetrack(
+    name: str,
+    section: CrossSection,
+    radius: float = 5e-6,
+    straight: float = 8e-6,
+    at: Sequence[float] = (0.0, 0.0),
+    part: str | None = None,
+) -> Shape:
+    """Two half circles joined by two straights along y; without straights a circle.
+
+    Parameters
+    ----------
+    name : str
+    section : CrossSection
+        a straight one, such as `straight_guide`.
+    radius, straight : float, m
+        of the bends, to the centre line, and the length of each straight.
+    at : pair of float, m
+        the middle.
+    part : str
+        of the section; default its first heated part. A heater along the racetrack has the same radius and straight.
+
+    Returns
+    -------
+    Shape
+
+    Raises
+    ------
+    InputError
+        a radius below 3 um, lengths that cannot be; as `Shape`.
+
+    >>> from thermofem import straight_guide
+    >>> round(racetrack("ring 1", straight_guide(), radius=7e-6, straight=3e-6).length * 1e6, 2)
+    49.98
+    """
+    radius = section_parts.length("radius", radius, typical=5e-6)
+    straight = checks.between("straight", straight, 0.0, 1e-2, unit="m", hint=section_parts.slip(straight, 8e-6))
+    middle = checks.numbers("at", at, hint="the middle (x, y) in m")
+    checks.shape("at", middle, (2,))
+    steps = round(math.pi / ARC)
+    angle = np.linspace(0.0, math.pi, steps + 1)
+    upper = radius * np.column_stack([np.cos(angle), np.sin(angle)]) + [0.0, straight / 2]
+    lower = -upper
+    if straight == 0.0:
+        lower = lower[1:-1]
+    corners = np.concatenate([upper, lower, upper[:1]])
+    return Shape(name, section, path=corners + middle, part=part)
+
+
+def _points(what: str, value: ArrayLike, least: int) -> Array:
+    points = checks.numbers(what, value, hint="points (x, y) in m")
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < least:
+        raise checks.InputError(f"{what} has shape {points.shape}; rows (x, y) in m are needed, at least {least}")
+    section_parts.length(f"{what}: its extent", float(np.ptp(points, axis=0).max()), typical=20e-6)
+    return points
+
+
+def _polygon(corners: Array) -> shapely.Polygon:
+    """Polygon in um of an outline, which may be that of a ring cut open; an empty one where it crosses itself."""
+    plain = shapely.Polygon(corners * UM)
+    if plain.is_valid:
+        return plain
+    joined = plain.buffer(0)
+    x, y = (corners * UM).T
+    signed = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
+    # 1e-6: an outline that crosses itself has areas of either sign
+    return joined if abs(signed - joined.area) < 1e-6 * signed else shapely.Polygon()
+
+
+def _check_line(what: str, points: Array) -> None:
+    closed = bool((points[0] == points[-1]).all())
+    line = shapely.LineString(points * UM)
+    if not line.is_simple:
+        raise checks.InputError(f"{what}: its path crosses itself; draw each piece as a shape of its own")
+    if closed and len(points) < 4:
+        raise checks.InputError(f"{what}: its path of {len(points)} points encloses nothing; add points")
+    radius, turn, (x, y) = _bends(points)
+    if turn > SHARPEST:
+        raise checks.InputError(
+            f"{what}: its path turns by {math.degrees(turn):.0f} deg at ({x:g}, {y:g}) m; give bends many points, or "
+            "draw a corner as an outline"
+        )
+    # 1.001: a polygon of many pieces lies inside its bend
+    if radius * 1.001 < LEAST_BEND:
+        raise checks.InputError(
+            f"{what}: its bends have a radius of {radius:g} m, below {LEAST_BEND:g} m; a line must turn slowly",
+            'a ring that small is a CrossSection of kind "ring"',
+        )
+
+
+def _bends(points: Array) -> tuple[float, float, tuple[float, float]]:
+    """Smallest radius of a line of points in m, largest turn in rad between two pieces, and where that is in m."""
+    closed = bool((points[0] == points[-1]).all())
+    corners = np.concatenate([points, points[1:2]]) if closed else points
+    piece = np.diff(corners, axis=0)
+    length = np.linalg.norm(piece, axis=1)
+    angle = np.unwrap(np.arctan2(piece[:, 1], piece[:, 0]))
+    turn = np.abs(np.diff(angle))
+    if not turn.size:
+        return math.inf, 0.0, (0.0, 0.0)
+    # at an end of a bend one of the pieces is straight: the shorter one is that of the bend
+    shorter = np.minimum(length[1:], length[:-1])
+    bent = turn > 1e-9
+    radius = np.divide(shorter, turn, out=np.full(turn.size, math.inf), where=bent)
+    worst = int(turn.argmax())
+    x, y = corners[worst + 1]
+    return float(radius.min()), float(turn[worst]), (float(x), float(y))
