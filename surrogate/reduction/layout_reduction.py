@@ -122,7 +122,7 @@ class Poles:
 
 
 def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance: float) -> Poles:
-    """The fewest poles that fit H [shape (frequencies, N, N), K/W] at ``omega``, 0 first, to ``tolerance``, or the best.
+    """The fewest poles that fit H [shape (frequencies, N, N), K/W] at ``omega``, 0 first, to a tolerance, or the best.
 
     reference [shape (N, N), K/W]: of the errors.
     """

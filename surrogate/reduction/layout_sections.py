@@ -22,7 +22,7 @@ from .reduce import reduce
 from .shape_points import LANE, PER_GAP, Spread, centre_points, distances, points_of
 from .stack_green import HELD, SAMPLES, Stack
 
-PER_DECADE = 8  # frequencies
+PER_DECADE = 6  # frequencies
 ENDLESS = 1e2  # 1/s, slowest rate that is resolved on a substrate without a bottom, whose spectrum begins at 0
 SECTION = 0.2  # of the tolerance, for the mesh of a section
 BEND = 1.0  # error of a gain over w h/R^2

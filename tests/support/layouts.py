@@ -15,12 +15,12 @@ def heated_section() -> th.CrossSection:
 
 
 def random_layout(seed: int) -> list[th.Shape]:
-    """Two to six racetracks on a grid, some with a heater along them or a pad or strip beside them."""
+    """Two to four racetracks on a grid, some with a heater along them or a pad or strip beside them."""
     rng = np.random.default_rng(seed)
     section = heated_section()
     shapes: list[th.Shape] = []
     pitch = rng.uniform(34e-6, 60e-6)
-    for number in range(1, int(rng.integers(2, 7)) + 1):
+    for number in range(1, int(rng.integers(2, 5)) + 1):
         x = pitch * (number % 3) + rng.uniform(-2e-6, 2e-6)
         y = pitch * (number // 3) + rng.uniform(-2e-6, 2e-6)
         size = {"radius": rng.uniform(3e-6, 6e-6), "straight": rng.uniform(0.0, 8e-6), "at": (x, y)}
@@ -33,7 +33,7 @@ def random_layout(seed: int) -> list[th.Shape]:
             path = [(beside, y - 6e-6), (beside, y + 6e-6)]
             shapes.append(th.Shape(f"strip {number}", section, part="heater", path=path))
         elif extra == 3:
-            far = beside + rng.uniform(3e-6, 6e-6)
+            far = beside + 4e-6
             corners = [(beside, y), (far, y), (far, y + 9e-6), (beside, y + 9e-6)]
             shapes.append(th.Shape(f"pad {number}", section, part="heater", outline=corners))
     return shapes
