@@ -163,6 +163,11 @@ surrogate.calibrate(family, trace).values
 array = surrogate.reduce_array(heat, [[0.0, 0.0], [40e-6, 0.0]], tolerance=1e-2)
 array.crosstalk
 
+# %% surrogate.reduce_layout th.Shape th.racetrack
+section = th.straight_guide()
+shapes = [th.racetrack("ring 1", section), th.Shape("strip", section, path=[(20e-6, 0.0), (20e-6, 30e-6)])]
+surrogate.reduce_layout(shapes, tolerance=1e-2).crosstalk
+
 # %% coupled.RingResonator coupled.ShockleyReadHall coupled.State
 import dataclasses
 

@@ -143,7 +143,7 @@ def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance
 def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
     """Least squares over the frequencies, of the own rises with positive residues, made passive."""
     upper = np.triu_indices(H.shape[1])
-    target = H[:, *upper] / reference[upper]
+    target = H[:, upper[0], upper[1]] / reference[upper]
     rows = np.concatenate([target.real, target.imag, STIFF * target[:1].real])
     responses = 1 / (1 + 1j * omega[:, None] / rate)
     columns = np.concatenate([responses.real, responses.imag, np.full((1, rate.size), STIFF)])
@@ -174,18 +174,19 @@ def _passive(residue: Array) -> Array:
     return result
 
 
-def _square(values: Array, upper: tuple[Indices, ...]) -> Array:
+def _square(values: Array, upper: tuple[Indices, Indices]) -> Array:
     """Symmetric matrices, shape (n, N, N), from the values of their upper triangles, shape (n, pairs)."""
     size = int(upper[0].max()) + 1
     full = np.zeros((len(values), size, size))
-    full[:, *upper] = values
-    full[:, *upper[::-1]] = values
+    row, column = upper
+    full[:, row, column] = values
+    full[:, column, row] = values
     return full
 
 
 def _model(rate: Array, residue: Array, names: Sequence[str]) -> StateSpace:
     """The system in which every shape drives its own poles, and all shapes read them."""
     n = len(names)
-    drives = np.kron(np.eye(n), np.ones((rate.size, 1)))
+    drives = np.repeat(np.eye(n), rate.size, axis=0)
     reads = np.concatenate([residue[:, :, j].T * rate for j in range(n)], axis=1)
     return diagonal_system(np.tile(rate, n), drives, reads, tuple(names), tuple(names))

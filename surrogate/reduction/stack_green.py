@@ -85,7 +85,7 @@ class Stack:
             return 0.0
         rate = np.geomspace(*RATES, int(np.log(RATES[1] / RATES[0]) / STEP))
         spread = Spread(self.edges[:1] / 2 + self.edges[-1:] / 2, np.ones(1), np.zeros(1), 0.0)
-        g = self.green(np.array([1e-3]), -rate + 0j, spread, spread)[:, 0]
+        g = self.green(np.array([1e-3]), np.asarray(-rate, dtype=complex), spread, spread)[:, 0]
         return float(rate[max(int(np.argmax(g.real < 0)) - 1, 0)])
 
     def green(self, k: Array, s: Complex, heated: Spread, read: Spread) -> Complex:

@@ -116,12 +116,14 @@ def _femx_section(silicon: float) -> th.CrossSection:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", FEMX)
 def test_a_published_study_of_a_ring_heater(femx, case):
     # 8 %: linear tetrahedra, a notch of 1 um in the heater and two buses; the axisymmetric FEM is 3 to 6.5 % above it
     np.testing.assert_allclose(femx[case], FEMX[case], rtol=0.08)
 
 
+@pytest.mark.slow
 def test_ratios_of_the_study(femx):
     """What mesh, notch and buses do is alike in all cases."""
     for case in FEMX:
@@ -130,7 +132,10 @@ def test_ratios_of_the_study(femx):
         np.testing.assert_allclose(ratio, expected, rtol=0.03)
 
 
-@pytest.mark.parametrize("seed", range(20))
+SEEDS = [pytest.param(seed, marks=pytest.mark.slow if seed > 5 else ()) for seed in range(20)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_random_layouts_are_reciprocal_and_passive(seed):
     layout = surrogate.reduce_layout(random_layout(seed))
     assert layout.passive

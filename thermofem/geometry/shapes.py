@@ -268,10 +268,9 @@ def _bends(points: Array) -> tuple[float, float, tuple[float, float]]:
     turn = np.abs(np.diff(angle))
     if not turn.size:
         return math.inf, 0.0, (0.0, 0.0)
-    # at an end of a bend one of the pieces is straight: the shorter one is that of the bend
-    shorter = np.minimum(length[1:], length[:-1])
+    between = (length[1:] + length[:-1]) / 2
     bent = turn > 1e-9
-    radius = np.divide(shorter, turn, out=np.full(turn.size, math.inf), where=bent)
+    radius = np.divide(between, turn, out=np.full(turn.size, math.inf), where=bent)
     worst = int(turn.argmax())
     x, y = corners[worst + 1]
     return float(radius.min()), float(turn[worst]), (float(x), float(y))
