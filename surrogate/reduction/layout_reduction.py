@@ -76,7 +76,7 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
     >>> section = straight_guide(substrate=20e-6)
     >>> pair = reduce_layout([racetrack("ring 1", section), racetrack("ring 2", section, at=(24e-6, 0.0))])
     >>> (pair.crosstalk / 1e3).round(2).tolist()  # K/mW
-    [[8.37, 0.03], [0.03, 8.37]]
+    [[8.36, 0.03], [0.03, 8.36]]
     """
     tolerance = checks.between("tolerance", tolerance, 1e-5, 0.1, hint="it is relative to the static gain")
     shapes = checks.instances("shapes", shapes, Shape)
