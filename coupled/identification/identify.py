@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,9 +16,10 @@ from ..arguments import bar, check_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, check_model, notes_of
 from ..unknowns import ThermalFamily, Unknowns, unknowns
-from .box_search import End, Prior, at_bound, central_slopes, least_squares
+from .box_search import End, Prior, least_squares
 from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
 from .cycles import Target, targets_of
+from .deviations import curvature, spread_over_traces, unknown_as_inf, without_noise
 from .fit_summary import summary
 from .forced_filters import forced_starts
 from .held_numbers import held_deviations, held_numbers
@@ -30,8 +32,10 @@ DRAWN, TRIES = 10, 5  # further points about a forced fit, and how many of all a
 ASTRAY = 8.0  # residuals over their deviations after a stage, above which a later one does not help
 NOISE = 1.5  # the same at the end: a fit above it failed
 TWICE = 0.03  # of a logarithm: two results that differ by less are one
-WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
-UNKNOWN = 1.0  # deviations of a logarithm, given as inf
+ALIKE = 1.05  # ratio of two misfits below which both count as the lowest
+DRIFT, SHAPE = 0.03, 0.1  # of the period and the swing: a model that misses traces without noise by more has failed
+COHERENT = 2.0  # residuals by integration are no noise: over the harmonics they add up more than in quadrature
+LOOSE = 1e-4  # 1/variance of a logarithm, as a prior that says next to nothing
 MANY = 30  # residuals from which the noise is estimated where it is less than expected
 
 
@@ -55,12 +59,15 @@ class Identification(HasModel):
         over run: each free parameter, and misfit, the root mean square of the residuals over the noise, of every end of
         the search, the best first.
     failed : bool
-        whether the misfit of the best fit is above 1.5: the model then does not reproduce the traces within noise.
+        whether the misfit of the best fit is above 1.5: the model then does not reproduce the traces within noise; for
+        traces without noise, whether it misses one by more than 3 % of the period or 10 % of the swing.
+    smooth : bool
+        whether the traces have no noise, so that the deviations hold the error of the model.
     notes : tuple of str
-        reasons for which the result is doubtful: a failed fit; parameters that the traces do not determine, or that
-        ended on a bound; deviations that were widened; another end of equal misfit; periods of trace and model that are
-        a multiple of each other, or a model whose pulses do not repeat; traces that pulse while their model rests, or
-        the other way round. They are logged, too.
+        reasons for which the result is doubtful: a failed fit; traces without noise; parameters that the traces do not
+        determine, or that ended on a bound; deviations that were widened; another end of equal misfit; periods of trace
+        and model that are a multiple of each other, or a model whose pulses do not repeat; traces that pulse while
+        their model rests, or the other way round. They are logged, too.
     sensitivities : dict of str to dict of str to float
         of each parameter to each number of the ring that was held, d ln parameter/d ln held: -3 says that the parameter
         falls by 3 % where the held number is 1 % larger. Empty where the fit failed.
@@ -76,6 +83,7 @@ class Identification(HasModel):
     cycles: xr.Dataset
     samples: xr.Dataset
     failed: bool
+    smooth: bool
     notes: tuple[str, ...] = ()
     sensitivities: dict[str, dict[str, float]] = field(default_factory=dict)
     thermal_resistance_deviation: float = float("nan")
@@ -114,7 +122,8 @@ def identify(
        in the logarithms x of the parameters; s are the standard deviations by noise, with 3e-5 (period) and 2e-4 of
        the swing (c_k) added in quadrature. The forced fit x_0 is the prior, with L from 15 times its standard
        deviations and 3 %, as it contains the information of the transient.
-    3. A fit whose rms residual exceeds 1.5 standard deviations has failed.
+    3. A fit whose rms residual exceeds 1.5 standard deviations has failed. Traces without noise, as those of a
+       simulation, have no such test: the deviations then hold the error of the model.
 
     Parameters
     ----------
@@ -231,89 +240,114 @@ def _searched(
     return sorted(found, key=lambda one: one[0])
 
 
-def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, high: Array) -> tuple[Array, float]:
-    """Covariance of the parameters ``x`` (logarithms), widened by a profile of the misfit, and the largest factor.
+class Judgement(NamedTuple):
+    """Best parameters (logarithms), their deviations, whether the fit failed, and sentences of doubt."""
 
-    Along each eigenvector of C the misfit should rise by 4 at two standard deviations. Where it rises less, as with
-    slopes taken across the onset of self-pulsing, that deviation is widened until it does.
+    x: Array
+    deviations: Array
+    failed: bool
+    notes: list[str]
+
+
+def _by_noise(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Judgement:
+    """Test the best fit against the noise of the traces, from which the deviations follow."""
+    (misfit, end, start), others = found[0], found[1:]
+    if misfit > NOISE:
+        return _failed(_soft_fit(what, targets, end.x), f"the traces by {misfit:.3g} times their noise")
+    wide = curvature(what, targets, STAGES[-1], end.x, start)
+    many = np.count_nonzero(end.r) > MANY + end.x.size
+    deviations = unknown_as_inf(wide.deviations * (misfit if many else max(misfit, 1.0)))
+    step = end.x - start.centre
+    off = float(np.sqrt(step @ start.precision @ step / step.size))
+    notes = doubts(what, deviations, np.exp(end.x), wide.factor, off)
+    return Judgement(end.x, deviations, False, notes + _others(end.x, deviations, misfit, others))
+
+
+def _by_model_error(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Judgement:
+    """Deviations where the traces have no noise: what is left is the error of the model, or of its integration.
+
+    They add in quadrature what the slopes give with residuals as large as those that are left, the spread over starts
+    that end at the lowest misfit, and that over fits without one trace each. A model within 1.5 times 3e-5 of the
+    period and 2e-4 of the swing is compared to these, any other to 1 and 4 %.
     """
-    variances, directions = np.linalg.eigh(C)
-    factors = np.ones(x.size)
-    least = cost(x)
-    for k, (s, along) in enumerate(zip(np.sqrt(variances), directions.T, strict=True)):
-        for _ in range(WIDENED):
-            ends = [x + sign * 2 * s * factors[k] * along for sign in (1, -1)]
-            rises = [cost(y) - least for y in ends if np.all((y > low) & (y < high))]
-            rise = min(rises, default=4.0)
-            if rise > FLAT:
-                break
-            factors[k] *= min(2 / np.sqrt(max(rise, 0.04)), 4.0)
-    return (directions * variances * factors**2) @ directions.T, float(factors.max())
-
-
-def _deviations(what: Unknowns, targets: list[Target], x: Array, start: Prior) -> tuple[Array, float]:
-    """Standard deviations of the parameters (logarithms), nan on a bound, and the largest widening by the profile."""
-    found = np.full(x.size, np.nan)
-    free = np.flatnonzero(~at_bound(x, what.low, what.high))
-    if not free.size:
-        return found, 1.0
-    last = residuals(what, targets, STAGES[-1])
-    r = last(x)
+    misfit, end, start = found[0]
+    follows = misfit <= NOISE
+    stage = STAGES[-1] if follows else SOFT
+    x = end.x if follows else _soft_fit(what, targets, end.x)
+    prior = start if follows else Prior(x, LOOSE * np.eye(x.size))
+    r = residuals(what, targets, stage)(x)
     assert r is not None
-    J, L = central_slopes(last, x, r, len(targets))[:, free], start.precision[np.ix_(free, free)]
-
-    def cost(part: Array) -> float:
-        y = x.copy()
-        y[free] = part
-        left = last(y)
-        off = part - start.centre[free]
-        return np.inf if left is None else float(left @ left + off @ L @ off)
-
-    C, factor = _widened(
-        cost, x[free], np.asarray(np.linalg.inv(J.T @ J + L), dtype=float), what.low[free], what.high[free]
+    left = _rms(r, x.size)
+    errors = comparison(*what.build(x), targets)[0]
+    drift = float(np.nanmax(np.abs(errors["period_model"] / errors["period"] - 1), initial=0.0))
+    shape = float(errors["shape_error"].max())
+    if drift > DRIFT or shape > SHAPE:
+        return _failed(x, f"traces without noise by {drift:.2g} of the period and {shape:.2g} of the swing")
+    wide = curvature(what, targets, stage, x, prior)
+    slopes = unknown_as_inf(wide.deviations * (COHERENT * max(left, 1.0) if follows else left))
+    alike = [e.x for m, e, _ in found[1:] if m < ALIKE * misfit]
+    if not follows:
+        alike = [_soft_fit(what, targets, y) for y in alike]
+    ends = np.array([x, *alike])
+    starts = np.sqrt(np.mean((ends - x) ** 2, axis=0))
+    single = spread_over_traces(what, targets, stage, x, start if follows else None)
+    deviations = np.sqrt(slopes**2 + starts**2 + single**2)
+    about = (
+        "the traces show no noise: the deviations hold the error of the model, from the residuals that it leaves, the "
+        f"spread over starts that end at the lowest misfit ({len(ends)}) and that over fits without one trace each "
+        f"({len(targets) if len(targets) > 1 else 'none'})"
     )
-    rms = _rms(r, x.size)
-    many = np.count_nonzero(r) > MANY + x.size
-    found[free] = np.sqrt(np.diag(C)) * (rms if many else max(rms, 1.0))
-    found[found > UNKNOWN] = np.inf
-    return found, factor
+    return Judgement(x, deviations, False, [about, *doubts(what, deviations, np.exp(x), wide.factor, 0.0)])
+
+
+def _soft_fit(what: Unknowns, targets: list[Target], x: Array) -> Array:
+    """Least squares from ``x`` with the deviations of a law that cannot follow the traces within noise."""
+    of = residuals(what, targets, SOFT)
+    return least_squares(of, x, what.low, what.high, steps=SOFT.steps, traces=len(targets)).x
+
+
+def _failed(x: Array, misses: str) -> Judgement:
+    """The judgement of a fit that misses the traces: no deviations."""
+    note = (
+        f"the fit failed: the best model found misses {misses}; the law cannot follow them, or the parameters are not "
+        "those of the ring; widen bounds, free more, or take another law"
+    )
+    return Judgement(x, np.full(x.size, np.nan), True, [note])
+
+
+def _others(x: Array, deviations: Array, misfit: float, others: list[tuple[float, End, Prior]]) -> list[str]:
+    """A sentence where another end of the search, many deviations away, fits as well as ``x``."""
+    size = np.maximum(np.nan_to_num(deviations, posinf=1.0), 1e-3)
+    if any(m < ALIKE * misfit and np.abs((end.x - x) / size).max() > 10 for m, end, _ in others):
+        return ["another set of parameters fits as well: free fewer, or give traces of other powers"]
+    return []
 
 
 def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Identification:
-    """Test the best fit against the noise and assemble the Identification."""
-    (misfit, end, start), others = found[0], found[1:]
-    x = end.x
-    failed = misfit > NOISE
-    notes = []
-    n = end.x.size
-    if failed:
-        notes.append(
-            f"the fit failed: the best model found misses the traces by {misfit:.3g} times their noise; the law cannot "
-            "follow them, or the parameters are not those of the ring; widen bounds, free more, or take another law"
-        )
-        x = least_squares(
-            residuals(what, targets, SOFT), x, what.low, what.high, steps=SOFT.steps, traces=len(targets)
-        ).x
-        spread = np.full(n, np.nan)
-    else:
-        spread, factor = _deviations(what, targets, x, start)
-        off = float(np.sqrt((x - start.centre) @ start.precision @ (x - start.centre) / n))
-        notes += doubts(what, spread, np.exp(x), factor, off)
-        size = np.maximum(np.nan_to_num(spread, posinf=1.0), 1e-3)
-        if any(m < 1.05 * misfit and np.abs((e.x - x) / size).max() > 10 for m, e, _ in others):
-            notes.append("another set of parameters fits as well: free fewer, or give traces of other powers")
-    errors, cycles, more = comparison(*what.build(x), targets)
+    """Judge the best fit, compare its cycles with the traces, and assemble the Identification."""
+    smooth = without_noise(targets)
+    judge = _by_model_error if smooth else _by_noise
+    x, deviations, failed, notes = judge(what, targets, found)
+    ring, model = what.build(x)
+    errors, cycles, more = comparison(ring, model, targets)
     if more:
         notes = [*notes, *more]
-        spread = np.full(n, np.nan)
+        deviations = np.full(x.size, np.nan)
     for note in notes:
         log.warning("%s", note)
     values = np.exp(x)
-    tried = np.exp([e.x for _, e, _ in found])
+    tried = np.exp([end.x for _, end, _ in found])
     samples = {name: ("run", tried[:, k]) for k, name in enumerate(what.names)}
+    misfits = [misfit for misfit, _, _ in found]
     return Identification(
-        dict(zip(what.names, values.tolist(), strict=True)),
-        dict(zip(what.names, (values * spread).tolist(), strict=True)),
-        *what.build(x), errors, cycles,
-        xr.Dataset(samples | {"misfit": ("run", [m for m, _, _ in found])}), failed, tuple(notes),
-    )  # fmt: skip
+        parameters=dict(zip(what.names, values.tolist(), strict=True)),
+        standard_deviations=dict(zip(what.names, (values * deviations).tolist(), strict=True)),
+        ring=ring,
+        model=model,
+        residuals=errors,
+        cycles=cycles,
+        samples=xr.Dataset(samples | {"misfit": ("run", misfits)}),
+        failed=failed,
+        smooth=smooth,
+        notes=tuple(notes),
+    )

@@ -16,8 +16,9 @@ from audit import pulls
 import coupled
 import surrogate
 import thermofem as th
-from coupled.identification.cycle_residuals import Stage, compared, free_run, read_apart, repeat_within, residuals
+from coupled.identification.cycle_residuals import SOFT, Stage, compared, free_run, read_apart, repeat_within, residuals
 from coupled.identification.cycles import HARMONICS, Cycle, Seen, cycle_of, targets_of
+from coupled.identification.deviations import spread_over_traces, white_noise, without_noise
 from coupled.identification.newton_traces import TWO, fit_newton_per_trace
 from coupled.plot import plot_identification
 from coupled.unknowns import unknowns
@@ -83,6 +84,72 @@ def test_a_law_that_cannot_follow_fails():
     assert found.failed
     assert np.isnan(list(found.standard_deviations.values())).all()
     assert any("the fit failed" in note for note in found.notes)
+
+
+def test_white_noise_is_read_off_a_smooth_trace():
+    """Of samples at equal and at unequal times; without noise next to nothing is left."""
+    rng = np.random.default_rng(8)
+    even = np.arange(0, 10e-6, 2e-9)
+    for times in (even, np.cumsum(rng.uniform(1e-9, 3e-9, even.size))):
+        smooth = 2e-3 * np.exp(np.sin(2 * np.pi * times / 0.7e-6))
+        # its sixth derivative, (2 pi h/T)^6 = 3e-11 times some 100, over the norm of the weights, 30
+        assert white_noise(times, smooth) < 1e-7 * np.ptp(smooth)
+        noisy = smooth + 3e-6 * rng.standard_normal(times.size)
+        # the median of n normal moduli scatters by 1.17/sqrt(n); neighbours share samples: n is some seventh of 5000
+        assert white_noise(times, noisy) == pytest.approx(3e-6, rel=4 * 1.17 / np.sqrt(5000 / 7))
+
+
+def test_deviations_of_a_model_that_fits_no_two_traces():
+    """Two rings whose bus rates differ by 2 %: each fit without one trace finds one of them, half of that off."""
+    traces = [
+        measured(replace(RING, bus_rate=factor * RING.bus_rate), EXPERIMENT, power, 0.0, noise=0.0)
+        for factor, power in ((0.99, 6.31e-3), (1.01, 5.5e-3))
+    ]
+    targets = targets_of(traces)
+    assert without_noise(targets)
+    assert not without_noise([*targets, *targets_of(measured(RING, EXPERIMENT, 6.31e-3, 0.0, noise=5e-4))])
+    what = unknowns(RING, ["bus_rate"], EXPERIMENT)
+    spread = spread_over_traces(what, targets, SOFT, what.start, None)
+    # two ends x1, x2: sqrt(1/2 ((x1 - x2)^2/4 + (x2 - x1)^2/4)) = |x1 - x2|/2; the search stops at 1e-4 of the misfit
+    assert spread == pytest.approx(np.log(1.01 / 0.99) / 2, rel=0.02)
+    assert spread_over_traces(what, targets[:1], SOFT, what.start, None) == 0
+
+
+@pytest.mark.slow
+def test_a_random_ring_without_noise_lies_within_its_deviations():
+    """A ring of `tests/audit/pulls.py 10 0 0`: the traces have no noise, and their fit is no failure."""
+    found, off = pulls.judged(1, noise=0.0)
+    assert found.smooth
+    assert not found.failed
+    assert np.abs(list(off.values())).max() < 1
+    assert found.notes[0].startswith("the traces show no noise: the deviations hold the error of the model")
+    assert all(one < 0.05 * found.parameters[name] for name, one in found.standard_deviations.items())
+
+
+@pytest.mark.slow
+def test_a_law_that_nearly_follows_traces_without_noise():
+    """Heat of three poles, one of them slow: the fit was called failed, and its deviations were nan."""
+    heat = th.Foster(R=[1500, 3500, 2500], tau=[40e-9, 500e-9, 5e-6])
+    drives = ((6.31e-3, 0.0), (5.01e-3, -10e9), (6.31e-3, 15e9))
+    traces = [measured(RING, heat, power, detuning, noise=0.0) for power, detuning in drives]
+    found = coupled.identify(RING, traces, free=["kappa", "tau_f", "tau_s", "eta"])
+    assert float(found.samples["misfit"].min()) > 1.5  # of 3e-5 of the period and 2e-4 of the swing
+    assert not found.failed
+    assert found.residuals["shape_error"].values.max() < 0.1  # above which it fails
+    shares = np.array([found.standard_deviations[name] / value for name, value in found.parameters.items()])
+    assert np.all((shares > 1e-3) & (shares < 0.5))  # more than the integration, and still a value
+
+
+@pytest.mark.slow
+def test_a_law_that_cannot_follow_traces_without_noise_fails():
+    """Newton's law with silicon's own c_p: at no lifetime it has the measured shape."""
+    trace = measured(RING, EXPERIMENT, 5.01e-3, -10e9, noise=0.0)
+    newton = surrogate.newton(tau_th=275e-9)
+    found = coupled.identify(RING.with_lumped_fcd(), trace, free=["tau_th"], model=newton, runs=1)
+    assert found.smooth
+    assert found.failed
+    assert np.isnan(list(found.standard_deviations.values())).all()
+    assert "traces without noise by" in found.notes[0]
 
 
 @pytest.mark.parametrize("carriers", [RING.carriers, coupled.ConstantLifetime(30e-9)])

@@ -86,7 +86,9 @@ def identify(
     resistance = written(float(found.model.thermal_resistance), "K/W", found.thermal_resistance_deviation)
     say(f"{'R_th':>22} = {resistance}")
     misfit = float(found.samples["misfit"].min())
-    say(f"{'misfit':>22} = {misfit:.3g} of the noise: {'the fit failed' if found.failed else 'noise'}")
+    scale = "3e-5 of the period and 2e-4 of the swing" if found.smooth else "the noise"
+    verdict = "the fit failed" if found.failed else "no noise in the traces" if found.smooth else "noise"
+    say(f"{'misfit':>22} = {misfit:.3g} of {scale}: {verdict}")
     for k, (read, own) in enumerate(
         zip(found.residuals.period.values, found.residuals.period_model.values, strict=True)
     ):

@@ -1,0 +1,128 @@
+"""Standard deviations of identified parameters: from the noise of the traces, or from the error of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from thermofem.arrays import Array
+
+from .box_search import Prior, at_bound, central_slopes, least_squares
+from .cycle_residuals import Stage, residuals
+
+if TYPE_CHECKING:
+    from ..unknowns import Unknowns
+    from .cycles import Target
+
+WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
+UNKNOWN = 1.0  # deviations of a logarithm, given as inf
+ORDER = 6  # of the divided differences in which a smooth trace vanishes and white noise does not
+# share of the swing: less is no noise. Measured: 1e-8 to 1e-5 in traces of `simulate` and `cosimulate` at 10 ns or less
+# between samples; an 8-bit oscilloscope alone leaves 1e-3
+SMOOTH = 1e-4
+
+
+class Curvature(NamedTuple):
+    """Deviations (logarithms) that the slopes of the residuals give, nan on a bound, and the largest widening."""
+
+    deviations: Array
+    factor: float
+
+
+def white_noise(t: Array, drop: Array) -> float:
+    """Standard deviation of the white noise in a smooth trace, from divided differences over seven samples.
+
+        d = sum_j w_j y_j,    w_j ~ prod_(l != j) 1/(t_j - t_l),    sum_j w_j^2 = 1
+
+    d vanishes for polynomials below the sixth degree, and has the deviation of the noise; its median is not moved by
+    edges. The times need not be equally spaced.
+    """
+    windows = sliding_window_view(t / np.median(np.diff(t)), ORDER + 1)
+    distances = windows[:, :, None] - windows[:, None, :]
+    weights = 1 / np.prod(distances + np.eye(ORDER + 1), axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    differences = np.sum(weights * sliding_window_view(drop, ORDER + 1), axis=1)
+    return float(np.median(np.abs(differences))) / 0.6745  # of a normal distribution
+
+
+def without_noise(targets: list[Target]) -> bool:
+    """Whether no trace has white noise above 1e-4 of its swing, as those of a simulation."""
+    return all(white_noise(target.times, target.drop) < SMOOTH * target.seen.cycle.scale for target in targets)
+
+
+def curvature(what: Unknowns, targets: list[Target], stage: Stage, x: Array, prior: Prior) -> Curvature:
+    """Deviations of the parameters ``x`` (logarithms) from the Jacobian J of the residuals of a stage.
+
+        C = (J^T J + L)^-1,    L: precision of the prior
+
+    for residuals of standard deviation 1; widened where the misfit is flatter than the slopes say.
+    """
+    deviations = np.full(x.size, np.nan)
+    free = np.flatnonzero(~at_bound(x, what.low, what.high))
+    if not free.size:
+        return Curvature(deviations, 1.0)
+    of = residuals(what, targets, stage)
+    r = of(x)
+    assert r is not None
+    J = central_slopes(of, x, r, len(targets))[:, free]
+    L = prior.precision[np.ix_(free, free)]
+
+    def cost(part: Array) -> float:
+        y = x.copy()
+        y[free] = part
+        left = of(y)
+        off = part - prior.centre[free]
+        return np.inf if left is None else float(left @ left + off @ L @ off)
+
+    C = np.asarray(np.linalg.inv(J.T @ J + L), dtype=float)
+    wide, factor = _widened(cost, x[free], C, what.low[free], what.high[free])
+    deviations[free] = np.sqrt(np.diag(wide))
+    return Curvature(deviations, factor)
+
+
+def unknown_as_inf(deviations: Array) -> Array:
+    """The deviations of logarithms, inf where they say nothing on the parameter."""
+    return np.where(deviations > UNKNOWN, np.inf, deviations)
+
+
+def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, high: Array) -> tuple[Array, float]:
+    """Covariance of the parameters ``x`` (logarithms), widened by a profile of the misfit, and the largest factor.
+
+    Along each eigenvector of C the misfit should rise by 4 at two standard deviations. Where it rises less, as with
+    slopes taken across the onset of self-pulsing, that deviation is widened until it does.
+    """
+    variances, directions = np.linalg.eigh(C)
+    factors = np.ones(x.size)
+    least = cost(x)
+    for k, (s, along) in enumerate(zip(np.sqrt(variances), directions.T, strict=True)):
+        for _ in range(WIDENED):
+            ends = [x + sign * 2 * s * factors[k] * along for sign in (1, -1)]
+            rises = [cost(y) - least for y in ends if np.all((y > low) & (y < high))]
+            rise = min(rises, default=4.0)
+            if rise > FLAT:
+                break
+            factors[k] *= min(2 / np.sqrt(max(rise, 0.04)), 4.0)
+    return (directions * variances * factors**2) @ directions.T, float(factors.max())
+
+
+def spread_over_traces(what: Unknowns, targets: list[Target], stage: Stage, x: Array, prior: Prior | None) -> Array:
+    """Standard deviations (logarithms) by the jackknife: fits x_k from ``x`` on, each without trace k.
+
+        s^2 = (K - 1)/K sum_k (x_k - mean)^2
+
+    They hold what a model that cannot follow the traces makes of the choice of traces; 0 for a single trace.
+    """
+    count = len(targets)
+    if count == 1:
+        return np.zeros(x.size)
+    ends = []
+    for k in range(count):
+        others = targets[:k] + targets[k + 1 :]
+        of = residuals(what, others, stage)
+        end = least_squares(of, x, what.low, what.high, steps=stage.steps, traces=count - 1, prior=prior)
+        ends.append(end.x)
+    off = np.array(ends) - np.mean(ends, axis=0)
+    return np.asarray(np.sqrt((count - 1) / count * np.sum(off**2, axis=0)))
