@@ -309,7 +309,7 @@ A detuning is a frequency or, as `"80 pm"`, a distance in wavelength; a longer w
 | exit code | meaning |
 |---|---|
 | 0 | done |
-| 1 | `doctor` found something missing, or the fit of `identify` failed |
+| 1 | `doctor` found something missing, the fit of `identify` failed, or a row of `reproduce` has no number |
 | 2 | bad input, or a file that cannot be read or written |
 | 70 | an error that nobody foresaw, in one line; `--verbose` shows where |
 | 130 | interrupted with Ctrl-C |

@@ -1,6 +1,10 @@
-"""``python -m paper -o out``: compute what is missing, draw everything, and write out/report.html."""
+"""``python -m paper -o out``: compute what is missing, draw everything, and write out/report.html.
+
+The exit code is 1 where a row of the report has no number.
+"""
 
 import argparse
+import sys
 from pathlib import Path
 
 from .report.runner import run
@@ -11,4 +15,5 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="the one-minute version: no maps, no FEM in the loop")
     parser.add_argument("--threads", type=int, help="worker processes; default: one for each CPU")
     given = parser.parse_args()
-    run(given.output, quick=given.quick, workers=given.threads)
+    made = run(given.output, quick=given.quick, workers=given.threads)
+    sys.exit(1 if made["incomplete"] else 0)

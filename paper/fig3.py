@@ -1,6 +1,8 @@
 """Fig. 3, Section 3 and Appendix B: how carriers made by a short pulse recombine, and whether traps hold them."""
 
 import numpy as np
+import xarray as xr
+from scipy.constants import c, h
 from scipy.integrate import solve_ivp
 
 import coupled
@@ -14,6 +16,9 @@ WINDOWS = {"slow": (0.0, 50e-9), "fast": (250e-9, 300e-9)}  # s, in which the pa
 TIMES = np.linspace(0, 300e-9, 601)
 LAWS = {"printed": (RING.carriers, "-", INK), "exchanged": (RING.with_swapped_srh().carriers, "--", VERMILION)}
 TRAPS = (0.01, 0.1, 1.0)  # over the holes at equilibrium
+SPIRAL, PEAK, PULSE, PUMPED = 7.1e-3, 1.5, 40e-12, 1.55e-6  # m, W, s (full width at half height) and m: of the pump
+SQUARED = PULSE * np.sqrt(np.pi / (8 * np.log(2)))  # s: the integral of a Gaussian pulse squared, over its peak squared
+REPEATED = 1e-6  # s between pulses
 
 
 @study("Fig. 3(b): carrier lifetime", quick=True)
@@ -29,6 +34,31 @@ def carriers():
             inside = (begin <= TIMES) & (end >= TIMES)
             numbers[name][f"{which}_s"] = -1 / np.polyfit(TIMES[inside], np.log(N[inside]), 1)[0]
     return Result(numbers, data)
+
+
+@study("Fig. 3(a): pump and probe", quick=True)
+def probe(elements):
+    """Probe power behind the spiral after a pump pulse, normalised to that without pump.
+
+        dP/dz = -b P^2,  b = beta (n_g/n0)^2 Gamma/A;    N0 = b P^2 S/(2 h nu A),    T(t) = exp(-sigma int N(z, t) dz)
+
+    P is the peak power, S the integral of the squared pulse over its peak squared, A = V_FCA/L the mode's area of
+    Table 2. Linear loss is left out, as in the paper's inset.
+    """
+    area = RING.fca_volume / elements.numbers["perimeter_m"]
+    per_power = RING.tpa_coefficient * (RING.group_index / RING.refractive_index) ** 2 * RING.fca_confinement / area
+    z = np.linspace(0, SPIRAL, 41)
+    power = PEAK / (1 + per_power * PEAK * z)
+    made = per_power * power**2 * SQUARED / (2 * h * c / PUMPED * area)
+    times = np.linspace(0, REPEATED, 1001)
+    law = RING.with_swapped_srh().carriers
+    carriers = np.array([coupled.carriers.carrier_decay(law, start, times)["carriers"].values for start in made])
+    transmission = np.exp(-RING.fca_cross_section * np.trapezoid(carriers, z, axis=0))
+    numbers = {
+        "front_per_m3": made[0], "end_per_m3": made[-1], "mean_per_m3": np.trapezoid(made, z) / SPIRAL,
+        "least": transmission.min(),
+    }
+    return Result(numbers, {"transmission": xr.Dataset({"through": ("time", transmission)}, {"time": times})})
 
 
 @study("Section 3: trapping", quick=True)
@@ -62,8 +92,8 @@ def trapping():
 
 
 @figure
-def fig3a(carriers):
-    ax = panel()
+def fig3a(carriers, probe):
+    ax = panel(4.6, 3.8)
     for name, (_, style, colour) in LAWS.items():
         time, N = carriers.data[name]["time"].values * 1e9, carriers.data[name]["carriers"].values * 1e-6
         ax.semilogy(time, N, style, color=colour, label=f"lifetimes {name}")
@@ -73,7 +103,15 @@ def fig3a(carriers):
         ax.semilogy(time, line, color=colour, linewidth=0.9, label=f"τ = {tau:.0f} ns")
     ax.set(xlabel="time after the pump pulse (ns)", ylabel="excess carriers (cm$^{-3}$)", xlim=(0, 300))
     ax.set_ylim(N.min() / 2, 2 * N.max())
-    return legend(ax)
+    behind = probe.data["transmission"]
+    pulses = np.arange(3)[:, None]
+    time = (behind["time"].values + pulses * REPEATED).ravel() * 1e6
+    inset = ax.inset_axes((0.6, 0.62, 0.37, 0.3))
+    inset.plot(time, np.tile(behind["through"].values, pulses.size), color=INK, linewidth=0.9)
+    inset.set(xlim=(0, 3), ylim=(0, 1.05), yticks=(0, 1))
+    inset.set_title("probe power, time (µs)", fontsize="x-small")
+    inset.tick_params(labelsize="x-small")
+    return legend(ax, "lower left")
 
 
 @figure

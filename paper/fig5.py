@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.sparse.linalg import spsolve
 
 import coupled
 import surrogate
@@ -9,7 +10,7 @@ import thermofem as th
 from thermofem.plot import BLUE, GREEN, INK, VERMILION, plot_field
 
 from .printed import (
-    CENTRE, FEM_SET, HEATING, HEAT_CAPACITY, NEWTON_FIT, RING, at, heat, legend, panel, periods_of
+    CENTRE, FEM_SET, HEATING, HEAT_CAPACITY, NEWTON_FIT, RING, at, heat, legend, panel, periods_of, printed
 )
 from .report.study import Result, figure, study
 
@@ -32,6 +33,24 @@ def pulse():
         "fall_misfit_K": double.residual,
     }
     return Result(numbers, {"pulse": data}, {"rise": single.model})
+
+
+@study("Section 5: jump of the slope", quick=True)
+def jump(elements):
+    """Fall of dT/dt in the moment in which 2 mW end: of the FEM, -P c.(E^-1 b), and of Eq. 3, -eta P/(m c_p)."""
+    system, model = heat().system, elements.models["elements"]
+    core = heat().geometry.parts[0]
+    fem = HEATING * (system.C @ spsolve(system.E.tocsc(), system.B)).item()
+    eta = printed.SECOND_ORDER_FEM.eta
+    equation = HEATING * eta / HEAT_CAPACITY
+    times = np.geomspace(1e-10, 1e-7, 301)
+    slopes = HEATING * np.exp(-times[:, None] / model.tau) @ (np.asarray(model.R) / model.tau)
+    capacity = th.materials.find("Si").heat_capacity * core.height * elements.numbers["perimeter_m"]
+    return Result({
+        "eta": eta, "fem_K_per_s": fem, "equation_K_per_s": equation,
+        "core_K_per_s": HEATING / (capacity * (core.outer_radius - core.inner_radius)),
+        "equal_after_s": times[np.argmax(slopes < equation)],
+    })
 
 
 def heat_of_the_pair():

@@ -19,7 +19,10 @@ def second_order_fit(loop):
     """The training of Fig. 6: the second-order equation fitted to three traces at once."""
     traces = [loop.data[label(point)] for point in MARKED]
     found = coupled.identify(RING, traces, free=("kappa", "tau_f", "tau_s", "eta"), runs=4)
-    numbers = {"parameters": found.parameters, "deviations": found.standard_deviations}
+    numbers = {
+        "parameters": found.parameters, "deviations": found.standard_deviations, "traces": len(traces),
+        "shape_error": found.residuals["shape_error"].values.max(), "notes": found.notes,
+    }
     return Result(numbers, models={"second_order": found.model})
 
 

@@ -32,7 +32,8 @@ for script in SCRIPTS:
 def run(out, *, quick=False, workers=None, console=None):
     """Reproduce the paper into ``out``: report.html, ring.html, figures/ and data/; return what was made.
 
-    A result that an earlier run stored under the same code is taken, not computed again.
+    A result that an earlier run stored under the same code is taken, not computed again. Rows of the table that lack a
+    number have a dash and are named on the screen; "incomplete" counts them.
     """
     out, console, begin = Path(out), console or Console(), time.monotonic()
     names = [name for name, study in STUDIES.items() if study.quick or not quick]
@@ -50,9 +51,13 @@ def run(out, *, quick=False, workers=None, console=None):
     console.print(f"{len(names)} studies ({len(names) - len(left)} of an earlier run), {len(pictures)} figures")
     console.print(f"{sum(agree)} of {len(agree)} compared statements agree; the table says why the others do not")
     console.print(f"report: {out / 'report.html'} ({time.monotonic() - begin:.0f} s)")
-    for name, error in failed.items():  # the report is without what needs it
-        raise RuntimeError(f"{name} could not be computed; the report is without it") from error
+    incomplete = [entry for entry in rows if entry["missing"]]
+    for entry in incomplete:
+        console.print(f"no number: {entry['quantity']} ({', '.join(entry['missing'])})")
+    for name, error in failed.items():
+        raise RuntimeError(f"{name} could not be computed; the report has dashes in its place") from error
     counts = {"studies": len(names), "kept": len(names) - len(left), "compared": len(agree), "agree": sum(agree)}
+    counts |= {"rows": len(rows), "incomplete": len(incomplete)}
     return {"report": out / "report.html", "figures": len(pictures), **counts}
 
 

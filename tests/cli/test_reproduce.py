@@ -59,6 +59,15 @@ def test_numbers_are_those_of_independent_codes(out):
     assert traces["reduction"]["period_s"] == pytest.approx(680e-9, abs=1.2e-9)
 
 
+def test_a_full_run_has_every_row_with_a_number_and_a_reason(tmp_path):
+    template = (ROOT / "paper" / "report" / "report.html").read_text()
+    made = run(tmp_path / "out", workers=2)
+    rows = json.loads((tmp_path / "out" / "data" / "table.json").read_text())
+    assert made["rows"] == len(rows) == template.count("<tr><td>")
+    assert made["incomplete"] == 0
+    assert [row["quantity"] for row in rows if row["agrees"] is False and not row["why"]] == []
+
+
 def test_an_installation_says_where_the_reproduction_is(tmp_path):
     """Packages copied away from the checkout have no paper/ beside them."""
     for name in ("thermofem", "surrogate", "coupled", "thermofem_cli"):
