@@ -29,6 +29,7 @@ from .loop.cosimulate import cosimulate
 from .maps.pulsing_map import pulsing_map
 from .maps.stability_map import stability_map
 from .parameters import borghi2021, vanvaerenbergh2012
+from .resistive_heaters import Amperes, Volts
 from .resonator import RingResonator
 from .ring_from import ring_from
 from .runs.pulsing import pulsing
@@ -37,8 +38,9 @@ from .runs.window import Event, Laser
 from .states import State
 
 __all__ = [
-    "FEM", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "Linear", "RingResonator",
-    "ShockleyReadHall", "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "continue_cycle",
+    "FEM", "Amperes", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "Linear",
+    "RingResonator", "ShockleyReadHall", "Splitter", "State", "Sweep", "Volts", "Waveguide", "borghi2021", "bus",
+    "continue_cycle",
     "cosimulate", "crow", "explore", "fit_transmission", "fold_curves", "hopf_curves", "identify",
     "limit_cycle", "linearize", "pulsing", "pulsing_map", "ring_from", "scissor", "simulate", "stability_map",
     "steady_states", "transmission", "vanvaerenbergh2012",

@@ -23,6 +23,7 @@ from thermofem.ring_temperature import CORE, detuning_output
 
 from .arguments import power_in_time
 from .inputs import Pieces, add, bounds, last_change, pieces
+from .resistive_heaters import at_rest
 from .resonator import RingResonator
 from .thermal import Compact, check_model, check_resistance, compact
 
@@ -263,6 +264,8 @@ class ConstantHeating(NamedTuple):
     model: Compact
     rise: float
     powers: dict[str, float]
+    terminals: dict[str, float]
+    """Voltage (V) and current (A) of those that one of them drives, by the names of attributes."""
 
     def turned(self, ring: RingResonator) -> float:
         """Shift of the resonance frequency by the heaters, as an equivalent detuning in Hz."""
@@ -273,7 +276,8 @@ class ConstantHeating(NamedTuple):
         """Powers of the heaters (W) and their temperature rise (K) as attributes of a Dataset."""
         if not self.powers:
             return {}
-        return {f"power_in_{name}": power for name, power in self.powers.items()} | {"heater_rise": self.rise}
+        powers = {f"power_in_{name}": power for name, power in self.powers.items()}
+        return powers | self.terminals | {"heater_rise": self.rise}
 
 
 def constant(
@@ -287,12 +291,15 @@ def constant(
 
         dT = dT_model + sum_h R_h P_h
 
+    Under a voltage or a current the model is the one around the heaters' own state, see `resistive_heaters`.
     Raises InputError: as `channels`, and a power that is no number or out of range.
     """
     found = channels(model, wanted, heaters, heated, read)
-    powers = {name: heater_power(name, value) for name, value in checks.mapping("heaters", heaters).items()}
+    rest = at_rest(model, checks.mapping("heaters", heaters))
+    powers = {name: heater_power(name, value) for name, value in rest.powers.items()}
     rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
-    return ConstantHeating(found.model, float(rise), powers)
+    warm = found.model if rest.model is model else channels(rest.model, wanted, powers, heated, read).model
+    return ConstantHeating(warm, float(rise), powers, rest.attributes)
 
 
 def heater_power(name: str, value: Any) -> float:

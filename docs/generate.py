@@ -58,6 +58,8 @@ WORDS: dict[str, dict[str, str]] = {
         "height": "**required**",
         "sidewall_angle": "default 90 deg, vertical; smaller is wider at the foot; 30 to 150 deg",
         "heated": "whether it may carry absorbed power",
+        "resistance": "of a heater between its contacts, at `ambient`; or `resistivity` of its material",
+        "tcr": "temperature coefficient α of the resistance, R = R₀ (1 + α ΔT); default 0",
     },
     "[[interface]]": {
         "part": "**required**; its whole surface has the resistance",
@@ -97,6 +99,7 @@ WORDS: dict[str, dict[str, str]] = {
         "thermo_optic": "dn/dT",
         "two_photon": "two-photon absorption",
         "kerr": "Kerr index",
+        "resistivity": "of a heater: R₀ = ρ L/(w h), L the mean circumference of a ring or the `length` of a guide",
     },
 }
 SCHEMA: dict[str, dict[str, str]] = {

@@ -106,6 +106,14 @@ def hermite(times: Array, values: Array, first: Array, last: Array) -> Pieces:
     return Pieces(times, np.stack([values[:-1], first, square, cube], axis=1))
 
 
+def interpolated(function: Any, edges: Array) -> Pieces:
+    """Cubics between ``edges`` through four values of ``function(times, side)`` each, those at both ends among them."""
+    h = np.diff(edges)[:, None]
+    values = function(edges[:-1, None] + h * NODES, "right")
+    values[:, -1] = function(edges[1:], "left")
+    return Pieces(edges, values @ TO_COEFFICIENTS / h ** np.arange(4))
+
+
 def bounds(function: Pieces) -> tuple[float, float]:
     """Lowest and highest value of a piecewise cubic."""
     if function.steady:

@@ -110,15 +110,42 @@ def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[A
 
 
 def heater_powers(texts: list[str] | None, duration: float = math.inf) -> dict[str, Any]:
-    """Return the powers of heaters in W by name: numbers, or functions of time in a run of ``duration`` in s."""
-    given = assigned("--heater", texts or [], "heater=5 mW")
-    return {name: varying("--heater", power, "W", duration) for name, power in given.items()}
+    """Return the drives of heaters by name, in W, V or A: numbers, or functions of time in a run of ``duration`` s."""
+    found = {}
+    for name, text in _heater_texts(texts).items():
+        unit = _unit_of_drive(text)
+        drive = varying("--heater", text, unit, duration)
+        found[name] = DRIVES[unit](drive)
+    return found
 
 
-def steady_heaters(texts: list[str] | None) -> dict[str, float]:
-    """Return the constant powers of heaters in W by name."""
-    given = assigned("--heater", texts or [], "heater=5 mW")
-    return {name: quantity.not_negative(power, "W", name=f"--heater {name}") for name, power in given.items()}
+def steady_heaters(texts: list[str] | None) -> dict[str, Any]:
+    """Return the constant drives of heaters by name, in W, V or A."""
+    found = {}
+    for name, text in _heater_texts(texts).items():
+        unit = _unit_of_drive(text)
+        drive = quantity.not_negative(text, unit, name=f"--heater {name}")
+        found[name] = DRIVES[unit](drive)
+    return found
+
+
+DRIVES: dict[str, Any] = {"W": lambda power: power, "V": coupled.Volts, "A": coupled.Amperes}
+
+
+def _heater_texts(texts: list[str] | None) -> dict[str, str]:
+    """Return the texts of heaters by name; a text without a name is that of the part "heater"."""
+    named = [text if "=" in text else f"heater={text}" for text in texts or []]
+    return assigned("--heater", named, "heater=5 mW")
+
+
+def _unit_of_drive(text: str) -> str:
+    """Return "V" or "A" where a text begins with a voltage or a current, else "W"."""
+    amount = _split(text)[0]
+    for unit in ("V", "A"):
+        with contextlib.suppress(InputError):
+            quantity.parse(amount, unit)
+            return unit
+    return "W"
 
 
 def light(

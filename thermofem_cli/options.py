@@ -34,8 +34,12 @@ Accuracy = Annotated[float, typer.Option(help="Wanted relative error of the mesh
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
 Heated = Annotated[str | None, typer.Option(help="Part that takes the heat, of a model of several parts.")]
 Read = Annotated[str | None, typer.Option(help="Part that is read, of a model of several parts; default: the heated.")]
-Heater = Annotated[list[str] | None, typer.Option(help="Constant power of another part of the model: 'heater=5 mW'.")]
-HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
+CONSTANT_HEATER = "Constant power, voltage or current of another part: 'heater=5 mW' or '1.2 V'."
+Heater = Annotated[list[str] | None, typer.Option("--heater", help=CONSTANT_HEATER)]
+HEATER = (
+    "Power, voltage or current of another part (heater where it has no name): 'heater=5 mW', '1.2 V', "
+    "'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
+)
 VaryingHeater = Annotated[list[str] | None, typer.Option("--heater", help=HEATER)]
 
 REFERENCE_RING = "borghi2021"

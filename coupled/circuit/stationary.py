@@ -15,6 +15,7 @@ from ..heaters import heater_power
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.tableaus import Method
+from ..resistive_heaters import at_rest, check_constant, resistive_heaters
 from ..thermal import trusted
 from .circuit import Circuit
 from .network import Light, light_of
@@ -79,7 +80,10 @@ def autonomous(
     numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
     for name, value in numbers.items():
         checks.finite(name, value, hint="fixed points and limit cycles belong to a number")
-    for heater, watts in checks.mapping("heaters", heaters).items():
+    given_heaters = checks.mapping("heaters", heaters)
+    check_constant(resistive_heaters(thermal, given_heaters), "a circuit")
+    powers = at_rest(thermal, given_heaters).powers
+    for heater, watts in powers.items():
         heater_power(heater, watts)
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
@@ -91,7 +95,7 @@ def autonomous(
         raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
     own = {laser.name: given.get(laser.name, 0.0) for laser in lit}
     alone = replace(circuit, lasers=lit)
-    return system_of(alone, thermal, power=own, heaters=heaters, detuning=detuning, duration=1.0)
+    return system_of(alone, thermal, power=own, heaters=powers, detuning=detuning, duration=1.0)
 
 
 def _fixed_point(system: System, problem: Problem, y: Array) -> Array | None:

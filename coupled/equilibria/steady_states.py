@@ -165,8 +165,8 @@ def steady_states(
         in the bus waveguide, larger than 0; for a circuit a mapping from laser name.
     detuning : float, Hz
         laser minus cold resonance, or minus the reference of a circuit.
-    heaters : mapping of name to float, W, optional
-        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
+    heaters : mapping of name to float, W, or to `Volts` or `Amperes`, optional
+        constant drives of further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
     starts, seed : int
         random starts of Newton's method in a circuit: no method is known that finds all its fixed points.
 

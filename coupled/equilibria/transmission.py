@@ -1,6 +1,6 @@
 """Steady transmission of a nonlinear ring: all branches against detuning or power, and the path of a slow sweep."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -13,10 +13,10 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
-from ..heaters import driving
+from ..heaters import constant
 from ..kernel.units import FJ, NS, UW, absorbed_power, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import trusted
+from ..thermal import check_model, trusted
 from .balance import (
     SPACING,
     InternalRing,
@@ -42,6 +42,9 @@ def transmission(
     *,
     power: Any = None,
     detuning: float | ArrayLike,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> xr.Dataset:
     """Return all fixed points of a ring against detuning or power, or the low-power transmission of a circuit.
 
@@ -57,6 +60,8 @@ def transmission(
     power, detuning : float, or (first, last); W, Hz
         one of them a pair, the range of the curve. For a circuit ``detuning`` are all its detunings, increasing, and
         ``power`` names the laser, ``{"in": 1e-6}``; by default the first one.
+    heaters, heated, read : as of `steady_states`
+        of a ring.
 
     Returns
     -------
@@ -79,6 +84,8 @@ def transmission(
     2.20 mW at -92 GHz, stable
     """
     if isinstance(ring, Circuit):
+        if heaters:
+            raise checks.InputError("heaters are for one ring; the transmission of a circuit at low power has no heat")
         return low_power_transmission(ring, detuning, power)
     check_ring(ring)
     P, nu = _checked(power, detuning)
@@ -88,11 +95,15 @@ def transmission(
             f"power = {power!r}, detuning = {detuning!r}: one must be a pair (first, last) with first < last, "
             "the other one number"
         )
-    small, doubts = driving(ring, cast(ThermalModel, model))
-    at = internal_ring(ring, small, absorbable(ring, P[-1]))
-    U, D, powers, detunings = _in_range(*_curve(ring, at, P, nu), P, nu)
+    warm = constant(cast(ThermalModel, model), ring.read, heaters, heated, read)
+    doubts = check_model(ring, model, warm.model, read)
+    at = internal_ring(ring, warm.model, absorbable(ring, P[-1]))
+    turned = warm.turned(ring)
+    U, D, powers, moved = _in_range(*_curve(ring, at, P, nu + turned), P, nu + turned)
+    detunings = moved - turned
     found = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
-    return found.assign_attrs(doubts)
+    found["delta_T"].values += warm.rise
+    return found.assign_attrs(**warm.attributes, **doubts)
 
 
 class PortCurve(NamedTuple):

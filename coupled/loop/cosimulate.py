@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from thermofem import Foster, OutputMap, Quadratic, StateSpace, checks
+from thermofem.algebra.krylov import krylov
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel
@@ -15,9 +16,12 @@ from thermofem.ring_temperature import detuning_output
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_ring, check_run, detuning_in_time, power_in_time
+from ..heater_loop import HeaterLoop, absorbed, difference, heater_loop, relaxed
 from ..heaters import heater_powers, power_of
 from ..inputs import Lights, last_change, pieces
+from ..resistive_heaters import resistive_heaters
 from ..resonator import RingResonator
+from ..runs.simulate import simulate
 from ..runs.window import Laser, Window, lights_of, provenance, traces
 from ..states import State
 from ..thermal import Compact, check_geometry, check_model, compact
@@ -71,8 +75,8 @@ def cosimulate(
         largest difference left between the temperature that the light sees and the corrector's.
     rtol : float
         of light and carriers, as in `simulate`.
-    heaters : mapping of name to float or Waveform, optional
-        power in W of other heated parts of a HeatProblem.
+    heaters : mapping of name to float, Waveform, `Volts` or `Amperes`, optional
+        power in W of other heated parts of a HeatProblem, or their voltage or current.
     field_times : array, s, optional
         times at which the temperature field of a HeatProblem is stored.
     initial : Dataset, optional
@@ -106,6 +110,7 @@ def cosimulate(
     """
     check_ring(ring)
     duration, rtol = check_run(duration, rtol)
+    electric = None
     max_discrepancy = checks.between(
         "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
     )
@@ -115,8 +120,11 @@ def cosimulate(
         checks.between("field_times", time, 0, duration, unit="s", hint="they lie between 0 and the duration")
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
         known = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
-        known = {name: _over(name, power, duration) for name, power in known.items()}
         read = _read_output(ring, heat)
+        drive = {"power": power, "detuning": detuning, "duration": duration, "rtol": rtol}
+        electric = _electric(ring, heat, known, initial, read, drive)
+        powers = known if electric is None else electric.powers
+        known = {name: _over(name, power, duration) for name, power in powers.items()}
         corrector: Any = FEM(
             heat, read=read, heaters=known, max_discrepancy=max_discrepancy, field_times=kept
         )  # fmt: skip
@@ -148,6 +156,8 @@ def cosimulate(
         if progress:
             progress(loop.time)
     data = _dataset(ring, light, loop, parts, duration).assign_attrs(doubts)
+    if electric is not None:
+        data = electric.loop.described(data).assign_attrs(heater_change=electric.change(data))
     return data if initial is None else data.assign_attrs(initial="given")
 
 
@@ -163,6 +173,44 @@ def _read(model: Compact, state: State) -> float:
     if isinstance(model, Quadratic):
         return float(model.C @ x)
     return float(model.of(x.sum())) if isinstance(model, OutputMap) else float(x.sum())
+
+
+class Electric(NamedTuple):
+    """Heaters of a co-simulation under a voltage or a current: their loop, and their powers in W."""
+
+    loop: HeaterLoop
+    powers: dict[str, Any]
+
+    def change(self, data: xr.Dataset) -> float:
+        """Largest relative change of a power by the light that the co-simulation absorbed."""
+        if not self.loop.fed_back:
+            return 0.0
+        after = self.loop.powers(absorbed(data, self.loop.duration))
+        return max(difference(after[one.name], self.powers[one.name]) for one in self.loop.fed_back)
+
+
+def _electric(
+    ring: RingResonator, heat: Any, heaters: Any, initial: Any, read: str, drive: dict[str, Any]
+) -> Electric | None:
+    """Powers of heaters under a voltage or a current; with a tcr by runs of `simulate` with a reduction of the FEM.
+
+    Raises InputError: a tcr of matrices without geometry, with k(T) or with an initial state.
+    """
+    resistive = resistive_heaters(heat, heaters)
+    if not resistive:
+        return None
+    if not any(one.resistor.tcr for one in resistive):
+        loop = heater_loop(ring, heat, resistive, heaters, drive["duration"], drive["rtol"])
+        return Electric(loop, loop.powers())
+    if not isinstance(heat, HeatProblem) or heat.nonlinear or initial is not None:
+        rule = "heaters with a tcr need a HeatProblem with constant k and c_p, from cold"
+        raise checks.InputError(rule, "give tcr = 0, or their power in W")
+    parts = (heat.heated[0], *heaters)
+    system = heat.channels(parts, tuple(dict.fromkeys((read, *heaters))))
+    small = krylov(system).reduced(system)
+    loop = heater_loop(ring, small, resistive, heaters, drive["duration"], drive["rtol"])
+    powers, _ = relaxed(loop, lambda watts: simulate(ring, small, heaters=watts, **drive))
+    return Electric(loop, powers)
 
 
 def _over(name: str, value: Any, duration: float) -> Any:

@@ -14,9 +14,11 @@ from thermofem.models import ThermalModel
 from ..arguments import check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
+from ..heater_loop import heater_loop, passes_of, relaxed
 from ..heaters import channels, heater_powers, heating, with_ambient
 from ..inputs import Input
 from ..kernel.tableaus import Method
+from ..resistive_heaters import check_constant, resistive_heaters
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import attributes, check_model, dense_times, trusted
@@ -87,9 +89,10 @@ def simulate(
     event : Event, optional
         a level that "energy", "carriers" or "delta_T" rises through: the times are in ``attrs["crossings"]``, and the
         run ends at the first unless ``stop=False``.
-    heaters : mapping of name to float, Waveform, or a list of both; W, optional
+    heaters : mapping of name to float, Waveform, or a list of both; W; or to `Volts` or `Amperes`; optional
         power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on; for a circuit a
         number is a power that has been on for long, unless the run continues another (``initial``).
+        Under a voltage or a current the resistance follows the temperature of the heater (`coupled.Volts`).
     ambient : float, Waveform, `coupled.Sweep`, or a list of them; K, optional
         temperature of the ambient above that of the geometry, from t = 0 on, as of heaters. A model that has the input
         "ambient" (``heat.channels(("core", "ambient"), "core")``) brings it to the ring through the chip; with any
@@ -110,8 +113,9 @@ def simulate(
     -------
     xarray.Dataset
         over time (s): energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed (W), scattered (W) where
-        the ring has such a loss, power and detuning where they vary, heater_power (W) over heater and time; with
-        lasers on other resonances probe_energy, probe_drop and probe_through over probe and time. Provenance and the
+        the ring has such a loss, power and detuning where they vary; heater_power (W) over heater and time, with
+        heater_voltage (V) and heater_current (A) where one of them is given; ambient (K) where it moves; with lasers on
+        other resonances probe_energy, probe_drop and probe_through over probe and time. Provenance and the
         final state in attrs. Write ``run["drop"]``: ``run.drop`` is a method of every Dataset.
         Of a circuit energy, carriers, delta_T, absorbed and scattered over ring and time; output (W) and phase (rad)
         by port; input (W) by laser; lost (W) in waveguides and on the way from lasers; where a detector has a bandwidth
@@ -144,6 +148,22 @@ def simulate(
     chosen = None if method is None else Method(str(method).lower())
     wanted = np.empty(0) if times is None else check_times(times, duration)
     drives = with_ambient(heaters, ambient)
+    resistive = resistive_heaters(model, drives)
+    if resistive:
+        alike: dict[str, Any] = {
+            "power": power, "detuning": detuning, "duration": duration, "rtol": rtol, "method": method,
+            "initial": initial, "event": event, "ambient": ambient, "heated": heated, "read": read, "lasers": lasers,
+            "average": average, "progress": progress,
+        }  # fmt: skip
+        if isinstance(ring, Circuit):
+            check_constant(resistive, "a circuit")
+        loop = heater_loop(ring, model, resistive, drives, duration, rtol, heated, read, initial)
+        at = None if loop.fed_back else times
+        powers, driven = relaxed(loop, lambda watts: simulate(ring, model, heaters=watts, times=at, **alike))
+        if at is not times:
+            passes = passes_of(driven)
+            driven = simulate(ring, model, heaters=powers, times=times, **alike).assign_attrs(passes)
+        return loop.described(driven)
     if isinstance(ring, Circuit):
         alone: dict[str, Any] = {"event": event, "heated": heated, "read": read, "lasers": lasers or None}
         for name, value in alone.items():

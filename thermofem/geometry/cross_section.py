@@ -25,6 +25,7 @@ from ..data import files
 from ..materials.material_library import VOID, Material, find
 from . import geometry_file, parameter_paths, section_parts
 from .regions import Subdivision, check_held, check_places, subdivide
+from .resistor import Resistor, check_resistors, resistor_of
 from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe, images, length
 
 KINDS = ("ring", "straight")
@@ -107,6 +108,7 @@ class CrossSection:
         hint = "only bottom and outer can be open; give top a convection"
         checks.choice("top", self.top.kind, Boundary.KINDS.keys() - {"open"}, hint=hint)
         check_held(self)
+        check_resistors(self)
         checks.between("number of [[bus]] tables", len(self.buses), 0, 2, hint="a ring has one or two")
         checks.unique("[[bus]]: name", [bus.name for bus in self.buses])
 
@@ -220,6 +222,10 @@ class CrossSection:
         r = checks.numbers("r", r)
         z = checks.numbers("z", z)
         return self.subdivision.on_side(side, r, z)
+
+    def resistor(self, part: str) -> Resistor:
+        """Resistance (ohm) and temperature coefficient (1/K) of a heated part; InputError where it has none."""
+        return resistor_of(self, part)
 
     def opened(self) -> CrossSection:
         """Copy with the stack continued beyond its bottom and outer side (`section_parts.Boundary`, "open").

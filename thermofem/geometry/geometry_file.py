@@ -54,6 +54,8 @@ _PART = {
     "height": "m",
     "sidewall_angle": "rad",
     "heated": FLAG,
+    "resistance": "ohm",
+    "tcr": "1/K",
 }
 _INTERFACE = {"part": TEXT, "resistance": "m^2*K/W"}
 _PROBE = {"name": TEXT, "part": TEXT, "shell": "m", "distance": "m"}
@@ -62,14 +64,16 @@ _LIGHT = {"wavelength": "m", "part": TEXT, "polarisation": TEXT, "loss": "1/m"}
 _BUS = {"name": TEXT, "gap": "m", "straight": "m", "width": "m"}
 _COEFFICIENT = {kind: law.unit for kind, law in Boundary.KINDS.items() if law.unit is not None}
 _OPTICAL = {"thermo_optic": "1/K", "two_photon": "m/W", "kerr": "m^2/W"}
-_MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT, "index": ANY, **_OPTICAL}
+_SCALARS = {**_OPTICAL, "resistivity": "ohm*m"}  # of a material, where it has them
+_MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT, "index": ANY, **_SCALARS}
 
 UNITS = {
     key: unit
-    for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _COEFFICIENT, _MATERIAL, _LIGHT, _BUS)
+    for keys in (_TOP, _LAYER, _INTERFACE, _PART, _PROBE, _COEFFICIENT, _MATERIAL, _LIGHT, _BUS)
     for key, unit in keys.items()
     if unit in quantity.SI
 } | {"conductivity": "W/m/K", "specific_heat": "J/kg/K", "exponent": "", "reference": "K"}
+CONTACT = "interface"  # whose key "resistance" has another unit than that of a part
 
 
 def as_text(path: str, value: Any) -> Any:
@@ -89,6 +93,8 @@ def unit_of(path: str) -> str | None:
     None where the field is no quantity with a fixed unit.
     """
     *before, key = path.split(".")
+    if before[:1] == [CONTACT] and key in _INTERFACE:
+        return _INTERFACE[key]
     return UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
 
 
@@ -188,8 +194,8 @@ def _material(name: str, table: Any) -> Material:
     if "index" in values:
         values["index"] = read_index(values["index"], where)
     missing = [key for key in PROPERTIES if key not in values]
-    optical = [key for key in ("index", *_OPTICAL) if key not in values and name in LIBRARY]
-    kept = {key: getattr(LIBRARY[name], key) for key in (*missing, *optical)}
+    optional = [key for key in ("index", *_SCALARS) if key not in values and name in LIBRARY]
+    kept = {key: getattr(LIBRARY[name], key) for key in (*missing, *optional)}
     for key in {"conductivity", "specific_heat"} & kept.keys():
         kept |= {f"{key}_law": getattr(LIBRARY[name], f"{key}_law")}
     if "conductivity" in kept:
@@ -206,7 +212,7 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
         **_texts({"name": geometry.name, "kind": kind, **domain, "ambient": geometry.ambient}),
         "layer": [_texts(asdict(layer)) for layer in geometry.layers],
         "part": [_texts(_part_values(part)) for part in geometry.parts],
-        "interface": [_texts(asdict(interface)) for interface in geometry.interfaces],
+        CONTACT: [_texts(asdict(interface), CONTACT) for interface in geometry.interfaces],
         "probe": [_texts(asdict(probe)) for probe in geometry.probes],
         "boundary": {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY},
         "material": {m.name: _material_values(m) for m in geometry.materials},
@@ -228,9 +234,10 @@ def spelled_out(geometry: CrossSection) -> dict[str, Any]:
     return table
 
 
-def _texts(values: dict[str, Any]) -> dict[str, Any]:
-    """Quantities as text; flags that are false and values that are None are left out."""
-    return {key: as_text(key, value) for key, value in values.items() if value is not None and value is not False}
+def _texts(values: dict[str, Any], table: str = "") -> dict[str, Any]:
+    """Quantities of a ``table`` as text; flags that are false and values that are None are left out."""
+    given = {key: value for key, value in values.items() if value is not None and value is not False}
+    return {key: as_text(f"{table}.{key}" if table else key, value) for key, value in given.items()}
 
 
 def _boundary_value(boundary: Boundary) -> Any:
@@ -243,7 +250,7 @@ def _material_values(m: Material) -> dict[str, Any]:
     conductivity = write_property(m, "conductivity", UNITS["conductivity"])
     specific_heat = write_property(m, "specific_heat", UNITS["specific_heat"])
     density = as_text("density", m.density)
-    optical = _texts({key: getattr(m, key) or None for key in _OPTICAL})
+    optical = _texts({key: getattr(m, key) or None for key in _SCALARS})
     optical |= {} if m.index is None else {"index": write_index(m.index)}
     heat = {"conductivity": conductivity, "density": density, "specific_heat": specific_heat}
     return {**heat, **optical, "source": m.source}
@@ -262,4 +269,5 @@ def _part_values(part: Part) -> dict[str, Any]:
         sizes = {"inner_radius": inner, "outer_radius": outer}
     angle = None if part.sidewall_angle == section_parts.VERTICAL else part.sidewall_angle
     rest = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle, "heated": part.heated}
-    return {"name": part.name, "material": part.material, **sizes, **rest}
+    electric = {"resistance": part.resistance, "tcr": part.tcr or None}
+    return {"name": part.name, "material": part.material, **sizes, **rest, **electric}

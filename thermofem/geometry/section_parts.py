@@ -73,6 +73,10 @@ class Part:
         pi/2 is vertical; a smaller angle makes the part wider at its foot.
     heated : bool
         whether it may carry absorbed power. Every part and layer can be read.
+    resistance : float, ohm
+        of a heater between its contacts, at the ambient temperature.
+    tcr : float, 1/K
+        temperature coefficient of the resistance: R = resistance (1 + tcr dT).
     """
 
     name: str
@@ -85,6 +89,8 @@ class Part:
     heated: bool = False
     x: float | None = None
     width: float | None = None
+    resistance: float | None = None
+    tcr: float = 0.0
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -109,6 +115,9 @@ class Part:
         crossed = np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0)
         if crossed or (outline[:, 0].min() < 0 and not self.straight):
             raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
+        if self.resistance is not None:
+            checks.positive(f"{of}resistance", self.resistance, unit="ohm", at_most=1e9)
+        checks.between(f"{of}tcr", self.tcr, -0.1, 0.1, unit="1/K", hint="metals have 1e-3 to 4e-3")
         if self.heated and self.material == VOID:
             raise checks.InputError(f"{of}void cannot be heated; give it a material or heated = false")
 

@@ -54,6 +54,8 @@ class Material:
         dn/dT.
     two_photon, kerr : float, m/W and m^2/W
         coefficient of two-photon absorption, and n_2.
+    resistivity : float, ohm m
+        of a heater; None for what carries no current.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class Material:
     thermo_optic: float = 0.0
     two_photon: float = 0.0
     kerr: float = 0.0
+    resistivity: float | None = None
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -88,6 +91,9 @@ class Material:
             checks.between(f"{of}conductivity_z", self.conductivity_z, 1e-4, 1e4, unit="W/m/K")
         checks.between(f"{of}thermo_optic", self.thermo_optic, -1e-2, 1e-2, unit="1/K", hint="silicon has 1.86e-4")
         checks.between(f"{of}two_photon", self.two_photon, 0, 1e-9, unit="m/W", hint="0.8 cm/GW is 8e-12 m/W")
+        if self.resistivity is not None:
+            hint = "titanium nitride has 4e-7 to 4e-6 ohm m"
+            checks.between(f"{of}resistivity", self.resistivity, 1e-9, 1e3, unit="ohm*m", hint=hint)
         checks.between(f"{of}kerr", self.kerr, -1e-15, 1e-15, unit="m^2/W", hint="silicon has 4.5e-18 m^2/W")
 
     @property

@@ -119,7 +119,7 @@ def draw_map(
     show: tuple[str, ...],
     ring: RingResonator,
     model: th.models.ThermalModel,
-    heaters: dict[str, float],
+    heaters: dict[str, Any],
     parts: dict[str, Any],
 ) -> None:
     """Draw a map with the Hopf curves, the folds of fixed points and those of cycles of a linear model."""
@@ -145,7 +145,9 @@ def draw_map(
     states = getattr(thermal, "order", None)
     size = f" with {states} states" if isinstance(states, int) else ""
     words = [ring.name, f"{type(thermal).__name__}{size}, R_th = {thermal.thermal_resistance / 1e3:.4g} K/mW"]
-    title = ", ".join([*words, *(f"{name} at {quantity.write(power, 'W')}" for name, power in heaters.items())])
+    title = ", ".join(
+        [*words, *(f"{name} at {quantity.rounded(power, 'W', 4)}" for name, power in warmed.powers.items())]
+    )
     save_figure(plot_maps({title: found}, show=show, hopf={title: hopf}, folds={title: folds})[0, 0], path)
 
 
