@@ -40,8 +40,7 @@ from .states import State
 __all__ = [
     "FEM", "Amperes", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "Linear",
     "RingResonator", "ShockleyReadHall", "Splitter", "State", "Sweep", "Volts", "Waveguide", "borghi2021", "bus",
-    "continue_cycle",
-    "cosimulate", "crow", "explore", "fit_transmission", "fold_curves", "hopf_curves", "identify",
+    "continue_cycle", "cosimulate", "crow", "explore", "fit_transmission", "fold_curves", "hopf_curves", "identify",
     "limit_cycle", "linearize", "pulsing", "pulsing_map", "ring_from", "scissor", "simulate", "stability_map",
     "steady_states", "transmission", "vanvaerenbergh2012",
 ]  # fmt: skip

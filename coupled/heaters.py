@@ -23,7 +23,7 @@ from thermofem.ring_temperature import CORE, detuning_output
 
 from .arguments import power_in_time
 from .inputs import Pieces, add, bounds, last_change, pieces
-from .resistive_heaters import at_rest
+from .resistive_heaters import Rest, at_rest
 from .resonator import RingResonator
 from .thermal import Compact, check_model, check_resistance, compact
 
@@ -264,8 +264,8 @@ class ConstantHeating(NamedTuple):
     model: Compact
     rise: float
     powers: dict[str, float]
-    terminals: dict[str, float]
-    """Voltage (V) and current (A) of those that one of them drives, by the names of attributes."""
+    rest: Rest
+    """The same with all inputs and outputs."""
 
     def turned(self, ring: RingResonator) -> float:
         """Shift of the resonance frequency by the heaters, as an equivalent detuning in Hz."""
@@ -277,7 +277,7 @@ class ConstantHeating(NamedTuple):
         if not self.powers:
             return {}
         powers = {f"power_in_{name}": power for name, power in self.powers.items()}
-        return powers | self.terminals | {"heater_rise": self.rise}
+        return powers | self.rest.attributes | {"heater_rise": self.rise}
 
 
 def constant(
@@ -299,7 +299,7 @@ def constant(
     powers = {name: heater_power(name, value) for name, value in rest.powers.items()}
     rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
     warm = found.model if rest.model is model else channels(rest.model, wanted, powers, heated, read).model
-    return ConstantHeating(warm, float(rise), powers, rest.attributes)
+    return ConstantHeating(warm, float(rise), powers, rest)
 
 
 def heater_power(name: str, value: Any) -> float:

@@ -143,6 +143,8 @@ class Rest(NamedTuple):
 
     model: Any
     powers: dict[str, float]
+    sources: dict[str, float]
+    """Powers (W) that put ``model`` into that state: P_h - (dP_h/dT) dT_h."""
     attributes: dict[str, float]
     """Voltage (V) and current (A) of those that one of them drives."""
 
@@ -155,17 +157,20 @@ def at_rest(model: Any, heaters: Mapping[str, Any]) -> Rest:
     found = resistive_heaters(model, heaters)
     powers = {**heaters, **{one.name: float(one.power(one.square, 0.0)) for one in found}}
     fed_back = [one for one in found if one.resistor.tcr]
+    sources = powers
     if fed_back:
-        model = _balanced(model, fed_back, powers)
+        model, sources = _balanced(model, fed_back, powers)
     attributes: dict[str, float] = {}
     for one in found:
         volts, amperes = one.terminals(powers[one.name], np.asarray(one.square))
         attributes |= {f"voltage_of_{one.name}": float(volts), f"current_of_{one.name}": float(amperes)}
-    return Rest(model, powers, attributes)
+    return Rest(model, powers, sources, attributes)
 
 
-def _balanced(model: Any, heaters: list[ResistiveHeater], powers: dict[str, float]) -> StateSpace:
-    """Set the powers (W) of heaters with a tcr to those at rest; returns the model linearised around that state."""
+def _balanced(
+    model: Any, heaters: list[ResistiveHeater], powers: dict[str, float]
+) -> tuple[StateSpace, dict[str, float]]:
+    """Set the powers (W) of heaters with a tcr to those at rest; returns the model around it and its sources."""
     system = read_heaters(model, heaters)
     names = [one.name for one in heaters]
     rows = [system.outputs.index(name) for name in names]
@@ -182,7 +187,8 @@ def _balanced(model: Any, heaters: list[ResistiveHeater], powers: dict[str, floa
         rise = rise + step
         if np.abs(step).max() <= DIGITS * max(1.0, np.abs(rise).max()):
             B = system.B[:, [system.inputs.index(name) for name in names]]
-            return replace(system, A=system.A + (B * slope) @ system.C[rows])
+            sources = {name: powers[name] - a * dT for name, a, dT in zip(names, slope, rise, strict=True)}
+            return replace(system, A=system.A + (B * slope) @ system.C[rows]), {**powers, **sources}
     raise checks.InputError(f"heaters {', '.join(names)}: no steady temperature is found", "give a smaller drive")
 
 

@@ -314,7 +314,7 @@ def _of_ring(ring: RingResonator, model: ThermalModel, found: Resting, branch: i
     a = 1j * pump / (here.gamma - 1j * found.detuned[branch])
     light = [a.real, a.imag, float(here.N)]
     absorbed = float(here.P_abs) * eq.UW
-    system = bare(model)
+    system = bare(found.warm.rest.model)
     if not isinstance(system, StateSpace) or len(system.inputs) == len(system.outputs) == 1:
         problem = at.problem
         problem.set_detuning(float(here.shift) - found.detuned[branch])
@@ -325,7 +325,7 @@ def _of_ring(ring: RingResonator, model: ThermalModel, found: Resting, branch: i
     C = system.C @ modes
     lit = system.inputs.index(at.model.inputs[0])
     seen = system.outputs.index(at.model.outputs[0])
-    powers = {**found.warm.powers, system.inputs[lit]: absorbed}
+    powers = {**found.warm.rest.sources, system.inputs[lit]: absorbed}
     x = sum(B[:, system.inputs.index(name)] * watts for name, watts in powers.items()) / rate
     poles = PoleHeat(B[:, lit][None] * (eq.UW * eq.NS), rate[None] * eq.NS, C[seen][None])
     rings = eq.internal_rings([ring], pump, at.model.thermal_resistance * eq.UW)

@@ -114,19 +114,40 @@ def at_rest_by_hand(drive, light):
 def test_steady_states_under_a_voltage(drive):
     """In the dark the power is the root of one equation; lit, delta_T is that of both equations at once.
 
-    The light's share of the power is linearised: its square is 1e-3 K of the light in the heater times alpha, 1e-6, of
-    the power and so of the rise.
+    The light's share of the power is linearised: what is left is the square of alpha times .3 K in the heater, 2e-7.
     """
     model = pair()
     gain = np.linalg.inv(-model.A)
-    states = coupled.steady_states(RING, model, power=1e-3, detuning=-30e9, heaters={"heater": drive})
+    moved = RING.thermal_shift / (2 * np.pi) * gain[0, 1] * at_rest_by_hand(drive, 0.0)
+    states = coupled.steady_states(RING, model, power=5e-3, detuning=-moved - 10e9, heaters={"heater": drive})
     assert states.attrs["power_in_heater"] == pytest.approx(at_rest_by_hand(drive, 0.0), rel=1e-10)
     watts = states.attrs["voltage_of_heater"] * states.attrs["current_of_heater"]
     assert watts == pytest.approx(states.attrs["power_in_heater"], rel=1e-12)
     for absorbed, rise in zip(states["absorbed"].values, states["delta_T"].values, strict=True):
         power = at_rest_by_hand(drive, absorbed)
-        assert power != pytest.approx(states.attrs["power_in_heater"], rel=1e-6)  # so that the feedback is seen
+        assert power != pytest.approx(states.attrs["power_in_heater"], rel=1e-5)  # so that the feedback is seen
         assert rise == pytest.approx(gain[0, 0] * absorbed + gain[0, 1] * power, rel=1e-6)
+
+
+def test_a_linear_ring_has_the_feedback_of_the_resistance():
+    """A of all states of the matrices has the growth rate of steady_states, whose model is a Foster network.
+
+    A hundredth of a kelvin in the heater, by light that differs by 1 %, changes the core as two steady states say.
+    """
+    drive = coupled.Volts(2.0)
+    gain = np.linalg.inv(-pair().A)
+    moved = RING.thermal_shift / (2 * np.pi) * gain[0, 1] * at_rest_by_hand(drive, 0.0)
+    settings = {"detuning": -moved - 10e9, "heaters": {"heater": drive}}
+    linear = coupled.linearize(RING, pair(), power=5e-3, **settings)
+    states = coupled.steady_states(RING, pair(), power=5e-3, **settings)
+    leading = np.linalg.eigvals(linear.A).real.max()
+    # both by the same kernel, in other coordinates
+    assert leading == pytest.approx(float(states["growth_rate"][0]), rel=1e-6)
+    near = [coupled.steady_states(RING, pair(), power=p, **settings)["delta_T"].values[0] for p in (4.999e-3, 5.001e-3)]
+    slope = (near[1] - near[0]) / 2e-6
+    static = linear.response([1e-3])["response"].sel(input="power", output="delta_T").values[0]
+    # 1e-5: the square of the difference, 2e-4 of the power, and the third derivative
+    assert static.real == pytest.approx(slope, rel=1e-5)
 
 
 def test_a_long_run_ends_on_the_steady_state():
@@ -194,11 +215,7 @@ def test_the_fem_in_the_loop_under_a_voltage(section):
 
 
 BAD = {
-    "no resistance": (
-        pair(th.heated_ring()),
-        {"heater": coupled.Volts(1.0)},
-        ("heater", "no resistance", "resistivity"),
-    ),
+    "no resistance": (pair(th.heated_ring()), {"heater": coupled.Volts(1.0)}, ("'heater' has no resistance",)),
     "no geometry": (
         th.StateSpace(np.eye(2), -np.eye(2), np.eye(2), np.eye(2), ("core", "heater"), ("core", "heater")),
         {"heater": coupled.Volts(1.0)},
