@@ -21,7 +21,8 @@ from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .command_files import expect, in_volts, kind_of
-from .console import parameter_unit, say, written
+from .console import parameter_unit, say, working, written
+from .heater_texts import say_sheets
 
 # what follows from the fields of a ring -> its SI unit
 DERIVED = {
@@ -47,7 +48,8 @@ def show(
 ) -> dict[str, Any]:
     """Print the card of a model (kind, R_th, rise time, all poles, error bound, training), or the numbers of a ring.
 
-    A ring's numbers stand with their units, derived ones too; a geometry is printed whole.
+    A ring's numbers stand with their units, derived ones too; a geometry is printed whole, with the data sheet of its
+    heaters where it has [light].
     """
     kind = kind_of(file)
     if kind == "ring":
@@ -56,7 +58,12 @@ def show(
         section = th.CrossSection.from_toml(file)
         for line in filter(None, section.to_toml().splitlines()):
             say(line)
-        return {"geometry": section.to_toml()}
+        if section.light is None or len(section.heated) < 2:
+            return {"geometry": section.to_toml()}
+        with working("solving light and heat"):
+            heat = th.assemble(section)
+            heat.lit  # noqa: B018 - the mode is solved for here
+        return {"geometry": section.to_toml(), **say_sheets(heat)}
     expect(file, "model")
     if kind is None and file.is_file() and file.suffix.lower() != ".json":
         raise InputError(f"{file} is nothing that show knows: a thermal model (JSON), or a ring or geometry (TOML)")

@@ -19,6 +19,7 @@ from . import options
 from .command_files import check_outputs, expect, section_of
 from .console import bar, note, say, settings, time_bar, working, written, wrote
 from .drive_texts import heating, times_of
+from .heater_texts import say_sheets
 
 FRAMES = 60  # fields for ParaView whose times are not given
 SAME = 1e-3  # relative difference from which R_th at a power is printed beside that at small power
@@ -116,7 +117,9 @@ def solve(
     numbers = _say(data, step, _steady_rises(heat, data, step))
     if data.attrs["domain_error"] <= NOTABLE:  # a larger one is reported by the log
         _note_domain([data.attrs["domain_error"]], accuracy)
+    sheets = say_sheets(heat)
     wrote(*files)
+    numbers |= sheets
     numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}
     return {**numbers, "wrote": [path for path in files if path]}
 

@@ -27,6 +27,7 @@ from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from .domain_truncation import Wider, domain_error, warn_of_domain, wider
 from .error_estimate import Estimate, MeshError
+from .heater_sheet import heater_sheet
 from .probe_means import probe_integral
 from .weak_forms import Discretization, capacity, conduction, properties, volume
 
@@ -318,6 +319,34 @@ class HeatProblem:
         if isinstance(model, NonlinearSystem):
             return float(model.steady_rise(power)[0])
         return power * self.thermal_resistance(heated, read)
+
+    def heater_sheet(self, heater: str | None = None) -> dict[str, float]:
+        """What a data sheet says of a heater and the light beside it, in SI: see `heater_sheet` for the formulas.
+
+        Parameters
+        ----------
+        heater : str
+            default the first heated part that does not guide.
+
+        Returns
+        -------
+        dict
+            thermal_resistance (K/W, of the light by the heater), shift_per_kelvin (m/K), shift_per_watt (m/W),
+            free_spectral_range (Hz), pi_power and fsr_power (W); with a resistance of the heater also resistance (ohm),
+            pi_voltage, fsr_voltage (V), pi_current and fsr_current (A).
+
+        Raises
+        ------
+        InputError
+            no light in the geometry, or no such heater.
+
+        >>> import thermofem as th
+        >>> section = th.heated_ring().with_({"light.wavelength": "1.55 um", "part.heater.resistance": "120 ohm"})
+        >>> sheet = th.assemble(section).heater_sheet()
+        >>> print(f"{sheet['pi_power'] * 1e3:.1f} mW, {sheet['pi_voltage']:.2f} V for pi")
+        18.9 mW, 1.51 V for pi
+        """
+        return heater_sheet(self, heater)
 
     @cached_property
     def _mesh_error(self) -> MeshError:

@@ -15,6 +15,7 @@ from thermofem.data import files, quantity
 from .. import options
 from ..command_files import check_outputs, section_of
 from ..console import note, say, working, wrote
+from ..heater_texts import say_sheets
 
 
 def modes(
@@ -147,6 +148,17 @@ def ring(
         f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {found.shift_per_kelvin / 1e-12:.4g} pm/K"
     )
     say(f"bus: {made.origins['bus_rate']}")
+    sheets: dict[str, Any] = {}
+    if len(section.heated) > 1:
+        with working("solving the heat"):
+            heat = th.assemble(replace(section, light=None)).with_light(made.mode)
+        sheets = say_sheets(heat)
     wrote(output)
     origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in made.origins.items()}
-    return {"loaded_q": found.loaded_q, "intrinsic_q": found.intrinsic_q, "origins": origins, "wrote": [output]}
+    return {
+        "loaded_q": found.loaded_q,
+        "intrinsic_q": found.intrinsic_q,
+        "origins": origins,
+        **sheets,
+        "wrote": [output],
+    }

@@ -1,0 +1,45 @@
+"""The data sheet of heaters as commands print it: R, K/mW, pm/mW, and mW, V and mA for pi and for one period."""
+
+import thermofem as th
+from thermofem.data import quantity
+
+from .console import say
+
+PHASES = {"pi": "pi", "fsr": "one free spectral range"}
+
+
+def say_sheets(heat: th.fem.HeatProblem) -> dict[str, dict[str, dict[str, float]]]:
+    """Print and return the numbers of every heater beside a guide; {} where light or heater are not known."""
+    light = heat.light or heat.geometry.light
+    core = getattr(light, "core", None) or getattr(light, "part", None)
+    heaters = [name for name in heat.heated if name != core]
+    if core is None or not heaters:
+        return {}
+    sheets = {name: heat.heater_sheet(name) for name in heaters}
+    for name, sheet in sheets.items():
+        say_resistance(heat.geometry, name)
+        shift = f"{sheet['shift_per_watt'] * 1e9:.4g} pm/mW"
+        say(f"{name}: {sheet['thermal_resistance'] / 1e3:.4g} K/mW in the light, {shift}")
+        for phase, words in PHASES.items():
+            say(f"{name}, {words}: {_drive(sheet, phase)}")
+    return {"heaters": sheets}
+
+
+def say_resistance(geometry: th.CrossSection, name: str) -> None:
+    """Print the resistance of a heater and where it comes from, where it has one."""
+    part = next(part for part in geometry.parts if part.name == name)
+    if part.resistance is None and geometry.material_of(name).resistivity is None:
+        return
+    resistor = geometry.resistor(name)
+    tcr = f", tcr {resistor.tcr:g} 1/K" if resistor.tcr else ""
+    say(f"{name}: {quantity.rounded(resistor.resistance, 'ohm', 4)} ({resistor.origin}){tcr}")
+
+
+def _drive(sheet: dict[str, float], phase: str) -> str:
+    """Power of a phase, and voltage and current where the resistance is known."""
+    power = f"{sheet[f'{phase}_power'] * 1e3:.4g} mW"
+    if phase == "fsr":
+        power += "/FSR"
+    if "resistance" not in sheet:
+        return power
+    return f"{power}, {sheet[f'{phase}_voltage']:.4g} V, {sheet[f'{phase}_current'] * 1e3:.4g} mA"
