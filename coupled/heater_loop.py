@@ -115,24 +115,24 @@ def heater_loop(
     initial: Any = None,
 ) -> HeaterLoop:
     """The loop of a run; arguments as of `simulate`, ``inputs`` being its heaters and the ambient."""
-    given = {name: power for name, power in inputs.items() if name not in {one.name for one in heaters}}
-    fed_back = [one for one in heaters if one.resistor.tcr]
+    others = {name: power for name, power in inputs.items() if name not in {heater.name for heater in heaters}}
+    fed_back = [heater for heater in heaters if heater.resistor.tcr]
     if not fed_back:
-        return HeaterLoop(heaters, given, duration, rtol)
+        return HeaterLoop(heaters, others, duration, rtol)
     system = read_heaters(model, fed_back)
     lit: Any = channels(model, ring.read, inputs, heated, read).model
     part = lit.inputs[0]
     poles = {}
     begin = {}
     for name in system.inputs:
-        to_heaters = [system.channel(name, one.name).dynamics for one in fed_back]
+        to_heaters = [system.channel(name, heater.name).dynamics for heater in fed_back]
         poles[name] = Poles(1 / np.asarray(lit.tau), np.array([each.gain for each in to_heaters]))
         begin[name] = np.zeros(lit.order)
     # all inputs share the poles: the heat of the past counts as that of the light
     past = np.asarray(starting_point(initial, lit.order, attributes(lit)).thermal)
     begin[part] = np.divide(past, lit.gain, out=np.zeros(lit.order), where=lit.gain != 0)
     before = np.concatenate([*begin.values()])
-    return HeaterLoop(heaters, given, duration, rtol, poles, part, before)
+    return HeaterLoop(heaters, others, duration, rtol, poles, part, before)
 
 
 def relaxed(loop: HeaterLoop, run: Callable[[Powers], xr.Dataset]) -> tuple[Powers, xr.Dataset]:
@@ -143,20 +143,20 @@ def relaxed(loop: HeaterLoop, run: Callable[[Powers], xr.Dataset]) -> tuple[Powe
     one more would make.
     """
     powers = loop.powers()
-    found = run(powers)
+    trace = run(powers)
     passes = 1
     change = 0.0
     while loop.fed_back:
-        after = loop.powers(absorbed(found, loop.duration))
-        change = max(difference(after[one.name], powers[one.name]) for one in loop.fed_back)
+        after = loop.powers(absorbed(trace, loop.duration))
+        change = max(difference(after[heater.name], powers[heater.name]) for heater in loop.fed_back)
         if change <= loop.rtol or passes == MOST_PASSES:
             break
         powers = after
-        found = run(powers)
+        trace = run(powers)
         passes += 1
     if change > loop.rtol:
         log.warning("after %d passes the powers of heaters change by %.1e (rtol %.1e)", passes, change, loop.rtol)
-    return powers, found.assign_attrs(heater_passes=passes, heater_change=change)
+    return powers, trace.assign_attrs(heater_passes=passes, heater_change=change)
 
 
 def passes_of(run: xr.Dataset) -> dict[str, Any]:

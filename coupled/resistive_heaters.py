@@ -29,7 +29,7 @@ from .thermal import LARGEST, check_order, geometry_of
 LARGEST_DRIVE = 1e3  # V or A
 MOST_ITERATIONS = 50  # of Newton's method
 DIGITS = 1e-12  # of the rise, below which its last correction is
-READ_TOO = "a model that reads the heater, too: heat.channels(('core', 'heater'), ('core', 'heater'))"
+READ_TOO = "a model that reads the heater, too (heat.channels(('core', 'heater'), ('core', 'heater')), reduce --read)"
 
 
 @dataclass(frozen=True)
@@ -172,18 +172,18 @@ def _balanced(
 ) -> tuple[StateSpace, dict[str, float]]:
     """Set the powers (W) of heaters with a tcr to those at rest; returns the model around it and its sources."""
     system = read_heaters(model, heaters)
-    names = [one.name for one in heaters]
+    names = [heater.name for heater in heaters]
     rows = [system.outputs.index(name) for name in names]
     gain = system.gain[np.ix_(rows, [system.inputs.index(name) for name in powers])]
-    own = gain[:, [list(powers).index(name) for name in names]]
+    across = gain[:, [list(powers).index(name) for name in names]]
     rise = np.zeros(len(heaters))
     slope = np.zeros(len(heaters))
     for _ in range(MOST_ITERATIONS):
-        for k, one in enumerate(heaters):
-            powers[one.name] = float(one.power(one.square, rise[k]))
-            slope[k] = one.slope(powers[one.name], rise[k])
+        for k, heater in enumerate(heaters):
+            powers[heater.name] = float(heater.power(heater.square, rise[k]))
+            slope[k] = heater.slope(powers[heater.name], rise[k])
         residual = gain @ [*powers.values()] - rise
-        step = np.linalg.solve(np.eye(rise.size) - own * slope, residual)
+        step = np.linalg.solve(np.eye(rise.size) - across * slope, residual)
         rise = rise + step
         if np.abs(step).max() <= DIGITS * max(1.0, np.abs(rise).max()):
             B = system.B[:, [system.inputs.index(name) for name in names]]
