@@ -23,7 +23,7 @@ from .bus_or_loss import with_other_answer
 from .fit_summary import summary
 from .held_numbers import SHARE, held_deviations, held_numbers
 from .slow_sweeps import Sweep, read_sweep
-from .sweep_doubts import correlation_of, doubts_of
+from .sweep_doubts import correlation_of, doubts_of, level_doubts
 from .sweep_residuals import sweep_residuals
 from .transmission_search import FREQUENCY, POWER, RESISTANCE, End, Search, make_search, searched
 
@@ -207,7 +207,7 @@ def _result(
         value = every[name]
         size = search.linewidth if name == FREQUENCY else value
         deviations[name] = float(s * size) if s < UNKNOWN else np.inf
-    notes = doubts_of(search, end, deviations, misfit, correlations, other)
+    notes = [*level_doubts(samples), *doubts_of(search, end, deviations, misfit, correlations, other)]
     for note in notes:
         log.warning("%s", note)
     return TransmissionFit(

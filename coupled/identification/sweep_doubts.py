@@ -4,15 +4,18 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from thermofem.arrays import Array
 
 from .box_search import at_bound
+from .slow_sweeps import ABSOLUTE
 from .transmission_search import End, Search
 
 WORSE = 1.5  # misfit over the noise above which a note reports it
 SIGNIFICANT = 5.0  # deviations of the correlation of white residuals, 1/sqrt(n), above which it counts
 LARGE = 0.5  # root mean square of the residuals of a sweep: below, what is left is smaller than its noise
+LEVEL = 0.01  # of the input: offset of a through port in W or fractions, above which a note reports it
 STRONGEST = 0.95  # correlation that widens deviations the most
 CAUSES = (
     "fringes, a resonance split in two by backscatter (doublet), another resonance near by, or a saturated detector"
@@ -40,6 +43,24 @@ def correlation_of(residual: Array) -> Correlation:
         return Correlation(0.0, 1.0)
     value = min(value, STRONGEST)
     return Correlation(value, float(np.sqrt((1 + value) / (1 - value))))
+
+
+def level_doubts(samples: Sequence[xr.Dataset]) -> list[str]:
+    """Sentence on through ports in W or fractions that are off 1 away from the resonance; empty where all are at 1."""
+    off = []
+    for k, sweep in enumerate(samples):
+        unit = sweep["signal"].attrs["units"]
+        if sweep.attrs["port"] != "through" or unit not in ABSOLUTE or "offset" not in sweep.attrs:
+            continue
+        share = sweep.attrs["offset"] / (1.0 if unit == "1" else sweep.attrs["power"])
+        if abs(share) > LEVEL:
+            off.append(f"{1 + share:.3f} of the input in sweep {k}")
+    if not off:
+        return []
+    return [
+        f"away from the resonance the through port is at {', '.join(off)}: what is off 1 counts as a dark level; "
+        'where it is a loss or gain of fibres, give another unit, such as "V", which frees the level'
+    ]
 
 
 def doubts_of(

@@ -133,6 +133,16 @@ def test_slope_and_dark_level_are_no_part_of_the_ring(slope, dark):
     assert np.sqrt(np.mean((drawn - sample["signal"].values) ** 2)) < 1.3 * noise
 
 
+@pytest.mark.parametrize(("unit", "gain", "dark"), [("1", 1.0, 0.03), ("1", 0.95, 0.0), ("V", 0.95, 0.0)])
+def test_a_through_port_off_its_level_is_noted(unit, gain, dark):
+    """In fractions a difference from 1 is a dark level, in words, too; in an arbitrary unit it is the scale."""
+    y = gain * dip() + dark
+    found = coupled.fit_transmission(START, sweep("through", y, unit, noise=2e-3), free=RATES)
+    assert any("dark level" in note for note in found.notes) == (unit == "1")
+    right = off(found, "bus_rate", BUS) < 5 and off(found, "loss_rate", LOSS) < 5
+    assert right == (gain == 1.0 or unit == "V")
+
+
 @pytest.mark.parametrize("kind", ["fringes", "doublet"])
 def test_what_the_model_misses_is_noted(kind):
     """Fringes of 4 %, and a resonance split by 3 GHz at a linewidth of 3.5 GHz: residuals follow each other."""
