@@ -154,5 +154,5 @@ def written(value: float, unit: str, error: float | None = None) -> str:
 def parameter_unit(name: str) -> str:
     """Return the SI unit of a fitted parameter, empty for a ratio."""
     units = {"kappa": "1/s", "heat_capacity": "J/K", "tau": "s", "tau0": "s", "lifetime": "s", "R": "K/W"}
-    units |= {"frequency": "Hz", "thermal_resistance": "K/W", "heating": "K/W"}
+    units |= {"frequency": "Hz", "thermal_resistance": "K/W", "heating": "K/W", "late": "s"}
     return units.get(name, "1/s" if name.endswith("_rate") else units.get(name.partition("_")[0], ""))

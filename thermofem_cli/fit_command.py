@@ -19,6 +19,7 @@ from .drive_texts import heating
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TABLE = "a table of numbers"
+OF_TABLES = "columns", "units", "time", "temperature", "sensitivity", "start", "baseline", "fall", "readout"
 DRIVE = "power", "pulse", "square", "duty"
 
 
@@ -38,7 +39,9 @@ def fit(
     sensitivity: Annotated[
         str | None, typer.Option(help="Reading per kelvin of the thermometer, e.g. '10 mV/K' or '75 pm/K'.")
     ] = None,
-    start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
+    start: Annotated[
+        str | None, typer.Option(help="When the heating began, or the column of the drive; default: found.")
+    ] = None,
     columns: Annotated[str | None, typer.Option(help="Columns of time and temperature by number, e.g. 4,5.")] = None,
     units: Annotated[str | None, typer.Option(help="Units of the two columns, e.g. 'us,mV'.")] = None,
     fall: Annotated[
@@ -71,9 +74,8 @@ def fit(
         checks.choice("--readout", readout, ("mzi",))
         options.unused(context, "shows temperatures; with --readout there are none in the data", "figure")
         mzi = th.MZI(shift=1.0 if phase is None else quantity.parse(phase, "rad/K", name="--phase"))
-        kind, order = "foster", order or "2"
-        baseline = baseline or "0 K"
-        sensitivity = sensitivity or "1 V/K"  # light has no rest to subtract
+        options.unused(context, "is of temperatures; with --readout the trace is light", "baseline", "sensitivity")
+        kind = "foster"
     if kind != "foster":
         options.unused(context, f"goes with --kind foster; {kind} has its own number of poles", "order")
     if kind == "sindy":
@@ -85,6 +87,7 @@ def fit(
     check_outputs([output, figure], images=[figure], inputs=data)
     read_as: dict[str, Any] = {"columns": columns, "units": units, "time": time, "temperature": temperature}
     read_as |= {"sensitivity": sensitivity, "start": start, "baseline": baseline, "fall": fall}
+    read_as |= {"heated": heated, "read": read, "light": mzi is not None}
     training, assumed = _training(context, data, read_as)
     with about(data):
         training = [_channel(path, one, heated, read) for path, one in zip(data, training, strict=True)]
@@ -111,9 +114,8 @@ def fit(
 
 def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None) -> xr.Dataset:
     """Return the data of the part that --heated and --read name; a table gets the names as attributes."""
-    named = {name: part for name, part in (("heated", heated), ("read", read)) if part is not None}
     if kind_of(path) == "table":
-        return data.assign_attrs(named)
+        return data
     was = data.attrs.get("heated")
     if heated is not None and was is not None and heated != was:
         raise InputError(f"--heated = {heated!r}, but {path} says that {was!r} was heated")
@@ -151,7 +153,7 @@ def _training(context: typer.Context, paths: list[Path], read_as: dict[str, Any]
     tables = [path for path in paths if kind_of(path) == "table"]
     if not tables:
         why = f"is for {TABLE}; netCDF data say themselves what was applied"
-        options.unused(context, why, *DRIVE, *read_as, "readout")
+        options.unused(context, why, *DRIVE, *OF_TABLES)
         return [th.load(path) for path in paths], []
     if drive[0] is None:
         raise InputError(

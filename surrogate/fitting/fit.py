@@ -18,7 +18,7 @@ import xarray as xr
 
 from thermofem import MZI, CrossSection, Foster, checks
 from thermofem.arrays import Array
-from thermofem.data.dataset import at_probe, responses_of
+from thermofem.data.dataset import START_FROM, at_probe, responses_of
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.models.foster import (
     BORGHI2021_HEAT_CAPACITY,
@@ -182,7 +182,7 @@ def fit_foster(
         too few samples, an order out of range, data without power or rise, or that no heating pole fits.
     """
     if readout is not None:
-        return fit_optical(data, 5 if order == "auto" else checks.integer("order", order, 1, 12), readout)
+        return fit_optical(data, None if order == "auto" else checks.integer("order", order, 1, 12), readout)
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
     order = _smallest_order(training) if order == "auto" else checks.integer("order", order, 1, 12)
     found = training.search(order, method)
@@ -267,6 +267,12 @@ class Training:
         known = bool(heated and read)
         apart = known and heated != read and not (read == LIGHT and heated == _guide(geometry))
         transfer = apart if transfer is None else checks.flag("transfer", transfer)
+        if transfer and any(d.attrs.get(START_FROM) == "rise" for d in datasets):
+            raise checks.InputError(
+                "data: the start of the heating was found as if the heated part were read; another part rises late by "
+                "itself",
+                "read the table with start=",
+            )
         parts = {"inputs": (heated if known else "heater",), "outputs": (read if known else "core",)}
         problem = FitProblem(responses, thermal_resistance, impose and not transfer)
         return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer or known else {})

@@ -4,7 +4,8 @@
 
 with y_i the response of a pole of gain 1 to the power. As s = a + b cos(phi) + c sin(phi) the trace is linear in a, b
 and c, which are eliminated (variable projection); a = P0/2, V = hypot(b, c)/a and phi_0 = atan2(-c, b) follow. Only
-ln R_i and ln tau_i are searched for, from several starts, as the trace is periodic in the phase.
+ln R_i and ln tau_i are searched for, from several starts, as the trace is periodic in the phase. Where the start of the
+heating was found in a measured trace, how late it is, u of its range, is searched with them: y_i(t - u w) for 0 <= u <= 1.
 """
 
 from collections.abc import Sequence
@@ -16,15 +17,19 @@ import xarray as xr
 from scipy.optimize import approx_fprime, least_squares
 
 from thermofem import MZI, Foster, checks
-from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import Array
-from thermofem.data.dataset import Response, responses_of
+from thermofem.arrays import Array, independent
+from thermofem.data import quantity
+from thermofem.data.dataset import START_FROM, Response, responses_of
 
-from .fit_result import Fit
-from .pole_projection import covariance
+from .fit_result import UNSEEN, Fit
+from .pole_projection import covariance, late_responses
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
+MOST_POLES = 5  # of an order that is found
+ROUND_OFF = 1e-6  # of the swing: a misfit that more poles do not lower
+LIKELY = 0.9  # of the range of a start, at which its search begins: the light departs soon after
+EDGE = 1e-3  # of the range of a start, from its ends on which it counts as held there
 BOUND = 12.0  # of the natural logarithms from their start: five decades either way
 
 
@@ -40,15 +45,25 @@ class Optical:
     light: list[Array]
     shift: float
 
-    def phases(self, logs: Array) -> Array:
+    @property
+    def ranges(self) -> Array:
+        """How much later than t = 0 the heating of each trace may begin, in s, for those whose start is fitted."""
+        return np.array([one.start_within for one in self.responses if one.start_within > 0])
+
+    def phases(self, unknowns: Array) -> Array:
         """Phase phi(t) of the light in rad at all samples of all traces, one after the other; shape (samples,).
 
-            phi(t) = phi_T sum_i R_i y_i(t; tau_i)
+            phi(t) = phi_T sum_i R_i y_i(t - u w; tau_i)
 
-        logs [shape (2 poles,)]: ln R_i (R in K/W) of all poles, then ln tau_i (tau in s).
+        unknowns [shape (2 poles + starts,)]: ln R_i (R in K/W) of all poles, ln tau_i (tau in s), u of every start.
         """
-        R, tau = np.exp(logs.reshape(2, -1))
-        answers = [pole_responses(1 / tau, d.wave, d.times, periodic=d.periodic) for d in self.responses]
+        starts = unknowns.size - self.ranges.size
+        R, tau = np.exp(unknowns[:starts].reshape(2, -1))
+        late = iter(unknowns[starts:] * self.ranges)
+        answers = []
+        for response in self.responses:
+            shift = next(late) if response.start_within > 0 else 0.0
+            answers.append(late_responses(response, 1 / tau, float(shift)))
         return np.asarray(self.shift * np.concatenate(answers) @ (R / tau))
 
     @property
@@ -74,22 +89,47 @@ class Optical:
         return np.asarray(a * (1 + V * np.cos(bias + self.phases(logs))))
 
 
-def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int, readout: MZI) -> Fit:
+def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, readout: MZI) -> Fit:
     """Fit ``order`` poles, bias and visibility to Datasets with a variable ``optical`` (or light as ``delta_T``).
 
-    Only phi_T of ``readout`` is taken as known; its bias and visibility are the first of several starts.
+    Only phi_T of ``readout`` is taken as known. order: None for the smallest that leaves only noise.
+    Raises InputError: a table whose start was searched as that of a temperature, which light does not follow.
     """
     if not readout.shift:
         raise checks.InputError("readout: shift = 0 rad/K turns no phase; give phi_T = 2 pi L (dn/dT)/wavelength")
     each: Any = data if isinstance(data, list | tuple) else [data]
+    if any(one.attrs.get(START_FROM) == "rise" and "optical" not in one for one in each):
+        rule = "data: the start of the heating was found as if the light were a temperature"
+        raise checks.InputError(rule, "read the table with light=True, or with start=")
     responses = responses_of([_light(one) for one in each])
     problem = Optical(responses, [np.asarray(one.rise, dtype=float) for one in responses], readout.shift)
-    logs = _search(problem, order)
-    order_by_tau = np.argsort(logs[order:])
-    logs = np.concatenate([logs[:order][order_by_tau], logs[order:][order_by_tau]])
-    (a, b, c), left = problem.linear(logs)
-    end = np.concatenate([logs, [np.hypot(b, c) / a, np.arctan2(-c, b), a]])
+    order, unknowns = _smallest(problem) if order is None else (order, _search(problem, order))
+    order_by_tau = np.argsort(unknowns[order : 2 * order])
+    R = unknowns[:order][order_by_tau]
+    tau = unknowns[order : 2 * order][order_by_tau]
+    unknowns = np.concatenate([R, tau, unknowns[2 * order :]])
+    (a, b, c), left = problem.linear(unknowns)
+    end = np.concatenate([unknowns, [np.hypot(b, c) / a, np.arctan2(-c, b), a]])
     return _concluded(problem, end, left, order)
+
+
+def _smallest(problem: Optical) -> tuple[int, Array]:
+    """The smallest number of poles that leaves only noise, and its unknowns, as `fit._smallest_order` has it."""
+    swing = float(np.ptp(problem.target))
+    before = np.inf
+    unknowns = np.empty(0)
+    for order in range(1, MOST_POLES + 1):
+        further = _search(problem, order)
+        left = problem.linear(further)[1]
+        misfit = max(float(np.sqrt(np.mean(left**2))), ROUND_OFF * swing)
+        samples = max(independent(left), np.e)
+        if samples * np.log(before / misfit) < np.log(samples):
+            return order - 1, unknowns
+        unknowns = further
+        before = misfit
+        if misfit == ROUND_OFF * swing:
+            break
+    return order, unknowns
 
 
 def _light(data: xr.Dataset) -> xr.Dataset:
@@ -102,41 +142,63 @@ def _light(data: xr.Dataset) -> xr.Dataset:
 
 
 def _search(problem: Optical, order: int) -> Array:
-    """ln R_i, then ln tau_i, of the smallest misfit from all starts, shape (2 order,)."""
-    first = np.concatenate([one.times[one.times > 0][:1] for one in problem.responses]).min()
-    last = max(float(one.times.max()) for one in problem.responses)
+    """ln R_i, ln tau_i and u of every start, of the smallest misfit from all starts; shape (2 order + starts,)."""
+    first = min(float(np.diff(np.unique(one.times)).min()) for one in problem.responses)
+    last = max(float(np.ptp(one.times)) for one in problem.responses)
+    late = np.full(problem.ranges.size, LIKELY)
     ends = []
     for phase in PHASES:
         for low, high in ((0.02, 0.3), (0.002, 0.1)):
             tau = np.geomspace(max(low * last, first), high * last, order) if order > 1 else np.array([high * last])
-            logs = np.log(np.concatenate([np.full(order, 1.0), tau]))
-            largest = float(np.abs(problem.phases(logs)).max())
-            logs[:order] += np.log(phase / largest)
-            ends.append(least_squares(problem.misfit, logs, bounds=(logs - BOUND, logs + BOUND), max_nfev=60 * order))
+            start = np.concatenate([np.full(order, 1.0), np.log(tau), late])
+            largest = float(np.ptp(problem.phases(start)))
+            start[:order] += np.log(phase / largest)
+            logs = start[: 2 * order]
+            bounds = (np.append(logs - BOUND, 0.0 * late), np.append(logs + BOUND, late / LIKELY))
+            ends.append(least_squares(problem.misfit, start, bounds=bounds, max_nfev=60 * order))
     return np.asarray(min(ends, key=lambda end: float(end.cost)).x)
 
 
 def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
     """Make the Fit from the optimum ``end``: parameters, errors, and what the trace cannot tell apart."""
-    names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)] + ["visibility", "bias", "half_power"]
+    ranges = problem.ranges
+    names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)]
+    names += [f"late_{k}" for k in range(1, ranges.size + 1)] + ["visibility", "bias", "half_power"]
     traces = np.split(left, np.cumsum([one.size for one in problem.light])[:-1])
     variance = float(left @ left) / max(left.size - end.size, 1)
-    found = covariance(approx_fprime(end, problem.model), traces, variance)
-    deviation = np.sqrt(np.maximum(found.diagonal(), 0))
+    spread = covariance(approx_fprime(end, problem.model), traces, variance)
+    deviation = np.sqrt(np.maximum(spread.diagonal(), 0))
     safe = np.maximum(deviation, np.finfo(float).tiny)
-    scale = np.concatenate([np.exp(end[:-3]), [1.0, 1.0, 1.0]])
-    values = np.concatenate([np.exp(end[:-3]), end[-3:]])
+    poles = np.exp(end[: 2 * order])
+    starts = end[2 * order : -3]
+    values = np.concatenate([poles, starts * ranges, end[-3:]])
+    scale = np.concatenate([poles, ranges, [1.0, 1.0, 1.0]])
     rms = float(np.sqrt(np.mean(left**2)))
+    size = np.append(np.ones(end.size - 1), abs(end[-1]))
+    errors = scale * deviation
+    errors[: 2 * order][deviation[: 2 * order] > UNSEEN] = np.inf
+    notes = _start_notes(starts, values[2 * order : -3], errors[2 * order : -3]) + _apart(names, spread, size)
     return Fit(
         model=Foster(R=values[:order], tau=values[order : 2 * order]),
         parameters=dict(zip(names, values.tolist(), strict=True)),
-        standard_errors=dict(zip(names, (scale * deviation).tolist(), strict=True)),
-        correlations=found / np.outer(safe, safe),
+        standard_errors=dict(zip(names, errors.tolist(), strict=True)),
+        correlations=spread / np.outer(safe, safe),
         residual=rms,
         relative_residual=rms / float(np.ptp(problem.target)),
         training=tuple(one.name for one in problem.responses),
-        notes=tuple(_apart(names, found, np.append(np.ones(end.size - 1), abs(end[-1])))),
+        notes=tuple(notes),
     ).recorded()
+
+
+def _start_notes(shares: Array, late: Array, errors: Array) -> list[str]:
+    """A sentence on every start that was fitted, by its share of the range, and in s."""
+    notes = []
+    for share, shift, error in zip(shares, late, errors, strict=True):
+        size = f"{quantity.rounded(float(shift), 's')} +- {quantity.rounded(float(error), 's', 2)}"
+        notes.append(f"the start is fitted with the poles: {size} after the earliest that the light allows")
+        if share > 1 - EDGE:
+            notes.append("the start is at the end of its range, and may be later: say it with --start")
+    return notes
 
 
 def _apart(names: Sequence[str], covariance: Array, size: Array) -> list[str]:

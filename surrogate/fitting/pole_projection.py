@@ -185,7 +185,7 @@ class FitProblem:
         """
         rate = np.exp(log_rate)
         shifts = np.zeros(len(self.responses)) if shift is None else shift
-        answers = [_late_responses(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
+        answers = [late_responses(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
         for d, answer in zip(self.responses, answers, strict=True):
             answer *= 1 / d.swing
         return self._rows(answers, 1 / (rate * (self.thermal_resistance or 1.0)))
@@ -248,7 +248,7 @@ def polish(problem: FitProblem, log_rate: Array) -> Optimum:
     return _conclude(problem, _descend(problem, log_rate)[0])
 
 
-def _late_responses(response: Response, rate: Array, late: float) -> Array:
+def late_responses(response: Response, rate: Array, late: float) -> Array:
     """Responses of poles of gain 1, shape (times, poles), to a drive that begins at t = ``late`` s; zero before it."""
     if late == 0:
         return pole_responses(rate, response.wave, response.times, periodic=response.periodic)
@@ -376,11 +376,11 @@ def _offset(response: Response, log_rate: Array, gain: Array, shift: float, cova
     rows = response.times.size + response.rest_rows
     if not np.isfinite(rows):
         return 0.0, 0.0
-    mean = _late_responses(response, np.exp(log_rate + 0.0), shift).sum(axis=0) / rows
-    other = _late_responses(response, np.exp(log_rate + STEP), shift).sum(axis=0) / rows
+    mean = late_responses(response, np.exp(log_rate + 0.0), shift).sum(axis=0) / rows
+    other = late_responses(response, np.exp(log_rate + STEP), shift).sum(axis=0) / rows
     level = float(response.rise.sum() / rows - mean @ gain)
     slope = np.concatenate([(other - mean) / STEP * gain, mean])
-    left = response.rise - _late_responses(response, np.exp(log_rate), shift) @ gain - level
+    left = response.rise - late_responses(response, np.exp(log_rate), shift) @ gain - level
     return level, float(np.sqrt(max(slope @ covariance @ slope, 0.0) + np.mean(left**2) / rows))
 
 

@@ -34,6 +34,7 @@ TRAINING = "a Dataset of time, delta_T, and power or the waveform that heated"
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
+START_FROM = "start_from"  # the same: "given", or found by the "rise" of the part that is heated or by "light"
 ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
 _OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
@@ -48,7 +49,8 @@ class Response:
     name: the drive in words.
     thermal_resistance [K/W]: that the Dataset states.
     doubts: what makes the data doubtful, see `data_doubts`.
-    start_within [s]: how far from t = 0 the heating may begin, of a measured trace; 0 where the start is known.
+    start_within [s]: how far from t = 0 the heating may begin, of a measured trace; 0 where the start is known. Of
+        light the heating begins so much later at most, and not before.
     rest_rows: rows at rest whose mean was subtracted as the baseline, of a measured trace; infinite where it is known.
     rest_noise [K]: standard deviation of the rows at rest, nan where there are none.
     """

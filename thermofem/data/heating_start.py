@@ -126,7 +126,7 @@ def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
     t, y, said = rows.t, rows.y, rows.said
     if given is not None:
         if given < t[0]:
-            said.append(f"the {what} begins {quantity.rounded(t[0] - given, 's', 4)} before the first row")
+            said.append(_late_words(what, float(t[0] - given)))
         return given, False
     best, least = _best(rows)
     few, swing = rows.thin(), rows.swing
@@ -139,6 +139,11 @@ def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
                 "subtracted (--start and --baseline say otherwise)"
             )
             return 0.0, True
+    if what == "fall" and t[0] > 0 and _misfit(few, 0.0)[0] <= least * (1 + FAR / few.t.size) + unseen:
+        said.append(
+            f"no rows before the fall: the power ends at t = 0 (--start says otherwise). {_late_words(what, t[0])}"
+        )
+        return 0.0, False
     if not rows.even and t[0] >= 0 and _misfit(few, 0.0)[0] <= least + unseen:
         best = 0.0
     elif t[0] <= 0 < t[-1] and abs(best) <= 1.5 * rows.step:
@@ -147,6 +152,13 @@ def _start(rows: Rows, given: float | None, what: str) -> tuple[float, bool]:
         best = float(t[0])
     said.append(f"the {what} begins at {quantity.rounded(best, 's', 4)} on the file's clock")
     return best, False
+
+
+def _late_words(what: str, late: float) -> str:
+    """Words on a first row that is ``late`` s after the start; a fall shows no pole that has ended before it."""
+    size = quantity.rounded(late, "s", 4)
+    lacking = ": poles faster than that do not show, and R_th lacks them" if what == "fall" else ""
+    return f"the {what} begins {size} before the first row{lacking}"
 
 
 def _best(rows: Rows) -> tuple[float, float]:

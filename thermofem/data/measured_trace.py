@@ -15,14 +15,15 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
-from ..arrays import Array
+from ..arrays import Array, NDArray
 from ..waveforms import Constant, Waveform
-from . import dataset, files, heating_start, quantity
+from . import dataset, files, heating_start, light_start, quantity
 from .column_units import IMPEDANCE, POWER, TEMPERATURE, TIME, VOLTAGE, Scale, scale_of
 from .number_table import Column, NumberTable, is_about_units, number_table
 from .variables import VOLTS, unit_of
 
 LONGEST = 1.0  # s; a column of time without unit that is longer may be in another unit
+LEVEL, EDGES = 0.1, 0.02  # of the swing of a drive around each level; share of the rows that may lie between both
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
 READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
 ROLES = ("time", "temperature", "power")
@@ -47,6 +48,9 @@ def read_trace(
     start: str | float | None = None,
     baseline: str | float | None = None,
     fall: bool = False,
+    light: bool = False,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> xr.Dataset:
     """Read a table of time and temperature that was measured or simulated under a known power.
 
@@ -66,11 +70,17 @@ def read_trace(
     sensitivity : str or float
         of the thermometer: "10 mV/K", "75 pm/K", "3 ohm/K"; a number is in V/K. Negative for a diode.
     start : str or float, s
-        of the heating, or of the fall, on the file's clock; default: found from the rows.
+        of the heating, or of the fall, on the file's clock; or the header of a column of the drive, which has two
+        levels. Default: found from the rows, unless another part is read than heated: its rise begins late by itself.
     baseline : str or float, K
         temperature at rest, or before a fall, to subtract; default: the mean before the start, or fitted.
     fall : bool
         whether the rows are the fall after a heating: a long one, or a `Pulse` of known width.
+    light : bool
+        whether the second column is light behind an interferometer, for ``fit_foster(..., readout=MZI(...))``: in any
+        unit, without a baseline, and its start is a range.
+    heated, read : str
+        names of the parts that are heated and read.
 
     Returns
     -------
@@ -98,17 +108,29 @@ def read_trace(
             watts = _scaled(chosen[2], given.get("power") or chosen[2].unit, "power", (POWER,))[1]
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
-        y = _temperatures(table, chosen[1], given["temperature"], sensitivity, wave, said)
-        t, (y, *more) = _distinct(t, [y] if watts is None else [y, watts], said)
+        if light:
+            y = _light(chosen[1], given["temperature"], said)
+        else:
+            y = _temperatures(table, chosen[1], given["temperature"], sensitivity, wave, said)
         level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
-        first = quantity.parse(start, "s", name="--start") if isinstance(start, str) else start
+        first, within = _start(table, chosen, t, start, said)
+        apart = heated is not None and read is not None and heated != read
+        if apart and first is None and wave is not None:
+            raise _no_search(table, chosen, str(heated), str(read))
+        t, (y, *more) = _distinct(t, [y] if watts is None else [y, watts], said)
         if wave is None:
             first = min(float(t[0]), 0.0) if first is None else first
             y, watts, t = y[t >= first], more[0][t >= first], t[t >= first]
             wave = heating_start.sampled_power(t - first, watts)
         rows = heating_start.Rows(t, y, wave, unit_of(said), said)
-        sampled = watts is not None
-        times, rise, about = heating_start.rise_of(rows, first, level, fall, sampled)
+        if light:
+            times, rise, wave, about = light_start.light_of(rows, first, fall)
+        else:
+            times, rise, about = heating_start.rise_of(rows, first, level, fall, watts is not None)
+        found = "light" if light else "rise"
+        about[dataset.START_FROM] = found if first is None else "given"
+        if within:
+            about[dataset.START] = within
     attributes = {
         "source": path.name,
         "source_sha256": digest,
@@ -116,9 +138,63 @@ def read_trace(
             f"{role}: {column.header or column.number}" for role, column in zip(ROLES, chosen, strict=False)
         ),
         "assumed": "\n".join(said),
+        **({} if heated is None else {"heated": heated}),
         **about,
     }
-    return dataset.build(times, rise, wave, read=(temperature or "core",), attributes=attributes)
+    return dataset.build(times, rise, wave, read=(read or temperature or "core",), attributes=attributes)
+
+
+def _start(
+    table: NumberTable, chosen: Sequence[Column], t: Array, start: str | float | None, said: list[str]
+) -> tuple[float | None, float]:
+    """Start of heating in s, None where it is to be found, and how far it may be off: from a quantity or a column."""
+    if not isinstance(start, str):
+        return start, 0.0
+    drives = [column for column in table.columns if start in (column.header, column.name)]
+    if not drives:
+        return quantity.parse(start, "s", name="--start"), 0.0
+    column = _named(table, "start", start)
+    levels = _levels(column)
+    if levels is None:
+        rule = "has not two levels, as a drive that is switched has"
+        raise checks.InputError(f"--start = {checks.shown(start)}: {column.label} {rule}", "give --start in s")
+    edge = int(np.flatnonzero(np.diff(levels))[0])
+    middle = float(t[edge] + t[edge + 1]) / 2
+    said.append(f"the heating begins at {quantity.rounded(middle, 's', 4)}, the first edge of {column.label}")
+    return middle, float(t[edge + 1] - t[edge])
+
+
+def _levels(column: Column) -> NDArray[np.bool_] | None:
+    """Whether each row of a column is at the upper of its two levels; None for a column that has not two."""
+    low = float(column.values.min())
+    swing = float(np.ptp(column.values))
+    if not np.isfinite(swing) or swing == 0:
+        return None
+    share = (column.values - low) / swing
+    between = (share > LEVEL) & (share < 1 - LEVEL)
+    return None if between.mean() > EDGES else share > 0.5
+
+
+def _no_search(table: NumberTable, chosen: Sequence[Column], heated: str, read: str) -> checks.InputError:
+    """Error of a trace of another part than the one that is heated, without a start; it offers columns of the drive."""
+    drives = [column.header for column in table.columns if column not in chosen and _levels(column) is not None]
+    offers = "".join(f" or --start {name!r}, the column of the drive" for name in drives if name)
+    return checks.InputError(
+        f"{heated} is heated and {read} is read: its rise begins late, by diffusion, so the start is not searched",
+        f'give --start, such as --start "0 s"{offers}',
+    )
+
+
+def _light(column: Column, given: str, said: list[str]) -> Array:
+    """Light in W, V, or the unit that the table counts in."""
+    unit = given or column.unit
+    if not unit:
+        said.append(f"{column.label} states no unit: light in an arbitrary one")
+        return checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
+    scale = scale_of(unit)
+    if scale is None or scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
+        raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of light", ASK_UNITS)
+    return checks.numbers(column.label, column.in_si(unit), most=1e30, hint="take such rows out")
 
 
 def _columns(
