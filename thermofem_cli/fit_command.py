@@ -11,6 +11,7 @@ import surrogate
 import thermofem as th
 from thermofem import InputError, checks
 from thermofem.data import files, quantity
+from thermofem.data.measured_trace import check_text
 
 from . import options
 from .command_files import about, check_outputs, expect, in_volts, kind_of
@@ -148,7 +149,8 @@ def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI 
 def _training(context: typer.Context, paths: list[Path], read_as: dict[str, Any]) -> tuple[list[xr.Dataset], list[str]]:
     """Return the training data of every file, and the assumptions made for tables (read with ``read_as``)."""
     for path in paths:
-        expect(files.regular(path), "data", "table")
+        check_text(files.regular(path))
+        expect(path, "data", "table")
     drive = [context.params[name] for name in DRIVE]
     tables = [path for path in paths if kind_of(path) == "table"]
     if not tables:

@@ -5,7 +5,7 @@
 with y_i the response of a pole of gain 1 to the power. As s = a + b cos(phi) + c sin(phi) the trace is linear in a, b
 and c, which are eliminated (variable projection); a = P0/2, V = hypot(b, c)/a and phi_0 = atan2(-c, b) follow. Only
 ln R_i and ln tau_i are searched for, from several starts, as the trace is periodic in the phase. Where the start of the
-heating was found in a measured trace, how late it is, u of its range, is searched with them: y_i(t - u w) for 0 <= u <= 1.
+heating was found in a measured trace, its share u of the range w is searched with them: y_i(t - u w), 0 <= u <= 1.
 """
 
 from collections.abc import Sequence

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import surrogate
 import thermofem as th
+from thermofem_cli import app
 
 SHIFT = 0.1  # rad/K
 
@@ -120,3 +122,13 @@ def test_a_late_fall_ends_its_heating_at_zero(start, tmp_path):
     fit = surrogate.fit_foster(data, order=2)
     # nine digits of 300 K are written: 1e-7 of a swing of 2.6 K, ten times more in a fit of two poles
     np.testing.assert_allclose(fit.model.R, gains, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("ending", "program"), [("npz", "NumPy"), ("npy", "NumPy"), ("mat", "MATLAB"), ("h5", "HDF5")])
+def test_a_file_of_arrays_is_named(ending, program, tmp_path):
+    path = tmp_path / f"trace.{ending}"
+    path.write_bytes(np.arange(18.0).tobytes())
+    with pytest.raises(th.InputError, match=f"holds arrays of {program}, no table of text; write two of them"):
+        th.read_trace(path, 1e-3)
+    done = CliRunner().invoke(app, ["fit", str(path), "--power", "1 mW"])
+    assert f"holds arrays of {program}" in str(done.exception)

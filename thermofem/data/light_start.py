@@ -6,8 +6,8 @@ heating poles tells the start. A mean of some rows ahead is compared with the me
     |mean(y[i:i+8]) - mean(y[:i])| > 5 sigma sqrt(1/8 + 1/i),
 
 which gives a last possible start, t[i+8]. Near an extremum of the cosine the light departs late, so the fit of the
-poles finds the start in a range before it. A fall is a drive like any other: a long pulse, in whose heat the device was at
-rest, and which ends at the start.
+poles finds the start in a range before it. A fall is a drive like any other: a long pulse, in whose heat the device was
+at rest, and which ends at the start.
 """
 
 from __future__ import annotations

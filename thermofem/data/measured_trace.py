@@ -33,6 +33,7 @@ PLAIN = {  # names that may stand without a unit, which is then that of SI
 }
 SI = {"time": ("s", "seconds"), "temperature": ("K", "kelvin")}
 _COUNTS = re.compile(r"(?i)(?:index|idx|no\.?|nr\.?|n|#|point|sample|row|step|samples_averaged|averages?)\W*")
+ARRAYS = {".npz": "NumPy", ".npy": "NumPy", ".mat": "MATLAB", ".h5": "HDF5", ".hdf5": "HDF5"}  # endings, of what
 ASK_UNITS = 'give the units of time and temperature, such as --units "us,mV"'
 
 
@@ -94,6 +95,7 @@ def read_trace(
         increase, no rise.
     """
     path = checks.path("path", path)
+    check_text(path)
     content = files.read_bytes(path, "table", most=400_000_000)
     digest = hashlib.sha256(content).hexdigest()
     with checks.prefixed(str(path)):
@@ -142,6 +144,16 @@ def read_trace(
         **about,
     }
     return dataset.build(times, rise, wave, read=(read or temperature or "core",), attributes=attributes)
+
+
+def check_text(path: Path) -> None:
+    """Raise InputError for a file of arrays by its ending: it is no table of text."""
+    if program := ARRAYS.get(path.suffix.lower()):
+        raise checks.InputError(
+            f"{path} holds arrays of {program}, no table of text",
+            "write two of them as columns: np.savetxt('trace.csv', np.column_stack([t, T]), delimiter=',', "
+            "header='time (s),T (K)', comments='')",
+        )
 
 
 def _start(
