@@ -29,6 +29,7 @@ from .thermal import Compact, check_model, check_resistance, compact
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
 LARGEST_POWER = 10.0  # W
+TOGETHER = 50_000  # pieces of a heater's power that are cut at once: some 100 MB
 LARGEST_AMBIENT = 250.0  # K, above or below the ambient of the geometry
 AT_ONCE = "added to the temperature of every ring at once: the thermal model has no input 'ambient'"
 
@@ -228,8 +229,11 @@ def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | N
     for k, factor in enumerate((1.0, 1.0, 2.0, 6.0)):  # the derivatives, up to the fourth
         slope = factor * power.coefficients[:, [k]] - rate * slope
     weight = np.abs(gain) / allowed[:, None]
-    starts = zip(edges[:-1], np.diff(edges), np.abs(slope), strict=True)
-    nodes = [_nodes(start, length, weight * bend, rate) for start, length, bend in starts]
+    lengths = np.diff(edges)
+    nodes = []
+    for k in range(0, lengths.size, TOGETHER):
+        part = slice(k, k + TOGETHER)
+        nodes.append(_nodes(edges[:-1][part], lengths[part], np.abs(slope[part, None]) * weight, rate))
     t = np.append(np.concatenate(nodes), edges[-1])
     x = states_of(rate, power, t, begin)
     on = power.on(t)
@@ -240,17 +244,25 @@ def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | N
     return [hermite(t, *columns) for columns in zip((x @ gain.T).T, first.T, last.T, strict=True)]
 
 
-def _nodes(start: float, length: float, bend: Array, rate: Array) -> Array:
-    """Left ends (s) of the Hermite pieces between two edges of the power, shape (k,).
+def _nodes(starts: Array, lengths: Array, bend: Array, rate: Array) -> Array:
+    """Left ends (s) of the Hermite pieces between the edges of the power, increasing, shape (k,).
 
-    bend [shape (m, n), 1/s^4]: coefficients of exp(-u rate) in the fourth derivatives, over the allowed value.
+    starts, lengths [shape (p,), s]: of the pieces of the power.
+    bend [shape (p, m, n), 1/s^4]: coefficients of exp(-u rate) in the fourth derivatives, over the allowed value.
     """
-    u, out = 0.0, []
-    while u < length * (1 - 1e-9):
-        out.append(start + u)
-        fourth = float(np.max(bend @ np.exp(-rate * u)))
-        u += fourth**-0.25 if fourth > 0 else length
-    return np.array(out)
+    u = np.zeros(starts.size)
+    active = np.flatnonzero(lengths > 0)
+    nodes = []
+    while active.size:
+        nodes.append(starts[active] + u[active])
+        decay = np.exp(-np.multiply.outer(u[active], rate))
+        fourth = np.einsum("pmn,pn->pm", bend[active], decay).max(axis=1)
+        steps = lengths[active]
+        curved = fourth > 0
+        steps[curved] = fourth[curved] ** -0.25
+        u[active] += steps
+        active = active[u[active] < lengths[active] * (1 - 1e-9)]
+    return np.sort(np.concatenate(nodes))
 
 
 def turned_by(rise: float, ring: RingResonator) -> float:

@@ -12,12 +12,14 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 SOURCES = Path(__file__).parent
 FLAGS = ("-std=c++17", "-ffast-math", "-fno-finite-math-only", "-fvisibility=hidden", "-s")
 # vectors of 256 bits, but where 7 derivatives and a value fill 512: steps take 5 to 15 % less
 NARROW = ("-mprefer-vector-width=256",) if platform.machine() in ("x86_64", "AMD64") else ()
 NAME = "ring" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+SECOND = "_v3"  # end of the name of a second library in wheels of x86-64: for processors since 2013, twice as fast
 NO_COMPILER = "coupled/kernel is not compiled, and there is no C++ compiler: pip install ziglang, or set CXX"
 
 
@@ -76,11 +78,38 @@ def path() -> Path:
     return user_cache_path("thermofem") / sysconfig.get_platform() / NAME
 
 
+def is_current(file: Path) -> bool:
+    """Whether a library exists and is not older than a source."""
+    sources = [*SOURCES.glob("*.cpp"), *SOURCES.glob("*.hpp")]
+    newest = max((source.stat().st_mtime for source in sources), default=0.0)
+    return file.exists() and file.stat().st_mtime >= newest
+
+
+def second_of(file: Path) -> Path:
+    """Path of the second library beside the one for every processor."""
+    return file.with_stem(file.stem + SECOND)
+
+
+def has_v3() -> bool:
+    """Whether the processor has the instructions of x86-64-v3 (AVX2, FMA), as NumPy finds them."""
+    import numpy as np  # not where a wheel is built, which reads this file
+
+    config: dict[str, Any] = dict(np.show_config(mode="dicts") or {})
+    extensions = config.get("SIMD Extensions", {})
+    names = {*extensions.get("baseline", []), *extensions.get("found", [])}
+    return "X86_V3" in names or {"AVX2", "FMA3"} <= names
+
+
+def chosen(file: Path) -> Path:
+    """The library for this processor: the second one of a wheel where it is current and can run."""
+    second = second_of(file)
+    return second if is_current(second) and has_v3() else file
+
+
 @cache
 def library() -> ctypes.CDLL:
     """Return the loaded library; it is compiled first if it is missing or older than a source."""
     file = path()
-    sources = [*SOURCES.glob("*.cpp"), *SOURCES.glob("*.hpp")]
-    if sources and (not file.exists() or file.stat().st_mtime < max(s.stat().st_mtime for s in sources)):
+    if not is_current(file):
         build(file)
-    return ctypes.CDLL(str(file))
+    return ctypes.CDLL(str(chosen(file)))

@@ -15,7 +15,7 @@ from thermofem.data import quantity
 from thermofem.data.variables import contents
 
 from ..arguments import LONGEST
-from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, miss
+from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, miss, top_of
 from .resting import Rest, rest_of_run
 
 if TYPE_CHECKING:
@@ -216,7 +216,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     samples = float(np.median(np.diff(edges)))
     if samples < FINE and not every_step:
         raise checks.InputError(f"a cycle has {samples:.0f} samples; the sampling is too coarse, {FINE} are needed")
-    heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
+    cycles = list(pairwise(edges))
+    heights = np.array([top_of(t, N, i, j) - N[i:j].min() for i, j in cycles])
     missed = 0.0 if every_step else blur(N, edges, heights)
     close = SETTLED if every_step else max(SETTLED, missed, 0.5 / samples)
     # the fewest cycles after which heights and lengths return; what settles looks like a pattern of close ones, too

@@ -50,6 +50,22 @@ def alternate(heights: Array, close: float = SETTLED) -> bool:
     return turned and abs(steps[-1]) > close * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
 
 
+def top_of(t: Array, N: Array, first: int, last: int) -> float:
+    """Maximum of N(t) over the samples first to last - 1: the vertex of the parabola through the three highest.
+
+    The largest sample alone misses a maximum between two steps, by up to a percent of a pulse and in turns.
+    """
+    k = first + int(np.argmax(N[first:last]))
+    if not 0 < k < N.size - 1:
+        return float(N[k])
+    left, right = (N[k] - N[k - 1]) / (t[k] - t[k - 1]), (N[k + 1] - N[k]) / (t[k + 1] - t[k])
+    bend = (right - left) / (t[k + 1] - t[k - 1])
+    if not bend < 0:
+        return float(N[k])
+    slope = left + bend * (t[k] - t[k - 1])
+    return float(N[k] - slope**2 / (4 * bend))
+
+
 def blur(N: Array, edges: NDArray[np.int_], heights: Array) -> float:
     """Return the relative height difference of equal pulses that sampling can cause by missing their maxima.
 

@@ -162,7 +162,7 @@ CLOSED = 'if the chip goes on there, say bottom = "open", outer = "open" in [bou
 OPEN = "heat that runs along a layer or one axis of a material is still felt at its open sides: move them outwards"
 ENDS = "heat also leaves through the ends of the guide, which a section lacks: at most by this R_th is too large"
 NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by less a line of information
-_reported: set[tuple[str, str, float, float, int]] = set()
+_reported: set[tuple[object, ...]] = set()
 
 
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
@@ -188,10 +188,11 @@ def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what:
     """Log that the end of the domain changes R_th, or ``what``, by more than the accuracy, and the remedy.
 
     A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Either is logged
-    once for geometries of one name and size.
+    once for geometries of one name, size, length and error to one digit.
     """
     level = logging.WARNING if domain > NOTABLE else logging.INFO
-    key = geometry.name, what, geometry.outer_radius, geometry.bottom_z, level
+    size = geometry.outer_radius, geometry.bottom_z, geometry.length
+    key = geometry.name, what, size, level, f"{domain:.0e}"
     if key in _reported:
         return
     _reported.add(key)

@@ -164,7 +164,9 @@ def cut(
     grid [m]: step to which coordinates are rounded; those of the outlines are restored exactly.
     """
     shapes = {name: shapely.Polygon(np.rint(outline / grid)) for name, outline in found.items()}
-    exact = {round(x / grid): float(x) for outline in found.values() for x in outline.ravel()}
+    corners = np.concatenate(list(found.values()))
+    exact_r = _exact(corners[:, 0], grid)
+    exact_z = _exact(corners[:, 1], grid)
     lines = shapely.unary_union([shape.exterior for shape in shapes.values()], grid_size=1)
     cells = np.array(shapely.polygonize([lines]).geoms)
     inside = shapely.point_on_surface(cells)
@@ -178,7 +180,7 @@ def cut(
 
     def restored(ring: Any) -> Array:
         points = np.asarray(ring.coords)[:-1]
-        return np.array([[exact.get(round(x), x * grid) for x in point] for point in points])
+        return np.array([(exact_r.get(round(r), r * grid), exact_z.get(round(z), z * grid)) for r, z in points])
 
     faces = []
     for name in found:
@@ -187,6 +189,14 @@ def cut(
         for polygon in sorted(polygons, key=lambda polygon: polygon.bounds):
             faces.append(Face(name, tuple(map(restored, (polygon.exterior, *polygon.interiors)))))
     return faces
+
+
+def _exact(values: Array, grid: float) -> dict[int, float]:
+    """Coordinates in m along one axis, by their place on the grid.
+
+    Each axis has its own: a depth that equals a width but for round-off would otherwise take its value.
+    """
+    return {round(x / grid): x for x in values.tolist()}
 
 
 def outlines(geometry: CrossSection, *, whole: bool = False) -> dict[str, Array]:
