@@ -14,6 +14,7 @@ from ..arguments import check_axis
 from ..heaters import heater_power
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
+from ..kernel.rates import absorbed_power, field_loss, steady_carriers
 from ..kernel.tableaus import Method
 from ..resistive_heaters import at_rest, check_constant, resistive_heaters
 from ..thermal import trusted
@@ -158,12 +159,13 @@ def _state_at(system: System, D: Array) -> Array:
     U = np.zeros(n)
     N = np.zeros(n)
     for _ in range(SWEEPS):
-        field = np.linalg.solve(np.diag(rates.loss + rates.fca * N + rates.tpa * U - 1j * D) - between, 1j * into)
+        own = np.diag(field_loss(U, N, rates) - 1j * D)
+        field = np.linalg.solve(own - between, 1j * into)
         U = 0.5 * U + 0.5 * np.abs(field) ** 2
-        k = tau0 * rates.generation * U**2  # b N^2 + (1 - a k) N - k = 0
-        half = 1 - a * k
-        N = 0.5 * N + 0.5 * 2 * k / (half + np.sqrt(half**2 + 4 * b * k))
-    x = system.heat.gain / system.heat.rate * eq.UW * eq.absorbed_power(U, N, rates)[:, None]
+        steady, _ = steady_carriers(rates.generation * U**2, tau0, a, b)
+        N = 0.5 * N + 0.5 * steady
+    heating = absorbed_power(U, N, rates)[:, None]
+    x = system.heat.gain / system.heat.rate * eq.UW * heating
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
 
 

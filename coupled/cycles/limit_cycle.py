@@ -15,8 +15,9 @@ from ..circuit.circuit import Circuit
 from ..circuit.stationary import autonomous
 from ..heaters import constant
 from ..kernel.integrator import CARRIERS, ENERGY
+from ..kernel.rates import absorbed_power
 from ..kernel.tableaus import Method
-from ..kernel.units import DENSITY, FJ, NS, UW, absorbed_power, internal_rates, units
+from ..kernel.units import DENSITY, FJ, NS, UW, internal_rates, units
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..states import State, starting_point

@@ -30,8 +30,9 @@ from thermofem.arrays import Array, ArrayLike, Complex, NDArray
 from thermofem.models import ThermalModel
 
 from ..kernel import integrator as kernel
+from ..kernel.rates import absorbed_power, absorbed_slopes, dispersion, field_loss, steady_carriers
 from ..kernel.tableaus import Method
-from ..kernel.units import EPSILON, UW, Rates, absorbed_power, internal_heat, internal_rates, single_ring
+from ..kernel.units import UW, Rates, internal_heat, internal_rates, single_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
 from .zeros import newton, zeros
@@ -77,13 +78,17 @@ class Heat(NamedTuple):
         """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
         if isinstance(self.of, kernel.PoleHeat):
             response = sum(gain / (lam + rate) for gain, rate in zip(self.of.gain[0], self.of.rate[0], strict=True))
-            return np.asarray(response * (1 + 2 * self.curvature * self.total * P))
+            read_out = 1 + 2 * self.curvature * self.total * P
+            return np.asarray(response * read_out)
+        heat = self.of
         powers, which = np.unique(P, return_inverse=True)
-        which, heat = which.reshape(np.shape(P)), self.of
+        which = which.reshape(np.shape(P))
         x = self.states(powers)
+        by_power = (heat.B + x @ heat.G.T).astype(complex)
         by_state = heat.A + 2 * np.einsum("ijk,mk->mij", heat.H, x) + powers[:, None, None] * heat.G
         rates, modes = np.linalg.eig(by_state)
-        gains = (heat.C @ modes) * np.linalg.solve(modes, (heat.B + x @ heat.G.T)[..., None].astype(complex))[..., 0]
+        inputs = np.linalg.solve(modes, by_power[..., None])[..., 0]
+        gains = (heat.C @ modes) * inputs
         return np.asarray(sum(gains[which, k] / (lam - rates[which, k]) for k in range(heat.C.size)))
 
 
@@ -164,58 +169,48 @@ def absorbable(ring: RingResonator, power: float) -> float:
     return power * ring.bus_rate / (ring.linear_rate - ring.loss_rate)
 
 
-def dispersion(N: ArrayLike, fcd: Array) -> tuple[Array, Array]:
-    """Return the free-carrier dispersion S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) in rad/ns, and dS/dN."""
-    N = np.asarray(N)
-    square = N * N + EPSILON**2
-    S = np.zeros(N.shape)
-    slope = np.zeros(N.shape)
-    for c, p in fcd:
-        factor = c * square ** (0.5 * (p - 1))
-        S = S + factor * N
-        slope = slope + factor * (1 + (p - 1) * N * N / square)
-    return S, slope
-
-
 def carriers(U: ArrayLike, rates: Rates) -> tuple[Array, Array]:
-    """Return the steady density N, the positive root of b N^2 + (1 - a k) N - k = 0 with k = tau0 g U^2, and dN/dU."""
+    """Return the steady density N at the energy U, and dN/dU."""
     U = np.asarray(U)
-    k = rates.tau0 * rates.g * U * U
-    p = 1 - rates.a * k
-    root = np.sqrt(p * p + 4 * rates.b * k)
-    far = root + np.abs(p)  # neither form of the root subtracts
-    N = np.where(p > 0, 2 * k / far, far / (2 * rates.b) if rates.b else 0.0)
-    return N, 2 * rates.tau0 * rates.g * U * (1 + rates.a * N) / root
+    N, per_made = steady_carriers(rates.g * U * U, rates.tau0, rates.a, rates.b)
+    return N, per_made * (2 * rates.g * U)
 
 
 def balance(U: ArrayLike, ring: InternalRing) -> Balance:
     """Return carriers, heat, loss and resonance shift at fixed points of energy ``U``, any shape, internal units."""
-    U, rates = np.asarray(U, dtype=float), ring.rates
+    U = np.asarray(U, dtype=float)
+    rates = ring.rates
     N, N_slope = carriers(U, rates)
     P_abs = absorbed_power(U, N, rates)
-    P_slope = 2 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2 * rates.tpa * U)
+    P_by_U, P_by_N = absorbed_slopes(U, N, rates)
     dT, by_P = ring.heat.rise(P_abs)
+    dT_slope = by_P * (P_by_U + P_by_N * N_slope)
     S, S_slope = dispersion(N, ring.fcd)
     shift = -rates.thermal_shift * dT - S - rates.kerr * U
-    shift_slope = -rates.thermal_shift * by_P * P_slope - S_slope * N_slope - rates.kerr
-    gamma = rates.loss + rates.fca * N + rates.tpa * U
-    return Balance(N, P_abs, dT, shift, shift_slope, gamma, rates.fca * N_slope + rates.tpa)
+    shift_slope = -rates.thermal_shift * dT_slope - S_slope * N_slope - rates.kerr
+    gamma = field_loss(U, N, rates)
+    gamma_slope = rates.fca * N_slope + rates.tpa
+    return Balance(N, P_abs, dT, shift, shift_slope, gamma, gamma_slope)
 
 
 def peak(pump: ArrayLike, ring: InternalRing) -> Array:
     """Return the energy on resonance (fJ), the root U of U gamma(U)^2 = pump^2, by Newton's method in log U."""
-    rates, target = ring.rates, 2 * np.log(np.asarray(pump))
+    rates = ring.rates
+    target = 2 * np.log(np.asarray(pump))
 
     def equation(x: Array) -> tuple[Array, Array]:
         U = np.exp(x)
         N, N_slope = carriers(U, rates)
-        gamma = rates.loss + rates.fca * N + rates.tpa * U
-        return x + 2 * np.log(gamma) - target, 1 + 2 * U * (rates.fca * N_slope + rates.tpa) / gamma
+        gamma = field_loss(U, N, rates)
+        gamma_slope = rates.fca * N_slope + rates.tpa
+        return x + 2 * np.log(gamma) - target, 1 + 2 * U * gamma_slope / gamma
 
     high = target - 2 * np.log(rates.loss)
-    above = equation(high)[0]
+    above, _ = equation(high)
     low = high - above
-    return np.asarray(np.exp(newton(equation, np.array([low, high]), np.array([equation(low)[0], above]))))
+    below, _ = equation(low)
+    log_U = newton(equation, np.array([low, high]), np.array([below, above]))
+    return np.asarray(np.exp(log_U))
 
 
 def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing) -> tuple[Array, Array, Array, Array]:
@@ -229,16 +224,20 @@ def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing
     square = pump**2 / U
     per_U = 2 * U * at.gamma * at.gamma_slope
     far = share**2 > 1e-8  # nearer to the peak a difference of gammas is less exact than their slope
-    ratio = np.sqrt(square + np.where(far, pump**2 / top - at.gamma**2, per_U) / np.where(far, share**2, 1.0))
+    difference = (pump**2 / top - at.gamma**2) / np.where(far, share**2, 1.0)
+    ratio = np.sqrt(square + np.where(far, difference, per_U))
     slope = -2 * U * share * at.shift_slope - (square + per_U) / ratio
     return U, share * ratio, at.shift - share * ratio, slope
 
 
 def farthest(detuning: float, top: float, ring: InternalRing) -> float:
     """Return a bound of |t|, above which the detuning of the tilted resonance exceeds ``detuning`` (rad/ns) in size."""
-    rates, at = ring.rates, balance(top, ring)
-    largest = abs(rates.thermal_shift * at.dT) + abs(dispersion(at.N, ring.fcd)[0]) + abs(rates.kerr * top)
-    return float(np.arcsinh((abs(detuning) + largest) / rates.loss + 1))
+    rates = ring.rates
+    at = balance(top, ring)
+    S, _ = dispersion(at.N, ring.fcd)
+    largest = abs(rates.thermal_shift * at.dT) + abs(S) + abs(rates.kerr * top)
+    widths = (abs(detuning) + largest) / rates.loss
+    return float(np.arcsinh(widths + 1))
 
 
 def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tuple[Array, Array, NDArray[np.intp]]:
@@ -259,29 +258,54 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
     return U[order], D[order], cell[order]
 
 
+class Brackets(NamedTuple):
+    """Intervals of t that hold one fixed point each: ends, distances of the detuning there, index of the setting."""
+
+    low: Array
+    high: Array
+    at_low: Array
+    at_high: Array
+    setting: NDArray[np.intp]
+
+
 def _on_pieces(
     pumps: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing
 ) -> tuple[Array, Array, NDArray[np.intp]]:
     """Fixed points U, D and index of the setting (pumps[which], detuning), by a root on each monotone piece."""
     tops = peak(pumps, ring)
+    brackets = _brackets(pumps, tops, which, detuning, ring)
+    pump = pumps[which[brackets.setting]]
+    top = tops[which[brackets.setting]]
+    target = detuning[brackets.setting]
+
+    def equation(t: Array) -> tuple[Array, Array]:
+        _, _, of_resonance, slope = tilted(t, pump, top, ring)
+        return of_resonance - target, slope
+
+    ends = np.array([brackets.low, brackets.high])
+    values = np.array([brackets.at_low, brackets.at_high])
+    U, *_ = tilted(newton(equation, ends, values), pump, top, ring)
+    return U, balance(U, ring).shift - target, brackets.setting
+
+
+def _brackets(pumps: Array, tops: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing) -> Brackets:
+    """Every monotone piece of a tilted resonance on which a detuning of its settings lies."""
     end = farthest(float(np.abs(detuning).max()), tops[-1], ring)
     grid = np.linspace(-end, end, int(np.ceil(2 * end / SPACING)) + 1)
     _, _, on_grid, slopes = tilted(grid, pumps[:, None], tops[:, None], ring)
-    turning, of = zeros(lambda t, k: tilted(t, pumps[k], tops[k], ring)[3], grid, pumps.size, slopes)
-    at_turning = tilted(turning, pumps[of], tops[of], ring)[2]
-    brackets = []
+
+    def slope(t: Array, k: NDArray[np.intp]) -> Array:
+        return tilted(t, pumps[k], tops[k], ring)[3]
+
+    turning, pump_of = zeros(slope, grid, pumps.size, slopes)
+    _, _, at_turning, _ = tilted(turning, pumps[pump_of], tops[pump_of], ring)
+    parts = []
     for k in range(pumps.size):
-        cells = np.flatnonzero(which == k)
-        t, order = np.unique(np.concatenate([grid, turning[of == k]]), return_index=True)
-        off = np.concatenate([on_grid[k], at_turning[of == k]])[order] - detuning[cells, None]
-        j, piece = np.nonzero((off[:, 1:] > 0) != (off[:, :-1] > 0))
-        brackets.append((t[piece], t[piece + 1], off[j, piece], off[j, piece + 1], cells[j]))
-    low, high, at_low, at_high, cell = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    one, top, wanted = pumps[which[cell]], tops[which[cell]], detuning[cell]
-
-    def equation(t: Array) -> tuple[Array, Array]:
-        _, _, found, slope = tilted(t, one, top, ring)
-        return found - wanted, slope
-
-    U = tilted(newton(equation, np.array([low, high]), np.array([at_low, at_high])), one, top, ring)[0]
-    return U, balance(U, ring).shift - wanted, cell
+        settings = np.flatnonzero(which == k)
+        on_this = pump_of == k
+        t, order = np.unique(np.concatenate([grid, turning[on_this]]), return_index=True)
+        of_resonance = np.concatenate([on_grid[k], at_turning[on_this]])[order]
+        off = of_resonance - detuning[settings, None]
+        row, piece = np.nonzero((off[:, 1:] > 0) != (off[:, :-1] > 0))
+        parts.append(Brackets(t[piece], t[piece + 1], off[row, piece], off[row, piece + 1], settings[row]))
+    return Brackets(*(np.concatenate(column) for column in zip(*parts, strict=True)))

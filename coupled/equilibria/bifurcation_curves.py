@@ -30,17 +30,18 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
 from ..heaters import driving
+from ..kernel.rates import absorbed_slopes, dispersion, recombination
 from ..kernel.units import FJ, NS, UW, internal_pump, slowest_rate
 from ..resonator import RingResonator
 from ..thermal import trusted
-from .balance import InternalRing, absorbable, balance, dispersion, farthest, internal_ring, peak
+from .balance import InternalRing, absorbable, balance, farthest, internal_ring, peak
 from .steady_states import first_lyapunov, jacobians, states
 from .zeros import distances, intervals_in_window, zeros
 
 ENERGIES, FREQUENCIES = 400, 200  # at which roots are looked for
-LONGEST, SHORTEST, FINE = 0.1, 1e-7, 0.01  # steps along a curve; the longest one in the window, as a share of it
+LONGEST_STEP, SHORTEST, FINE = 0.1, 1e-7, 0.01  # steps along a curve; the longest one in the window, as a share of it
 BEND = 0.995  # cosine of the angle between two steps
-NEAR = 5e-3  # from a curve, within which a root lies on it
+SAME_CURVE = 5e-3  # from a curve, within which a root lies on it
 DIFFERENCE = 1e-6  # in log U and log w, for slopes
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window
 
@@ -132,23 +133,51 @@ def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex
     """A and B at lambda = i w, complex, of the shape of ``log_U`` and ``log_w``."""
     z = 1j * np.exp(log_w)
     U, which = np.unique(np.exp(log_U), return_inverse=True)
-    every = (values[which].reshape(z.shape) for values in _secular(U, plane.at))
-    gamma, gamma_2, rho, alpha, beta, heat, cross, kerr, power = every
-    Z = plane.at.heat.impedance(z, power)
-    return (z + gamma) * (z + gamma_2 + alpha / (z + rho)), kerr + (beta + Z * (heat * (z + rho) + cross)) / (z + rho)
+    s = _secular(U, plane.at).at(which, z.shape)
+    Z = plane.at.heat.impedance(z, s.power)
+    by_carriers = z + s.rho
+    A = (z + s.gamma) * (z + s.gamma_2 + s.alpha / by_carriers)
+    B = s.kerr + (s.beta + Z * (s.heat * by_carriers + s.cross)) / by_carriers
+    return A, B
 
 
-def _secular(U: Array, ring: InternalRing) -> tuple[Array, ...]:
-    """gamma, gamma_2, rho, alpha, beta, heat, cross, kerr (as above) and the absorbed power (uW) at energies ``U``."""
-    rates, at = ring.rates, balance(U, ring)
+class Secular(NamedTuple):
+    """Coefficients of A and B (above) at fixed points of given energies, and the absorbed power in uW."""
+
+    gamma: Array
+    gamma_2: Array
+    rho: Array
+    alpha: Array
+    beta: Array
+    heat: Array
+    cross: Array
+    kerr: Array
+    power: Array
+
+    def at(self, which: NDArray[np.intp], shape: tuple[int, ...]) -> "Secular":
+        """Those of the energies with the indices ``which``, in another shape."""
+        return Secular(*(values[which].reshape(shape) for values in self))
+
+
+def _secular(U: Array, ring: InternalRing) -> Secular:
+    """The coefficients at energies ``U`` (fJ)."""
+    rates = ring.rates
+    at = balance(U, ring)
     made = 4 * rates.g * U * U
-    rho = (1 + rates.b * at.N * (2 + rates.a * at.N)) / (rates.tau0 * (1 + rates.a * at.N) ** 2)
-    heat = 4 * rates.thermal_shift * (rates.absorbed + rates.fca * at.N + 2 * rates.tpa * U) * U
-    alpha = rates.fca * made
-    beta = dispersion(at.N, ring.fcd)[1] * made
-    cross = 2 * rates.thermal_shift * rates.fca * U * made
-    kerr = 2 * rates.kerr * U
-    return at.gamma, at.gamma + 2 * rates.tpa * U, rho, alpha, beta, heat, cross, kerr, at.P_abs
+    P_by_U, P_by_N = absorbed_slopes(U, at.N, rates)
+    _, rho = recombination(at.N, rates.tau0, rates.a, rates.b)
+    _, S_slope = dispersion(at.N, ring.fcd)
+    return Secular(
+        gamma=at.gamma,
+        gamma_2=at.gamma + 2 * rates.tpa * U,
+        rho=rho,
+        alpha=rates.fca * made,
+        beta=S_slope * made,
+        heat=2 * rates.thermal_shift * P_by_U * U,
+        cross=rates.thermal_shift * P_by_N * made,
+        kerr=2 * rates.kerr * U,
+        power=at.P_abs,
+    )
 
 
 def _lines(plane: Plane) -> list[Array]:
@@ -163,20 +192,24 @@ def _lines(plane: Plane) -> list[Array]:
     def resultant(x: Array, k: NDArray[np.intp]) -> Array:
         A, B = _terms(plane, log_U[k], x)
         size = A.imag**2 + B.imag**2 * (np.abs(B) ** 2 + np.abs(A)) + tiny
-        return np.asarray((A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2) / size)
+        value = A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2
+        return np.asarray(value / size)
 
     root, k = zeros(resultant, log_w, log_U.size)
     A, B = _terms(plane, log_U[k], root)
-    left = np.column_stack([log_U[k], np.arcsinh(A.imag / (B.imag + tiny) / plane.at.rates.loss), root])
+    D = A.imag / (B.imag + tiny)
+    seeds = np.column_stack([log_U[k], np.arcsinh(D / plane.at.rates.loss), root])
     low = np.array([log_U[0], log_w[0]])
     high = np.array([log_U[-1], log_w[-1]])
     lines = []
-    while len(left):
-        start, left = _hopf_point(plane, left[0]), left[1:]
-        if start is None:
+    while len(seeds):
+        first = _hopf_point(plane, seeds[0])
+        seeds = seeds[1:]
+        if first is None:
             continue
-        lines.append(_line(plane, *start, low, high))
-        left = left[distances(left, lines[-1].T) > NEAR]
+        line = _line(plane, *first, low, high)
+        lines.append(line)
+        seeds = seeds[distances(seeds, line.T) > SAME_CURVE]
     return lines
 
 
@@ -187,20 +220,29 @@ def _line(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -
     """
     line = [start]
     for direction in (tangent, -tangent):
-        x, t, step, at = start, direction, FINE, _window(plane, *_values(plane, start)[:2])
+        x = start
+        t = direction
+        step = FINE
+        place = _window(plane, *_values(plane, start)[:2])
         while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
-            if len(line) > 3 and np.linalg.norm(start - x) < step and t @ tangent > BEND:
+            returns = np.linalg.norm(start - x) < step and t @ tangent > BEND
+            if len(line) > 3 and returns:
                 return np.array([*line, start]).T
-            found = _hopf_point(plane, x + step * t)
-            there = at if found is None else _window(plane, *_values(plane, found[0])[:2])
-            outside = float(np.maximum(at - 1, -at).max())
-            if found is None or abs(found[1] @ t) < BEND or np.linalg.norm(there - at) > max(FINE, outside / 2):
+            following = _hopf_point(plane, x + step * t)
+            if following is None:
                 step /= 2
                 continue
-            x = found[0]
-            t = found[1] * np.sign(found[1] @ t)
-            at = there
-            step = min(1.5 * step, LONGEST)
+            point, along = following
+            ahead = _window(plane, *_values(plane, point)[:2])
+            outside = float(np.maximum(place - 1, -place).max())
+            bends = abs(along @ t) < BEND
+            if bends or np.linalg.norm(ahead - place) > max(FINE, outside / 2):
+                step /= 2
+                continue
+            x = point
+            t = along * np.sign(along @ t)
+            place = ahead
+            step = min(1.5 * step, LONGEST_STEP)
             line.append(x)
         line.reverse()
     return np.array(line).T
@@ -210,16 +252,17 @@ def _hopf_point(plane: Plane, x: Array) -> tuple[Array, Array] | None:
     """The Hopf point near ``x`` by Newton's method (minimum-norm steps), and the unit tangent of the curve; or None."""
     sides = DIFFERENCE * np.hstack([np.zeros((3, 1)), np.eye(3), -np.eye(3)])
     for _ in range(10):
-        near = x[:, None] + sides
-        A, B = _terms(plane, near[0], near[2])
-        D = _values(plane, near)[1]
+        points = x[:, None] + sides
+        A, B = _terms(plane, points[0], points[2])
+        _, D, _ = _values(plane, points)
         F = A + D * D - D * B
         slopes = (F[1:4] - F[4:]) / (2 * DIFFERENCE)
         along = np.cross(slopes.real, slopes.imag)
         square = along @ along
         if not 0 < square < np.inf:
             return None
-        move = np.cross(F[0].real * slopes.imag - F[0].imag * slopes.real, along) / square
+        residual = F[0].real * slopes.imag - F[0].imag * slopes.real
+        move = np.cross(residual, along) / square
         x = x - move
         if np.linalg.norm(move) < 1e-9:  # the error is the square of a move, and 1e-10 of it
             return x, along / np.sqrt(square)
@@ -238,7 +281,9 @@ def _window(plane: Plane, U: Array, D: Array) -> Array:
     power, shift = _laser(plane, U, D)
     width = max(np.log(plane.powers[-1] / plane.powers[0]), 0.01)
     height = max(float(np.ptp(plane.detunings)), 0.01 * plane.at.rates.loss)
-    return np.array([np.log(power / plane.powers[0]) / width, (shift - plane.detunings[0]) / height])
+    horizontal = np.log(power / plane.powers[0]) / width
+    vertical = (shift - plane.detunings[0]) / height
+    return np.array([horizontal, vertical])
 
 
 def _fold_equation(plane: Plane, U: Array) -> tuple[Array, Array]:
@@ -264,16 +309,25 @@ def _fold_curves(plane: Plane, first: float, last: float) -> list[xr.Dataset]:
     def along(angle: Array) -> tuple[Array, Array]:
         U = first * np.exp(np.sin(angle / 2) ** 2 * np.log(last / first))
         a, b = _fold_equation(plane, U)
-        return U, np.copysign(np.sqrt(np.maximum(a * a - b, 0)), angle) - a  # smooth where both roots meet
+        root = np.sqrt(np.maximum(a * a - b, 0))
+        return U, np.copysign(root, angle) - a  # smooth where both roots meet
 
-    parts = intervals_in_window(lambda angle: _window(plane, *along(angle)), np.linspace(-np.pi, np.pi, FOLD_GRID))
-    return [_dataset(plane, "fold curve", *along(np.linspace(*part, FOLD_POINTS))) for part in parts]
+    def in_window(angle: Array) -> Array:
+        return _window(plane, *along(angle))
+
+    curves = []
+    for begin, end in intervals_in_window(in_window, np.linspace(-np.pi, np.pi, FOLD_GRID)):
+        U, D = along(np.linspace(begin, end, FOLD_POINTS))
+        curves.append(_dataset(plane, "fold curve", U, D))
+    return curves
 
 
 def _laser(plane: Plane, U: Array, D: Array) -> tuple[Array, Array]:
     """Power (W) and detuning (rad/ns) of the laser at which (U, D) are fixed points; both of their shape."""
     here = balance(U, plane.at)
-    return U * (here.gamma**2 + D**2) / (2 * plane.ring.bus_rate * NS) * UW, here.shift - D
+    pump_squared = U * (here.gamma**2 + D**2)
+    power = pump_squared / (2 * plane.ring.bus_rate * NS) * UW
+    return power, here.shift - D
 
 
 def _inside(plane: Plane, line: Array) -> list[Array]:
@@ -281,11 +335,13 @@ def _inside(plane: Plane, line: Array) -> list[Array]:
 
     A closed curve is rotated to start outside, so that no part inside is cut.
     """
-    at = _window(plane, *_values(plane, line)[:2])
-    inside = np.all((at >= 0) & (at <= 1), axis=0)
-    if inside.size > 1 and np.array_equal(line[:, 0], line[:, -1]) and not inside.all():
+    place = _window(plane, *_values(plane, line)[:2])
+    inside = np.all((place >= 0) & (place <= 1), axis=0)
+    closed = inside.size > 1 and np.array_equal(line[:, 0], line[:, -1])
+    if closed and not inside.all():
         order = (np.arange(inside.size) + inside.argmin()) % (inside.size - 1)
-        line, inside = line[:, order], inside[order]
+        line = line[:, order]
+        inside = inside[order]
     return [line[:, max(a - 1, 0) : b + 1] for a, b in runs_of(inside)]
 
 
@@ -301,10 +357,16 @@ def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDA
     size[:, 3:] = np.maximum(size[:, 3:].sum(axis=1), 1e-12)[:, None]
     carriers = plane.at.rates.g > 0
     unit = np.full(U.size, 2) if carriers else np.abs(y[:, :2]).argmax(axis=1)
-    g, values = first_lyapunov(lambda x: jacobians(x, detuning, plane.at), y, size, w, unit)
-    others = np.abs(values**2 + w[:, None] ** 2).argsort(axis=1)[:, 2:]
+
+    def jacobian(x: Array) -> Array:
+        return jacobians(x, detuning, plane.at)
+
+    g, values = first_lyapunov(jacobian, y, size, w, unit)
+    from_pair = np.abs(values**2 + w[:, None] ** 2)
+    others = from_pair.argsort(axis=1)[:, 2:]
     decay = np.all(np.take_along_axis(values.real, others, axis=1) < 0, axis=1)
-    return g * np.take_along_axis(y, unit[:, None], axis=1)[:, 0] ** 2, decay
+    amplitude = np.take_along_axis(y, unit[:, None], axis=1)[:, 0]
+    return g * amplitude**2, decay
 
 
 def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
@@ -314,7 +376,9 @@ def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = 
     values = {"power": power, "detuning": shift / (2 * np.pi * NS), "energy": U * FJ}
     if omega is not None:
         values["frequency"] = omega / (2 * np.pi * NS)
-    return xr.Dataset(
-        {name: ("point", v, dataset.describe({"power": "input_power"}.get(name, name))) for name, v in values.items()},
-        attrs={"kind": kind, "ring": plane.ring.name, **plane.doubts},
-    )
+    variables = {}
+    for name, column in values.items():
+        about = dataset.describe("input_power" if name == "power" else name)
+        variables[name] = ("point", column, about)
+    attrs = {"kind": kind, "ring": plane.ring.name, **plane.doubts}
+    return xr.Dataset(variables, attrs=attrs)

@@ -14,7 +14,8 @@ from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
 from ..heaters import constant, driving
-from ..kernel.units import FJ, NS, UW, absorbed_power, internal_pump, internal_rates
+from ..kernel.rates import absorbed_power
+from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
 from ..thermal import check_model, trusted
 from .balance import (

@@ -21,18 +21,23 @@ def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array
     step = ends[1] - ends[0]
     done = np.zeros(low.shape, dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = np.fmin(np.fmax(low - values[0] * step / (values[1] - values[0]), low), high)
+        secant = low - values[0] * step / (values[1] - values[0])
+        x = np.fmin(np.fmax(secant, low), high)
         for _ in range(200):
             value, slope = f(x)
             beyond = (value > 0) == rises
             low = np.where(beyond, low, x)
             high = np.where(beyond, x, high)
             following = x - value / slope
-            good = (low <= following) & (following <= high) & (2 * np.abs(following - x) <= np.abs(step))
+            inside = (low <= following) & (following <= high)
+            halved = 2 * np.abs(following - x) <= np.abs(step)
+            good = inside & halved
             following = np.where(good, following, (low + high) / 2)
             step = following - x
             x = np.where(done, x, following)
-            done |= (good & (np.abs(step) < 1e-9)) | (high - low <= 4e-16 * np.abs(x))
+            converged = good & (np.abs(step) < 1e-9)
+            closed = high - low <= 4e-16 * np.abs(x)
+            done |= converged | closed
             if done.all():  # the error is the square of a step
                 break
     return x
@@ -89,9 +94,12 @@ def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
     rows = len(curve(grid[:1]))
 
     def distance(s: Array, k: NDArray[np.intp]) -> Array:
-        return np.take_along_axis(curve(s.ravel()), k.ravel()[None] // 2, axis=0)[0].reshape(s.shape) - k % 2
+        """Distance of the coordinate k // 2 from 0 (even k) or from 1 (odd k)."""
+        coordinate = np.take_along_axis(curve(s.ravel()), k.ravel()[None] // 2, axis=0)[0]
+        return coordinate.reshape(s.shape) - k % 2
 
-    ends = np.unique(np.concatenate([grid[[0, -1]], zeros(distance, grid, 2 * rows)[0]]))
+    crossings, _ = zeros(distance, grid, 2 * rows)
+    ends = np.unique(np.concatenate([grid[[0, -1]], crossings]))
     middles = curve((ends[1:] + ends[:-1]) / 2)
     inside = np.all((middles >= 0) & (middles <= 1), axis=0)
     return [(float(ends[a]), float(ends[b])) for a, b in runs_of(inside)]
@@ -101,5 +109,7 @@ def distances(points: Array, line: Array) -> Array:
     """Return the distances (m,) of points (m, d) from the polyline through ``line`` (n, d); inf for n = 1."""
     start, side = line[:-1], np.diff(line, axis=0)
     off = points[:, None] - start
-    share = np.clip((off * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
-    return np.asarray(np.linalg.norm(off - share[..., None] * side, axis=2).min(axis=1, initial=np.inf))
+    lengths = np.maximum((side**2).sum(axis=1), 1e-30)
+    share = np.clip((off * side).sum(axis=2) / lengths, 0, 1)
+    from_line = np.linalg.norm(off - share[..., None] * side, axis=2)
+    return np.asarray(from_line.min(axis=1, initial=np.inf))

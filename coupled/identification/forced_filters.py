@@ -24,6 +24,7 @@ from thermofem.errors import InputError
 
 from ..kernel import units
 from ..kernel.integrator import PoleHeat
+from ..kernel.rates import absorbed_power, field_loss, recombination
 from ..kernel.units import FJ, NS, Rates
 from .box_search import Prior, Residuals, least_squares
 
@@ -84,7 +85,7 @@ class Forced:
         U = self.drop * unit
         square = U**2 - (self.noise * unit) ** 2  # the noise adds its variance to U^2
         N = _carriers(rates.g * square, step, rates, self.cold)
-        heat = units.absorbed_power(U, N, rates) + 2.0 * rates.tpa * (square - U**2)
+        heat = absorbed_power(U, N, rates) + 2.0 * rates.tpa * (square - U**2)
         gain, rate, bend = _poles(model)
         dT = np.zeros(U.size)
         for g, r in zip(gain, rate, strict=True):
@@ -93,7 +94,7 @@ class Forced:
         dT = dT + bend * dT**2
         shift = sum((c * N**p for c, p in fcd), np.zeros(N.size))
         D = -rates.thermal_shift * dT - shift - rates.kerr * U - units.internal_detuning(self.detuning)
-        gamma = rates.loss + rates.fca * N + rates.tpa * U
+        gamma = field_loss(U, N, rates)
         return units.internal_pump(ring, self.power) ** 2 / (gamma**2 + D**2) / unit
 
 
@@ -127,8 +128,8 @@ def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
     N = np.maximum(_filtered(source, step, 1.0, 1.0 / tau0, start), 0.0)
     band = np.ones((2, N.size))
     for _ in range(PASSES if a != b else 0):
-        slope = (1 + 2 * b * N + a * b * N**2) / (tau0 * (1 + a * N) ** 2)
-        s = source + slope * N - N * (1 + b * N) / (tau0 * (1 + a * N))
+        lost, slope = recombination(N, tau0, a, b)
+        s = source + slope * N - lost
         k = (slope[1:] + slope[:-1]) / 2
         gone = -np.expm1(-k * step)
         right = (1 - gone / (k * step)) / k

@@ -16,6 +16,7 @@ from thermofem import Foster, OutputMap
 from thermofem.arrays import Array, Complex
 
 from .integrator import Drive, PoleHeat, Problem, QuadraticHeat, Rings
+from .rates import absorbed_power
 from .tableaus import Method
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from ..thermal import Compact
 
 NS, FJ, UW, DENSITY = 1e-9, 1e-15, 1e-6, 1e23  # the internal units in s, J, W, 1/m^3
-EPSILON = 1e15 / DENSITY  # eps of S(N); 1e15 per m^3 is six orders below the densities that matter
 
 
 class Rates(NamedTuple):
@@ -85,16 +85,6 @@ def internal_detuning(detuning: float) -> float:
     return 2 * math.pi * detuning * NS
 
 
-def absorbed_power(U: Array, N: Array, rates: Rates | Mode, felt: Array | None = None) -> Array:
-    """Return the power in uW that a field of energy U (fJ) loses to heat at carrier density N (1e23/m^3).
-
-        P_abs = 2 (absorbed + fca N + tpa W) U
-
-    felt: W, the energy that sets two-photon absorption; U by default, which holds for a single field.
-    """
-    return 2.0 * (rates.absorbed + rates.fca * N + rates.tpa * (U if felt is None else felt)) * U
-
-
 def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
     """Return the sizes of field, N and dT, shape (3,), in the kernel's units, below which errors are absolute.
 
@@ -102,16 +92,20 @@ def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
     where light generates none) and 0.01 K. These sizes are far below those that shift the resonance by its width.
     pump [sqrt(fJ)/ns], thermal_resistance [K/uW]
     """
-    U = (pump / rates.loss) ** 2
-    N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2 if rates.g > 0 else 1.0
-    dT = thermal_resistance * 2 * rates.absorbed * U
     tiny = 1e-27  # with no light at all, keeps 0/0 away
-    return 1e-3 * np.array([max(np.sqrt(U), tiny), min(max(N, tiny), 1), min(max(dT, tiny), 10)])
+    U = (pump / rates.loss) ** 2
+    field = max(np.sqrt(U), tiny)
+    lifetime = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0)  # at high density
+    N = lifetime * rates.g * U**2 if rates.g > 0 else 1.0
+    dT = thermal_resistance * 2 * rates.absorbed * U
+    return 1e-3 * np.array([field, min(max(N, tiny), 1), min(max(dT, tiny), 10)])
 
 
 def units(order: int, rings: int = 1) -> Array:
     """Return the SI value of one kernel unit of each state, shape (3 rings + order rings,): fields and N, then heat."""
-    return np.concatenate([np.tile([FJ**0.5, FJ**0.5, DENSITY], rings), np.ones(rings * order)])
+    light_and_carriers = np.tile([FJ**0.5, FJ**0.5, DENSITY], rings)
+    heat = np.ones(rings * order)
+    return np.concatenate([light_and_carriers, heat])
 
 
 def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
@@ -121,10 +115,16 @@ def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:
     """
     R, F = rings.modes.shape[:2]
     states = rows[:, 1 : 1 + R * (2 * F + 2)].reshape(-1, R, 2 * F + 2).T
-    fields, N, rise = states[0 : 2 * F : 2] + 1j * states[1 : 2 * F : 2], states[-2], states[-1]
+    real = states[0 : 2 * F : 2]
+    imaginary = states[1 : 2 * F : 2]
+    fields = real + 1j * imaginary
+    N = states[-2]
+    rise = states[-1]
     U = np.abs(fields) ** 2
-    heating = absorbed_power(U, N, Mode(*rings.modes.T[..., None]), 2 * U.sum(axis=0) - U).sum(axis=0)
-    return fields.swapaxes(0, 1).reshape(R * F, -1) * FJ**0.5, N * DENSITY, rise, heating * UW
+    felt = 2 * U.sum(axis=0) - U  # two-photon absorption is twice as strong between fields
+    heating = absorbed_power(U, N, Mode(*rings.modes.T[..., None]), felt).sum(axis=0)
+    of_each_ring = fields.swapaxes(0, 1).reshape(R * F, -1)
+    return of_each_ring * FJ**0.5, N * DENSITY, rise, heating * UW
 
 
 def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_resistance: float) -> Rings:

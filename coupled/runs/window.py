@@ -17,6 +17,7 @@ from thermofem.arrays import Array, Complex, NDArray
 from ..inputs import Input, Lights, add, lights, pieces, values
 from ..kernel import units as eq
 from ..kernel.integrator import Crossing, Drive, Problem
+from ..kernel.rates import absorbed_slopes, field_loss, recombination
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator, origin
 from ..states import State
@@ -220,9 +221,11 @@ def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     t, ar, ai, N, _ = rows.T
     pump = float(drive.entry[0, 0].real) * np.sqrt(np.maximum(values(drive.power, t * eq.NS)[0], 0))
     U = ar**2 + ai**2
-    U_slope = 2 * (pump * ai - (rates.loss + rates.fca * N + rates.tpa * U) * U)
-    N_slope = rates.g * U**2 - N * (1 + rates.b * N) / (rates.tau0 * (1 + rates.a * N))
-    slope = 2 * (rates.absorbed + rates.fca * N + 2 * rates.tpa * U) * U_slope + 2 * rates.fca * U * N_slope
+    U_slope = 2 * (pump * ai - field_loss(U, N, rates) * U)
+    lost, _ = recombination(N, rates.tau0, rates.a, rates.b)
+    N_slope = rates.g * U**2 - lost
+    by_U, by_N = absorbed_slopes(U, N, rates)
+    slope = by_U * U_slope + by_N * N_slope
     return slope * eq.UW / eq.NS
 
 

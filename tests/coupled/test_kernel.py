@@ -15,6 +15,7 @@ import coupled
 import thermofem as th
 from coupled.circuit.system import system_of
 from coupled.kernel import integrator, units as eq
+from coupled.kernel.rates import absorbed_power
 from coupled.kernel.tableaus import Method, tableau
 
 POWER = 10**0.8 * 1e-3
@@ -71,7 +72,7 @@ def test_the_equations_are_the_printed_ones_in_other_units(power, detuning):
 @pytest.mark.parametrize("kind", ["quadratic", "quadratic, linear"])
 def test_heat_flows_as_the_model_says(kind):
     model, y, rates = KINDS[kind], state(2), eq.internal_rates(REAL)[0]
-    P = float(eq.absorbed_power(y[0] ** 2 + y[1] ** 2, y[2], rates)) * eq.UW
+    P = float(absorbed_power(y[0] ** 2 + y[1] ** 2, y[2], rates)) * eq.UW
     assert single(model).slopes(y)[0][3:] / eq.NS == pytest.approx(model.rate(y[3:], P), rel=1e-12)
 
 
