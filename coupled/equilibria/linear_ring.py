@@ -161,8 +161,14 @@ class Linear:
         about = {"units": "s", "long_name": "time"}
         return self._dataset("step", values, "time", t, about)
 
-    def to_control(self) -> Any:
+    def to_control(self, *, balanced: bool = False) -> Any:
         """The same as a ``StateSpace`` of python-control, with the names of inputs, outputs and states.
+
+        Parameters
+        ----------
+        balanced : bool
+            whether the states are scaled by powers of two to comparable size. In SI fields and carriers differ by
+            1e30, which matrix exponentials, as of ``control.sample_system``, do not survive.
 
         Raises
         ------
@@ -173,8 +179,9 @@ class Linear:
             import control
         except ImportError:
             raise MissingLibraryError('to_control needs python-control: pip install "thermofem[control]"') from None
+        A, scale = self._balanced if balanced else (self.A, np.ones(len(self.A)))
         names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "states": list(self.states)}
-        return control.ss(self.A, self.B, self.C, self.D, **names)
+        return control.ss(A, self.B / scale[:, None], self.C * scale, self.D, **names)
 
     @cached_property
     def _balanced(self) -> tuple[Array, Array]:

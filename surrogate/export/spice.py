@@ -32,6 +32,10 @@ USAGE = (
     "SPICE subcircuit: 1 A into a pin is 1 W of heat, 1 V is 1 K above the pin ambient",
     "set .options reltol=1e-6 trtol=1 to keep the simulator's own error below 1e-4",
 )
+NOISE = (
+    "noise: .noise of a pin's voltage at the .temp of the chip, times the root of its absolute temperature, is the",
+    "density of its temperature in K/sqrt(Hz): 4 k_B T/R of a resistor stands for 4 k_B T^2/R of a thermal one",
+)
 RING_USAGE = (
     "SPICE subcircuits of a ring, for ngspice (LTspice and Xyce: not tested)",
     "fields in sqrt(W) as pairs re, im: in and add are inputs, through and drop ideal sources",
@@ -65,12 +69,13 @@ def _heat_alone(name: str, model: Any, header: list[str]) -> tuple[list[str], li
     body = _heat(name, net)
     poles = Foster(net.R, net.R * net.C)
     if net.shares is None and poles.passive:
+        lines[2:2] = NOISE
         try:
             steps = cauer(poles)
             body += ["", *_ladder(f"{name}_cauer", net.pins[0], steps.R, steps.C, foster=False)]
-            lines.insert(3, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
+            lines.insert(5, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
         except InputError as error:
-            lines.insert(3, f"{name} is a Foster network, without a Cauer ladder: {error}")
+            lines.insert(5, f"{name} is a Foster network, without a Cauer ladder: {error}")
     return lines, body, ""
 
 
@@ -83,6 +88,8 @@ def _ring(
     others = [pin for pin in net.pins if pin != "heat"]
     pins = " ".join([LIGHT, "heat", *others])
     lines = [*RING_USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", f"ring: {ring.name}", ""]
+    if net.shares is None:
+        lines[5:5] = NOISE
     body = [
         *_light(f"{name}_light", rates),
         "",

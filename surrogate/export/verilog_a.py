@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.constants import Boltzmann
 
 from .export_header import comment, identifiers, plain_name, write_texts
 from .poles import RCNetwork, rc_network, ring_network
@@ -175,13 +176,23 @@ def _store(k: int, R: float, C: float) -> str:
     return f"Pwr(pole__{k}) <+ Temp(pole__{k}) / {float(R)!r} + ddt({float(C)!r} * Temp(pole__{k}));"
 
 
+def _fluctuation(k: int, R: float) -> str:
+    """Verilog-A statement of the thermal fluctuations of pole k: power of the one-sided density 4 k_B T^2/R.
+
+    $temperature is that of the simulated chip in K; the pole then has <dT^2> = k_B T^2/C (`thermofem.fluctuations`).
+    """
+    density = f"{4 * Boltzmann!r} * $temperature * $temperature / {float(R)!r}"
+    return f'Pwr(pole__{k}) <+ white_noise({density}, "heat");'
+
+
 def _foster(net: RCNetwork) -> tuple[list[str], list[str]]:
     """Declarations and statements of the poles in series from the pin to the ambient."""
     nodes = [net.pins[0], *(f"node__{k}" for k in range(1, net.R.size)), "ambient"]
     inner = [f"thermal {', '.join(nodes[1:-1])};"] if net.R.size > 1 else []
     branches = [f"branch ({nodes[k]}, {nodes[k + 1]}) pole__{k + 1};" for k in range(net.R.size)]
     poles = [_store(k, R, C) for k, (R, C) in enumerate(zip(net.R, net.C, strict=True), start=1)]
-    return [*inner, *branches], poles
+    noise = [_fluctuation(k, R) for k, R in enumerate(net.R, start=1) if R > 0]
+    return [*inner, *branches], [*poles, *noise]
 
 
 def _coupled(net: RCNetwork, shares: np.ndarray) -> tuple[list[str], list[str]]:

@@ -223,16 +223,25 @@ def test_the_step_ends_at_the_static_gain_and_begins_with_d(fem):
     assert step[1] == pytest.approx(linear.static, rel=1e-9, abs=0)  # the condition of the modes is 1e3
 
 
-def test_python_control_has_the_same_response(fem):
+@pytest.mark.parametrize("balanced", [False, True])
+def test_python_control_has_the_same_response(fem, balanced):
     control = pytest.importorskip("control")
     linear = coupled.linearize(RING, fem, power=POWER, detuning=DETUNING)
-    plant = linear.to_control()
+    plant = linear.to_control(balanced=balanced)
     assert plant.input_labels == list(linear.inputs)
     assert plant.output_labels == list(linear.outputs)
     f = np.array([1e3, 1e6, 1e9])
     found = control.frequency_response(plant, 2 * np.pi * f).frdata
     expected = linear.response(f)["response"].values.transpose(1, 2, 0)
     assert found == pytest.approx(expected, rel=1e-6, abs=0)
+
+
+def test_a_balanced_plant_can_be_sampled(fem):
+    """The gain at z = 1 of the plant with a held input is the static one; its exponential loses 1e-16 |A| T = 1e-5."""
+    control = pytest.importorskip("control")
+    linear = coupled.linearize(RING, fem, power=POWER, detuning=DETUNING)
+    sampled = control.sample_system(linear.to_control(balanced=True), 1e-6)
+    assert control.dcgain(sampled) == pytest.approx(linear.static, rel=1e-4, abs=0)
 
 
 def test_the_leading_pair_lies_on_the_imaginary_axis_at_a_hopf_point():

@@ -338,3 +338,15 @@ def test_the_command_names_the_file_after_the_model(tmp_path):
     wrong = thermofem("export", "ring.json", "--to", "spcie", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "did you mean 'spice'" in wrong.stderr
+
+
+def test_every_resistor_of_the_verilog_a_module_has_its_thermal_noise(tmp_path):
+    """4 k_B T^2/R of a thermal resistor: at 300 K the sum of R_k^2 times it is S_T at rest, by the text of the file."""
+    text = surrogate.export_model(ONE, tmp_path / "ring.va", to="verilog-a").read_text()
+    found = re.findall(r"white_noise\((.*) \* \$temperature \* \$temperature / (.*), \"heat\"\);", text)
+    assert [float(R) for _, R in found] == pytest.approx(sorted(map(float, ONE.R)), rel=1e-12) or len(
+        found
+    ) == ONE.order
+    static = sum(float(unit) * 300.0**2 / float(R) * float(R) ** 2 for unit, R in found)
+    expected = float(th.thermal_noise(ONE, [0.0], temperature=300.0)["S_T"][0])
+    assert static == pytest.approx(expected, rel=1e-12, abs=0)
