@@ -10,9 +10,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from thermofem import checks
+from thermofem.arrays import Array
 from thermofem.data.dataset import response_of
 from thermofem.data.variables import contents, unit_of
 from thermofem.plot import CYCLE, INK, SKY, VERMILION, WIDTH, axes as _axes, readable
@@ -168,3 +172,42 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="heated", ylabel="read")
     ax.figure.colorbar(picture, ax=ax, label="steady rise (K/mW)")
     return ax
+
+
+def plot_layout(names: Sequence[str], outlines: Sequence[Any], gain: Array, ax: Axes | None = None) -> Axes:
+    """Map of a chip: outlines coloured by R_th in K/mW, and a line from each shape to the neighbour that it heats most.
+
+    outlines: as of `ArrayReduction.outlines`, in m. gain [shape (N, N), K/W]
+    """
+    ax = _axes(ax)
+    own = np.diag(gain) / 1e3
+    colours = ScalarMappable(Normalize(own.min() * 0.9, own.max() * 1.1), "viridis")
+    middles = np.array([np.mean(np.asarray(rings[0])[:-1], axis=0) * 1e6 for rings in outlines])
+    words: dict[tuple[float, float], list[Any]] = {}  # lowest y, and a line for each shape at one place
+    for k in np.argsort([-_area(rings) for rings in outlines]):
+        points = [np.asarray(ring) * 1e6 for ring in outlines[k]]
+        codes = [code for ring in points for code in (Path.MOVETO, *[Path.LINETO] * (len(ring) - 2), Path.CLOSEPOLY)]
+        shape = Path(np.concatenate(points), codes)
+        ax.add_patch(PathPatch(shape, facecolor=colours.to_rgba(own[k]), edgecolor=INK, linewidth=0.4))
+        x, y = np.round(middles[k], 1)
+        words.setdefault((float(x), float(y)), [float(points[0][:, 1].min())]).append(f"{names[k]}: {own[k]:.3g}")
+    for (x, _), (lowest, *lines) in words.items():
+        ax.annotate("\n".join(lines), (x, lowest), ha="center", va="top", fontsize="xx-small")
+    apart = np.linalg.norm(middles[:, None] - middles, axis=-1) > 1.0  # um; others lie above each other
+    others = np.where(apart, gain, 0.0)
+    for j in np.flatnonzero(apart.any(axis=0)):
+        i = int(others[:, j].argmax())
+        ax.plot(*np.transpose([middles[j], middles[i]]), color=VERMILION, linewidth=0.8, alpha=0.6, zorder=0)
+    ax.set(xlabel="x (µm)", ylabel="y (µm)", aspect="equal")
+    ax.autoscale_view()
+    ax.figure.colorbar(colours, ax=ax, label="R_th (K/mW)")
+    return ax
+
+
+def _area(rings: Sequence[Any]) -> float:
+    """Area of a shape in m^2, a hole left out (shoelace formula)."""
+    areas = []
+    for ring in rings:
+        x, y = np.transpose(ring)
+        areas.append(abs(np.dot(x[:-1], y[1:]) - np.dot(y[:-1], x[1:])) / 2)
+    return float(areas[0] - sum(areas[1:]))

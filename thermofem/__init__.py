@@ -26,6 +26,7 @@ from .geometry import (
     from_gdsfactory,
     heated_ring,
     racetrack,
+    read_layout,
     rib_ring,
     straight_guide,
     strip_ring,
@@ -49,6 +50,6 @@ __all__ = [
     "MZI", "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Foster", "Function", "InputError",
     "Interface", "Layer", "Material", "Part", "Probe", "Pulse", "RingEdge", "Sampled", "Shape", "SquareWave",
     "StateSpace", "Symbols", "Telegraph", "assemble", "dataset", "derivatives", "disc", "from_gdsfactory",
-    "heated_ring", "light", "load", "materials", "racetrack", "read_trace", "rib_ring", "save", "solve",
+    "heated_ring", "light", "load", "materials", "racetrack", "read_layout", "read_trace", "rib_ring", "save", "solve",
     "solve_periodic", "straight_guide", "strip_ring", "thermal_noise",
 ]  # fmt: skip

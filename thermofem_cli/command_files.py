@@ -25,6 +25,7 @@ from .options import REFERENCE_RING
 # kind -> what it is, and what takes it
 KINDS = {
     "geometry": ("a geometry", "thermofem solve, reduce, validate, cosimulate and explore take it"),
+    "layout": ("a layout", "thermofem reduce takes it"),
     "ring": ("the optics of a ring", "thermofem simulate, cosimulate, map, stability and explore take it with --ring"),
     "campaign": ("a campaign", "thermofem campaign takes it"),
     "model": ("a thermal model", "thermofem simulate, map, stability, validate, explore, export and cite take it"),
@@ -38,6 +39,7 @@ KINDS = {
 # what is needed, what was given -> the command that makes the one of the other
 MAKES = {
     ("model", "geometry"): "thermofem reduce {} -o model.json",
+    ("model", "layout"): "thermofem reduce {} -o model.json",
     ("model", "data"): "thermofem fit {} -o model.json",
     ("model", "table"): "thermofem fit {} --power '1 mW' -o model.json",
     ("data", "geometry"): "thermofem solve {} -o heat.nc",
@@ -46,6 +48,7 @@ MAKES = {
 # kind of a TOML file -> keys of which one is enough to tell it
 TABLES = {
     "campaign": {"vary", "drive", "geometry"},
+    "layout": {"shape", "gds"},
     "geometry": {"layer", "part", "outer_radius"},
     "ring": {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_rate", "carriers", "dispersion"},
 }

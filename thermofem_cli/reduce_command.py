@@ -13,10 +13,12 @@ from thermofem.data import files, quantity
 from thermofem.geometry.section_parts import LIGHT
 
 from . import options
-from .command_files import check_outputs, section_of
+from .command_files import check_outputs, kind_of, section_of
 from .console import say, working, written, wrote
 
 READ = "Outputs: 'core, neighbour', parts, probes, light; default: the first input, with [light] the light, too."
+
+LAYOUT = 1e-3  # smallest tolerance of a layout: bends and neighbours, which it neglects, leave about that
 
 
 def reduce(
@@ -40,6 +42,10 @@ def reduce(
     if positions is not None:
         options.unused(context, "has no effect with --positions: every ring of an array is read", "read")
     check_outputs([output], inputs=[geometry, positions])
+    if geometry is not None and kind_of(geometry) == "layout":
+        why = "has no effect on a layout: its shapes are heated and read"
+        options.unused(context, why, "heated", "read", "positions", "accuracy")
+        return _layout(geometry, max(tolerance, LAYOUT), output)
     section = section_of(geometry)
     with working("meshing, assembling and reducing"):
         heat = th.assemble(section, accuracy)
@@ -100,6 +106,30 @@ def _array(
         "heated": list(array.model.inputs),
         "read": list(outputs),
         "thermal_resistance": crosstalk.tolist(),
+        "model": output,
+    }
+
+
+def _layout(path: Path, tolerance: float, output: Path) -> dict[str, Any]:
+    """Reduce a layout: one input and output for each shape."""
+    with working("solving the sections of the shapes and their paths"):
+        layout = surrogate.reduce_layout(th.read_layout(path), tolerance)
+        surrogate.save_model(layout.model, output, provenance=layout.provenance)
+    names = list(layout.model.outputs)
+    passive = "passive" if layout.passive else "not passive"
+    say(f"{len(names)} shapes, {layout.order} states, {passive}, error of Z(f) below {layout.error_bound:.1e} of R_th")
+    for name, row in zip(names, layout.crosstalk, strict=True):
+        say(f"R_th of {name} in K/mW: {', '.join(f'{value / 1e3:.4g}' for value in row)}")
+    wrote(output)
+    return {
+        "shapes": len(names),
+        "poles": layout.poles,
+        "error_bound": layout.error_bound,
+        "heated": names,
+        "read": names,
+        "thermal_resistance": layout.crosstalk.tolist(),
+        "half_times": layout.half_times.tolist(),
+        "passive": layout.passive,
         "model": output,
     }
 

@@ -20,7 +20,7 @@ from thermofem.checks import between
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
-from .command_files import expect, in_volts, kind_of
+from .command_files import check_outputs, expect, in_volts, kind_of
 from .console import parameter_unit, say, working, written
 from .heater_texts import say_sheets
 
@@ -45,6 +45,7 @@ CLAIMS = {
 
 def show(
     file: Annotated[Path, typer.Argument(help="Thermal model (JSON), ring or geometry (TOML).")],
+    figure: Annotated[Path | None, typer.Option(help="Map of the model of a layout, as an image.")] = None,
 ) -> dict[str, Any]:
     """Print the card of a model (kind, R_th, rise time, all poles, error bound, training), or the numbers of a ring.
 
@@ -70,11 +71,30 @@ def show(
     loaded = surrogate.load_model(file)
     provenance = th.models.model_files.load_provenance(file)
     numbers, lines = _card(loaded, provenance)
+    if "half_times" in provenance:
+        for name, row in zip(loaded.outputs, provenance["half_times"], strict=True):
+            texts = ["above 10 s" if time is None else quantity.rounded(time, "s", 3) for time in row]
+            lines.append((f"half time of {name}", ", ".join(texts)))
+    if figure is not None:
+        _map(loaded, provenance, figure)
+        numbers["figure"] = figure
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
     volts = in_volts(numbers["assumed"])
     for name, text in [*lines, ("sha256", numbers["sha256"]), ("file", str(file))]:
         say(f"{name:>16} : {re.sub(r'K(?=/mW| rms)', 'V', text) if volts else text}")
     return numbers
+
+
+def _map(model: Any, provenance: dict[str, Any], figure: Path) -> None:
+    """Draw the map of a layout."""
+    from surrogate.plot import plot_layout
+    from thermofem.plot import save_figure
+
+    outlines = provenance.get("outlines")
+    if not outlines:
+        raise InputError("--figure draws the map of a layout, which `thermofem reduce` makes of [[shape]] tables")
+    check_outputs([figure], images=[figure])
+    save_figure(plot_layout(model.outputs, outlines, np.asarray(model.gain)), figure)
 
 
 def _ring(path: Path) -> dict[str, Any]:
@@ -125,6 +145,8 @@ def _card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], list[
         "geometry": provenance.get("geometry"),
         "ports": provenance.get("ports"),
     }
+    if "half_times" in provenance:
+        numbers["half_times"] = provenance["half_times"]
     numbers["trusted"] = _trusted(numbers)
     states = f", {numbers['states']} states" if numbers["states"] else ""
     lines = [("kind", numbers["kind"] + states)]
@@ -182,6 +204,8 @@ def _number(key: str, value: Any, most: float) -> float | None:
 def _trusted(numbers: dict[str, Any]) -> str:
     """Return in words for which frequencies, rises or drives the model is valid."""
     if numbers["error_bound"] is not None:
+        if "half_times" in numbers:
+            return f"at every frequency, within {numbers['error_bound']:.1e} of R_th (a sum of estimates, of a layout)"
         ports = numbers["ports"]  # of the reduction, of which this model may be one channel
         one = len({*numbers["heated"], *numbers["read"]}) == 1 and not (isinstance(ports, list) and len(ports) > 1)
         how = "proven" if one else "proven at sampled frequencies, with a margin between them"

@@ -115,7 +115,10 @@ class ArrayReduction(HasModel):
         """Provenance that `surrogate.save_model` writes with the model."""
         bound, centres = self.error_bound, self.positions.tolist()
         made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": centres}
-        drawn = {"outlines": self.outlines} if self.outlines else {}
+        drawn = {}
+        if self.outlines:
+            times = [[time if time == time else None for time in row] for row in self.half_times.tolist()]
+            drawn = {"outlines": self.outlines, "half_times": times}
         return {**(self.model.origin or {}), **made, **drawn, "ports": list(self.model.inputs)}
 
 

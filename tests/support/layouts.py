@@ -6,6 +6,61 @@ import numpy as np
 
 import thermofem as th
 
+# two racetracks, a heater along the first and a strip between them, as a layout file
+CHIP = """
+name = "two racetracks, a heater and a pad"
+kind = "straight"
+length = "100 um"
+half_width = "60 um"
+[[layer]]
+name = "substrate"
+material = "Si"
+thickness = "20 um"
+[[layer]]
+name = "box"
+material = "SiO2"
+thickness = "2 um"
+datum = true
+[[layer]]
+name = "cladding"
+material = "SiO2"
+thickness = "2.22 um"
+[[part]]
+name = "core"
+material = "Si"
+x = "0 um"
+width = "450 nm"
+bottom = "0 nm"
+height = "220 nm"
+heated = true
+[[part]]
+name = "heater"
+material = "TiN"
+x = "0 um"
+width = "2 um"
+bottom = "2.22 um"
+height = "100 nm"
+heated = true
+[[shape]]
+name = "ring 1"
+radius = "5 um"
+straight = "8 um"
+[[shape]]
+name = "heater 1"
+part = "heater"
+radius = "5 um"
+straight = "8 um"
+[[shape]]
+name = "ring 2"
+radius = "5 um"
+straight = "8 um"
+at = ["24 um", "0 um"]
+[[shape]]
+name = "strip"
+part = "heater"
+path = [["12 um", "-8 um"], ["12 um", "8 um"]]
+"""
+
 
 def heated_section() -> th.CrossSection:
     """A straight strip with a heater of 2 um on the top of the stack."""
