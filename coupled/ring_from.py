@@ -8,6 +8,7 @@ Heat: (dn/dT) G = dn_eff/dT, so that w0 G/n_g (dn/dT) T is the shift by the temp
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,6 +24,7 @@ from thermofem.geometry import Bus
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics import mode_derivatives
 from thermofem.optics.coupler import MOST, STEP, TRUSTED, of_buses
+from thermofem.optics.mode_window import ROOM
 from thermofem.ring_temperature import detuning_output
 
 from . import ring_toml
@@ -37,6 +39,11 @@ if TYPE_CHECKING:
     from thermofem.geometry import CrossSection
     from thermofem.optics.coupler import Coupling
     from thermofem.optics.mode import Mode
+
+
+NEAR_ROOM = 20.0  # K, within which the numbers of a base ring, measured at room temperature, are taken as they are
+
+log = logging.getLogger("thermofem")
 
 
 class Origin(NamedTuple):
@@ -144,8 +151,8 @@ def ring_from(
     wavelength : float, m
         the resonance nearest to it is taken; default that of [light] in the geometry.
     loss : float, 1/m, or text such as "7 dB/cm"
-        power loss of the waveguide, all of it absorbed; default that of [light]. Bend radiation is added as
-        scattering_rate.
+        power loss of the waveguide, all of it absorbed; default that of [light]. Bend radiation and the leak into a
+        substrate, as of a straight guide, are added as scattering_rate, leak v_g/2.
     gap, coupling : float, m and 1
         of each bus, one of the two: its gap, from which kappa^2 is computed (within 20 %), or kappa^2; default the
         [[bus]] tables of the geometry.
@@ -185,11 +192,23 @@ def ring_from(
     rules = {"dispersion": dispersion, "spread_carriers": spread_carriers}
     made = _buses(found, gap, coupling, straight, buses)
     fields: dict[str, Any] = fields_of(_numbers(found, alpha, made, rules), round(found.order))
-    fields["scattering_rate"] = found.radiation_rate
+    fields["scattering_rate"] = found.radiation_rate + found.leak_rate
     fields["read"] = LIGHT
+    _tell_ambient(found, base)
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
     ring_toml.tell_base(_name(base), base, fields)
     return MadeRing(ring, _origins(ring, base, found, made), found, alpha, made, rules)
+
+
+def _tell_ambient(mode: Mode, base: RingResonator) -> None:
+    """Log what is not known away from room temperature: the slope of dn/dT, and the carriers of the base."""
+    section = mode.light.geometry
+    if abs(section.ambient - ROOM) > NEAR_ROOM:
+        log.warning(
+            "%s: at %g K the indices follow by dn/dT of room temperature; carriers, absorption and two-photon "
+            "absorption are those of %s at room temperature",
+            section.name, section.ambient, _name(base),
+        )  # fmt: skip
 
 
 def _numbers(mode: Mode, loss: float, buses: Sequence[_Bus], rules: dict[str, bool]) -> dict[str, float]:
@@ -234,17 +253,32 @@ def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Seque
         "bus_rate": (buses[0].origin, buses[0].error),
         "drop_rate": drop,
         "loss_rate": ("given: loss times v_g/2", error),
-        "scattering_rate": (f"{computed}, radiation", 0.02 if ring.scattering_rate else 0.0),
+        "scattering_rate": (f"{computed}, radiation{_leak(found)}", 0.02 if ring.scattering_rate else 0.0),
         "refractive_index": (f"computed: index law of {material}", math.nan),
         "group_index": (computed, error),
         "index_confinement": (f"{computed}, dn_eff/dn of {material}", 1e-3),
-        "thermo_optic": (f"{computed}, with the cladding's share", 1e-3),
+        "thermo_optic": _shift(computed, found),
         "read": (f"the temperature that goes with thermo_optic, weighted by mode {found.name}", math.nan),
         **{f"{of}_{what}": (computed, 1e-3) for of in ("tpa", "fca") for what in ("confinement", "volume")},
     }
     others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")
     rest = {name: Origin(getattr(ring, name), f"base {_name(base)}") for name in others}
+    ambient = found.light.geometry.ambient
+    if abs(ambient - ROOM) > NEAR_ROOM:
+        rest["carriers"] = Origin(ring.carriers, f"base {_name(base)}, of room temperature; the chip has {ambient:g} K")
     return {name: Origin(getattr(ring, name), *about) for name, about in words.items()} | rest
+
+
+def _leak(mode: Mode) -> str:
+    """Words on the leak in the scattering rate; "" without one."""
+    return f", and leak of {mode.substrate_loss:.3g} dB/cm" if mode.leak_rate else ""
+
+
+def _shift(computed: str, mode: Mode) -> tuple[str, float]:
+    """Origin of thermo_optic, and its relative error; nan where dn/dT of a cladding is missing."""
+    if mode.lacking:
+        return f"{computed}, without {' and '.join(mode.lacking)}, whose dn/dT is missing", math.nan
+    return f"{computed}, with the cladding's share", 1e-3
 
 
 def _name(base: RingResonator) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ from .waveforms import Waveform, check_heating, check_wave, period_times
 if TYPE_CHECKING:
     from .mesh import Mesh
 
+
+log = logging.getLogger("thermofem")
 
 # of a run, in the attributes of its data
 NUMBERS = ("method", "steps", "factorizations", "solves", "heat_in", "heat_stored", "heat_out")
@@ -161,6 +164,9 @@ def _solved(
     single = isinstance(read, str)
     names = (read,) if isinstance(read, str) else tuple(read)
     attributes = _provenance(heat, run, heated, names[0] if single else heated, rtol)
+    if beyond := heat.beyond_laws(float(run.outputs.max())):
+        log.warning(beyond)
+        attributes["warning"] = beyond
     if not single:
         attributes["thermal_resistances"] = [heat.thermal_resistance(heated, name) for name in names]
     rises = run.outputs[:, 0] if single else run.outputs

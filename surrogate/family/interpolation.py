@@ -309,6 +309,9 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
     tasks = [(base, box.geometry(row).to_toml()) for row in every]
     found = solver(numbers_of, tasks, every)
     made = [one if isinstance(one, dict) else None for one in found]
+    hybrid = sum(one.pop("hybrid", 0.0) for one in made if one is not None)
+    if hybrid:
+        log.warning("optics: the mode of %d of %d members is hybrid: its name may hop between two", hybrid, len(made))
     missing = made.count(None)
     reason = next((one for one in found[::-1] if isinstance(one, str)), "")
     if missing > len(made) / 4:
@@ -339,7 +342,8 @@ def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
         mode, given = Light.of(heat).mode(), heat.geometry.light
         kappas = {f"kappa {k}": bus.power for k, bus in enumerate(of_buses(mode, heat.geometry.buses))}
         loss = {} if given is None or given.loss is None else {"loss": given.loss}
-        return numbers(mode) | loss | kappas | {"radiated": mode.radiation_rate}
+        hybrid = {"hybrid": 1.0} if mode.hybrid else {}
+        return numbers(mode) | loss | kappas | {"radiated": mode.radiation_rate + mode.leak_rate} | hybrid
     except checks.InputError as error:
         return str(error)
 

@@ -236,7 +236,10 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    return meshed(geometry, checks.finite("accuracy", accuracy))[0].lit
+    heat = meshed(geometry, checks.finite("accuracy", accuracy))[0]
+    if beyond := heat.beyond_laws():
+        log.warning(beyond)
+    return heat.lit
 
 
 def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:

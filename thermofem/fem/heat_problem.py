@@ -19,7 +19,7 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..geometry.section_parts import AMBIENT, LIGHT
-from ..materials.material_laws import Law, is_constant
+from ..materials.material_laws import Law, beyond_table, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
 from ..transient.integration import Ledger
@@ -225,6 +225,25 @@ class HeatProblem:
     def nonlinear(self) -> bool:
         """Whether k or c_p of any material in the geometry depends on temperature."""
         return any(self.geometry.material_of(name).varies for name in self.regions)
+
+    def beyond_laws(self, rise: float = 0.0) -> str:
+        """Warning of tables k(T), c_p(T) that do not hold from the ambient to ``rise`` in K above it; "" of none."""
+        ambient = self.geometry.ambient
+        reached = ambient + rise
+        ranges: dict[str, tuple[float, float]] = {}
+        for region in self.regions:
+            material = self.geometry.material_of(region)
+            for law in (material.conductivity_law, material.specific_heat_law):
+                held = beyond_table(law, min(ambient, reached), max(ambient, reached))
+                if held is not None:
+                    ranges[material.name] = held
+        if not ranges:
+            return ""
+        laws = ", ".join(f"{name} ({first:g} to {last:g} K)" for name, (first, last) in ranges.items())
+        return (
+            f"{self.geometry.name}: at {reached:.4g} K the tables of {laws} are left and held at their last values: "
+            "the temperatures are not those of the materials; give k(T) and c_p(T) that reach there"
+        )
 
     def model(
         self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None

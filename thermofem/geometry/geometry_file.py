@@ -250,7 +250,8 @@ def _material_values(m: Material) -> dict[str, Any]:
     conductivity = write_property(m, "conductivity", UNITS["conductivity"])
     specific_heat = write_property(m, "specific_heat", UNITS["specific_heat"])
     density = as_text("density", m.density)
-    optical = _texts({key: getattr(m, key) or None for key in _SCALARS})
+    scalars = {key: getattr(m, key) or None for key in _SCALARS}
+    optical = _texts(scalars | {"thermo_optic": m.thermo_optic})
     optical |= {} if m.index is None else {"index": write_index(m.index)}
     heat = {"conductivity": conductivity, "density": density, "specific_heat": specific_heat}
     return {**heat, **optical, "source": m.source}

@@ -223,7 +223,7 @@ def _numbers(geometry: CrossSection, at: Mapping[str, Any]) -> dict[str, dict[An
 
     for material in used:
         optical[material.name, "index"] = fixed_index(material.index) or 0.0
-        optical[material.name, "thermo_optic"] = material.thermo_optic
+        optical[material.name, "thermo_optic"] = material.thermo_optic or 0.0
     for bus in at["buses"]:
         optical |= {(bus.name, "gap"): bus.gap, (bus.name, "straight"): bus.straight}
     if at["light"] is not None:

@@ -18,6 +18,7 @@ from .. import checks
 from ..arrays import Array, ArrayLike
 from ..data import quantity
 
+MARGIN = 20.0  # K beyond its ends, for which a table is taken to hold
 COLDEST, HOTTEST = 1.0, 1e4  # K; laws are evaluated between them
 
 
@@ -212,6 +213,15 @@ def check_positive(law: Law, T: ArrayLike, factor: Array) -> None:
         )
 
 
+def beyond_table(law: Law, lowest: float, highest: float) -> tuple[float, float] | None:
+    """Range in K of a table that two temperatures in K leave, beyond which it is held constant; None where it holds."""
+    if not isinstance(law, Table):
+        return None
+    first = law.temperatures[0]
+    last = law.temperatures[-1]
+    return (first, last) if lowest < first - MARGIN or highest > last + MARGIN else None
+
+
 def is_constant(law: Law) -> bool:
     """Whether the property does not depend on temperature at all."""
     return isinstance(law, PowerLaw) and law.exponent == 0
@@ -299,7 +309,9 @@ def fixed_index(law: Any) -> float | None:
 
 
 def _check_range(wavelength: float, low: float, high: float) -> None:
-    hint = "" if 1e-7 < wavelength < 1e-4 else "wavelengths are in m (did you mean 1.55e-6?)"
+    hint = "wavelengths are in m (did you mean 1.55e-6?)"
+    if 1e-7 < wavelength < 1e-4:
+        hint = "give a table for this band: index = { wavelength = [...], values = [...] }, four or more of each"
     checks.between("wavelength", wavelength, low, high, unit="m, where the index law holds", hint=hint)
 
 

@@ -51,7 +51,7 @@ class Material:
     index : Sellmeier or IndexTable
         refractive index over wavelength (`thermofem.materials.material_laws`); None where light must not go.
     thermo_optic : float, 1/K
-        dn/dT.
+        dn/dT; None where it is not known.
     two_photon, kerr : float, m/W and m^2/W
         coefficient of two-photon absorption, and n_2.
     resistivity : float, ohm m
@@ -72,7 +72,7 @@ class Material:
     specific_heat_law: Law = CONSTANT
     conductivity_z: float | None = None
     index: IndexLaw | None = None
-    thermo_optic: float = 0.0
+    thermo_optic: float | None = None
     two_photon: float = 0.0
     kerr: float = 0.0
     resistivity: float | None = None
@@ -89,7 +89,8 @@ class Material:
         checks.between(f"{of}specific_heat", self.specific_heat, 10, 2e4, unit="J/kg/K", hint="silicon has 700 J/kg/K")
         if self.conductivity_z is not None:
             checks.between(f"{of}conductivity_z", self.conductivity_z, 1e-4, 1e4, unit="W/m/K")
-        checks.between(f"{of}thermo_optic", self.thermo_optic, -1e-2, 1e-2, unit="1/K", hint="silicon has 1.86e-4")
+        if self.thermo_optic is not None:
+            checks.between(f"{of}thermo_optic", self.thermo_optic, -1e-2, 1e-2, unit="1/K", hint="silicon has 1.86e-4")
         checks.between(f"{of}two_photon", self.two_photon, 0, 1e-9, unit="m/W", hint="0.8 cm/GW is 8e-12 m/W")
         if self.resistivity is not None:
             hint = "titanium nitride has 4e-7 to 4e-6 ohm m"
@@ -200,6 +201,7 @@ LIBRARY: dict[str, Material] = {
             source="dry air at 300 K and 1 atm: typical values, range 0.0257..0.0264 W/m/K, 1.16..1.18 kg/m^3, "
             "1004..1007 J/kg/K",
             index=INDEX_LAWS["air"],
+            thermo_optic=0.0,  # 1/K; -9e-7 at constant pressure
         ),
         Material(VOID, conductivity=0.0, density=0.0, specific_heat=0.0, source="not meshed; its walls are insulated"),
         Material(

@@ -27,6 +27,7 @@ from ..geometry.parameter_paths import Change
 from .mode_derivatives import Variation, index_slope, variations
 from .mode_elements import Space
 from .mode_window import UM, Window, drawn
+from .surroundings import TAIL
 
 if TYPE_CHECKING:
     from ..geometry import Bus
@@ -92,8 +93,9 @@ class Coupling:
     def by_width(self) -> float:
         """Derivative d ln(kappa^2)/d(width) in 1/m at fixed gap."""
         light = self.mode.light
-        key = "width" if light.guide.inner_radius else "outer_radius"
-        (one,) = variations(light, [f"part.{light.part}.{key}"])
+        inner, outer = light.surroundings.outermost
+        key = "width" if inner is outer and outer.inner_radius else "outer_radius"
+        (one,) = variations(light, [f"part.{outer.name}.{key}"])
         return self.derivative(one) / self.power
 
     def derivative(self, one: Variation, bus: str = "") -> float:
@@ -103,7 +105,7 @@ class Coupling:
         """
         gap = one.change.optical.get((bus, "gap"), 0.0)
         straight = one.change.optical.get((bus, "straight"), 0.0)
-        corners = one.change.outlines.get(self.mode.core)
+        corners = one.change.outlines.get(self.mode.light.surroundings.outermost[1].name)
         wall = 0.0 if corners is None else float(corners[1:3, 0].mean()) - one.centre
         velocity = one.on(self.window)  # the middle of the gap follows the wall
         velocity[0] += (wall + gap / 2 - velocity[0]) * self.beyond
@@ -132,9 +134,9 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
     bend = checks.positive("radius of the bends", mode.radius if radius is None else radius, unit="m")
     foot = float(outer.max()) * UM
     middle = float(outer.mean()) * UM + gap * UM / 2
-    room = light.reach(mode.n_eff, 1e-7)
-    low, _, bottom, top = light.box(room, 0.0, room, room)
-    left = max(low, light.centre - foot / UM - room)
+    room = light.surroundings.reaches(mode.n_eff, TAIL)
+    low, _, bottom, top = light.box(room[0], 0.0, room[2], room[3])
+    left = max(low, light.centre - foot / UM - room[0])
     window = drawn(light.geometry, (left, light.centre + middle / UM, bottom, top), light.centre, SIZES)
     beyond = np.clip((window.mesh.p[0] - foot) / (middle - foot), 0, 1)
     found = supermodes(mode, gap, straight, bend, window, beyond)
@@ -149,7 +151,8 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
 
 def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
     """The couplings of [[bus]] tables; InputError where one has another width than the ring."""
-    width = mode.light.guide.outer_radius - mode.light.guide.inner_radius
+    inner, outer = mode.light.walls
+    width = outer - inner
     found = {}
     for bus in buses:
         if bus.width is not None and not math.isclose(bus.width, width, rel_tol=1e-6):

@@ -31,7 +31,8 @@ from ..algebra.factor import factorize
 from ..arrays import Array
 from ..mesh.triangles import sampled
 from .mode_elements import Space, eigenpairs
-from .mode_window import UM, Box, Window, drawn, material_of
+from .mode_window import UM, Box, Window, drawn
+from .surroundings import TAIL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +41,11 @@ if TYPE_CHECKING:
 
 DEPTH = 1.5e-6  # m, of the matched layers where there is room
 ASIDE = 1.2e-6  # m, at least, between the core and the layers
+WIDEST = 12e-6  # m, at most, between the core and the layers at its sides
+INTO = 0.5e-6  # m, of a substrate before its matched layer begins
+LEAKS = 1e-9  # of the power: where so much of the mode reaches a substrate its leak is computed
+HYBRID = 0.3  # of TE or TM: a mode with more of both is hybrid
+FELT = 1e-3  # of the energy: a material with less of it need not have dn/dT
 LARGEST_Q = 1e11  # round-off of Im beta is about 1e-13 of beta
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed for a ring
 LEAST = 1e5  # 1/s; a ring with a smaller radiation rate counts as one that does not radiate
@@ -134,9 +140,9 @@ class Mode:
         """|E|^2 at the quadrature points, shape (triangles, points)."""
         return np.asarray(sum(np.abs(f) ** 2 for f in self.fields))
 
-    def integral(self, values: Array, within: str | None = None) -> float:
-        """int values s dA in um^2 over a region or material, or all; values of shape (triangles, points or 1)."""
-        kept = values if within is None else values * self.window.inside(within)
+    def integral(self, values: Array, *within: str) -> float:
+        """int values s dA in um^2 over regions or materials, or all; values of shape (triangles, points or 1)."""
+        kept = values * self.window.inside(*within) if within else values
         return float((kept * self.space.arc * self.space.dx).sum())
 
     @cached_property
@@ -147,13 +153,28 @@ class Mode:
     @cached_property
     def te_fraction(self) -> float:
         """Fraction of the transverse |E|^2 along r: int s |e_r|^2 / int s (|e_r|^2 + |e_z|^2)."""
-        r, z = (self.integral(np.abs(f) ** 2) for f in self.fields[:2])
-        return r / (r + z)
+        e_r, e_z, _ = self.fields
+        along_r = self.integral(np.abs(e_r) ** 2)
+        along_z = self.integral(np.abs(e_z) ** 2)
+        return along_r / (along_r + along_z)
+
+    @property
+    def hybrid(self) -> bool:
+        """Whether neither transverse component is much the larger one, so that TE or TM is a weak name."""
+        return HYBRID < self.te_fraction < 1 - HYBRID
+
+    @cached_property
+    def guiding(self) -> tuple[str, ...]:
+        """Regions that guide: the core, and what is of its kind of material and has n > n_eff."""
+        around = self.light.surroundings
+        return tuple(name for name in self.window.names if around.guides(name, self.n_eff))
 
     @property
     def core_material(self) -> str:
-        """Name of the core's material."""
-        return self.window.materials[self.window.names.index(self.core)].name
+        """Names of the materials of `guiding`, that of the core first."""
+        of = dict(zip(self.window.names, self.window.materials, strict=True))
+        names = [of[self.core].name, *(of[name].name for name in self.guiding)]
+        return " and ".join(dict.fromkeys(names))
 
     @property
     def index(self) -> float:
@@ -161,13 +182,35 @@ class Mode:
         return math.sqrt(self._indices[0][self.window.inside(self.core)][0])
 
     @cached_property
+    def _energy(self) -> Array:
+        """n^2 |E|^2 at the quadrature points, shape (triangles, points)."""
+        return np.asarray(self._indices[0] * self.intensity)
+
+    @cached_property
     def share(self) -> float:
-        """Fraction of the mode's n^2 |E|^2 that lies in the core's material, over the width of the core."""
-        x = self.space.mesh.p[0][self.space.mesh.t]
-        own = x[:, self.window.inside(self.core)[:, 0]]
-        column = (x.mean(axis=0) > own.min()) & (x.mean(axis=0) < own.max())
-        energy = self._indices[0] * self.intensity
-        return self.integral(energy * column[:, None], self.core_material) / self.integral(energy)
+        """Fraction of the mode's n^2 |E|^2 that lies in what guides, over the width of the core."""
+        x = self.space.mesh.p[0][self.space.mesh.t].mean(axis=0)
+        walls = (self.light.outline[:, 0] - self.light.centre) * UM
+        column = (x > walls.min()) & (x < walls.max())
+        return self.integral(self._energy * column[:, None], *self.guiding) / self.integral(self._energy)
+
+    @cached_property
+    def held(self) -> float:
+        """Fraction of the mode's n^2 |E|^2 within the core and as far around it as its power decays to 1/10."""
+        light = self.light
+        around = light.surroundings
+        floor = around.floor
+        decay = 2 * math.pi / self.wavelength * math.sqrt(max(self.n_eff**2 - floor**2, 1e-6))
+        least = math.log(10) / (2 * decay)
+        aside = {"left": least, "right": least}
+        for side in aside:
+            beside = around.steps(side)[0][1]
+            if self.n_eff > beside:
+                aside[side] = around.reach(side, self.n_eff, 0.1)
+        box = light.box(aside["left"], aside["right"], least, least)
+        x, y = self.space.points / UM
+        inside = (x > box[0] - light.centre) & (x < box[1] - light.centre) & (y > box[2]) & (y < box[3])
+        return self.integral(self._energy * inside) / self.integral(self._energy)
 
     @cached_property
     def confinement(self) -> dict[str, float]:
@@ -177,13 +220,42 @@ class Mode:
         return {name: self.integral(density, name) / self.n_eff for name in sorted(names)}
 
     @cached_property
+    def index_confinement(self) -> float:
+        """G = dn_eff/dn of all that guides, as its index changes everywhere alike."""
+        return sum(self.confinement[name] for name in self.guiding)
+
+    @cached_property
+    def lacking(self) -> tuple[str, ...]:
+        """Materials without dn/dT that carry more than `FELT` of n^2 |E|^2."""
+        lacking = {material.name for material in self.window.materials if material.thermo_optic is None}
+        whole = self.integral(self._energy)
+        return tuple(name for name in sorted(lacking) if self.integral(self._energy, name) > FELT * whole)
+
+    @property
+    def lacking_in_core(self) -> tuple[str, ...]:
+        """Materials of what guides without dn/dT."""
+        pairs = zip(self.window.names, self.window.materials, strict=True)
+        lacking = {material.name for name, material in pairs if name in self.guiding and material.thermo_optic is None}
+        return tuple(sorted(lacking))
+
+    @cached_property
     def _thermal_density(self) -> Array:
         """Weight n (dn/dT) |E|^2 of the temperature at the quadrature points, not normalised."""
-        return np.sqrt(self._indices[0]) * self.window.of_materials(lambda m: m.thermo_optic) * self.intensity
+        if self.lacking_in_core:
+            name = self.lacking_in_core[0]
+            raise checks.InputError(
+                f"thermo_optic is missing: {self.name} shifts by the dn/dT of {name!r}, which guides it",
+                f'give it in [material.{name}], such as thermo_optic = "3e-5 1/K"',
+            )
+        slopes = self.window.of_materials(lambda m: m.thermo_optic or 0.0)
+        return np.asarray(np.sqrt(self._indices[0]) * slopes * self.intensity)
 
     @property
     def thermo_optic(self) -> float:
-        """K = -d ln(w)/dT = (dn_eff/dT)/n_g in 1/K at a uniform temperature change."""
+        """K = -d ln(w)/dT = (dn_eff/dT)/n_g in 1/K at a uniform temperature change.
+
+        Raises InputError: dn/dT of a material that guides is missing. What is missing elsewhere counts as 0.
+        """
         return self.integral(self._thermal_density) / self.n_eff / self.n_g
 
     def light_integral(self, basis: Any, mesh: Any = None, shift: float = 0.0) -> Array:
@@ -219,7 +291,7 @@ class Mode:
         dispersion : bool
             n n_g of the material in place of n^2 in the numerators: the stored energy with dispersion; silicon +7 %.
         spread_carriers : bool
-            (3) carriers even over the core's material, as they diffuse in 10 ps: (V_core V_2/Gamma_2)^(1/2).
+            (3) carriers even over all that guides, as they diffuse in 10 ps: (V_core V_2/Gamma_2)^(1/2).
 
         Source: P. E. Barclay, K. Srinivasan, O. Painter, Opt. Express 13, 801 (2005); the dispersion is derived.
         """
@@ -227,7 +299,7 @@ class Mode:
         own = self.light.geometry.length or 2 * math.pi * self.radius
         length = own if length is None else checks.positive("length", length, unit="m")
         if power == 3 and spread_carriers:
-            core = self.integral(np.ones_like(self.intensity), self.core_material) / UM**2 * length
+            core = self.integral(np.ones_like(self.intensity), *self.guiding) / UM**2 * length
             return math.sqrt(core * self.volume(2, length=length, dispersion=dispersion) / self.core_fraction(2))
         eps, group = self._indices
         stored = self.integral((group if dispersion else eps) * self.intensity)
@@ -235,12 +307,12 @@ class Mode:
         return float((stored**power / dense) ** (1 / (power - 1))) / UM**2 * length
 
     def core_fraction(self, power: int, *, spread_carriers: bool = False) -> float:
-        """Fraction of int n^(2 power) I^power in the core's material: Gamma_TPA (2) and Gamma_FC (3; 1 when spread)."""
+        """Fraction of int n^(2 power) I^power in what guides: Gamma_TPA (2) and Gamma_FC (3; 1 when spread)."""
         checks.integer("power", power, 2, 3)
         if power == 3 and spread_carriers:
             return 1.0
         dense = (self._indices[0] * self.intensity) ** power
-        return self.integral(dense, self.core_material) / self.integral(dense)
+        return self.integral(dense, *self.guiding) / self.integral(dense)
 
     def derivatives(self, parameters: Sequence[str | Sequence[str]], **rules: bool) -> xr.Dataset:
         """Derivatives of the mode with respect to parameters given by paths, as `mode_derivatives` says."""
@@ -280,16 +352,17 @@ class Mode:
         Within 2 % up to 1e9 (measured against exact rings and published bends).
         """
         light = self.light
-        if math.isinf(self.radius):
+        if math.isinf(self.radius) or self._tunnelling > 3 * TIGHT:
             return math.inf
-        aside = max(ASIDE, light.reach(self.n_eff, 1e-7))
-        outer = max(2e-6, 0.15 * self.radius + ASIDE)
+        inner, _, below, above = self._asides
+        caustic = 2 * (self.n_eff / light.surroundings.continuum - 1)  # twice as far as where the field radiates
+        outer = max(2e-6, min(0.15, max(caustic, 0.0)) * self.radius + ASIDE)
         _, foot = light.outline.min(axis=0)
         _, top = light.outline.max(axis=0)
-        box = light.box(aside, outer + DEPTH, aside + DEPTH, aside + DEPTH)
+        box = light.box(inner, outer + DEPTH, below + DEPTH, above + DEPTH)
         if light.geometry.top_z > top:  # else air begins there
             box = (*box[:3], min(box[3], light.geometry.top_z))
-        ends = foot - aside - DEPTH, top + aside + DEPTH
+        ends = foot - below - DEPTH, top + above + DEPTH
         damping = self._damping(box, (0.0, DEPTH, DEPTH, DEPTH), self.radius, ends)
         q = self.k0 * self.n_g / (2 * damping) if damping > 0 else math.inf
         return q if q < LARGEST_Q else math.inf
@@ -300,8 +373,7 @@ class Mode:
 
         Raises InputError: Q_rad below 1e3.
         """
-        decay = self.k0 * math.sqrt(self.n_eff**2 - self.light.cladding_index**2)
-        if 2 / 3 * self.radius * UM * decay**3 / self.square > TIGHT:
+        if self._tunnelling > TIGHT:
             return 0.0
         if self.q_radiation < 1e3:
             rule = f"the bend of {self.radius * UM:g} um radiates: Q = {self.q_radiation:.3g}"
@@ -309,25 +381,98 @@ class Mode:
         rate = math.pi * c / self.wavelength / self.q_radiation
         return rate if rate > LEAST else 0.0
 
+    @property
+    def leak_rate(self) -> float:
+        """Amplitude rate leak v_g/2 in 1/s of `substrate_loss`; 0 where it is below `LEAST`."""
+        alpha = self.substrate_loss * 100 / DECIBEL * 2  # 1/m, of the power
+        rate = alpha * c / self.n_g / 2
+        return rate if rate > LEAST else 0.0
+
+    def tunnelling(self, cladding: float) -> float:
+        """Exponent (2/3) R gamma^3/beta^2 of a bend's tunnelling, gamma = k0 (n_eff^2 - cladding^2)^(1/2); 0 if leaky.
+
+        Source: D. Marcuse, Bell Syst. Tech. J. 50, 2551 (1971).
+        """
+        decay = self.k0 * math.sqrt(max(self.n_eff**2 - cladding**2, 0.0))
+        return float(2 / 3 * self.radius * UM * decay**3 / self.square.real)
+
+    @property
+    def _tunnelling(self) -> float:
+        """`tunnelling` into all that goes on beyond the guide."""
+        return self.tunnelling(self.light.surroundings.continuum)
+
+    @property
+    def _asides(self) -> tuple[float, float, float, float]:
+        """Distances in m from the core to the ends of a window or to its layers, at the left, right, bottom and top."""
+        left, right, below, above = self.light.surroundings.reaches(self.n_eff, TAIL)
+        return max(ASIDE, min(left, WIDEST)), max(ASIDE, min(right, WIDEST)), max(ASIDE, below), max(ASIDE, above)
+
+    @cached_property
+    def _bulk(self) -> dict[str, tuple[str, float]]:
+        """Layers that guide by themselves within the reach of the mode: side and distance in m, by name."""
+        around = self.light.surroundings
+        return {
+            name: (side, away)
+            for name, (side, away) in around.limits[1].items()
+            if name in around.bulk and away < around.reach(side, self.n_eff, LEAKS)
+        }
+
+    @property
+    def leaky(self) -> bool:
+        """Whether n_eff is below the index of a slab at the side of the guide, so that it leaks there."""
+        return self.n_eff < self.light.surroundings.continuum
+
+    @property
+    def drains(self) -> tuple[str, ...]:
+        """What the mode leaks into: names of layers in quotation marks, or the slabs at the sides."""
+        named = [f"{name!r}, {away * UM:.3g} um away" for name, (_, away) in self._bulk.items()]
+        slab = f"a slab mode of index {self.light.surroundings.continuum:.4f} at its side"
+        return (*named, slab) if self.leaky else tuple(named)
+
     @cached_property
     def substrate_loss(self) -> float:
-        """Power loss in dB/cm of the straight guide into a substrate that guides by itself; 0 without one."""
-        light = self.light
-        away = [far for name, far in light.limits[1].items() if material_of(light.geometry, name).index is not None]
-        if not away:
+        """Power loss in dB/cm of the straight guide into a substrate or another layer that guides by itself.
+
+        0 where none is within reach (`LEAKS`) and no slab at the side has an index above n_eff.
+        """
+        if not self._bulk and not self.leaky:
             return 0.0
-        aside = max(ASIDE, light.reach(self.n_eff, 1e-7))
-        left, right, _, top = light.box(aside + DEPTH, aside + DEPTH, 0.0, aside)
-        bottom = light.outline[:, 1].min() - min(away) - DEPTH - 0.5e-6
-        depths = (DEPTH, DEPTH, DEPTH, 0.0)
-        return DECIBEL * self._damping((left, right, bottom, top), depths, math.inf, (bottom, top)) * 1e4
+        light = self.light
+        left, right, below, above = self._asides
+        low, high = light.surroundings.far_span
+        foot = float(light.outline[:, 1].min())
+        top = float(light.outline[:, 1].max())
+        if self.leaky:
+            below = max(below, foot - low if low > light.geometry.bottom_z else 0.0)
+            above = max(above, min(high, light.geometry.top_z + ASIDE) - top)
+        box = light.box(left + DEPTH, right + DEPTH, below, above)
+        ends = [box[2], box[3]]
+        depths = [DEPTH, DEPTH, 0.0, 0.0]
+        for side, away in self._bulk.values():
+            if side == "bottom":
+                ends[0] = foot - away - INTO - DEPTH
+                depths[2] = DEPTH
+            else:
+                ends[1] = top + away + INTO + DEPTH
+                depths[3] = DEPTH
+        bottom = max(ends[0], light.geometry.bottom_z)
+        roof = min(ends[1], light.geometry.top_z) if depths[3] else ends[1]
+        drawn_box = (box[0], box[1], bottom, roof)
+        radius = math.inf
+        if light.at_edge:  # a disc has no straight guide; its rim radiates into the substrate alone here
+            radius = self.radius
+            depths[:2] = [0.0, 0.0]
+        return DECIBEL * self._damping(drawn_box, tuple(depths), radius, (ends[0], ends[1])) * 1e4
 
     def _damping(self, box: Box, depths: tuple[float, ...], radius: float, beyond: tuple[float, float]) -> float:
         """Im beta in 1/um of the mode in a window with matched layers of the given depths in m."""
-        light, substrate = self.light, self.light.limits[0][2]
+        light = self.light
+        around = light.surroundings
+        _, _, lowest, highest = around.limits[0]
 
         def largest(z: float) -> float:
-            return self.wavelength / (2 * (light.core_index if z < substrate else light.cladding_index))
+            outside = z < lowest or z > highest
+            return self.wavelength / (2 * (around.core_index if outside else around.continuum))
 
         window = drawn(light.geometry, box, light.centre, 1e-3, largest, beyond)
         space = Space(window.mesh, 3, radius * UM, tuple(depth * UM for depth in depths))

@@ -11,6 +11,7 @@ difference, with an error of `STEP` squared.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -33,12 +34,14 @@ if TYPE_CHECKING:
     from .mode import Mode
     from .modes import Light
 
+log = logging.getLogger("thermofem")
+
 STEP = 1e-4  # largest strain, or relative change of a wavelength or an index, of the differences
 ABOUT = {
     "n_eff": ("1", "effective index"),
     "n_g": ("1", "group index"),
     "thermo_optic": ("1/K", "relative shift of the resonance per kelvin"),
-    "index_confinement": ("1", "dn_eff/dn of the core's material"),
+    "index_confinement": ("1", "dn_eff/dn of what guides"),
     "core_fraction_2": ("1", "share of two-photon absorption in the core"),
     "core_fraction_3": ("1", "share of the carriers in the core"),
     "volume_2": ("m^3", "volume of two-photon absorption"),
@@ -55,7 +58,7 @@ def numbers(mode: Mode, *, dispersion: bool = False, spread_carriers: bool = Fal
     two = {"dispersion": dispersion}
     three = {"spread_carriers": spread_carriers}
     values = (
-        mode.n_eff, mode.n_g, mode.thermo_optic, mode.confinement[mode.core_material], mode.core_fraction(2),
+        mode.n_eff, mode.n_g, mode.thermo_optic, mode.index_confinement, mode.core_fraction(2),
         mode.core_fraction(3, **three), mode.volume(2, **two), mode.volume(3, **two, **three), mode.radius,
         mode.wavelength, mode.index,
     )  # fmt: skip
@@ -87,6 +90,11 @@ def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]], **ru
     InputError
         a path that leads nowhere, or a motion at which a face would appear or vanish.
     """
+    if mode.hybrid:
+        log.warning(
+            "%s: %s is hybrid, %.0f %% TE: its name may go to the other mode along these parameters",
+            mode.light.geometry.name, mode.name, 100 * mode.te_fraction,
+        )  # fmt: skip
     each = variations(mode.light, parameters)
     found = over_parameters(each, [slopes(mode, one, **rules) for one in each], ABOUT)
     return found.assign_attrs(mode=mode.name, **numbers(mode, **rules))
@@ -111,8 +119,11 @@ class Variation:
     @property
     def centre(self) -> float:
         """Velocity in m per unit of r = R, the origin of windows."""
-        corners = self.change.outlines.get(self.light.part, np.zeros((4, 2)))
-        return float((corners[1:3] if self.light.at_edge else corners)[:, 0].mean())
+        inner, outer = self.light.surroundings.outermost
+        moved = self.change.outlines
+        outer_wall = moved.get(outer.name, np.zeros((4, 2)))[1:3, 0].mean()
+        inner_wall = moved.get(inner.name, np.zeros((4, 2)))[[0, 3], 0].mean()
+        return float(outer_wall if self.light.at_edge else (inner_wall + outer_wall) / 2)
 
     def on(self, window: Window) -> Array:
         """Velocity of a window's vertices relative to its origin, m per unit, (2, vertices); air does not move."""
@@ -129,7 +140,8 @@ class Variation:
             n = h * self.change.optical.get((material.name, "index"), 0.0)
             slope = h * self.change.optical.get((material.name, "thermo_optic"), 0.0)
             index = constant_index((fixed_index(material.index) or 1.0) + n) if n else material.index
-            return replace(material, index=index, thermo_optic=material.thermo_optic + slope)
+            thermo_optic = (material.thermo_optic or 0.0) + slope if slope else material.thermo_optic
+            return replace(material, index=index, thermo_optic=thermo_optic)
 
         mesh = replace(window.mesh, doflocs=window.mesh.doflocs + h * UM * velocity)
         return replace(window, mesh=mesh, materials=tuple(map(after, window.materials)))

@@ -17,12 +17,13 @@ from ..mesh.element_sizes import size_function, sizes
 from ..mesh.gmsh_mesher import make_faces
 
 if TYPE_CHECKING:
-    from ..geometry import CrossSection, Part
+    from ..geometry import CrossSection
     from ..mesh import Mesh
 
 AIR = "air"  # what lies above the stack and in voids, where the heat problem has no triangles
 UM = 1e6  # um in a metre
 GRID = 1e-12  # m, on which the faces are cut at the sides of a window
+ROOM = 293.15  # K, at which index laws hold: they were measured at 20 to 26 C, and 6 K change silicon by 1e-3
 
 Box = tuple[float, float, float, float]  # left, right, bottom, top in m
 
@@ -33,12 +34,14 @@ class Window:
 
     mesh: scikit-fem's, in um about (R, 0), corners of every triangle sorted as Nedelec elements need them.
     region [shape (triangles,)]: index into ``names`` and ``materials``.
+    ambient [K]: temperature of the indices.
     """
 
     mesh: Any
     region: NDArray[np.intp]
     names: tuple[str, ...]
     materials: tuple[Material, ...]
+    ambient: float = ROOM
 
     @classmethod
     def of(
@@ -54,12 +57,13 @@ class Window:
         grid = skfem.MeshTri(np.ascontiguousarray(about.T), np.ascontiguousarray(place.reshape(-1, 3).T))
         there, region = np.unique(of, return_inverse=True)
         names = tuple(mesh.region_names[k] for k in there)
-        return cls(grid, region.ravel(), names, tuple(material_of(geometry, name) for name in names))
+        materials = tuple(material_of(geometry, name) for name in names)
+        return cls(grid, region.ravel(), names, materials, geometry.ambient)
 
-    def inside(self, name: str) -> NDArray[np.bool_]:
-        """Which triangles belong to a region, or to a material, of this name; shape (triangles, 1)."""
+    def inside(self, *names: str) -> NDArray[np.bool_]:
+        """Which triangles belong to regions, or to materials, of these names; shape (triangles, 1)."""
         pairs = zip(self.names, self.materials, strict=True)
-        return np.array([name in (own, material.name) for own, material in pairs])[self.region, None]
+        return np.array([own in names or material.name in names for own, material in pairs])[self.region, None]
 
     def of_materials(self, value: Callable[[Material], float]) -> Array:
         """``value`` of the material of every triangle, shape (triangles, 1)."""
@@ -68,8 +72,8 @@ class Window:
     def indices(self, wavelength: float) -> tuple[Array, Array]:
         """eps = n^2 and n n_gm = n (n - lambda dn/dlambda) of every triangle, shape (triangles, 1)."""
         pairs = zip(self.names, self.materials, strict=True)
-        n = np.array([index_of(material, wavelength, name) for name, material in pairs])[self.region, None]
-        return n**2, n * self.of_materials(lambda m: m.index.group_index(wavelength) if m.index else 1.0)
+        n = np.array([index_of(m, wavelength, name, self.ambient) for name, m in pairs])[self.region, None]
+        return n**2, n * self.of_materials(lambda m: group_index_of(m, wavelength, self.ambient))
 
 
 def material_of(geometry: CrossSection, region: str) -> Material:
@@ -118,43 +122,10 @@ def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
     return [replace(face, owner=face.owner or AIR) for face in reversed(faces)]  # the core, meshed finest, first
 
 
-def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, dict[str, float]]:
-    """Box about a part, up to the nearest regions that guide or absorb, and the distance in m to each of these.
+def index_of(material: Material, wavelength: float, region: str, temperature: float) -> float:
+    """Refractive index of a region's material at a temperature in K: n + dn/dT (T - `ROOM`).
 
-    Left out are layers of at least the part's index that do not touch it (a substrate), and materials without an index.
-
-    Raises InputError: a material without an index touches the part.
-    """
-    left, bottom = part.outline().min(axis=0)
-    right, top = part.outline().max(axis=0)
-    own = index_of(geometry.material_of(part.name), wavelength, part.name)
-    axis = 0.02 * left if geometry.kind == "ring" else -geometry.outer_radius
-    box = [axis, geometry.outer_radius, geometry.bottom_z, np.inf]
-    away = {}
-    layers = {layer.name for layer in geometry.layers}
-    beside = {name for pair in geometry.subdivision.owners if part.name in pair for name in pair}
-    for name, outline in outlines(geometry).items():
-        material = geometry.material_of(name)
-        if name in beside:
-            index_of(material, wavelength, name)
-        elif material.name != VOID:
-            if material.index and not (name in layers and material.index.index(wavelength) > 0.99 * own):
-                continue
-            r0, z0 = outline.min(axis=0)
-            r1, z1 = outline.max(axis=0)
-            gaps = (left - r1, r0 - right, bottom - z1, z0 - top)
-            side = int(np.argmax(gaps))
-            if gaps[side] >= 0:
-                away[name] = float(gaps[side])
-                nearer = max if side in (0, 2) else min
-                box[side] = nearer(box[side], (r1, r0, z1, z0)[side])
-    if geometry.mirrored:
-        box[0] = -box[1]
-    return (float(box[0]), float(box[1]), float(box[2]), float(box[3])), away
-
-
-def index_of(material: Material, wavelength: float, region: str) -> float:
-    """Refractive index of a region's material.
+    An index law holds at `ROOM`; without dn/dT it holds at any temperature.
 
     Raises InputError: the material has none, or the wavelength lies outside the range of its law.
     """
@@ -164,4 +135,16 @@ def index_of(material: Material, wavelength: float, region: str) -> float:
             f'give it in [material.{material.name}] index = 1.444, or "Si, Salzberg 1957", or move it away',
         )
     with prefixed(f"index of {material.name!r}, the material of {region!r}"):
-        return material.index.index(wavelength)
+        return material.index.index(wavelength) + _heated(material, temperature)
+
+
+def group_index_of(material: Material, wavelength: float, temperature: float) -> float:
+    """Group index of a material at a temperature in K; 1 without an index. dn/dT is taken without dispersion."""
+    if material.index is None:
+        return 1.0
+    return material.index.group_index(wavelength) + _heated(material, temperature)
+
+
+def _heated(material: Material, temperature: float) -> float:
+    """Change of the refractive index from `ROOM` to a temperature in K."""
+    return (material.thermo_optic or 0.0) * (temperature - ROOM)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,21 +15,35 @@ from .. import checks
 from ..arrays import Array
 from .mode import Mode
 from .mode_elements import Space
-from .mode_window import UM, Box, Window, index_of, limits, material_of, window
+from .mode_window import UM, Box, Window, material_of, window
+from .surroundings import REFERENCE, TAIL, Surroundings
 
 if TYPE_CHECKING:
     from ..fem import HeatProblem
     from ..geometry import CrossSection, Part
     from ..mesh import Mesh
 
-TAIL = 1e-7  # of the power: share of a mode that the window may cut off
 REACHES = 1e-4  # of the power: a metal that so much of the mode reaches is refused
-LEAKS = 1e-6  # of the power: where so much of the mode reaches a substrate its leak is computed
 LEAK = 0.01  # dB/cm; a larger leak is reported
-RIDGE = 0.9  # of dn_eff/dn of the core's material: a part with less is the ridge of a rib, or the rim of a disc
-HELD = 0.4  # of the energy, in the core's material over the core's width: less is no mode of this guide
+RIDGE = 0.9  # of dn_eff/dn of what guides: a part with less is the ridge of a rib, the rim of a disc, half of a diode
+HELD = 0.4  # of the energy, within the core and where the mode falls to a tenth: less is no mode of this guide
+BARRIER = 2.0  # exponent of a bend's tunnelling; below it nothing holds a mode in the bend
+STAYS = 0.5  # of the core's share of the energy in the straight guide: with less a mode has left the bend
+GRAIN = 20e-9  # m, of a window's sizes: geometries next to each other have the same triangles
+ROOF = 1e-4  # of the power of a weakly guided mode: with less at the top of the stack a window ends there
+CUT = 1e-2  # of the power of the weakest mode: where more of it lies outside, the window is widened
+LEAST = 0.03  # of the way from the cladding's index to the core's slab: for a weaker mode no window is widened
+FIRST, MOST = 3, 48  # modes that are solved for at first and at most
 
 log = logging.getLogger("thermofem")
+
+
+class _Search(NamedTuple):
+    """Modes of the straight guide, the window on which they were solved, and its distances from the core in m."""
+
+    window: Window
+    reaches: Sequence[float]
+    modes: list[Mode]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +72,7 @@ class Light:
         part = checks.choice("part", part or ("core" if "core" in parts else geometry.heated[0]), parts)
         order = checks.integer("order", order, 2, 3)
         found = cls(geometry, heat.mesh, wavelength, part, order, heat.accuracy)
-        found.core_index  # noqa: B018 - the core has an index at this wavelength
+        found.surroundings.core_index  # noqa: B018 - the core has an index at this wavelength
         return found
 
     @property
@@ -65,90 +80,139 @@ class Light:
         """The part that guides."""
         return next(part for part in self.geometry.parts if part.name == self.part)
 
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """What lies around the part on each side."""
+        return Surroundings(self.geometry, self.guide, self.wavelength)
+
+    @property
+    def walls(self) -> tuple[float, float]:
+        """r or x in m of the inner and the outer wall at half height, of the part and what forms the core with it."""
+        inner, outer = self.surroundings.outermost
+        return inner.inner_radius, outer.outer_radius
+
     @property
     def centre(self) -> float:
         """r or x in m of the origin of windows: the core's centre, or the edge of a full disc or its rim."""
-        p = self.guide
-        if p.x is not None:
-            return p.x
-        filled = any(
-            (q.material, q.bottom, q.top) == (p.material, p.bottom, p.top)
-            and math.isclose(q.outer_radius, p.inner_radius, rel_tol=1e-9)
-            for q in self.geometry.parts
-        )
-        return p.outer_radius if filled or not p.inner_radius else (p.inner_radius + p.outer_radius) / 2
+        inner, outer = self.walls
+        return (inner + outer) / 2 if inner or self.geometry.kind == "straight" else outer
 
     @property
     def at_edge(self) -> bool:
         """Whether R is the radius of the edge (of a disc or its rim) and not that of the core's centre."""
-        return self.centre == self.guide.outer_radius
+        return self.centre == self.walls[1]
 
     @property
     def radius(self) -> float:
         """R in m; inf for a straight guide."""
         return math.inf if self.geometry.kind == "straight" else self.centre
 
-    @cached_property
-    def core_index(self) -> float:
-        """Refractive index of the core."""
-        return index_of(self.geometry.material_of(self.part), self.wavelength, self.part)
-
-    @cached_property
-    def cladding_index(self) -> float:
-        """Largest refractive index below that of the core among all layers and parts."""
-        regions = [self.geometry.material_of(name) for name in self.geometry.region_names]
-        known = [m.index.index(self.wavelength) for m in regions if m.index is not None]
-        return max((n for n in known if n < 0.99 * self.core_index), default=1.0)
-
-    def reach(self, n_eff: float, tail: float) -> float:
-        """Distance in m at which exp(-2 sqrt(n_eff^2 - n_clad^2) k0 d) has fallen to ``tail``."""
-        decay = 2 * math.pi / self.wavelength * math.sqrt(max(n_eff**2 - self.cladding_index**2, 1e-3))
-        return -math.log(tail) / (2 * decay)
-
-    @cached_property
+    @property
     def outline(self) -> Array:
-        """Corners of the part in m, shape (4, 2)."""
-        return self.guide.outline()
+        """Corners of the core in m, shape (4, 2)."""
+        return self.surroundings.outline
 
-    @cached_property
-    def limits(self) -> tuple[Box, dict[str, float]]:
-        """Box where the window must end, and distance in m to each region beyond it, as of `window.limits`."""
-        return limits(self.geometry, self.guide, self.wavelength)
+    def box(self, left: float, right: float, below: float, above: float) -> Box:
+        """Box (left, right, bottom, top) in m that extends by these lengths beyond the core, cut to its limits."""
+        inner, foot = self.outline.min(axis=0)
+        outer, top = self.outline.max(axis=0)
+        end = self.surroundings.limits[0]
+        return (
+            max(float(inner) - left, end[0]),
+            min(float(outer) + right, end[1]),
+            max(float(foot) - below, end[2]),
+            min(float(top) + above, end[3]),
+        )
 
-    def box(self, *asides: float) -> Box:
-        """Box (left, right, bottom, top) in m that extends by ``asides`` beyond the part, cut to `limits`."""
-        left, bottom = self.outline.min(axis=0)
-        right, top = self.outline.max(axis=0)
-        wanted = (left - asides[0], right + asides[1], bottom - asides[2], top + asides[3])
-        end = self.limits[0]
-        return max(wanted[0], end[0]), min(wanted[1], end[1]), max(wanted[2], end[2]), min(wanted[3], end[3])
+    @property
+    def _weak(self) -> float:
+        """n_eff of a weakly guided mode: `REFERENCE` of the way from the cladding's index to the core's slab."""
+        cladding = self.surroundings.cladding_index
+        return cladding + REFERENCE * (self.surroundings.ceiling - cladding)
 
-    @cached_property
+    @property
     def window(self) -> Window:
-        """Triangles on which modes are solved: up to where a mode of index near the cladding's has decayed."""
-        weak = self.cladding_index + 0.25 * (self.core_index - self.cladding_index)
-        box = self.box(*[self.reach(weak, TAIL)] * 4)
+        """Triangles on which modes are solved: up to where a weakly guided mode has decayed."""
+        return self._search.window
+
+    @cached_property
+    def _bent(self) -> Window:
+        """Triangles on which modes of the bend are solved: outwards not much beyond the caustic of the best one."""
+        if self.at_edge or math.isinf(self.radius):
+            return self.window
+        best = max(mode.n_eff for mode in self._straight.values())
+        return self._cut(self._search.reaches, self._caustic(best))
+
+    def _cut(self, reaches: Sequence[float], farthest: float) -> Window:
+        """Triangles up to ``reaches`` from the core on the four sides, and at most ``farthest`` outwards; all in m."""
+        left, right, below, above = (GRAIN * math.ceil(distance / GRAIN) for distance in reaches)
+        stack = self.geometry.top_z - float(self.outline[:, 1].max())
+        if stack > self.surroundings.reach("top", self._weak, ROOF):
+            above = min(above, stack)
+        box = self.box(left, min(right, farthest), below, above)
         return window(self.geometry, self.mesh, box, self.centre, self.accuracy)
+
+    def _caustic(self, n_eff: float) -> float:
+        """Distance in m from the outer wall at which a mode of the bend begins to radiate, n_clad r = n_eff R.
+
+        At least that at which a mode between the indices of cladding and core has decayed: beyond a caustic windows
+        have modes of their own, which mix with that of the guide where they are large.
+        """
+        cladding = self.surroundings.cladding_index
+        between = cladding + REFERENCE * (self.surroundings.core_index - cladding)
+        least = GRAIN * math.ceil(self.surroundings.reach("right", between, TAIL) / GRAIN)
+        return max(least, self.radius * (n_eff / cladding - 1))
 
     @cached_property
     def _space(self) -> Space:
         """The finite-element space of the bend."""
-        return Space(self.window.mesh, self.element_order, self.radius * UM)
+        return Space(self._bent.mesh, self.element_order, self.radius * UM)
+
+    @cached_property
+    def _search(self) -> _Search:
+        """Modes of the straight guide, on a window for a weakly guided one, or for the weakest of them if wider."""
+        reaches = self.surroundings.reaches(self._weak, TAIL)
+        first = self._searched(reaches)
+        if not first.modes:
+            return first
+        cladding = self.surroundings.cladding_index
+        least = cladding + LEAST * (self.surroundings.ceiling - cladding)
+        weakest = max(min(mode.n_eff for mode in first.modes), least)
+        wider = self.surroundings.reaches(weakest, CUT)
+        if max(wider) < max(reaches):
+            return first
+        return self._searched([max(pair) for pair in zip(reaches, wider, strict=True)])
+
+    def _searched(self, reaches: Sequence[float]) -> _Search:
+        """Guided modes of the straight guide, of a disc of the disc, on a window with these distances in m."""
+        floor = self.surroundings.lowest
+        window = self._cut(reaches, self._caustic(self._weak) if self.at_edge else math.inf)
+        space = Space(window.mesh, 2, self.radius * UM if self.at_edge else math.inf)
+        start = Mode("", self.wavelength, self, window, space, 0.0, np.empty(0))
+        count = FIRST
+        while True:
+            solved = start.solved(count, self.surroundings.ceiling)
+            lowest = min(mode.n_eff for mode in solved)
+            complete = len(solved) < count or lowest < floor
+            if complete or count >= MOST:
+                break
+            count *= 2
+        if not complete:
+            log.warning(
+                "%s: %d modes were looked at, down to n_eff = %.4g; %r may guide more below that",
+                self.geometry.name, count, lowest, self.part,
+            )  # fmt: skip
+        return _Search(window, reaches, [mode for mode in solved if mode.n_eff > floor and mode.held > HELD])
 
     @cached_property
     def _straight(self) -> dict[str, Mode]:
-        """Guided modes of the straight guide of this cross-section by name, best guided first."""
-        space, count = Space(self.window.mesh), 3
-        start = Mode("", self.wavelength, self, self.window, space, 0.0, np.empty(0))
-        while True:
-            found = start.solved(count, 0.999 * self.core_index)
-            found = [mode for mode in found if mode.n_eff > self.cladding_index and mode.share > HELD]
-            if len(found) < count or count > 40:
-                break
-            count *= 2
+        """Guided modes of the straight guide (of a disc, of the disc) by name, best guided first."""
+        floor = self.surroundings.lowest
+        found = self._search.modes
         if not found:
             raise checks.InputError(
-                f"{self.geometry.name!r} guides no mode in {self.part!r} at {self.wavelength * 1e9:g} nm",
+                f"{self.geometry.name!r} guides no mode in {self.part!r} at {self.wavelength * 1e9:g} nm: none has an "
+                f"index between {floor:.4g} around it and {self.surroundings.ceiling:.4g} of its layers",
                 "a core needs a larger index than what is around it, and enough width and height",
             )
         named: dict[str, Mode] = {}
@@ -166,7 +230,7 @@ class Light:
     @property
     def modes(self) -> tuple[Mode, ...]:
         """Guided modes, best guided first; modes that leave the core in the bend are left out."""
-        return tuple(mode for mode in map(self._solved, self.names) if mode.share >= HELD)
+        return tuple(mode for mode in map(self._solved, self.names) if self._stays(mode))
 
     def mode(self, name: str | None = None) -> Mode:
         """The guided mode called ``name``; default that of the polarisation in [light] of the geometry, else TE0.
@@ -174,16 +238,24 @@ class Light:
         Raises InputError: no such mode is guided; the bend is so tight that the mode leaves the core.
         """
         given = self.geometry.light
-        name = checks.choice("mode", name or ("TE0" if given is None else given.mode), self.names)
+        name = name or ("TE0" if given is None else given.mode)
+        if name not in self.names:
+            rule = f"{self.geometry.name!r} guides no mode {name!r} in {self.part!r} at {self.wavelength * 1e9:g} nm"
+            raise checks.InputError(rule, f"it guides {', '.join(self.names)}")
         mode = self._solved(name)
-        if mode.share < HELD:
+        if not self._stays(mode):
             raise checks.InputError(
                 f"{name} leaves the core at the radius {self.radius * UM:g} um: {mode.share:.0%} of its energy is left "
-                "there",
+                f"there, {self._straight[name].share:.0%} without the bend",
                 "take a larger radius, or a wider core",
             )
         self._report(mode)
         return mode
+
+    def _stays(self, mode: Mode) -> bool:
+        """Whether a mode of the bend has its energy where the straight guide has it, and a barrier holds it there."""
+        held = mode.share >= STAYS * self._straight[mode.name].share
+        return held and (math.isinf(self.radius) or mode.tunnelling(self.surroundings.floor) > BARRIER)
 
     @cached_property
     def _known(self) -> dict[str, Mode]:
@@ -194,31 +266,43 @@ class Light:
         """The mode called ``name``, solved in the bend."""
         if name not in self._known:
             straight = self._straight[name]
-            same = math.isinf(self.radius) and self.element_order == straight.space.order
-            self._known[name] = straight if same else straight.nearest(self._space)
+            same = straight.radius == self.radius and self.element_order == straight.space.order
+            self._known[name] = straight if same else straight.nearest(self._space, self._bent)
         return self._known[name]
 
     def _report(self, mode: Mode) -> None:
-        """Log what absorbs or guides light within the mode's reach, and a core that is only a part of the guide."""
-        share = mode.confinement[self.part] / mode.confinement[mode.core_material]
+        """Log what absorbs or guides light within the mode's reach, and a core that is not all of the guide.
+
+        Raises InputError: a material without an index within the reach.
+        """
+        share = mode.confinement[self.part] / mode.index_confinement
         if share < RIDGE:
             log.warning(
                 "%s: %r is %.0f %% of the %s that guides %s: volumes and confinements are of all of it; the mean over "
                 "the part is not the temperature that the light sees; read 'light'",
                 self.geometry.name, self.part, 100 * share, mode.core_material, mode.name,
             )  # fmt: skip
-        reach = self.reach(mode.n_eff, REACHES)
-        leaks = self.reach(mode.n_eff, LEAKS)
-        for name, away in self.limits[1].items():
+        if mode.hybrid:
+            log.warning(
+                "%s: %s is hybrid, %.0f %% TE: a small change of the geometry may give it another name",
+                self.geometry.name, mode.name, 100 * mode.te_fraction,
+            )  # fmt: skip
+        if mode.lacking and not mode.lacking_in_core:
+            log.warning(
+                "%s: dn/dT of %s is missing and counts as 0 in the shift per kelvin of %s",
+                self.geometry.name, " and ".join(mode.lacking), mode.name,
+            )  # fmt: skip
+        for name, (side, away) in self.surroundings.limits[1].items():
             material = material_of(self.geometry, name)
+            reach = self.surroundings.reach(side, mode.n_eff, REACHES)
             if material.index is None and away < reach:
                 raise checks.InputError(
                     f"{name!r} ({material.name}) lies {away * UM:.3g} um from {self.part!r}, within the reach of "
                     f"{mode.name}, and has no refractive index",
                     f"move it {reach * UM:.2g} um away, or give it in [material.{material.name}] index = ...",
                 )
-            if material.index is not None and away < leaks and mode.substrate_loss > LEAK:
-                log.warning(
-                    "%s: %s leaks into %r, %.3g um away: %.2g dB/cm; that loss heats nothing in the core",
-                    self.geometry.name, mode.name, name, away * UM, mode.substrate_loss,
-                )  # fmt: skip
+        if mode.substrate_loss > LEAK:
+            log.warning(
+                "%s: %s leaks into %s: %.2g dB/cm; that loss heats nothing in the core",
+                self.geometry.name, mode.name, " and ".join(mode.drains), mode.substrate_loss,
+            )  # fmt: skip
