@@ -74,6 +74,7 @@ class Layout:
         for i, j in zip(*np.nonzero(np.triu(apart == 0.0, 1) | np.triu(_same_section(shapes), 1)), strict=True):
             along[i, j] = along[j, i] = _length_along(shapes[i], shapes[j])
         _check_places(shapes, along, apart)
+        _check_parts(shapes, along, apart)
         sections: dict[tuple[int, int], Local] = {}
         for i, j in zip(*np.nonzero(np.triu(along)), strict=True):
             beside = [k for k in range(len(shapes)) if k in (i, j) or along[i, k] > HALF * shapes[i].length]
@@ -195,6 +196,20 @@ def _check_places(shapes: Sequence[Shape], along: Array, apart: Array) -> None:
                 f"{who} are {gap:g} m apart, closer than the {thick:g} m that they are thick; make them parts of one "
                 "section, or give the matrices of a three-dimensional model"
             )
+
+
+def _check_parts(shapes: Sequence[Shape], along: Array, apart: Array) -> None:
+    """Raise InputError for a part that is no shape and reaches beyond half of the way to the next shape."""
+    drawn = {shape.part for shape in shapes}
+    for i, shape in enumerate(shapes):
+        nearest = float(np.min(apart[i], where=along[i] == 0.0, initial=math.inf))
+        for part in shape.section.parts:
+            beyond = float(np.abs(part.outline()[:, 0] - float(shape.drawn.x or 0.0)).max()) - shape.width / 2
+            if part.name not in drawn and beyond > nearest / 2:
+                raise InputError(
+                    f"shape {shape.name!r}: part {part.name!r} of its section reaches {beyond:g} m beyond it; the next "
+                    f"shape is {nearest:g} m away; make a plane a layer, or draw the part as a shape"
+                )
 
 
 def _section_at(shape: Shape, beside: Sequence[Shape], shapes: Sequence[Shape]) -> CrossSection:

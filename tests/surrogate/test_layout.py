@@ -289,6 +289,7 @@ def test_spice_takes_a_layout(chip, tmp_path):
 
 
 RING = th.racetrack("ring 1", THIN)
+PLATE = replace(THIN, parts=(*THIN.parts, th.Part("plate", "Al", bottom=1e-6, height=1e-7, x=0.0, width=30e-6)))
 VOID = th.Part("trench", "void", bottom=-1e-6, height=0.5e-6, x=0.0, width=1e-6)
 
 
@@ -303,6 +304,10 @@ VOID = th.Part("trench", "void", bottom=-1e-6, height=0.5e-6, x=0.0, width=1e-6)
         (lambda: surrogate.reduce_layout([RING, th.racetrack("ring 2", THIN, at=(10.6e-6, 0.0))]), "closer than"),
         (lambda: surrogate.reduce_layout([RING, RING]), "names of the shapes"),
         (lambda: surrogate.reduce_layout([RING], tolerance=2.0), "tolerance = 2"),
+        (
+            lambda: surrogate.reduce_layout([th.racetrack("a", PLATE), th.racetrack("b", PLATE, at=(30e-6, 0.0))]),
+            "'plate' of its section reaches",
+        ),
         (lambda: surrogate.reduce_layout([]), "shapes"),
         (lambda: th.racetrack("ring", THIN, radius=2.9e-6), "below 3e-06 m"),
         (lambda: th.racetrack("ring", THIN, radius=5.0), "radius = 5 must"),
