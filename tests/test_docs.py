@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import importlib
 import inspect
 import io
 import re
@@ -18,6 +20,7 @@ import coupled
 import surrogate
 import thermofem as th
 from thermofem.data.variables import VARIABLES
+from thermofem.models.model_files import KINDS
 
 pytestmark = pytest.mark.slow
 
@@ -119,6 +122,70 @@ def test_every_python_block_compiles_and_every_link_leads_somewhere(page):
             assert anchor in slugs, f"{page.name} links to {target}"
 
 
+SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
+FILES = (".py", ".toml", ".nc", ".json", ".hpp", ".cpp", ".mjs", ".wasm", ".c", ".cir", ".va", ".fmu", ".csv", ".html")
+OF_FILES = {
+    "domain_error",
+    "heater_power",
+    "ring_heat",
+}  # keys of results and pins of circuits with the names of functions
+INSIDE = {
+    "CONTRIBUTING.md",
+    "commands.md",
+    "geometry-reference.md",
+}  # names of the sources; of commands and keys of files
+
+
+def names_in_text(page: Path) -> list[str]:
+    """Return the names in backticks outside code blocks, without arguments: `th.solve(heat, wave)` gives th.solve."""
+    text = BLOCK.sub("", page.read_text(encoding="utf-8"))
+    found = [re.match(r"[A-Za-z_]\w*(?:\.\w+)*", span) for span in SPAN.findall(text) if not span.endswith(FILES)]
+    return [match[0] for match in found if match]
+
+
+def exists(name: str) -> bool:
+    """Return whether a dotted name that begins with a package can be imported, down to attributes and fields."""
+    parts = re.sub(r"^th(?=\.|$)", "thermofem", name).split(".")
+    thing = None
+    for length in range(len(parts), 0, -1):  # a function may have the name of the folder that it is in
+        with contextlib.suppress(ModuleNotFoundError):
+            thing = importlib.import_module(".".join(parts[:length]))
+            break
+    for part in parts[length:]:
+        if not hasattr(thing, part):
+            return part in getattr(thing, "__dataclass_fields__", {})
+        thing = getattr(thing, part)
+    return True
+
+
+def test_names_that_do_not_exist_are_seen():
+    assert exists("th.solve")
+    assert exists("coupled.cycles.continue_cycle.continue_cycle")
+    assert exists("th.Foster.tau")
+    assert not exists("coupled.power_for_drop")
+    assert not exists("th.Foster.taus")
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=lambda page: page.stem)
+def test_every_name_in_the_text_is_written_as_it_is_imported(page):
+    from thermofem_cli import COMMANDS
+
+    names = names_in_text(page)
+    dotted = [name for name in names if name.partition(".")[0] in ("th", "thermofem", "surrogate", "coupled")]
+    assert [name for name in dotted if not exists(name) and name != "th.NAME"] == []
+    if page.name in INSIDE:
+        return
+    public = {name for package in (th, surrogate, coupled) for name in package.__all__}
+    for package in ("thermofem", "surrogate", "coupled"):
+        for file in (ROOT / package).rglob("*.py"):
+            body = ast.parse(file.read_text(encoding="utf-8")).body
+            functions = [node.name for node in body if isinstance(node, ast.FunctionDef)]
+            public |= {name for name in functions if "_" in name.strip("_") and not name.startswith("_")}
+    kinds = set(KINDS) if page.stem == "models" else set()  # what stands in model files
+    bare = public - set(COMMANDS) - set(VARIABLES) - OF_FILES - kinds
+    assert [name for name in names if name.partition(".")[0] in bare] == []
+
+
 def test_generated_pages_are_up_to_date():
     generate = module_of(DOCS / "generate.py")
     for name, text in generate.pages().items():
@@ -144,10 +211,10 @@ def test_the_names_in_the_table_of_symbols_exist():
     names = [name for row in rows for name in re.findall(r"`([\w.]+)`", row)]
     assert len(names) > 40
     ring, model = coupled.borghi2021(), surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1e-6, eta=0.31)
-    owners = [th, surrogate, coupled, ring, model, th.Material, th.Boundary, *th.waveforms.KINDS.values()]
+    owners = [th, th.models, surrogate, coupled, ring, model, th.Material, th.Boundary, *th.waveforms.KINDS.values()]
     spoken = {*VARIABLES, "kappa", "eta", "tau_f", "tau_s", "tau_th", "heat_capacity"}
     for name in names:
-        first, _, rest = name.partition(".")
+        first, _, rest = re.sub(r"^(th|coupled|surrogate)\.(models\.)?(?=[A-Z])", "", name).partition(".")
         found = [getattr(o, first) for o in owners if hasattr(o, first)] + [coupled] * (first == "coupled")
         assert found or name in spoken, name
         assert not rest or hasattr(found[0], rest) or rest in found[0].__dataclass_fields__, name

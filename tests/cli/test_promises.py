@@ -188,7 +188,7 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         (["identify", "missing.csv"], "missing.csv does not exist"),
         (["show", "note.txt"], "note.txt holds a text without rows of numbers, not a thermal model"),
         (["fit", "note.txt", "--power", "1 mW"], "without rows of numbers"),
-        ([*TABLE, "--sensitivity", "10 mV"], "--sensitivity"),
+        ([*TABLE, "--units", "s,V", "--sensitivity", "10 mV"], "--sensitivity"),
         ([*TABLE, "--duty", "0.5"], "--duty 0.5 goes with --square"),
         (["fit", "two.csv", *TABLE[1:], "--figure", "f.png"], "shows one file; 2 are given"),
         (["fit", "three.csv", "--power", "1 mW"], "--columns"),
