@@ -71,8 +71,8 @@ def strong(d: Discretization, conductivity: Array, region: NDArray[np.int64]) ->
     region [shape (triangles,)]
     """
     held = d.basis.mesh.facets[:, d.surfaces.held]
-    found = {vertex: _exponent(d, conductivity, vertex, held) for vertex in _candidates(d, region, held).tolist()}
-    return {vertex: exponent for vertex, exponent in found.items() if exponent < STRONG}
+    exponents = {vertex: _exponent(d, conductivity, vertex, held) for vertex in _candidates(d, region, held).tolist()}
+    return {vertex: exponent for vertex, exponent in exponents.items() if exponent < STRONG}
 
 
 def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -81,13 +81,16 @@ def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.i
     Three edges between regions meet there; on the boundary two, or one where a held side ends.
     """
     grid = d.basis.mesh
-    count, (first, second) = grid.p.shape[1], grid.f2t
+    count = grid.p.shape[1]
+    first, second = grid.f2t
     inner = second >= 0
-    between = np.flatnonzero(inner & (region[first] != region[np.where(inner, second, first)]))
+    other_region = region[np.where(inner, second, first)]
+    between = np.flatnonzero(inner & (region[first] != other_region))
     meeting = np.bincount(grid.facets[:, between].ravel(), minlength=count)
     outside = np.bincount(grid.facets[:, ~inner].ravel(), minlength=count) > 0
     on_held = np.bincount(held.ravel(), minlength=count) == 1
-    return np.flatnonzero(np.where(outside, meeting + on_held >= 2, meeting >= 3))
+    possible = np.where(outside, meeting + on_held >= 2, meeting >= 3)
+    return np.flatnonzero(possible)
 
 
 def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray[np.int64]) -> float:
@@ -95,23 +98,33 @@ def _exponent(d: Discretization, conductivity: Array, vertex: int, held: NDArray
 
     Where k_r and k_z differ, angles are those of r/sqrt(k_r), z/sqrt(k_z) and k is sqrt(k_r k_z): exact as lambda -> 0.
     """
-    t, p = d.basis.mesh.t, d.basis.mesh.p
+    t = d.basis.mesh.t
+    p = d.basis.mesh.p
     around = np.flatnonzero((t == vertex).any(axis=0))
     corners = t[:, around].T
-    others = corners[corners != vertex].reshape(-1, 2)  # the edges at the vertex, by their other ends
+    ends = corners[corners != vertex].reshape(-1, 2)  # the edges at the vertex, by their other ends
     k = conductivity[:, around]
-    x, y = ((p[:, end] - p[:, [vertex]]) / np.sqrt(k) for end in others.T)
-    angle = np.abs(np.arctan2(x[0] * y[1] - x[1] * y[0], (x * y).sum(axis=0)))
-    edges, number = np.unique(others, return_inverse=True)
-    nodes = np.column_stack([number.reshape(-1, 2), len(edges) + np.arange(len(around))])
-    slopes, values = np.zeros((2, len(edges) + len(around), len(edges) + len(around)))
-    for own, kt, length in zip(nodes, np.sqrt(k[0] * k[1]), angle, strict=True):
-        slopes[np.ix_(own, own)] += kt / length * _SLOPES
-        values[np.ix_(own, own)] += kt * length * _VALUES
+    x = (p[:, ends[:, 0]] - p[:, [vertex]]) / np.sqrt(k)
+    y = (p[:, ends[:, 1]] - p[:, [vertex]]) / np.sqrt(k)
+    cross = x[0] * y[1] - x[1] * y[0]
+    angles = np.abs(np.arctan2(cross, (x * y).sum(axis=0)))
+    edges, number = np.unique(ends, return_inverse=True)
+    middles = len(edges) + np.arange(len(around))
+    nodes = np.column_stack([number.reshape(-1, 2), middles])
+    count = len(edges) + len(around)
+    slopes = np.zeros((count, count))
+    values = np.zeros((count, count))
+    for three, kt, angle in zip(nodes, np.sqrt(k[0] * k[1]), angles, strict=True):
+        block = np.ix_(three, three)
+        slopes[block] += kt / angle * _SLOPES
+        values[block] += kt * angle * _VALUES
     fixed = held[:, (held == vertex).any(axis=0)]
-    free = np.flatnonzero(~np.isin(np.append(edges, np.full(len(around), -1)), fixed))
+    is_free = np.append(~np.isin(edges, fixed), np.full(len(around), True))
+    free = np.flatnonzero(is_free)
     squares = eigh(slopes[np.ix_(free, free)], values[np.ix_(free, free)], eigvals_only=True)
-    return float(np.sqrt(max(squares[1 if len(free) == len(slopes) else 0], 0.0)))
+    constant_field = len(free) == count
+    square = squares[1] if constant_field else squares[0]
+    return float(np.sqrt(max(square, 0.0)))
 
 
 _QUADRATIC = [0, 1, 2, 3, 5, 7]
@@ -130,8 +143,10 @@ class ElementTriP2Enriched(ElementH1):
         """Function ``i`` and its gradient on the reference triangle; of a cubic one by complex steps, to round-off."""
         if i in _QUADRATIC:
             return ElementTriP2().lbasis(X, _QUADRATIC.index(i))
-        steps = (_cubic(np.array([X[0] + 1e-30j * r, X[1] + 1e-30j * z]), i) for r, z in ((1, 0), (0, 1)))
-        return _cubic(X, i), np.array([step.imag / 1e-30 for step in steps])
+        h = 1e-30
+        along_r = _cubic(np.array([X[0] + 1j * h, X[1]]), i)
+        along_z = _cubic(np.array([X[0], X[1] + 1j * h]), i)
+        return _cubic(X, i), np.array([along_r.imag / h, along_z.imag / h])
 
 
 def _cubic(X: Any, i: int) -> Any:
@@ -139,7 +154,9 @@ def _cubic(X: Any, i: int) -> Any:
     corners = 1 - X[0] - X[1], *X
     if i == 9:
         return corners[0] * corners[1] * corners[2]
-    a, b = (corners[k] for k in RefTri.facets[_CUBIC.index(i)])
+    first, second = RefTri.facets[_CUBIC.index(i)]
+    a = corners[first]
+    b = corners[second]
     return a * b * (a - b)
 
 
@@ -166,9 +183,12 @@ class Functions:
     @classmethod
     def of(cls, basis: Any) -> Functions:
         """Number the cubic functions behind those of a quadratic basis."""
-        grid, count, dofs = basis.mesh, basis.N, np.empty((10, basis.nelems), dtype=np.intp)
+        grid = basis.mesh
+        count = basis.N
         inside = count + grid.facets.shape[1] + np.arange(basis.nelems)
-        dofs[_QUADRATIC], dofs[_CUBIC] = basis.element_dofs, np.vstack([count + grid.t2f, inside])
+        dofs = np.empty((10, basis.nelems), dtype=np.intp)
+        dofs[_QUADRATIC] = basis.element_dofs
+        dofs[_CUBIC] = np.vstack([count + grid.t2f, inside])
         return cls(grid, ElementTriP2Enriched(), dofs, int(inside[-1]) + 1, count)
 
 
@@ -214,20 +234,23 @@ class Enrichment:
         def at(numbers: Any) -> Any:
             return numbers.real + s * numbers.imag
 
-        size = self.own.shape
         diagonal = at(self.own.diagonal())
-        found = np.zeros_like(load)
-        own = LinearOperator(size, lambda x: at(self.own @ x), dtype=float)
-        scaled = LinearOperator(size, lambda x: x / diagonal, dtype=float)
-        for column, b in zip(found.T, (load[self.free] - at(self.across @ quadratic)).T, strict=True):
-            # 3 steps of conjugate gradients; they find 0.9 to 0.999 of the energy (measured as above)
-            column[self.free] = cg(own, b, rtol=0.0, maxiter=3, M=scaled)[0]
-        x, free = found[self.cubic], found[self.free]
-        return free.T @ at(self.own @ free), np.einsum("tia,tia->at", x, at(self.each) @ x)
+        matrix = LinearOperator(self.own.shape, lambda x: at(self.own @ x), dtype=float)
+        scaled = LinearOperator(self.own.shape, lambda x: x / diagonal, dtype=float)
+        residual = load[self.free] - at(self.across @ quadratic)
+        correction = np.zeros_like(load)
+        for column, b in zip(correction.T, residual.T, strict=True):
+            column[self.free], _ = cg(matrix, b, rtol=0.0, maxiter=STEPS, M=scaled)
+        free = correction[self.free]
+        products = free.T @ at(self.own @ free)
+        x = correction[self.cubic]
+        energies = np.einsum("tia,tia->at", x, at(self.each) @ x)
+        return products, energies
 
 
 Channel = tuple[str, str]  # heated, read
 
+STEPS = 3  # of conjugate gradients; they find 0.9 to 0.999 of the energy (measured as above)
 SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary chip, and of the step at 1 ns
 FAINT = 1e-2  # of the R_th of the heated part: where another part warms less, its error hardly counts for the mesh
 SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
@@ -275,7 +298,8 @@ class MeshError:
     def strong(self) -> dict[int, float]:
         """Vertices where the field is strongly singular, with the exponent."""
         heat = self.heat
-        return strong(heat.discretization, properties(heat.geometry, heat.mesh)[0], heat.mesh.region)
+        conductivity, _ = properties(heat.geometry, heat.mesh)
+        return strong(heat.discretization, conductivity, heat.mesh.region)
 
     @cached_property
     def unseen(self) -> Array:
@@ -283,16 +307,19 @@ class MeshError:
 
         saturation(lambda)/`SATURATION` - 1, as cubic functions see less of the error there; 0 elsewhere.
         """
-        found = np.zeros(len(self.heat.mesh.triangles))
+        triangles = self.heat.mesh.triangles
+        unseen = np.zeros(len(triangles))
         for vertex, exponent in self.strong.items():
-            at = (self.heat.mesh.triangles == vertex).any(axis=1)
-            found[at] = np.maximum(found[at], saturation(exponent) / SATURATION - 1)
-        return found
+            around = (triangles == vertex).any(axis=1)
+            share = saturation(exponent) / SATURATION - 1
+            unseen[around] = np.maximum(unseen[around], share)
+        return unseen
 
     @cached_property
     def shifts(self) -> Array:
         """Shifts s in 1/s of the estimate: one a decade from the slowest rate of the system to `FASTEST`, then 0."""
-        d, x = self.heat.discretization, self.static(self.heat.heated[0])
+        d = self.heat.discretization
+        x = self.static(self.heat.heated[0])
         x = d.factors.solve(0.0, 1.0, d.E @ x)
         slowest = float(x @ (d.K @ x)) / float(x @ (d.E @ x))  # Rayleigh's quotient after one inverse iteration
         first = min(SLOWEST, int(np.floor(np.log10(slowest))))
@@ -312,17 +339,8 @@ class MeshError:
         and the error is relative to its R_th; there each triangle counts with the root of its two energies, which is
         Cauchy's and Schwarz's inequality, times `CROSS`, as the parts may cancel in u_3 and not in the exact field.
         """
-        heat, d = self.heat, self.heat.discretization
         names = list(dict.fromkeys(name for channel in channels for name in channel))
-        means = np.column_stack([d.means[name] for name in names])
-        load = np.column_stack([self.enrichment.mean(heat, name) for name in names])
-        found = np.zeros((len(means), len(self.shifts), len(names)))
-        found[d.free, -1] = np.column_stack([self.static(name) for name in names])  # while the factors of 0 are there
-        for k, s in enumerate(self.shifts[:-1]):
-            found[d.free, k] = np.column_stack([d.factors.solve(s, 1.0, mean) for mean in means[d.free].T])
-        values = np.einsum("ia,isb->sab", means, found, optimize=True)
-        each = [self.enrichment.added(s, found[:, k], load) for k, s in enumerate(self.shifts)]
-        totals, shares = (np.array(one) for one in zip(*each, strict=True))
+        values, totals, energies = self._enriched(names)
         between = (self.shifts > 0) & (self.shifts < self.shifts.max())
         factor = SATURATION * np.where(between, PEAK, 1.0)
         errors = {}
@@ -331,17 +349,44 @@ class MeshError:
         for heated, read in channels:
             i = names.index(heated)
             j = names.index(read)
-            scale = values[:, j, i] if i == j else values[-1, j, i]
-            pair = np.sqrt(np.abs(shares[:, j] * shares[:, i]))
+            pair = np.sqrt(np.abs(energies[:, j] * energies[:, i]))
             whole = np.abs(totals[:, j, i])
             if self.strong:
                 whole = whole + pair @ self.unseen
                 pair = pair * (1 + self.unseen)
-            each = ((factor if i == j else CROSS * factor) / np.abs(scale))[:, None] * pair
-            errors[heated, read] = factor * whole / np.abs(scale) if i == j else each.sum(axis=1)
-            local[heated, read] = each
-            gain, own = abs(values[-1][j, i]), values[-1][i, i]
-            weights[heated, read] = 1.0 if i == j else float(gain / (gain + FAINT * own))
-        points = self.heat.mesh.points
-        corners = {(float(points[v, 0]), float(points[v, 1])): exponent for v, exponent in self.strong.items()}
+            if i == j:
+                scale = np.abs(values[:, i, i])
+                local[heated, read] = (factor / scale)[:, None] * pair
+                errors[heated, read] = factor * whole / scale
+                weights[heated, read] = 1.0
+            else:
+                gain = abs(values[-1, j, i])
+                local[heated, read] = (CROSS * factor / gain)[:, None] * pair
+                errors[heated, read] = local[heated, read].sum(axis=1)
+                weights[heated, read] = float(gain / (gain + FAINT * values[-1, i, i]))
+        corners = {}
+        for vertex, exponent in self.strong.items():
+            r, z = self.heat.mesh.points[vertex]
+            corners[float(r), float(z)] = exponent
         return Estimate(self.shifts, errors, local, weights, corners)
+
+    def _enriched(self, names: list[str]) -> tuple[Array, Array, Array]:
+        """Quadratic solutions of n functionals at all shifts, and what cubic functions add to them.
+
+        Returns values Z [shape (s, n, n), K/W], and products and energies as `Enrichment.added` [(s, n, n), (s, n, t)].
+        """
+        d = self.heat.discretization
+        means = np.column_stack([d.means[name] for name in names])
+        load = np.column_stack([self.enrichment.mean(self.heat, name) for name in names])
+        fields = np.zeros((len(means), len(self.shifts), len(names)))
+        fields[d.free, -1] = np.column_stack([self.static(name) for name in names])  # while the factors of 0 are there
+        for k, s in enumerate(self.shifts[:-1]):
+            fields[d.free, k] = np.column_stack([d.factors.solve(s, 1.0, mean) for mean in means[d.free].T])
+        values = np.einsum("ia,isb->sab", means, fields, optimize=True)
+        products = []
+        energies = []
+        for k, s in enumerate(self.shifts):
+            product, energy = self.enrichment.added(s, fields[:, k], load)
+            products.append(product)
+            energies.append(energy)
+        return values, np.array(products), np.array(energies)

@@ -40,7 +40,7 @@ from .shape_derivatives import Tangent, tangent
 if TYPE_CHECKING:
     from .heat_problem import HeatProblem
 
-STEP = 1e-4  # of a rate: half the width of the difference that gives the answer of a double pole to 1e-8
+RATE_STEP = 1e-4  # of a rate: half the width of the difference that gives the answer of a double pole to 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +75,17 @@ class ModalDerivative:
     def resistance(self) -> Array:
         """Derivative of R_th in K/W per unit of each parameter, shape (p,)."""
         K, _ = self._pairs
-        return self._source @ (1 / self.rate) - np.einsum("pmn,m,n->p", K, 1 / self.rate, 1 / self.rate)
+        x = 1 / self.rate
+        return self._source @ x - np.einsum("pmn,m,n->p", K, x, x)
 
     def impedance(self, frequency: Array) -> NDArray[np.complex128]:
         """Derivative of the impedance Z(f) in K/W per unit of each parameter, shape (p, f)."""
         K, M = self._pairs
         s = 2j * np.pi * frequency
         x = 1 / (self.rate[:, None] + s)
-        through = np.einsum("pmn,mf,nf->pf", K, x, x) + s * np.einsum("pmn,mf,nf->pf", M, x, x)
-        return np.asarray(self._source @ x - through)
+        by_K = np.einsum("pmn,mf,nf->pf", K, x, x)
+        by_M = s * np.einsum("pmn,mf,nf->pf", M, x, x)
+        return np.asarray(self._source @ x - (by_K + by_M))
 
     def step_response(self, times: Array) -> Array:
         """Derivative of the rise after a unit step in K/W per unit of each parameter, shape (p, t).
@@ -94,14 +96,17 @@ class ModalDerivative:
         K, M = self._pairs
         slow = np.minimum(self.rate[:, None], self.rate)
         apart = np.abs(self.rate[:, None] - self.rate)
-        near = np.where(apart > 0, apart, 1.0)
+        nonzero = np.where(apart > 0, apart, 1.0)
+        products = np.outer(self.rate, self.rate)
         result = np.empty((len(K), times.size))
         for k, t in enumerate(times):
             decay = np.exp(-slow * t)
-            D = decay * np.where(apart > 0, -np.expm1(-apart * t) / near, t)
-            of_K = (-np.expm1(-slow * t) - slow * D) / np.outer(self.rate, self.rate)
+            D = decay * np.where(apart > 0, -np.expm1(-apart * t) / nonzero, t)
+            of_K = (-np.expm1(-slow * t) - slow * D) / products
             rise = -np.expm1(-self.rate * t) / self.rate
-            result[:, k] = self._source @ rise - np.einsum("pmn,mn->p", K, of_K) - np.einsum("pmn,mn->p", M, D)
+            by_K = np.einsum("pmn,mn->p", K, of_K)
+            by_M = np.einsum("pmn,mn->p", M, D)
+            result[:, k] = self._source @ rise - by_K - by_M
         return result
 
     def poles(self) -> tuple[Array, Array]:
@@ -112,13 +117,16 @@ class ModalDerivative:
         """
         rate, b, c = self.rate, self.heating, self.reading
         apart = rate - rate[:, None]  # [j, i] = lambda_i - lambda_j
-        inverse = np.where(apart == 0, 0.0, 1 / np.where(apart == 0, 1.0, apart))
+        itself = apart == 0
+        inverse = np.where(itself, 0.0, 1 / np.where(itself, 1.0, apart))
         mixed = self.of_K - rate * self.of_M  # [p, j, i]
         of_rate = np.einsum("pii->pi", mixed)
-        turn = mixed * inverse - np.einsum("pii->pi", self.of_M)[:, :, None] / 2 * np.eye(rate.size)
+        stretch = np.einsum("pii->pi", self.of_M) / 2
+        turn = mixed * inverse - stretch[:, :, None] * np.eye(rate.size)
         of_b = self.of_heating + np.einsum("j,pji->pi", b, turn)
         of_c = self.of_reading + np.einsum("j,pji->pi", c, turn)
-        of_R = (of_b * c + b * of_c) / rate - b * c * of_rate / rate**2
+        of_gain = of_b * c + b * of_c
+        of_R = of_gain / rate - b * c * of_rate / rate**2
         return of_R, -of_rate / rate**2
 
     def response(self, wave: Waveform, times: Array, *, periodic: bool = False) -> Array:
@@ -131,10 +139,11 @@ class ModalDerivative:
         rate, gain = self.rate, self.heating * self.reading
         of_rate = -of_tau * rate**2
         X = pole_responses(rate * 1, wave, times, periodic=periodic)
-        up = pole_responses(rate * (1 + STEP), wave, times, periodic=periodic)
-        down = pole_responses(rate * (1 - STEP), wave, times, periodic=periodic)
-        of_X = (up - down) / (2 * STEP * rate)
-        return np.asarray((of_R * rate + gain / rate * of_rate) @ X.T + (gain * of_rate) @ of_X.T)
+        up = pole_responses(rate * (1 + RATE_STEP), wave, times, periodic=periodic)
+        down = pole_responses(rate * (1 - RATE_STEP), wave, times, periodic=periodic)
+        of_X = (up - down) / (2 * RATE_STEP * rate)
+        of_gain = of_R * rate + gain / rate * of_rate
+        return np.asarray(of_gain @ X.T + (gain * of_rate) @ of_X.T)
 
 
 Parameter = str | Sequence[str]
@@ -203,8 +212,9 @@ def derivatives(
     t = None if times is None else step_times(times)
     f = None if frequencies is None else checks.array("frequencies", frequencies)
     changes, tangents = tangents_of(heat, parameters, (heated, read))
-    found = _responses(heat, tangents, (heated, read), t, f)
-    data = dataset_of([(one.name, one.value, one.unit) for one in changes], found, t, f)
+    responses = _responses(heat, tangents, (heated, read), t, f)
+    rows = [(each.name, each.value, each.unit) for each in changes]
+    data = dataset_of(rows, responses, t, f)
     return data.assign_attrs(heated=heated, read=read, thermal_resistance=heat.thermal_resistance(heated, read))
 
 
@@ -212,9 +222,10 @@ def tangents_of(
     heat: HeatProblem, parameters: Parameter | Sequence[Parameter], channel: tuple[str, str]
 ) -> tuple[list[Change], list[Tangent]]:
     """The `Change` of each parameter, and the derivatives of the matrices with respect to it."""
-    each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
-    changes = [change(heat.geometry, one) for one in each]
-    checks.unique("parameters", [one.name for one in changes])
+    several = [parameters] if isinstance(parameters, str) else parameters
+    checked = checks.instances("parameters", several, str, tuple, list)
+    changes = [change(heat.geometry, parameter) for parameter in checked]
+    checks.unique("parameters", [each.name for each in changes])
     velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, channel[1]))
     return changes, [tangent(heat, *pair, channel) for pair in zip(changes, velocities, strict=True)]
 
@@ -223,9 +234,11 @@ def project(
     tangents: Sequence[Tangent], channel: tuple[str, str], free: NDArray[np.intp], V: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Derivatives dK, dM (p, k, k) and db, dc (p, k) projected on the k fields V, for p parameters."""
-    of_K = np.array([V.T @ (one.K[free][:, free] @ V) for one in tangents])
-    of_M = np.array([V.T @ (one.M[free][:, free] @ V) for one in tangents])
-    of_b, of_c = (np.array([V.T @ one.means[name][free] for one in tangents]) for name in channel)
+    heated, read = channel
+    of_K = np.array([V.T @ (each.K[free][:, free] @ V) for each in tangents])
+    of_M = np.array([V.T @ (each.M[free][:, free] @ V) for each in tangents])
+    of_b = np.array([V.T @ each.means[heated][free] for each in tangents])
+    of_c = np.array([V.T @ each.means[read][free] for each in tangents])
     return of_K, of_M, of_b, of_c
 
 
@@ -236,48 +249,56 @@ def _responses(
     heat: HeatProblem, tangents: Sequence[Tangent], channel: tuple[str, str], t: Array | None, f: Array | None
 ) -> Answers:
     """Derivatives of R_th, step response and impedance, on a Krylov space that grows until they no longer change."""
-    space, free, means = _space(heat, *channel, t, f), heat.discretization.free, heat.discretization.means
+    space = _space(heat, *channel, t, f)
+    free = heat.discretization.free
+    means = heat.discretization.means
 
     def answers() -> Answers:
         basis = space.basis()
         V, Z = basis.fields, basis.rotation
-        b, c = (Z.T @ (V.T @ means[name][free]) for name in channel)
+        b = Z.T @ (V.T @ means[channel[0]][free])
+        c = Z.T @ (V.T @ means[channel[1]][free])
         of_K, of_M, of_b, of_c = project(tangents, channel, free, V)
         modal = ModalDerivative(basis.rate, b, c, Z.T @ of_K @ Z, Z.T @ of_M @ Z, of_b @ Z, of_c @ Z)
         step = None if t is None else modal.step_response(t)
-        return modal.resistance(), step, None if f is None else modal.impedance(f)
+        impedance = None if f is None else modal.impedance(f)
+        return modal.resistance(), step, impedance
 
     for _ in range(FEWEST):
         space.grow()
-    found = answers()
+    responses = answers()
     while len(space.sizes) <= ROUNDS:
         size = space.order
         space.grow()
         space.grow()
-        before, found = found, answers()
-        if space.order == size or _settled(found, before):
+        before = responses
+        responses = answers()
+        if space.order == size or _settled(responses, before):
             break
-    return found
+    return responses
 
 
-def _settled(found: Answers, before: Answers) -> bool:
+def _settled(responses: Answers, before: Answers) -> bool:
     """Whether step response and impedance of each parameter changed by less than `SETTLED` of their largest value."""
-    return all(
-        now is None
-        or last is None
-        or bool(np.all(np.abs(now - last) <= SETTLED * np.abs(now).max(axis=1, keepdims=True)))
-        for now, last in zip(found[1:], before[1:], strict=True)
-    )
+    for now, last in zip(responses[1:], before[1:], strict=True):
+        if now is None or last is None:
+            continue
+        largest = np.abs(now).max(axis=1, keepdims=True)
+        if np.any(np.abs(now - last) > SETTLED * largest):
+            return False
+    return True
 
 
 def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array | None) -> Rounds:
     """Krylov space with shifts that cover the times t (s) and frequencies f (Hz)."""
     names = tuple(dict.fromkeys((heated, read)))
     factors = heat.discretization.factors
-    free, means = heat.discretization.free, heat.discretization.means
+    free = heat.discretization.free
+    means = heat.discretization.means
     system = heat.discretization.state_space((heated,), (heated,))
     slow, _ = rates(system, lambda rhs: factors.solve(0.0, 1.0, rhs))
-    system = replace(system, B=np.column_stack([means[name][free] for name in names]), inputs=names)
+    B = np.column_stack([means[name][free] for name in names])
+    system = replace(system, B=B, inputs=names)
     shifts = np.zeros(1)
     if t is not None or f is not None:
         fast = [10 * slow]
@@ -286,13 +307,17 @@ def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array 
         if f is not None:
             fast.append(2 * np.pi * np.abs(f).max())
         shifts = np.append(0.0, np.geomspace(5 * slow, max(fast), 5))
-    solvers = [factors.keep(s, 1.0) if s else (lambda rhs: factors.solve(0.0, 1.0, rhs)) for s in shifts]
+
+    def static(rhs: Array) -> Array:
+        return factors.solve(0.0, 1.0, rhs)
+
+    solvers = [factors.keep(shift, 1.0) if shift else static for shift in shifts]
     return Rounds(system, shifts, solvers)
 
 
 def dataset_of(
     parameters: Sequence[tuple[str, float, str]],
-    found: tuple[Array, Array | None, NDArray[np.complex128] | None],
+    responses: Answers,
     t: Array | None,
     f: Array | None,
 ) -> xr.Dataset:
@@ -302,13 +327,16 @@ def dataset_of(
     """
     names, values, units = zip(*parameters, strict=True)
     per = "K/W per unit of the parameter"
-    axes = {"thermal_resistance": (), "step_response": ("time",), "impedance": ("frequency",)}
-    words = ("R_th", "the step response", "the thermal impedance")
-    variables = {
-        name: (("parameter", *over), value, {"long_name": f"derivative of {of}", "units": per})
-        for (name, over), of, value in zip(axes.items(), words, found, strict=True)
-        if value is not None
+    kinds = {
+        "thermal_resistance": ((), "R_th"),
+        "step_response": (("time",), "the step response"),
+        "impedance": (("frequency",), "the thermal impedance"),
     }
+    variables = {}
+    for (name, (over, of)), numbers in zip(kinds.items(), responses, strict=True):
+        if numbers is not None:
+            about = {"long_name": f"derivative of {of}", "units": per}
+            variables[name] = (("parameter", *over), numbers, about)
     coords: dict[str, Any] = {
         "parameter": list(names),
         "value": ("parameter", list(values), {"long_name": "value of the parameter"}),
@@ -316,5 +344,8 @@ def dataset_of(
         "time": ("time", t, describe("time")),
         "frequency": ("frequency", f, describe("frequency")),
     }
-    given = {"time": t, "frequency": f}
-    return xr.Dataset(variables, coords={k: v for k, v in coords.items() if given.get(k, v) is not None})
+    if t is None:
+        del coords["time"]
+    if f is None:
+        del coords["frequency"]
+    return xr.Dataset(variables, coords=coords)

@@ -64,40 +64,49 @@ def shell_integral(
     longest = lengths.max(axis=1)
     outside = mesh.region != mesh.region_names.index(probe.part)
     inside = outside & (far.max(axis=1) + longest / 2 <= thickness)
-    cells = np.flatnonzero(outside & ~inside & (far.min(axis=1) - longest <= thickness))
+    reached = far.min(axis=1) - longest <= thickness
+    cells = np.flatnonzero(outside & ~inside & reached)
     local = _centroids(FINENESS)
     weights = np.column_stack([1 - local.sum(axis=1), local])
     _, index, place = nearest(np.einsum("qk,ckx->cqx", weights, corners[cells]), outline)
     if points is not None:
         corners = np.moveaxis(points[:, grid.t], (0, 1, 2), (2, 1, 0))
-        outline = points.T[cKDTree(grid.p.T).query(outline)[1]]
+        _, vertices = cKDTree(grid.p.T).query(outline)
+        outline = points.T[vertices]
         sides = corners - np.roll(corners, 1, axis=1)
     small = np.einsum("qk,ckx->cqx", weights, corners[cells])
-    feet = outline[index, 0] + place[..., None] * (outline[index, 1] - outline[index, 0])
+    begins = outline[index, 0]
+    along = outline[index, 1] - begins
+    feet = begins + place[..., None] * along
     far = np.sqrt(((small - feet) ** 2).sum(axis=-1))
     edge = sides[cells, lengths[cells].argmax(axis=1)]
-    depth = (thickness + thicker - far) / (np.sqrt((edge**2).sum(axis=-1))[:, None] / FINENESS)
-    share = np.where(np.abs(depth.real) < 0.5, 0.5 + depth, depth.real > 0)
+    size = np.sqrt((edge**2).sum(axis=-1)) / FINENESS
+    depth = (thickness + thicker - far) / size[:, None]
+    on_edge = np.abs(depth.real) < 0.5
+    share = np.where(on_edge, 0.5 + depth, depth.real > 0)
     x, y = (corners[cells, 1] - corners[cells, 0]).T
     s, t = (corners[cells, 2] - corners[cells, 0]).T
     area = magnitude(x * t - s * y) / 2
-    weight = 2 * np.pi * radii(small[..., 0], grid.depth) * share * area[:, None] / len(local)
+    each = share * area[:, None] / len(local)
+    weight = 2 * np.pi * radii(small[..., 0], grid.depth) * each
     total = volume(basis, inside, points)
     for k in range(basis.Nbfun):
-        total = total + summed(basis.element_dofs[k, cells], weight @ basis.elem.lbasis(local.T, k)[0], basis.N)
+        values, _ = basis.elem.lbasis(local.T, k)
+        total = total + summed(basis.element_dofs[k, cells], weight @ values, basis.N)
     return total
 
 
 def _centroids(n: int) -> Array:
     """Centroids of the n^2 equal triangles that fill the reference triangle, shape (n^2, 2)."""
-    i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-    up = i + j < n
-    down = i + j < n - 1
-    return np.concatenate([np.column_stack([i, j])[up] + 1 / 3, np.column_stack([i, j])[down] + 2 / 3]) / n
+    index = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 2)
+    diagonal = index.sum(axis=1)
+    upwards = index[diagonal < n] + 1 / 3
+    downwards = index[diagonal < n - 1] + 2 / 3
+    return np.concatenate([upwards, downwards]) / n
 
 
 PER_GAP = 40  # steps of the angle for each gap between the heated part and the copy
-FEWEST, MOST = 64, 2000  # steps of the angle
+FEWEST_STEPS, MOST_STEPS = 64, 2000  # steps of the angle
 
 
 def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
@@ -108,14 +117,19 @@ def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = No
             r = np.append(r, -r)
             z = np.append(z, z)
             area = np.append(area, area)
-        return np.stack([r + float(probe.distance or 0), z], axis=-1), geometry.length * area
+        x = r + float(probe.distance or 0)
+        return np.stack([x, z], axis=-1), geometry.length * area
     if steps is None:
-        steps = int(np.clip(np.ceil(PER_GAP * np.pi * r.max() / _gap(geometry, probe)), FEWEST, MOST))
+        gaps = np.pi * r.max() / _gap(geometry, probe)
+        steps = int(np.clip(np.ceil(PER_GAP * gaps), FEWEST_STEPS, MOST_STEPS))
     angle = np.pi * (np.arange(steps) + 0.5) / steps
     d = float(probe.distance or 0)
-    rho = np.sqrt(d**2 + r[:, None] ** 2 + 2 * d * r[:, None] * np.cos(angle))
-    points = np.stack([rho, np.broadcast_to(z[:, None], rho.shape)], axis=-1).reshape(-1, 2)
-    return points, np.repeat(2 * np.pi * r * area / steps, steps)
+    column = r[:, None]
+    rho = np.sqrt(d**2 + column**2 + 2 * d * column * np.cos(angle))
+    heights = np.broadcast_to(z[:, None], rho.shape)
+    points = np.stack([rho, heights], axis=-1).reshape(-1, 2)
+    weights = 2 * np.pi * r * area / steps
+    return points, np.repeat(weights, steps)
 
 
 def _gap(geometry: CrossSection, probe: Probe) -> float:
@@ -128,19 +142,21 @@ def _gap(geometry: CrossSection, probe: Probe) -> float:
 
 def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, Array]:
     """Quadrature points r, z in m on the cross-section of the probe's part, and weights in m^2; shape (n,) each."""
-    polygons = [
-        shapely.Polygon(face.rings[0] * 1e6, [ring * 1e6 for ring in face.rings[1:]])  # in um, as GEOS has tolerances
-        for face in geometry.subdivision.faces
-        if face.owner == probe.part
-    ]
+    polygons = []
+    for face in geometry.subdivision.faces:
+        if face.owner == probe.part:
+            outline, *holes = [ring * 1e6 for ring in face.rings]  # in um, as GEOS has tolerances
+            polygons.append(shapely.Polygon(outline, holes))
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons)).tolist()
     pieces = [piece for shape in triangles for piece in getattr(shape, "geoms", [shape])]
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]) * 1e-6
     (X, Y), W = get_quadrature(RefTri, 8)  # a rule of degree 8
-    points = np.einsum("kq,ckx->cqx", np.array([1 - X - Y, X, Y]), corners)
+    barycentric = np.array([1 - X - Y, X, Y])
+    points = np.einsum("kq,ckx->cqx", barycentric, corners)
     a, b = (corners[:, 1] - corners[:, 0]).T
     c, e = (corners[:, 2] - corners[:, 0]).T
-    area = np.abs(a * e - b * c)[:, None] * W
+    cross = np.abs(a * e - b * c)
+    area = cross[:, None] * W
     return points[..., 0].ravel(), points[..., 1].ravel(), area.ravel()
 
 

@@ -63,7 +63,8 @@ class Side:
         cells = grid.f2t[0, facets]
         local = (grid.t2f[:, cells] == facets).argmax(axis=0)
         vertices = grid.facets[:, facets]
-        corners, ends = p[:, grid.t[:, cells]], p[:, vertices]
+        corners = p[:, grid.t[:, cells]]
+        ends = p[:, vertices]
         first = grid.t[np.array(basis.elem.refdom.facets)[local, 0], cells]
         turned = (first != vertices[0]).astype(np.intp)
         kind: Any = type(basis.elem)
@@ -81,14 +82,16 @@ class Side:
 
     def along(self, ends: Array) -> Array:
         """Interpolate linearly from the ends of the facets, shape (..., 2, f), to the Gauss points (..., q, f)."""
-        return ends[..., 0, None, :] * (1 - self.at[:, None]) + ends[..., 1, None, :] * self.at[:, None]
+        share = self.at[:, None]
+        return ends[..., 0, None, :] * (1 - share) + ends[..., 1, None, :] * share
 
     def matrix(self, other: Side, values: Array) -> Any:
         """Sparse matrix of integrals of values u v over the facets, u on this side (columns), v on ``other`` (rows)."""
         local = np.einsum("faq,fbq,q,qf->fab", other.shape, self.shape, self.weight, values, optimize=True)
         rows = np.broadcast_to(other.dofs[:, :, None], local.shape).ravel()
         columns = np.broadcast_to(self.dofs[:, None, :], local.shape).ravel()
-        return csr_matrix((local.ravel(), (rows, columns)), shape=(self.basis.N,) * 2)
+        count = self.basis.N
+        return csr_matrix((local.ravel(), (rows, columns)), shape=(count, count))
 
 
 @cache
@@ -165,15 +168,18 @@ def surfaces_of(
     where = {"isothermal": none, "open": none, "insulated": none}
     convection: dict[float, Facets] = {}
     for side, on in sides.items():
-        boundary, there = getattr(geometry, side), facets[on]
+        boundary = getattr(geometry, side)
+        there = facets[on]
         h = boundary.exchange
-        series = beside(mesh, resistance, there) * (h > 0 or boundary.kind == "isothermal")
+        conducts = h > 0 or boundary.kind == "isothermal"
+        series = beside(mesh, resistance, there) * conducts
         if not h:
             where[boundary.kind] = np.append(where[boundary.kind], there[series == 0])
         # 1/(1/h + R) of the parts there, or 1/R where h is 0; facets of a held side without R are held
-        for own in np.unique(series[(series > 0) | (h > 0)]):
-            through = float(1 / (own + (1 / h if h else 0.0)) if own else h)
-            convection[through] = np.append(convection.get(through, none), there[series == own])
+        for R in np.unique(series[(series > 0) | (h > 0)]):
+            through = _in_series(h, float(R))
+            before = convection.get(through, none)
+            convection[through] = np.append(before, there[series == R])
     return Surfaces(
         held=where["isothermal"],
         convection=convection,
@@ -182,6 +188,13 @@ def surfaces_of(
         length=geometry.length,
         contacts=contacts(mesh, resistance),
     )
+
+
+def _in_series(h: float, R: float) -> float:
+    """Coefficient in W/(m^2 K) of an exchange h behind a resistance R; h = 0: a held side."""
+    if not R:
+        return h
+    return 1 / (R + (1 / h if h else 0.0))
 
 
 def source_of(geometry: CrossSection) -> tuple[float, float]:
@@ -226,16 +239,19 @@ def surface_terms(
         total = total + side.matrix(side, outlet(side, k[:, side.cells], surfaces))
     for resistance, pair in surfaces.contacts.items():
         both = [Side.of(basis, facets, points) for facets in pair]
-        for one in both:
+        for side in both:
+            weights = exchange(side, through(1 / resistance, *pair))
             for other in both:
-                sign = 1 if one is other else -1
-                total = total + sign * one.matrix(other, exchange(one, through(1 / resistance, *pair)))
+                sign = 1 if side is other else -1
+                total = total + sign * side.matrix(other, weights)
     return total
 
 
 def exchange(side: Side, h: Any) -> Array:
     """Weights 2 pi r h ds of heat exchange at the Gauss points, in W/K, shape (q, f)."""
-    return np.asarray(2 * np.pi * h * side.radius * np.sqrt(((side.ends[:, 1] - side.ends[:, 0]) ** 2).sum(axis=0)))
+    along = side.ends[:, 1] - side.ends[:, 0]
+    length = np.sqrt((along**2).sum(axis=0))
+    return np.asarray(2 * np.pi * h * side.radius * length)
 
 
 def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
@@ -244,9 +260,14 @@ def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
     2 pi r (n . d)/(d . k^-1 d) ds, divided by c(d/L) in a straight section of length L.
     """
     dr, dz = (side.ends[:, 1] - side.ends[:, 0]) * side.outward
-    r, z = (x - origin for x, origin in zip(side.along(side.ends), surfaces.source, strict=True))
-    value = 2 * np.pi * side.radius * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1])
-    return np.asarray(value if surfaces.length is None else value / line_source(np.sqrt(r**2 + z**2) / surfaces.length))
+    at_r, at_z = side.along(side.ends)
+    r = at_r - surfaces.source[0]
+    z = at_z - surfaces.source[1]
+    weights = 2 * np.pi * side.radius * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1])
+    if surfaces.length is None:
+        return np.asarray(weights)
+    distance = np.sqrt(r**2 + z**2)
+    return np.asarray(weights / line_source(distance / surfaces.length))
 
 
 PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a smaller resistance, such as 0, counts as this one
@@ -254,10 +275,10 @@ PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a smaller resis
 
 def resistances(geometry: CrossSection) -> dict[str, float]:
     """Thermal boundary resistance in m^2 K/W of each part with interfaces, summed over them; at least `PERFECT`."""
-    found: dict[str, float] = {}
+    total: dict[str, float] = {}
     for interface in geometry.interfaces:
-        found[interface.part] = found.get(interface.part, 0.0) + interface.resistance
-    return {part: max(value, PERFECT) for part, value in found.items()}
+        total[interface.part] = total.get(interface.part, 0.0) + interface.resistance
+    return {part: max(value, PERFECT) for part, value in total.items()}
 
 
 def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
@@ -272,14 +293,17 @@ def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
     first, second = first[inner], second[inner]
     joined = np.concatenate([_corners(mesh, end, first, second) for end in grid.facets[:, inner]], axis=1)
     count = mesh.triangles.size
-    graph = coo_matrix((np.ones(joined.shape[1]), joined), shape=(count, count))
+    links = np.ones(joined.shape[1])
+    graph = coo_matrix((links, joined), shape=(count, count))
     number, group = connected_components(graph, directed=False)
     if number == len(mesh.points):
         return mesh
     corner = np.unique(group, return_index=True)[1]  # the first one of each group
     place, of_side = mesh.triangles.ravel()[corner], side[corner // 3]
     order = np.lexsort([corner, place, of_side])
-    again = np.append(False, (np.diff(place[order]) == 0) & (np.diff(of_side[order]) == 0))
+    same_place = np.diff(place[order]) == 0
+    same_side = np.diff(of_side[order]) == 0
+    again = np.append(False, same_place & same_side)
     order = np.concatenate([order[~again], order[again]])
     new = np.empty(number, dtype=np.int64)
     new[order] = np.arange(number)
@@ -291,7 +315,11 @@ def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp
 
     triangles: arrays as long as ``vertices``; each makes one row of the result.
     """
-    return np.array([3 * t + (mesh.triangles[t] == vertices[:, None]).argmax(axis=1) for t in triangles])
+    rows = []
+    for t in triangles:
+        corner = (mesh.triangles[t] == vertices[:, None]).argmax(axis=1)
+        rows.append(3 * t + corner)
+    return np.array(rows)
 
 
 def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[NDArray[np.intp], NDArray[np.intp]]]:
@@ -311,8 +339,9 @@ def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[N
 
 def beside(mesh: Mesh, resistance: Mapping[str, float], facets: NDArray[np.intp]) -> NDArray[np.float64]:
     """Resistance in m^2 K/W that the region beside each boundary facet has on its surface."""
-    own = np.array([0.0, *resistance.values()])
-    return np.asarray(own[_side(mesh, resistance)[mesh.skfem.f2t[0, facets]]])
+    values = np.array([0.0, *resistance.values()])
+    triangles = mesh.skfem.f2t[0, facets]
+    return np.asarray(values[_side(mesh, resistance)[triangles]])
 
 
 def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:

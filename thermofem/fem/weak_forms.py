@@ -23,7 +23,6 @@ from .surfaces import Surfaces, surface_terms
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..materials.material_library import Material
     from ..mesh import Mesh
     from ..mesh.triangles import Grid
 
@@ -101,12 +100,16 @@ class Discretization:
         flows out there; 1^T K x over all rows is the loss by convection, as conduction and contacts have zero column
         sums.
         """
-        free, held = self.free, self.held
-        convective = np.asarray(self.stiffness.sum(axis=0)).ravel()[free]
+
+        def column_sums(matrix: Any) -> Array:
+            return np.asarray(matrix.sum(axis=0)).ravel()[self.free]
+
+        convective = column_sums(self.stiffness)
+        into_held = column_sums(self.stiffness[self.held])
         return Ledger(
-            storage=np.asarray(self.mass.sum(axis=0)).ravel()[free],
-            drain_A=convective - np.asarray(self.stiffness[held].sum(axis=0)).ravel()[free],
-            drain_E=-np.asarray(self.mass[held].sum(axis=0)).ravel()[free],
+            storage=column_sums(self.mass),
+            drain_A=convective - into_held,
+            drain_E=-column_sums(self.mass[self.held]),
         )
 
 
@@ -128,18 +131,17 @@ def discretize(
     """
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
     basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
-    both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
-    stiffness = both.real  # one sparsity pattern for both
+    K = element_conduction(basis, conductivity)
+    M = element_capacity(basis, heat_capacity)
+    both = assembled(basis, K + 1j * M)  # one sparsity pattern for both
+    stiffness = both.real
     if surfaces.any:
         stiffness = stiffness + surface_terms(basis, conductivity, surfaces)
-    return Discretization(
-        basis=basis,
-        mass=both.imag,
-        stiffness=stiffness.tocsr(),
-        means={name: mean(basis, mesh.region == index) for index, name in enumerate(mesh.region_names)},
-        held=basis.get_dofs(surfaces.held).all() if len(surfaces.held) else np.empty(0, dtype=np.intp),
-        surfaces=surfaces,
-    )
+    means = {name: mean(basis, mesh.region == index) for index, name in enumerate(mesh.region_names)}
+    held = np.empty(0, dtype=np.intp)
+    if len(surfaces.held):
+        held = basis.get_dofs(surfaces.held).all()
+    return Discretization(basis, both.imag, stiffness.tocsr(), means, held, surfaces)
 
 
 def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
@@ -147,16 +149,20 @@ def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
     T0 = geometry.ambient
 
     def at_ambient(law: Law) -> float:
-        check_positive(law, T0, factor := law.factor(T0))
+        factor = law.factor(T0)
+        check_positive(law, T0, factor)
         return float(factor)
 
-    def k(material: Material) -> list[float]:
-        along_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
-        return [value * at_ambient(material.conductivity_law) for value in (material.conductivity, along_z)]
-
-    materials = [geometry.material_of(name) for name in mesh.region_names]
-    capacities = [m.heat_capacity * at_ambient(m.specific_heat_law) for m in materials]
-    return np.array([k(m) for m in materials]).T[:, mesh.region], np.array(capacities)[mesh.region]
+    conductivities = []
+    capacities = []
+    for name in mesh.region_names:
+        material = geometry.material_of(name)
+        k_r = material.conductivity
+        k_z = k_r if material.conductivity_z is None else material.conductivity_z
+        at_T0 = at_ambient(material.conductivity_law)
+        conductivities.append((k_r * at_T0, k_z * at_T0))
+        capacities.append(material.heat_capacity * at_ambient(material.specific_heat_law))
+    return np.array(conductivities).T[:, mesh.region], np.array(capacities)[mesh.region]
 
 
 def conduction(basis: Any, conductivity: ArrayLike) -> Any:
@@ -182,14 +188,17 @@ def element_conduction(basis: Any, conductivity: ArrayLike, points: Any = None) 
     k = np.broadcast_to(np.asarray(conductivity), (2, basis.nelems))
     metric = 2 * np.pi * det * np.einsum("mde,de,nde->mne", inverse, k, inverse)
     weights = (metric[:, :, None] * r).reshape(-1, basis.nelems)
-    return (weights.T @ reference(basis).stiffness).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+    elements = weights.T @ reference(basis).stiffness
+    return elements.reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
 def element_capacity(basis: Any, heat_capacity: ArrayLike, points: Any = None) -> Array:
     """M of every triangle, shape (triangles, b, b): 2 pi rho c_p |det J| sum_i r_i int l_i u u^T."""
     _, det, r = maps(basis.mesh, points)
-    weights = 2 * np.pi * det * np.broadcast_to(np.asarray(heat_capacity), basis.nelems) * r
-    return (weights.T @ reference(basis).mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+    capacities = np.broadcast_to(np.asarray(heat_capacity), basis.nelems)
+    weights = 2 * np.pi * det * capacities * r
+    elements = weights.T @ reference(basis).mass
+    return elements.reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
 def assembled(basis: Any, elements: Array, local: Any = slice(None)) -> Any:
@@ -211,7 +220,8 @@ def maps(grid: Grid, points: Any = None) -> tuple[Array, Array, Array]:
     a, c = corners[:, 1] - corners[:, 0]
     b, d = corners[:, 2] - corners[:, 0]
     det = a * d - b * c
-    return np.array([[d, -b], [-c, a]]) / det, magnitude(det), radii(corners[0], grid.depth)
+    inverse = np.array([[d, -b], [-c, a]]) / det
+    return inverse, magnitude(det), radii(corners[0], grid.depth)
 
 
 def magnitude(det: Any) -> Any:
