@@ -173,7 +173,7 @@ def test_an_array_of_more_than_500_states_is_saved(tmp_path):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     assert path.stat().st_size < 2e5
     full = th.StateSpace(np.eye(n), -np.eye(n) - np.full((n, n), 1e-3), C.T, C, inputs=names, outputs=names)
-    with pytest.raises(th.InputError, match="takes 500, or 2000 with diagonal E and A"):
+    with pytest.raises(th.InputError, match="takes 500, or 5000 with diagonal E and A"):
         surrogate.save_model(full, tmp_path / "full.json")
 
 

@@ -24,7 +24,7 @@ from .contract import at_times, check_single, keep_names, names, parts, reader
 from .foster import Foster, check_residues
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
-SAVED = 2000  # states of a model file, where more than 500 are written as the diagonals of E and A
+SAVED = 5000  # states of a model file, where more than 500 are written as the diagonals of E and A
 ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
 
 
