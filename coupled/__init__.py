@@ -20,6 +20,7 @@ from .equilibria.linear_ring import Linear, linearize
 from .equilibria.steady_states import steady_states
 from .equilibria.transmission import transmission
 from .explore import explore
+from .export.export_ring import export_ring
 from .identification import newton_traces  # noqa: F401 - as coupled.identification.newton_traces
 from .identification.fit_transmission import fit_transmission
 from .identification.identify import identify
@@ -40,7 +41,7 @@ from .states import State
 __all__ = [
     "FEM", "Amperes", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "Linear",
     "RingResonator", "ShockleyReadHall", "Splitter", "State", "Sweep", "Volts", "Waveguide", "borghi2021", "bus",
-    "continue_cycle", "cosimulate", "crow", "explore", "fit_transmission", "fold_curves", "hopf_curves", "identify",
-    "limit_cycle", "linearize", "pulsing", "pulsing_map", "ring_from", "scissor", "simulate", "stability_map",
-    "steady_states", "transmission", "vanvaerenbergh2012",
+    "continue_cycle", "cosimulate", "crow", "explore", "export_ring", "fit_transmission", "fold_curves", "hopf_curves",
+    "identify", "limit_cycle", "linearize", "pulsing", "pulsing_map", "ring_from", "scissor", "simulate",
+    "stability_map", "steady_states", "transmission", "vanvaerenbergh2012",
 ]  # fmt: skip

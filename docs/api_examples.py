@@ -178,6 +178,11 @@ narrow = dataclasses.replace(ring, bus_rate=30e9)
 run = coupled.simulate(narrow, model, power=6e-3, duration=1e-6, method=coupled.kernel.tableaus.Method.RODAS5P)
 start = coupled.State(field=0j, carriers=1e22, thermal=np.zeros(2))
 
+# %% coupled.export_ring
+second_order = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)
+coupled.export_ring(coupled.borghi2021(), second_order, "whole_ring.cir", power=6.3e-3, period=685e-9)
+Path("whole_ring_demo.cir").read_text()
+
 # %% coupled.pulsing coupled.Event
 run = coupled.simulate(ring, model, power=6.31e-3, duration=10e-6, event=coupled.Event("delta_T", 10.0, stop=False))
 found = coupled.pulsing(run)

@@ -1,7 +1,7 @@
 """A whole ring, and a heater with a Foster network, as components of circulax (JAX; Python 3.12, circulax 0.2.5).
 
 A component is a function of its signals that returns f and q with f + dq/dt = 0, a row for each port and state. The
-numbers of light and carriers come from `surrogate.export.ring_rates`, in ns, fJ and 1e23/m^3.
+numbers of light and carriers come from `coupled.export.ring_rates`, in ns, fJ and 1e23/m^3.
 Prints the period of the ring at 8 dBm and 0 GHz, and the phase of a heater against its step response.
 """
 
@@ -16,7 +16,7 @@ from circulax.solvers.transient import BDF2VectorizedTransientSolver
 
 import coupled
 import surrogate
-from surrogate.export.ring_rates import ring_rates
+from coupled.export.ring_rates import ring_rates
 
 jax.config.update("jax_enable_x64", True)
 

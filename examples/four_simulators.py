@@ -79,7 +79,7 @@ def main():
         folder = Path(name)
         for file in ("ring.cir", "ring.va", "ring.fmu"):
             light = {"power": POWER, "detuning": DETUNING, "period": period}
-            surrogate.export_model(model, folder / file, ring=ring, **light)
+            coupled.export_ring(ring, model, folder / file, **light)
         simulators = (("ngspice", run_ngspice), ("VACASK", run_vacask), ("FMPy", run_fmpy))
         for (label, run), style in zip(simulators, ("-", "--", ":"), strict=True):
             found = run(folder)

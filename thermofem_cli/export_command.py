@@ -8,11 +8,12 @@ import typer
 import coupled
 import surrogate
 import thermofem as th
-from surrogate.export import DEMONSTRATIONS, FORMATS
-from surrogate.export.export_header import is_export
-from surrogate.export.poles import lit_part
+from coupled.export import export_ring as rings
+from coupled.export.lit_part import lit_part
+from surrogate.export import FORMATS
 from thermofem import InputError, StateSpace, checks
 from thermofem.data import quantity
+from thermofem.export.export_header import is_export
 
 from . import drive_texts, options
 from .command_files import check_outputs, expect, ring_of
@@ -35,32 +36,41 @@ def export(
     output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
 ) -> dict[str, Any]:
     """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers."""
-    ending = FORMATS[checks.choice("--to", to, FORMATS)]
+    ending = FORMATS[checks.choice("--to", to, FORMATS)].ending
     expect(model, "model")
     if ring and circuit:
         raise InputError(f"--ring {ring} and --circuit {circuit} exclude each other; a circuit file has its rings")
     if power is None:
         options.unused(context, "is of the run that --power writes", "detuning")
     loaded = surrogate.load_model(model)
-    provenance = th.models.load_provenance(model)
+    shared: dict[str, Any] = {"to": to, "provenance": th.models.load_provenance(model), "fmi": fmi}
+    shared["platforms"] = [name.strip() for name in platforms.split(",") if name.strip()]
     target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
-    demo = target.with_name(f"{target.stem}_demo{DEMONSTRATIONS.get(to, '')}") if power and (ring or circuit) else None
+    demo = None
+    if power and (ring or circuit):
+        demonstration = rings.FORMATS[checks.choice("--to of a ring", to, rings.FORMATS)].demonstration
+        demo = target.with_name(f"{target.stem}_demo{demonstration}")
     check_outputs([target, demo], inputs=[model, ring, circuit])
     if output is None and target.exists() and not is_export(target):
         raise InputError(f"{target} exists and is no export of thermofem; give -o and a name, this one to replace it")
-    light: Any = ring_of(ring) if ring else coupled.Circuit.from_toml(circuit) if circuit else None
-    run: dict[str, Any] = {}
-    if power is not None:
-        run["power"] = quantity.not_negative(power, "W", name="--power")
-        rings = getattr(light, "resonators", (light,))  # of a circuit pm are those of the first ring
-        run["detuning"] = 0.0 if light is None else drive_texts.detuning_of(detuning, rings[0])
-        if ring:
+    light = ring_of(ring) if ring else coupled.Circuit.from_toml(circuit) if circuit else None
+    period: float | None = None
+    if light is None:
+        if power is not None:
+            raise InputError(f"--power {power} is that of a ring's laser; give --ring or --circuit, too")
+        surrogate.export_model(loaded, target, **shared)
+    elif power is None:
+        coupled.export_ring(light, loaded, target, **shared)
+    else:
+        watts = quantity.not_negative(power, "W", name="--power")
+        resonators = light.resonators if isinstance(light, coupled.Circuit) else (light,)
+        hertz = drive_texts.detuning_of(detuning, resonators[0])  # of a circuit pm are those of the first ring
+        if isinstance(light, coupled.RingResonator):
             with working("settled period"):
-                run["period"] = _period(light, loaded, run["power"], run["detuning"])
-    names = [name.strip() for name in platforms.split(",") if name.strip()]
-    surrogate.export_model(loaded, target, to=to, ring=light, provenance=provenance, fmi=fmi, platforms=names, **run)
+                period = _period(light, loaded, watts, hertz)
+        coupled.export_ring(light, loaded, target, power=watts, detuning=hertz, period=period, **shared)
     wrote(target, demo)
-    return {"file": target, "demo": demo, "to": to, "period": run.get("period")}
+    return {"file": target, "demo": demo, "to": to, "period": period}
 
 
 def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:

@@ -14,11 +14,11 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.ring_toml import RATES, UNITS
-from surrogate.export.poles import poles_of
 from surrogate.studies.inverse_search import channel_steps
 from thermofem.checks import between
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
+from thermofem.export.poles import poles_of
 
 from .command_files import check_outputs, expect, in_volts, kind_of
 from .console import parameter_unit, say, working, written

@@ -12,9 +12,9 @@ from thermofem import Campaign, CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign import Variation
 from thermofem.campaign.stored_tasks import WorkerDiedError, completed
+from thermofem.export.poles import poles_of
 from thermofem.geometry.parameter_paths import change
 
-from ..export.poles import poles_of
 from ..family import Family, train_family
 from ..family.family import ChannelNames
 

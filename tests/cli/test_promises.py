@@ -230,7 +230,7 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, every):
 @pytest.mark.parametrize("to", FORMATS)
 def test_an_export_replaces_exports_alone(to, tmp_path):
     """`export scope.json --to csv` replaced the measured scope.csv."""
-    ending = FORMATS[to]
+    ending = FORMATS[to].ending
     surrogate.save_model(MODEL, tmp_path / "scope.json")
     (tmp_path / f"scope{ending}").write_text("time (s),delta_T (K)\n0,0\n")
     assert "exists and is no export" in refused("export", "scope.json", "--to", to, cwd=tmp_path)

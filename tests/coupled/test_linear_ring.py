@@ -87,7 +87,7 @@ quit
 def test_the_response_is_that_of_ngspice_on_the_exported_ring(tmp_path, fem, power, detuning):
     """On both sides of the resonance, delta_T and drop. ngspice's own operating point is good to 1e-6."""
     program = shutil.which("ngspice") or pytest.skip("ngspice is not installed")
-    surrogate.export_model(fem, tmp_path / "ring.cir", ring=RING)
+    coupled.export_ring(RING, fem, tmp_path / "ring.cir")
     deck = AC.format(name="ring", amplitude=float(np.sqrt(power)), detuning=detuning / 1e9)
     (tmp_path / "bench.cir").write_text(deck)
     subprocess.run([program, "-b", "bench.cir"], cwd=tmp_path, capture_output=True, check=True, timeout=60)

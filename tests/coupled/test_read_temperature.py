@@ -171,7 +171,7 @@ REFUSING = {
     "Hopf curves": lambda ring, core: coupled.hopf_curves(ring, core, [1e-3, 2e-3], [0.0, 1e9]),
     "circuit": lambda ring, core: of_circuit(ring, core),
     "page": lambda ring, core: coupled.explore(ring, {"core": core}),
-    "export": lambda ring, core: surrogate.export_model(core, "ring.cir", ring=ring),
+    "export": lambda ring, core: coupled.export_ring(ring, core, "ring.cir"),
 }
 
 
@@ -228,7 +228,7 @@ def test_a_fit_of_the_light_keeps_its_name(heat):
 def test_spice_reads_the_light(made, model, heat, tmp_path):
     """ngspice at rest: P_drop = 2 gamma_d U of the fixed point with R_th of the light from the static solve."""
     power = 2e-4
-    target = surrogate.export_model(model, tmp_path / "ring.cir", ring=made.ring, power=power, detuning=-5e9)
+    target = coupled.export_ring(made.ring, model, tmp_path / "ring.cir", power=power, detuning=-5e9)
     subprocess.run(["ngspice", "-b", "ring_demo.cir"], cwd=tmp_path, capture_output=True, check=True, timeout=300)
     drop = np.loadtxt(target.with_name("ring_demo.csv"), delimiter=",", skiprows=1)[-1, -1]
     static = th.Foster(R=[heat.thermal_resistance("core", "light")], tau=[1e-6], outputs=("light",))

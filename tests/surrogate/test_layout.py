@@ -283,7 +283,7 @@ def test_a_single_ring_takes_a_layout(chip):
 
 def test_spice_takes_a_layout(chip, tmp_path):
     circuit = coupled.Circuit([coupled.borghi2021()] * 2, lasers=[coupled.LaserPort("in", "ring 1.in")])
-    text = surrogate.export_model(chip, tmp_path / "chip.cir", ring=circuit).read_text()
+    text = coupled.export_ring(circuit, chip, tmp_path / "chip.cir").read_text()
     assert "heater" in text
     assert "pad" in text
 

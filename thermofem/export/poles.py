@@ -1,28 +1,20 @@
 """Independent poles: the form of a linear thermal model that circuits, co-simulation units and tables share.
 
 dx_k/dt = -rate_k x_k + sum_i B_ki P_i,    z_j = sum_k C_jk x_k,    dT_j = z_j + coefficient z_j^2
-
-Matrices for SciPy, MATLAB and pyMOR are in SI: E dx/dt = A x + B P, dT = C x. A Quadratic adds H and G as
-`thermofem.Quadratic` has them; an output map adds its coefficient.
 """
 
-import csv
-import io
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.io import savemat
 
-from thermofem import Foster, OutputMap, Quadratic, StateSpace, checks
+from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.data.files import write_whole
+from thermofem.models import Foster, OutputMap, StateSpace
 from thermofem.models.state_space import eigenmodes
-from thermofem.ring_temperature import detuning_output
 
-from .export_header import comment, identifiers
+from .export_header import identifiers
 
 LARGEST_ORDER = 500  # poles; a file of more is read slowly by every simulator, a certified reduction needs 10 to 40
 
@@ -126,64 +118,3 @@ def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
         size = np.abs(found.B).max(axis=1)
         shares = found.B / size[:, None]
     return RCNetwork(size / found.rate, 1 / size, shares, found.C, parts, pins, heated, read, found.coefficient)
-
-
-def ring_network(model: Any, wanted: str, *, taken: Iterable[str]) -> tuple[RCNetwork, str]:
-    """RC network with a pin "heat" at the part that light heats, and the pin of the output that detunes it.
-
-    wanted: the temperature that the ring reads, "core" or "light".
-    """
-    net = rc_network(model, taken=(*taken, "heat"))
-    channel = lit_part(model, wanted)
-    net.pins[net.parts.index(channel.heated)] = "heat"
-    return net, net.pins[net.parts.index(channel.read)]
-
-
-class LitPart(NamedTuple):
-    """The input that the light of a ring heats, and the output that detunes it."""
-
-    heated: str
-    read: str
-
-
-def lit_part(model: Any, wanted: str) -> LitPart:
-    """The first input of a model, and the output that detunes a ring which reads ``wanted``, "core" or "light".
-
-    Raises InputError: the model does not read that input, and reads several others.
-    """
-    heated = getattr(model, "heated", model.inputs)[0]
-    read = detuning_output(wanted, heated, tuple(model.outputs))
-    if read in model.outputs:
-        return LitPart(heated, read)
-    raise checks.InputError(f"model heats {heated!r} and reads {', '.join(model.outputs)}: one must be {heated!r}, too")
-
-
-def write_mat(model: Any, path: Path, header: list[str]) -> Path:
-    """Write A, B, C, E and the names of inputs and outputs; see `surrogate.export_model`."""
-    if isinstance(model, StateSpace):
-        matrices = {"E": model.E, "A": model.A, "B": model.B, "C": model.C}
-    elif isinstance(model, Quadratic):
-        matrices = {"E": np.eye(model.order), "A": model.A, "B": model.B[:, None], "C": model.C[None]}
-        matrices |= {"H": model.H, "G": model.G}
-    else:
-        found = poles_of(model)
-        matrices = {"E": np.eye(found.rate.size), "A": -np.diag(found.rate), "B": found.B, "C": found.C}
-        if found.coefficient:
-            matrices["coefficient"] = found.coefficient
-    words = {"inputs": list(model.inputs), "outputs": list(model.outputs), "header": "\n".join(header)}
-    return write_whole(path, lambda p: savemat(str(p), {**matrices, **words}, appendmat=False, do_compression=True))
-
-
-def write_csv(model: Any, path: Path, header: list[str]) -> Path:
-    """Write the columns ``tau (s)`` and ``R READ from HEATED (K/W)``; see `surrogate.export_model`."""
-    found = poles_of(model)
-    text = io.StringIO()
-    text.write(comment(header, "#"))
-    if found.coefficient:
-        text.write(f"# rise: z + ({found.coefficient!r} /K) z^2, where z is what the poles add up to\n")
-    rows = csv.writer(text, lineterminator="\n")
-    pairs = [(j, i) for j in range(len(found.outputs)) for i in range(len(found.inputs))]
-    rows.writerow(["tau (s)", *(f"R {found.outputs[j]} from {found.inputs[i]} (K/W)" for j, i in pairs)])
-    for k, rate in enumerate(found.rate):
-        rows.writerow([repr(float(1 / rate)), *(repr(float(found.C[j, k] * found.B[k, i] / rate)) for j, i in pairs)])
-    return write_whole(path, lambda p: p.write_text(text.getvalue(), encoding="utf-8"))

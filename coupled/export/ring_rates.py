@@ -23,7 +23,6 @@ NS, FJ, DENSITY = 1e-9, 1e-15, 1e23  # the units in s, J, 1/m^3
 EPSILON = 1e-8  # eps in 1e23/m^3: 1e15 per m^3 is six orders below the densities that matter
 STEPS_A_PERIOD = 400  # ngspice is within 3e-4 of the period with it, within 1e-3 with half as many
 STEPS_A_LIFETIME = 20  # where the period is not known; a pulse lasts some carrier lifetimes
-DURATION = 100e-6  # s, of a demonstration: a ring over 2 um of oxide has settled to 1e-5 of its period after 80 us
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def test_the_deck_of_ngspice_runs_as_it_is_and_pulses(tmp_path, fem):
     program = shutil.which("ngspice") or pytest.skip("ngspice is not installed")
     cycle = coupled.limit_cycle(RING, fem, power=POWER, detuning=0.0).attrs["period"]
     light = {"power": POWER, "detuning": 0.0, "period": cycle}
-    surrogate.export_model(fem, tmp_path / "ring.cir", ring=RING, **light)
+    coupled.export_ring(RING, fem, tmp_path / "ring.cir", **light)
     subprocess.run([program, "-b", "ring_demo.cir"], cwd=tmp_path, capture_output=True, check=True)
     times, drop = np.loadtxt(tmp_path / "ring_demo.csv", delimiter=",", skiprows=1).T
     assert times[-1] == pytest.approx(100e-6)
@@ -91,7 +91,7 @@ def test_the_netlist_of_vacask_pulses(tmp_path, fem, name):
         "van vaerenbergh": (*HIGH_Q, {"power": 0.5e-3, "detuning": -5e9}, 5e-4),  # high Q, one bus
     }[name]
     cycle = coupled.limit_cycle(ring, model, **drive).attrs["period"]
-    surrogate.export_model(model, tmp_path / "ring.va", ring=ring, period=cycle, **drive)
+    coupled.export_ring(ring, model, tmp_path / "ring.va", period=cycle, **drive)
     command = [vacask.VACASK_CMD, "ring_demo.sim"]
     environment = {"PATH": f"{vacask.BIN_DIR}{os.pathsep}{os.environ['PATH']}"}  # openvaf-r and a linker
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
@@ -108,7 +108,7 @@ def test_the_unit_pulses_with_the_period_of_the_limit_cycle(tmp_path, fem, fmi):
     from fmpy.validation import validate_fmu
 
     cycle = coupled.limit_cycle(RING, fem, power=POWER, detuning=0.0).attrs["period"]
-    path = surrogate.export_model(fem, tmp_path / "ring.fmu", ring=RING, fmi=fmi)
+    path = coupled.export_ring(RING, fem, tmp_path / "ring.fmu", fmi=fmi)
     assert validate_fmu(str(path)) == []
     light = {"power": POWER, "detuning": 0.0}
     drive = {"stop_time": 100e-6, "output_interval": 2e-9, "start_values": light, "output": ["drop"]}
@@ -118,7 +118,7 @@ def test_the_unit_pulses_with_the_period_of_the_limit_cycle(tmp_path, fem, fmi):
 
 def test_model_exchange_has_the_same_pulses(tmp_path):
     fmpy = pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
-    path = surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=RING)
+    path = coupled.export_ring(RING, SECOND, tmp_path / "ring.fmu")
     drive = {"stop_time": 15e-6, "output_interval": 2e-9, "start_values": {"power": POWER}, "output": ["drop"]}
     drive |= {"solver": "CVode", "relative_tolerance": 1e-6}
     found = fmpy.simulate_fmu(str(path), fmi_type="ModelExchange", **drive)
@@ -132,7 +132,7 @@ def test_a_ring_of_high_q_on_one_bus(tmp_path, ngspice):
     ring, model = HIGH_Q
     cycle = coupled.limit_cycle(ring, model, power=0.5e-3, detuning=-5e9).attrs["period"]
     assert cycle == pytest.approx(79.036e-9, rel=1e-5)
-    surrogate.export_model(model, tmp_path / "ring.cir", ring=ring)
+    coupled.export_ring(ring, model, tmp_path / "ring.cir")
     lines = [".include ring.cir", *laser(0.5e-3, -5), f"X1 {PORTS} heat 0 ring", DETECTORS[0]]
     times, (through,) = ngspice(lines, ["p_through"], f"1n 10u 0 {cycle / 400}")
     assert period(times, through) == pytest.approx(cycle, rel=5e-4)  # ngspice at reltol 1e-4
@@ -142,7 +142,7 @@ def test_powers_close_and_are_those_of_the_fixed_point(tmp_path, ngspice):
     """Unequal couplers, scattering and the Kerr effect, 1 mW on the blue side: the ring rests."""
     power, detuning = 1e-3, -15e9
     exact = coupled.simulate(UNEQUAL, SECOND, power=power, detuning=detuning, duration=20e-6, rtol=1e-9).isel(time=-1)
-    surrogate.export_model(SECOND, tmp_path / "ring.cir", ring=UNEQUAL)
+    coupled.export_ring(UNEQUAL, SECOND, tmp_path / "ring.cir")
     lines = [".include ring.cir", *laser(power, detuning / 1e9), f"X1 {PORTS} heat 0 ring", *DETECTORS]
     _, found = ngspice(lines, ["p_drop", "p_through", "heat"], "1n 20u 0 5n")
     drop, through, rise = found[:, -1]
@@ -153,7 +153,7 @@ def test_powers_close_and_are_those_of_the_fixed_point(tmp_path, ngspice):
     scattered = 2 * UNEQUAL.scattering_rate * drop / (2 * UNEQUAL.drop_bus_rate)
     assert drop + through + absorbed + scattered == pytest.approx(power, rel=1e-5)  # round-off of 9 printed digits
     fmpy = pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
-    unit = str(surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=UNEQUAL))
+    unit = str(coupled.export_ring(UNEQUAL, SECOND, tmp_path / "ring.fmu"))
     light = {"power": power, "detuning": detuning}
     last = fmpy.simulate_fmu(unit, fmi_type="CoSimulation", stop_time=20e-6, output_interval=1e-8, start_values=light)[
         -1
@@ -185,7 +185,7 @@ def test_a_heater_moves_the_resonance_as_in_simulate(tmp_path, ngspice, inputs):
     step = th.Pulse(power=2e-3, width=1.0, start=10e-6)
     light = {"power": 0.5e-3, "detuning": -30e9}
     run = coupled.simulate(RING, model, **light, heaters={inputs[1]: step}, duration=20e-6, rtol=1e-8)
-    surrogate.export_model(model, tmp_path / "ring.cir", ring=RING)
+    coupled.export_ring(RING, model, tmp_path / "ring.cir")
     other = [f"I1 0 {inputs[1]} PULSE(0 2m 10u 1p 1p 1 2)", f"X1 {PORTS} heat {inputs[1]} 0 ring"]
     lines = [".include ring.cir", *laser(light["power"], -30), *other, DETECTORS[1]]
     times, (drop, rise) = ngspice(lines, ["p_drop", "heat"], "5n 20u 0 5n")
@@ -210,7 +210,7 @@ def test_four_rings_with_crosstalk_are_those_of_the_circuit(tmp_path, ngspice, k
     run = coupled.simulate(
         circuit, model, power={"in": 2e-3}, detuning=detuning, duration=4e-6, rtol=1e-8, heaters=heaters
     ).isel(time=-1)
-    path = surrogate.export_model(model, tmp_path / "bank.cir", ring=circuit)
+    path = coupled.export_ring(circuit, model, tmp_path / "bank.cir")
     pins = re.search(r"\.subckt bank (.*) ambient", path.read_text())[1].split()
     outputs = [pin[:-3] for pin in pins if pin.endswith("_re") and pin != "in_re"]
     lines = [".include bank.cir", *laser(2e-3, detuning / 1e9), "I1 0 heater PULSE(0 1m 0 1p 1p 1 2)"]
@@ -226,19 +226,19 @@ def test_what_a_simulator_cannot_have_is_refused_in_one_line(tmp_path):
     H = np.zeros((2, 2, 2))
     quadratic = th.Quadratic(np.diag([-1e6, -1e7]), H, np.zeros((2, 2)), np.array([1e9, 2e9]), np.ones(2))
     two = coupled.Circuit([RING], lasers=[coupled.LaserPort("a", "ring 1.in"), coupled.LaserPort("b", "ring 1.add")])
-    surrogate.export_model(SECOND, tmp_path / "ring.cir", ring=RING, power=6.3)
-    for model, name, options, words in (
-        (quadratic, "ring.cir", {"ring": RING}, "Quadratic"),
-        (SECOND, "ring.cir", {"ring": two}, "lasers a, b"),
-        (SECOND, "ring.fmu", {"ring": coupled.bus(RING)}, "Circuit"),
-        (SECOND, "ring.mat", {"ring": RING}, "ring"),
-        (SECOND, "ring.cir", {"ring": "borghi2021"}, "ring"),
-        (SECOND, "ring.cir", {"power": 1e-3}, "power"),
-        (SECOND, "ring.cir", {"ring": RING, "power": 63.0}, "power"),
-        (SECOND, "a;b.cir", {"ring": RING, "power": 1e-3}, "path"),
+    coupled.export_ring(RING, SECOND, tmp_path / "ring.cir", power=6.3)
+    for ring, model, name, options, words in (
+        (RING, quadratic, "ring.cir", {}, "Quadratic"),
+        (two, SECOND, "ring.cir", {}, "lasers a, b"),
+        (coupled.bus(RING), SECOND, "ring.fmu", {}, "a circuit goes into spice"),
+        (RING, SECOND, "ring.mat", {}, "'.mat'"),
+        (RING, SECOND, "ring", {"to": "csv"}, "'csv'"),
+        ("borghi2021", SECOND, "ring.cir", {}, "ring"),
+        (RING, SECOND, "ring.cir", {"power": 63.0}, "power"),
+        (RING, SECOND, "a;b.cir", {"power": 1e-3}, "path"),
     ):
         with pytest.raises(th.InputError, match=words) as error:
-            surrogate.export_model(model, tmp_path / name, **options)
+            coupled.export_ring(ring, model, tmp_path / name, **options)
         assert "\n" not in str(error.value)
 
 
@@ -248,10 +248,10 @@ def test_the_library_of_another_platform_is_cross_compiled(tmp_path):
     pytest.importorskip("ziglang", reason="ziglang, which compiles for other platforms, is not installed")
     import zipfile
 
-    path = surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=RING, platforms=("macos-arm",))
+    path = coupled.export_ring(RING, SECOND, tmp_path / "ring.fmu", platforms=("macos-arm",))
     assert "binaries/aarch64-darwin/ring.dylib" in zipfile.ZipFile(path).namelist()
     with pytest.raises(th.InputError, match="platforms"):
-        surrogate.export_model(SECOND, tmp_path / "ring.fmu", ring=RING, platforms=("amiga",))
+        coupled.export_ring(RING, SECOND, tmp_path / "ring.fmu", platforms=("amiga",))
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat
 
-import thermofem
+from thermofem import __version__
 from thermofem.checks import InputError
 from thermofem.data.files import lines_of, write_whole
 from thermofem.models import ThermalModel
@@ -24,7 +24,7 @@ def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
     name = type(model).__name__
     order = getattr(model, "order", None)
     lines = [
-        f"{MARK} {thermofem.__version__}: {name}" + (f" with {order} poles" if order else ""),
+        f"{MARK} {__version__}: {name}" + (f" with {order} poles" if order else ""),
         f"heated: {', '.join(model.inputs)}; read: {', '.join(model.outputs)}; thermal resistance {_gain(model)} K/W",
         f"error: {_error(provenance)}",
         "units: power in W, temperature rise above ambient in K, time in s",
@@ -38,7 +38,7 @@ def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
 
 
 def is_export(path: Path) -> bool:
-    """Whether a file is one that `export_model` wrote: its header says so."""
+    """Whether a file is one that `surrogate.export_model` or `coupled.export_ring` wrote: its header says so."""
     mark = MARK.encode()
     try:
         if zipfile.is_zipfile(path):

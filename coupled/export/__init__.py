@@ -1,0 +1,1 @@
+"""Rings whole, with light, carriers and heat, for circuit and system simulators."""
