@@ -12,7 +12,7 @@ from paths import ROOT
 import thermofem
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-CONDA = {"matplotlib": "matplotlib-base", "gmsh": "python-gmsh", "qdldl": "qdldl-python", "cvxpy": "cvxpy-base"}
+CONDA = {"matplotlib": "matplotlib-base", "gmsh": "python-gmsh", "qdldl": "qdldl-python"}
 
 
 @pytest.fixture(scope="module")

@@ -145,7 +145,8 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
     window [s]: half width of the test functions, default `WINDOW` samples.
     """
     import pysindy
-    from pysindy.optimizers import ConstrainedSR3
+
+    from .ruled_least_squares import RuledLeastSquares
 
     n, step, hint = gains.size, float(probed.times[1] - probed.times[0]), "from one sample to a third of the data"
     given = WINDOW * step if window is None else window
@@ -153,19 +154,9 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
     power = float(probed.rise[:, 0].max()) / gains[0]
     time = UNIT * step  # W, s
     rise = gains * power  # K, of each probe
-    # rows of [A, b], one equation after the other: every row sums to zero at rest, and power enters the core only
-    at_rest = np.kron(np.eye(n), np.ones(n + 1))
-    unheated = np.kron(np.eye(n), np.eye(n + 1)[n])[1:]
-    rows = np.vstack([at_rest, unheated])
-    optimizer = ConstrainedSR3(
-        reg_weight_lam=0.0,
-        regularizer="l2",
-        relax_coeff_nu=1e8,
-        equality_constraints=True,
-        constraint_lhs=rows,
-        constraint_rhs=np.zeros(len(rows)),
-        tol=1e-12,
-    )
+    # of each row of [A, b]: it sums to zero, as unit power leads to unit rises; power enters the core only
+    at_rest = np.ones((1, n + 1))
+    unheated = np.eye(n + 1)[-1:]
     terms = pysindy.PolynomialLibrary(degree=1, include_bias=False)
     states = probed.rise / rise
     u = probed.wave(probed.times)[:, None] / power
@@ -177,13 +168,20 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
             warnings.simplefilter("ignore")  # pysindy warns of its own array bookkeeping; the gate judges the result
             # 400: test functions, at random places
             library = pysindy.WeakPDELibrary(terms, spatiotemporal_grid=times, K=400, p=4, H_xt=[half / time])
-            sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer).fit([states], times, u=[u])
+            rows = []
+            for rules in (at_rest, np.vstack([at_rest, unheated])):
+                optimizer = pysindy.WrappedOptimizer(RuledLeastSquares(rules), unbias=False)
+                sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer)
+                sindy.fit([states], times, u=[u])
+                rows.append(np.asarray(sindy.coefficients(), dtype=float))
     except np.linalg.LinAlgError:
         raise checks.InputError("the regression is singular: do power and static gains belong to the data?") from None
     finally:
         np.random.set_state(before)  # noqa: NPY002
-    found = np.asarray(sindy.coefficients(), dtype=float) * rise[:, None] / time
-    return found[:, :n] / rise, found[:, n] / power
+    of_core, of_others = rows
+    unit_rows = np.vstack([of_core[:1], of_others[1:]])
+    both = unit_rows * rise[:, None] / time
+    return both[:, :n] / rise, both[:, n] / power
 
 
 def read_probes(data: xr.Dataset) -> Probed:
