@@ -27,7 +27,7 @@ from thermofem.mesh import Mesh
 from thermofem.mesh.element_sizes import size_function, sizes
 from thermofem.mesh.gmsh_mesher import make_faces
 
-from .affine_grid import SAMPLES, CellGrid, SampledWeights, surface_points
+from .affine_grid import SAMPLE_MEMBERS, CellGrid, SampledWeights, surface_points
 from .members import MemberMatrices
 from .parameter_box import Box
 
@@ -40,13 +40,19 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
     Without the factor 2 pi; 0 and 1 stand for the weights 1 and rho, as in this module's formulas.
     """
     inverse, det, r = maps(basis.mesh)
-    integrals, t, n = reference(basis), basis.nelems, basis.Nbfun
+    integrals = reference(basis)
+    t = basis.nelems
+    n = basis.Nbfun
     weights = np.ones_like(r), r
-    metrics = [det * inverse[:, None, along] * inverse[None, :, along] for along in (0, 1)]
-    stiffness = [(m[:, :, None] * w).reshape(-1, t).T @ integrals.stiffness for m in metrics for w in weights]
-    shares = [(det * w).T for w in weights]
-    capacity = [share @ integrals.mass for share in shares]
-    load = [share @ integrals.load for share in shares]
+    stiffness = []
+    for along in (0, 1):
+        metric = det * inverse[:, None, along] * inverse[None, :, along]
+        for weight in weights:
+            weighted = metric[:, :, None] * weight
+            stiffness.append(weighted.reshape(-1, t).T @ integrals.stiffness)
+    measures = [(det * weight).T for weight in weights]
+    capacity = [measure @ integrals.mass for measure in measures]
+    load = [measure @ integrals.load for measure in measures]
     return np.reshape(stiffness, (4, t, n, n)), np.reshape(capacity, (2, t, n, n)), np.array(load)
 
 
@@ -58,8 +64,16 @@ def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
     """
     size = np.maximum(np.linalg.norm(samples, axis=0), 1e-300)
     # 11 digits: two coefficients of constant ratio over the box are one; where round-off parts them they stay two
-    _, first, kind = np.unique((samples / size).round(11), axis=1, return_index=True, return_inverse=True)
-    return kind, size / size[first[kind]]
+    directions = (samples / size).round(11)
+    _, first, kind = np.unique(directions, axis=1, return_index=True, return_inverse=True)
+    leading = first[kind]
+    return kind, size / size[leading]
+
+
+def _first(kinds: tuple[NDArray[np.intp], Array]) -> NDArray[np.intp]:
+    """Index of the first coefficient of every group."""
+    _, first = np.unique(kinds[0], return_index=True)
+    return first
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +93,11 @@ class Coefficients:
         """Coefficients of the terms of K (n, q) and of M (n, m), and of volumes (n, 2 c), for parameters (n, p)."""
         at = self.grid.box.properties(rows)
         stiffness, capacity, volume = self.grid.coefficients(rows, at)
-        K, M = (
-            each[:, np.unique(kind, return_index=True)[1]]  # the first coefficient of every kind
-            for each, (kind, _) in ((stiffness, self.stiffness), (capacity, self.capacity))
-        )
+        K = stiffness[:, _first(self.stiffness)]
+        M = capacity[:, _first(self.capacity)]
         if self.surface is not None:
-            K = np.concatenate([K, self.surface.points.weights(self.grid, rows, at)], axis=1)
+            weights = self.surface.points.weights(self.grid, rows, at)
+            K = np.concatenate([K, weights], axis=1)
         return K, M, volume
 
 
@@ -98,9 +111,12 @@ class AffineEngine:
     """
 
     def __init__(self, box: Box, accuracy: float, made: tuple[Mesh, NDArray[np.intp]] | None = None) -> None:
-        self.box, self.grid, self.accuracy = box, CellGrid.of(box), accuracy
+        self.box = box
+        self.accuracy = accuracy
+        self.grid = CellGrid.of(box)
         self.made = made or _mesh(self.grid, accuracy)
-        self.mesh, self.cell = split(self.made[0], resistances(box.base)), self.made[1]
+        whole, self.cell = self.made
+        self.mesh = split(whole, resistances(box.base))
         self.reference = on_mesh(box.base, self.mesh, accuracy)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -109,35 +125,43 @@ class AffineEngine:
 
     def heat(self, row: Array) -> HeatProblem:
         """The heat problem of a member on the moved reference mesh."""
-        offset, grid = row - self.box.middle, self.grid
-        cell = np.zeros(len(self.mesh.points), dtype=np.intp)  # one that each vertex touches: its lines give the place
+        grid = self.grid
+        offset = row - self.box.middle
+        rho, zeta = self.mesh.points.T
+        cell = np.zeros(len(rho), dtype=np.intp)  # one that each vertex touches: its lines give the place
         cell[self.mesh.triangles.ravel()] = np.repeat(self.cell, 3)
-        r = grid.r.moved(self.mesh.points[:, 0], grid.left[cell], offset)
-        z = grid.z.moved(self.mesh.points[:, 1], grid.lower[cell], offset)
+        r = grid.r.moved(rho, grid.left[cell], offset)
+        z = grid.z.moved(zeta, grid.lower[cell], offset)
         moved = replace(self.mesh, points=np.stack([r, z], axis=1))
         return on_mesh(self.box.geometry(row), moved, self.accuracy)
 
     @cached_property
     def _sampled(self) -> tuple[Coefficients, Any]:
         """Coefficients of all terms, and the sparse traces at the surface points (None without such surfaces)."""
-        rows = self.box.draw(SAMPLES, seed=1)
+        rows = self.box.draw(SAMPLE_MEMBERS, seed=1)
         at = self.box.properties(rows)
         stiffness, capacity, _ = self.grid.coefficients(rows, at)
-        intervals = np.stack([self.grid.left, self.grid.lower], axis=1)[self.cell]
+        intervals = np.stack([self.grid.left, self.grid.lower], axis=1)
         surface = traces = None
-        if (found := surface_points(self.reference, intervals)) is not None:
-            every, traces = found
-            surface = SampledWeights.of(every, every.weights(self.grid, rows, at))
+        pair = surface_points(self.reference, intervals[self.cell])
+        if pair is not None:
+            every, traces = pair
+            weights = every.weights(self.grid, rows, at)
+            surface = SampledWeights.of(every, weights)
         kinds = group_proportional(stiffness), group_proportional(capacity)
         return Coefficients(self.grid, *kinds, surface), traces
 
     def project(self, V: Array, ports: tuple[str, ...]) -> AffineMembers:
         """Project the family on the functions V, shape (free unknowns, N)."""
-        basis, (coefficients, traces) = self.reference.discretization.basis, self._sampled
-        full = np.zeros((basis.N, V.shape[1]))
-        full[self.reference.discretization.free] = V
-        terms = element_terms(basis)
-        count, n = len(self.grid.owner), V.shape[1]
+        discretization = self.reference.discretization
+        basis = discretization.basis
+        coefficients, traces = self._sampled
+        n = V.shape[1]
+        full = np.zeros((basis.N, n))
+        full[discretization.free] = V
+        stiffness, capacity, load = element_terms(basis)
+        owner = np.array(self.grid.owner)
+        count = len(owner)
         K = np.zeros((4, count, n, n))
         M = np.zeros((2, count, n, n))
         L = np.zeros((2, count, n))
@@ -145,25 +169,29 @@ class AffineEngine:
         for c in range(count):
             here = np.flatnonzero(self.cell == c)
             local = full[basis.element_dofs.T[here]]  # (t, b, N)
-            flat = local.reshape(-1, n)
-            stiffness, capacity, load = (term[:, here] for term in terms)
-            K[:, c] = [flat.T @ np.matmul(term, local).reshape(-1, n) for term in stiffness]
-            M[:, c] = [flat.T @ np.matmul(term, local).reshape(-1, n) for term in capacity]
-            L[:, c] = np.einsum("ktb,tbn->kn", load, local)
-            volume[:, c] = load.sum(axis=(1, 2))
+            K[:, c] = _projected(stiffness[:, here], local)
+            M[:, c] = _projected(capacity[:, here], local)
+            L[:, c] = np.einsum("ktb,tbn->kn", load[:, here], local)
+            volume[:, c] = load[:, here].sum(axis=(1, 2))
         K_terms = _summed(K.reshape(-1, n, n), coefficients.stiffness)
         if coefficients.surface is not None:
             U = traces @ full
             extra = [U.T @ (mode[:, None] * U) for mode in coefficients.surface.modes.T]
             K_terms = np.concatenate([K_terms, np.array(extra)])
         M_terms = _summed(M.reshape(-1, n, n), coefficients.capacity)
-        inside = np.array([[owner == name for owner in self.grid.owner] for name in ports])[:, None]
+        inside = np.array([owner == name for name in ports])[:, None]
         P = inside[..., None] * L
         volumes = inside * volume
         K = (K_terms + K_terms.transpose(0, 2, 1)) / 2
         M = (M_terms + M_terms.transpose(0, 2, 1)) / 2
         size = len(ports), -1
         return AffineMembers(coefficients, K, M, P.reshape(*size, n), volumes.reshape(size))
+
+
+def _projected(terms: Array, functions: Array) -> list[Array]:
+    """Sum over t triangles of v^T A v for each of k element matrices A (k, t, b, b) and functions v (t, b, n)."""
+    flat = functions.reshape(-1, functions.shape[-1])
+    return [flat.T @ np.matmul(A, functions).reshape(flat.shape) for A in terms]
 
 
 def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
@@ -175,16 +203,19 @@ def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
 
 def _mesh(grid: CellGrid, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
     """A mesh with edges along all lines, its regions named after layers and parts, and the cell of every triangle."""
-    r, z, base = grid.r.base, grid.z.base, grid.box.base
-    faces = tuple(
-        Face(str(k), (np.array([(r[i], z[j]), (r[i + 1], z[j]), (r[i + 1], z[j + 1]), (r[i], z[j + 1])]),))
-        for k, (i, j) in enumerate(zip(grid.left, grid.lower, strict=True))
-    )
-    mesh = make_faces(faces, size_function(base, sizes(accuracy)), base.name)
-    cell = np.array([int(name) for name in mesh.region_names])[mesh.region]
+    base = grid.box.base
+    faces = []
+    for k, (i, j) in enumerate(zip(grid.left, grid.lower, strict=True)):
+        left, right = grid.r.base[i : i + 2]
+        bottom, top = grid.z.base[j : j + 2]
+        corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+        faces.append(Face(str(k), (corners,)))
+    mesh = make_faces(tuple(faces), size_function(base, sizes(accuracy)), base.name)
+    cells = np.array([int(name) for name in mesh.region_names])
+    cell = cells[mesh.region]
     names = tuple(name for name in base.region_names if name in grid.owner)
-    region = np.array([names.index(owner) for owner in grid.owner])[cell]
-    return Mesh(mesh.points, mesh.triangles, region, names), cell
+    region = np.array([names.index(owner) for owner in grid.owner])
+    return Mesh(mesh.points, mesh.triangles, region[cell], names), cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +242,8 @@ class AffineMembers:
     def member(self, row: Array) -> MemberMatrices:
         """Projected matrices of the member with parameters ``row``, shape (p,)."""
         K, M, volume = self.coefficients(row[None])
-        mean = np.einsum("c,pcn->pn", volume[0], self.ports) / (self.volumes @ volume[0])[:, None]
+        integral = np.einsum("c,pcn->pn", volume[0], self.ports)
+        mean = integral / (self.volumes @ volume[0])[:, None]
         return MemberMatrices(np.tensordot(K[0], self.K, 1), np.tensordot(M[0], self.M, 1), mean)
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
@@ -219,8 +251,14 @@ class AffineMembers:
         result = np.empty(len(rows))
         for start in range(0, len(rows), CHUNK):
             K, _, volume = self.coefficients(rows[start : start + CHUNK])
-            b = volume @ self.ports[heated] / (volume @ self.volumes[heated])[:, None]
-            c = volume @ self.ports[read] / (volume @ self.volumes[read])[:, None]
-            fields = np.linalg.solve(np.tensordot(K, self.K, 1), b[..., None])[..., 0]
+            b = self._means(volume, heated)
+            c = self._means(volume, read)
+            matrices = np.tensordot(K, self.K, 1)
+            fields = np.linalg.solve(matrices, b[..., None])[..., 0]
             result[start : start + CHUNK] = np.einsum("nk,nk->n", c, fields)
         return result
+
+    def _means(self, volume: Array, port: int) -> Array:
+        """Means of the functions over a port, shape (n, N), of members with the cell volumes (n, 2 c)."""
+        whole = volume @ self.volumes[port]
+        return np.asarray(volume @ self.ports[port] / whole[:, None])

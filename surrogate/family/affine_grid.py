@@ -37,8 +37,8 @@ from thermofem.materials.material_library import VOID
 
 from .parameter_box import Box, Properties
 
-SAME = 1e-13  # m; lines nearer than this, which move alike, are one
-SAMPLES = 300  # members at which coefficients are compared
+SAME_LINE = 1e-13  # m; lines nearer than this, which move alike, are one
+SAMPLE_MEMBERS = 300  # members at which coefficients are compared
 ARRAYS = "place", "along", "interval", "outward"  # fields of `SurfacePoints` that are arrays
 
 
@@ -64,8 +64,10 @@ class Axis:
     def maps(self, offset: Array) -> tuple[Array, Array]:
         """Coefficients a and b of the map r = a + b rho in every interval, each of shape (..., l - 1)."""
         position = self.at(offset)
-        b = np.diff(position, axis=-1) / np.diff(self.base)
-        return position[..., :-1] - b * self.base[:-1], b
+        gaps = np.diff(position, axis=-1)
+        b = gaps / np.diff(self.base)
+        a = position[..., :-1] - b * self.base[:-1]
+        return a, b
 
     def moved(self, x: Array, interval: NDArray[np.intp], offset: Array) -> Array:
         """Positions, at parameters middle + ``offset``, of reference points x that lie in the given intervals."""
@@ -94,15 +96,18 @@ class CellGrid:
 
         Raises NotAffineError: a wall that leans, a shell, or lines that meet inside the box.
         """
-        base, half = box.base, np.maximum(box.high - box.middle, box.middle - box.low)
+        base = box.base
         if base.kind == "straight" or base.probes:
             raise NotAffineError("it has no weight 2 pi r, or shells around parts and copies off the axis")
         ranges = box.low - box.middle, box.high - box.middle
         heated = [part for part in base.parts if part.heated]
-        r, z = (_ordered(axis, ranges, half) for axis in _lines(base, box.changes))
-        r = _with_companions(r, ranges, [x for part in heated for x in (part.inner_radius, part.outer_radius)])
-        z = _with_companions(z, ranges, [x for part in heated for x in (part.bottom, part.top)])
-        return cls(box, r, z, *_cells(base, r.base, z.base))
+        radii = [x for part in heated for x in (part.inner_radius, part.outer_radius)]
+        heights = [x for part in heated for x in (part.bottom, part.top)]
+        r, z = _lines(base, box.changes)
+        r = _with_companions(_ordered(r, ranges), ranges, radii)
+        z = _with_companions(_ordered(z, ranges), ranges, heights)
+        left, lower, owner = _cells(base, r.base, z.base)
+        return cls(box, r, z, left, lower, owner)
 
     @cached_property
     def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
@@ -114,54 +119,72 @@ class CellGrid:
     def coefficients(self, rows: Array, at: Properties) -> tuple[Array, Array, Array]:
         """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
         names, index = self._materials
-        k_r = 2 * np.pi * np.array([at.k_r[m] for m in names])[index].T
-        k_z = 2 * np.pi * np.array([at.k_z[m] for m in names])[index].T
-        c = 2 * np.pi * np.array([at.capacity[m] for m in names])[index].T
+
+        def around(numbers: dict[str, Array]) -> Array:
+            """2 pi times a property, of every member and cell."""
+            table = np.array([numbers[material] for material in names])
+            return np.asarray(2 * np.pi * table[index].T)
+
         offset = rows - self.box.middle
-        a, b = (x[:, self.left] for x in self.r.maps(offset))
-        d = self.z.maps(offset)[1][:, self.lower]
+        a, b = self.r.maps(offset)
+        _, d = self.z.maps(offset)
+        a = a[:, self.left]
+        b = b[:, self.left]
+        d = d[:, self.lower]
         ratio = d / b
         area = 2 * np.pi * b * d
-        along_r = k_r * ratio
-        along_z = k_z / ratio
+        along_r = around(at.k_r) * ratio
+        along_z = around(at.k_z) / ratio
+        c = around(at.capacity)
         stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
         volume = np.concatenate([area * a, area * b], axis=1)
-        return stiffness, np.concatenate([c, c], axis=1) * volume / (2 * np.pi), volume
+        capacity = np.concatenate([c, c], axis=1) * volume / (2 * np.pi)
+        return stiffness, capacity, volume
 
 
 def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
     """Lines across r and across z on which the outlines lie, unsorted; NotAffineError where a wall leans."""
-    found: tuple[list[Any], list[Any]] = ([], [])
+    still = np.zeros((4, 2))
+    positions: tuple[list[Array], list[Array]] = ([], [])
+    slopes: tuple[list[Array], list[Array]] = ([], [])
     for name, outline in outlines(base).items():
-        velocity = np.array([change.outlines.get(name, np.zeros((4, 2))) for change in changes])  # (p, 4, 2)
+        velocity = np.array([change.outlines.get(name, still) for change in changes])  # (p, 4, 2)
+        straight = 1e-9 * np.abs(outline).max()  # 1e-9 of a length: a wall that leans less runs along z
         for axis, begin, end in ((0, [0, 1], [3, 2]), (1, [0, 2], [1, 3])):  # both ends of two sides each
-            apart = np.abs(outline[begin, axis] - outline[end, axis]).max()
-            turns = np.abs(velocity[:, begin, axis] - velocity[:, end, axis]).max()
-            # 1e-9 of a length: a wall that leans less runs along z
-            if apart > 1e-9 * np.abs(outline).max() or turns > 1e-12:
+            position = outline[begin, axis]
+            slope = velocity[:, begin, axis]
+            lean = position - outline[end, axis]
+            turn = slope - velocity[:, end, axis]
+            if np.abs(lean).max() > straight or np.abs(turn).max() > 1e-12:
                 raise NotAffineError(f"the walls of {name!r} lean")
-            found[axis].append((outline[begin, axis], velocity[:, begin, axis].T))
-    r, z = (Axis(*map(np.concatenate, zip(*each, strict=True))) for each in found)
+            positions[axis].append(position)
+            slopes[axis].append(slope.T)
+    r = Axis(np.concatenate(positions[0]), np.concatenate(slopes[0]))
+    z = Axis(np.concatenate(positions[1]), np.concatenate(slopes[1]))
     return r, z
 
 
-def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
+def _ordered(axis: Axis, ranges: tuple[Array, Array]) -> Axis:
     """Sort the lines and drop those that coincide over the whole box; NotAffineError where two lines meet inside it.
 
     ranges [two arrays, shape (p,)]: ends of the parameters, counted from the middle of the box.
-    half [shape (p,)]: the larger distance of an end from the middle.
     """
+    low, high = ranges
+    half = np.maximum(high, -low)  # the larger distance of an end from the middle
     order = np.lexsort((*axis.slope.T, axis.base))
-    base, slope = axis.base[order], axis.slope[order]
+    base = axis.base[order]
+    slope = axis.slope[order]
     kept: list[int] = []
     for k in range(len(base)):
-        apart = np.abs(base[kept] - base[k]) + np.abs(slope[kept] - slope[k]) @ half
-        if np.all(apart >= SAME):
+        turn = np.abs(slope[kept] - slope[k])
+        apart = np.abs(base[kept] - base[k]) + turn @ half
+        if np.all(apart >= SAME_LINE):
             kept.append(k)
     lines = Axis(base[kept], slope[kept])
-    low, _ = _gaps(lines, ranges)
-    if low.min(initial=np.inf) <= SAME:
-        raise NotAffineError(f"two outlines near {lines.base[int(low.argmin())]:g} m meet inside the box")
+    gaps, _ = _gaps(lines, ranges)
+    if gaps.min(initial=np.inf) <= SAME_LINE:
+        place = lines.base[int(gaps.argmin())]
+        raise NotAffineError(f"two outlines near {place:g} m meet inside the box")
     return lines
 
 
@@ -169,8 +192,10 @@ def _gaps(axis: Axis, ranges: tuple[Array, Array]) -> tuple[Array, Array]:
     """Smallest and largest gap of each two neighbouring lines over the box in m, each of shape (l - 1,)."""
     base = np.diff(axis.base)
     slope = np.diff(axis.slope, axis=0)
-    each = np.stack([slope * ranges[0], slope * ranges[1]])
-    return base + each.min(axis=0).sum(axis=1), base + each.max(axis=0).sum(axis=1)
+    moves = np.stack([slope * end for end in ranges])
+    inwards = moves.min(axis=0).sum(axis=1)
+    outwards = moves.max(axis=0).sum(axis=1)
+    return base + inwards, base + outwards
 
 
 def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[float]) -> Axis:
@@ -181,11 +206,12 @@ def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[fl
     for k in range(len(low)):
         if high[k] < 1.1 * low[k]:  # 1.1: a gap that changes by less over the box needs no such line
             continue
-        ends = [e for e in (k, k + 1) if np.abs(np.asarray(walls) - axis.base[e]).min() < SAME]
+        ends = [e for e in (k, k + 1) if np.abs(axis.base[e] - walls).min() < SAME_LINE]
+        # 1e-6 m; at most this far from a heated part a line moves along with it
+        away = min(1e-6, low[k] / (len(ends) + 1))
         for e in ends:
-            # 1e-6 m; at most this far from a heated part a line moves along with it
-            away = min(1e-6, low[k] / (3 if len(ends) > 1 else 2))
-            base.append(axis.base[e] + (away if e == k else -away))
+            inwards = away if e == k else -away
+            base.append(axis.base[e] + inwards)
             slope.append(axis.slope[e])
     order = np.argsort(base)
     return Axis(np.array(base)[order], np.array(slope)[order])
@@ -193,17 +219,25 @@ def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[fl
 
 def _cells(base: CrossSection, r: Array, z: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], list[str]]:
     """Interval across r, interval across z, and owning layer or part of every meshed cell."""
-    shapes = {name: (outline.min(axis=0), outline.max(axis=0)) for name, outline in outlines(base).items()}
+    shapes = outlines(base)
     void = {part.name for part in base.parts if part.material == VOID}
-    found = []
+    left: list[int] = []
+    lower: list[int] = []
+    owners: list[str] = []
     for i, x in enumerate((r[:-1] + r[1:]) / 2):
         for j, y in enumerate((z[:-1] + z[1:]) / 2):
-            inside = (n for n, (low, high) in shapes.items() if low[0] < x < high[0] and low[1] < y < high[1])
-            owner = list(inside)[-1:]  # the last one drawn
-            if owner and owner[0] not in void:
-                found.append((i, j, owner[0]))
-    left, lower, owners = zip(*found, strict=True)
-    return np.array(left), np.array(lower), list(owners)
+            middle = np.array([x, y])
+            owner = ""
+            for name, outline in shapes.items():
+                above = middle > outline.min(axis=0)
+                below = middle < outline.max(axis=0)
+                if np.all(above & below):
+                    owner = name  # the last one drawn
+            if owner and owner not in void:
+                left.append(i)
+                lower.append(j)
+                owners.append(owner)
+    return np.array(left), np.array(lower), owners
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,20 +269,28 @@ class SurfacePoints:
     def weights(self, grid: CellGrid, rows: Array, at: Properties) -> Array:
         """Weights w_q of all points in W/K, shape (n, q), for members with the parameters ``rows``, shape (n, p)."""
         offset = rows - grid.box.middle
-        (a, b), (c, d) = (
-            [x[:, self.interval[:, k]] for x in axis.maps(offset)] for k, axis in enumerate((grid.r, grid.z))
-        )
-        r = a + b * self.place[:, 0]
-        z = c + d * self.place[:, 1]
-        measure = 2 * np.pi * r * np.hypot(b * self.along[:, 0], d * self.along[:, 1])
+        rho, zeta = self.place.T
+        along_r, along_z = self.along.T
+        i, j = self.interval.T
+        a, b = grid.r.maps(offset)
+        c, d = grid.z.maps(offset)
+        b = b[:, i]
+        d = d[:, j]
+        r = a[:, i] + b * rho
+        z = c[:, j] + d * zeta
+        measure = 2 * np.pi * r * np.hypot(b * along_r, d * along_z)
         height = z - _source(grid, offset)[:, None]
         h = np.empty(r.shape)
-        for q, (names, m, normal) in enumerate(zip(self.series, self.material, self.outward, strict=True)):
+        for q, names in enumerate(self.series):
             if names:
                 h[:, q] = 1 / sum(at.resistance[name] for name in names)
-            else:
-                square = r[:, q] ** 2 / at.k_r[m] + height[:, q] ** 2 / at.k_z[m]
-                h[:, q] = (normal[0] * r[:, q] + normal[1] * height[:, q]) / square
+                continue
+            x = r[:, q]
+            y = height[:, q]
+            material = self.material[q]
+            normal_r, normal_z = self.outward[q]
+            square = x**2 / at.k_r[material] + y**2 / at.k_z[material]
+            h[:, q] = (normal_r * x + normal_z * y) / square
         return np.asarray(measure * h)
 
 
@@ -266,29 +308,42 @@ def surface_points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[Surf
 
     intervals [shape (triangles, 2)]: across r and z. None where the geometry has no such surfaces.
     """
-    s, grid = heat.discretization.surfaces, heat.discretization.basis.mesh
+    surfaces = heat.discretization.surfaces
+    mesh = heat.discretization.basis.mesh
     none = np.empty(0, dtype=np.intp)
-    groups = [(s.open, none, "open"), *((one, other, "") for one, other in s.contacts.values())]
-    for facets in s.convection.values():
-        r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-        sides = ("top", "bottom", "outer")
-        groups += [(facets[heat.geometry.on_boundary(side, r, z)], none, side) for side in sides]
-    pairs = [_on(heat, intervals, *group) for group in groups if len(group[0])]
-    if not pairs:
+    groups = [(surfaces.open, none, "open")]
+    groups += [(facets, other, "") for facets, other in surfaces.contacts.values()]
+    for facets in surfaces.convection.values():
+        ends = mesh.p[:, mesh.facets[:, facets]]
+        r, z = ends.mean(axis=1)
+        for side in ("top", "bottom", "outer"):
+            here = heat.geometry.on_boundary(side, r, z)
+            groups.append((facets[here], none, side))
+    points = []
+    traces = []
+    for facets, other, where in groups:
+        if len(facets):
+            of_group, trace = _on(heat, intervals, facets, other, where)
+            points.append(of_group)
+            traces.append(trace)
+    if not points:
         return None
-    found, traces = zip(*pairs, strict=True)
-    arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
-    series = [x for one in found for x in one.series]
-    material = [x for one in found for x in one.material]
+    arrays = {}
+    for name in ARRAYS:
+        arrays[name] = np.concatenate([getattr(of_group, name) for of_group in points])
+    series = [names for of_group in points for names in of_group.series]
+    material = [name for of_group in points for name in of_group.material]
     return SurfacePoints(**arrays, series=series, material=material), vstack(traces).tocsr()
 
 
 def _trace(side: Side) -> Any:
     """Values of all n functions at the three Gauss points of each of f facets, sparse, shape (3 f, n)."""
-    (f, _, q), values = side.shape.shape, side.shape
-    rows = np.broadcast_to(np.arange(f * q).reshape(f, 1, q), values.shape)
-    columns = np.broadcast_to(side.dofs[..., None], values.shape)
-    return csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(f * q, side.basis.N))
+    values = side.shape
+    f, _, q = values.shape
+    point = np.arange(f * q).reshape(f, 1, q)
+    rows = np.broadcast_to(point, values.shape).ravel()
+    columns = np.broadcast_to(side.dofs[..., None], values.shape).ravel()
+    return csr_matrix((values.ravel(), (rows, columns)), shape=(f * q, side.basis.N))
 
 
 def _on(
@@ -299,23 +354,43 @@ def _on(
     facets, other [int arrays]: the facets, and for a contact those on its other side, else none.
     where: side of the domain, "open", or "" for a contact.
     """
-    base, limit = heat.geometry, resistances(heat.geometry)
+    names = np.array(heat.mesh.region_names)
     sides = [Side.of(heat.discretization.basis, each) for each in (facets, other) if len(each)]
-    one, names = sides[0], np.array(heat.mesh.region_names)
-    own = [names[heat.mesh.region[side.cells]].tolist() for side in sides]
-    outside = (f"boundary.{where}",) if where and where != "open" and getattr(base, where).exchange else ()
-    series = [(*outside, *(f"interface.{part}" for part in pair if part in limit)) for pair in zip(*own, strict=True)]
-    along = one.ends[:, 1] - one.ends[:, 0]  # (2, f)
-    normal = one.outward * np.array([along[1], -along[0]]) / np.hypot(*along)
+    regions = [names[heat.mesh.region[side.cells]].tolist() for side in sides]
+    series = _in_series(heat, regions, where)
+    material = [heat.geometry.material_of(name).name for name in regions[0]]
+    first = sides[0]
+    count = len(first.at)
+    along = first.ends[:, 1] - first.ends[:, 0]  # (2, f)
+    right = np.array([along[1], -along[0]])
+    normal = first.outward * right / np.hypot(*along)
+    weighted = along[:, None] * first.weight[:, None]
     points = SurfacePoints(
-        place=one.along(one.ends).T.reshape(-1, 2),
-        along=(along[:, None] * one.weight[:, None]).T.reshape(-1, 2),
-        interval=np.repeat(intervals[one.cells], len(one.at), axis=0),
-        outward=np.repeat(normal.T, len(one.at), axis=0),
-        series=[() if where == "open" else each for each in series for _ in one.at],
-        material=[base.material_of(name).name for name in own[0] for _ in one.at],
+        place=first.along(first.ends).T.reshape(-1, 2),
+        along=weighted.T.reshape(-1, 2),
+        interval=np.repeat(intervals[first.cells], count, axis=0),
+        outward=np.repeat(normal.T, count, axis=0),
+        series=[resistance for resistance in series for _ in range(count)],
+        material=[name for name in material for _ in range(count)],
     )
-    return points, _trace(one) - _trace(sides[1]) if len(sides) > 1 else _trace(one)
+    trace = _trace(first)
+    for second in sides[1:]:
+        trace = trace - _trace(second)
+    return points, trace
+
+
+def _in_series(heat: HeatProblem, regions: list[list[str]], where: str) -> list[tuple[str, ...]]:
+    """Names of the resistances in series at every facet; ``regions``: those beside it, of each of its sides."""
+    contacts = resistances(heat.geometry)
+    if where == "open":
+        return [()] * len(regions[0])
+    exchanging = bool(where) and bool(getattr(heat.geometry, where).exchange)
+    outside = (f"boundary.{where}",) if exchanging else ()
+    series = []
+    for beside in zip(*regions, strict=True):
+        inside = (f"interface.{part}" for part in beside if part in contacts)
+        series.append((*outside, *inside))
+    return series
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,8 +406,11 @@ class SampledWeights:
         scale = np.abs(samples).max(axis=0)  # far points carry small weights, and count as well
         u, s, _ = np.linalg.svd((samples / scale).T, full_matrices=False)
         # 1e-13: singular values below this share of the first are round-off
-        rank = max(1, int((s > 1e-13 * s[0] * np.sqrt(len(scale))).sum()))
-        _, _, order = qr(u[:, :rank].T, pivoting=True, mode="economic")
+        least = 1e-13 * s[0] * np.sqrt(len(scale))
+        rank = max(1, int((s > least).sum()))
+        leading = u[:, :rank]
+        _, _, order = qr(leading.T, pivoting=True, mode="economic")
         chosen = order[:rank]
-        modes = scale[:, None] * (u[:, :rank] @ np.linalg.inv(u[chosen, :rank])) / scale[chosen]
+        relative = leading @ np.linalg.inv(leading[chosen])
+        modes = scale[:, None] * relative / scale[chosen]
         return cls(every.pick(chosen), modes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import warnings
 from collections.abc import Mapping
@@ -31,7 +32,7 @@ log = logging.getLogger("thermofem")
 Model = Foster | OutputMap
 
 FAINT = 1e-12  # of R_th: poles with less are left out
-STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
+DIFFERENCE_STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
 FAR_CONTACT = 1e-8  # m^2 K/W; below it derivatives read at another part are wrong up to 7 times (measured)
 
 
@@ -49,11 +50,14 @@ class HeldOut(float):
     def __new__(cls, worst: float, median: float, count: int) -> HeldOut:
         """Make the number ``worst`` with the three attributes."""
         self = super().__new__(cls, worst)
-        self.worst, self.median, self.count = worst, median, count
+        self.worst = worst
+        self.median = median
+        self.count = count
         return self
 
     def __repr__(self) -> str:
-        return f"HeldOut(worst={self.worst:.2g}, median={self.median:.2g}, count={self.count})"
+        numbers = f"worst={self.worst:.2g}, median={self.median:.2g}, count={self.count}"
+        return f"HeldOut({numbers})"
 
 
 @dataclass(frozen=True)
@@ -110,9 +114,12 @@ class Family:
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
-        ends = zip(self.names, self.box.low, self.box.high, self.box.units, strict=True)
-        span = ", ".join(f"{name} {low:g} .. {high:g} {unit}".rstrip() for name, low, high, unit in ends)
-        return f"Family({span}; {self.size} functions, engine {self.engine!r}, {self.error!r})"
+        ranges = []
+        for name, unit in zip(self.names, self.box.units, strict=True):
+            low, high = self.ranges[name]
+            ranges.append(f"{name} {low:g} .. {high:g} {unit}".rstrip())
+        functions = f"{self.size} functions, engine {self.engine!r}"
+        return f"Family({', '.join(ranges)}; {functions}, {self.error!r})"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -172,7 +179,8 @@ class Family:
         """
         a, b = self.channel(heated, read)
         row = self.box.row(values)
-        return self._with_output_map(self._foster(self.members.member(row).modes(), a, b), row, (a, b))
+        modes = self.members.member(row).modes()
+        return self._with_output_map(self._foster(modes, a, b), row, (a, b))
 
     def at(self, values: Mapping[str, Any]) -> Model:
         """`model` of the first channel; ``values`` maps the name of each parameter to its value in SI."""
@@ -186,8 +194,8 @@ class Family:
         if self.output_maps is None:
             return linear
         if channel != self.channel():
-            a, b = (self.ports[k] for k in channel)
-            text = f"heat in {a!r} read in {b!r} is linear, right at small power"
+            a, b = channel
+            text = f"heat in {self.ports[a]!r} read in {self.ports[b]!r} is linear, right at small power"
             warnings.warn(f"{text}; k(T) is followed in the first channel alone", OutsideTrainingWarning, stacklevel=3)
             return linear
         return self.output_maps.on(linear, self.box.share(row))
@@ -202,8 +210,9 @@ class Family:
     def system(self, **values: float) -> StateSpace:
         """Return the small StateSpace of one member with all inputs and outputs."""
         small = self.members.member(self.box.row(values))
-        B = np.array([small.ports[self.ports.index(name)] for name in self.inputs]).T
-        C = np.array([small.ports[self.ports.index(name)] for name in self.outputs])
+        means = dict(zip(self.ports, small.ports, strict=True))
+        B = np.array([means[name] for name in self.inputs]).T
+        C = np.array([means[name] for name in self.outputs])
         return StateSpace(small.M, -small.K, B, C, inputs=self.inputs, outputs=self.outputs)
 
     def reduced(
@@ -219,8 +228,8 @@ class Family:
         """Return R_th in K/W of many members; the values broadcast against each other."""
         rows = self.box.rows(values)
         a, b = self.channel(heated, read)
-        found = self.members.resistances(rows.reshape(-1, self.box.size), a, b)
-        return np.asarray(found.reshape(rows.shape[:-1]))
+        R_th = self.members.resistances(rows.reshape(-1, self.box.size), a, b)
+        return np.asarray(R_th.reshape(rows.shape[:-1]))
 
     def step_response(
         self, times: ArrayLike, *, heated: str | None = None, read: str | None = None, **values: ArrayLike
@@ -229,11 +238,12 @@ class Family:
         t = checks.numbers("times", times)
         rows = self.box.rows(values)
         a, b = self.channel(heated, read)
-        each = [
-            self.members.member(row).modes().step_response(np.maximum(t.ravel(), 0.0), a, b)
-            for row in rows.reshape(-1, self.box.size)
-        ]
-        return np.asarray(each).reshape((*rows.shape[:-1], *t.shape))
+        after = np.maximum(t.ravel(), 0.0)
+        rises = []
+        for row in rows.reshape(-1, self.box.size):
+            modes = self.members.member(row).modes()
+            rises.append(modes.step_response(after, a, b))
+        return np.asarray(rises).reshape((*rows.shape[:-1], *t.shape))
 
     def predicted_error(self, **values: float) -> float:
         """Relative error expected of one member, in R_th and in the step response from 1 ns on.
@@ -280,10 +290,11 @@ class Family:
         another part is read than heated.
         """
         a, b = channel
-        small = [n for n, x, one in zip(self.names, row, self.box.contact, strict=True) if one and x < FAR_CONTACT]
-        if a == b or not small:
+        small = self.box.contact & (row < FAR_CONTACT)
+        if a == b or not small.any():
             return ()
-        text = f"derivatives by {', '.join(small)} below {FAR_CONTACT:g} m^2*K/W, and standard errors from them, may be"
+        names = ", ".join(itertools.compress(self.names, small))
+        text = f"derivatives by {names} below {FAR_CONTACT:g} m^2*K/W, and standard errors from them, may be"
         return (
             f"{text} wrong by a large factor where {self.ports[b]!r} is read: take thermofem.derivatives of a mesh",
         )
@@ -293,7 +304,8 @@ class Family:
 
         The step is in proportion to a contact resistance, as it enters as 1/R, and to the range of any other parameter.
         """
-        contact, (a, b) = self.box.contact, channel or self.channel()
+        contact = self.box.contact
+        a, b = channel or self.channel()
         # 1e-11 m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
         row = np.where(contact, np.maximum(row, 1e-11), row)
         small = self.members.member(row)
@@ -302,26 +314,29 @@ class Family:
         M = []
         heating = []
         reading = []
-        for k, h in enumerate(STEP * np.where(contact, row, self.box.high - self.box.low)):
+        scale = np.where(contact, row, self.box.high - self.box.low)
+        for k, h in enumerate(DIFFERENCE_STEP * scale):
             shift = np.zeros_like(row)
             shift[k] = h
             up = self.members.member(row + shift)
             down = self.members.member(row - shift)
-            K.append(v.T @ ((up.K - down.K) / (2 * h)) @ v)
-            M.append(v.T @ ((up.M - down.M) / (2 * h)) @ v)
-            ports = (up.ports - down.ports) / (2 * h) @ v
-            heating.append(ports[a])
-            reading.append(ports[b])
+            dK = (up.K - down.K) / (2 * h)
+            dM = (up.M - down.M) / (2 * h)
+            dports = (up.ports - down.ports) / (2 * h)
+            in_modes = dports @ v
+            K.append(v.T @ dK @ v)
+            M.append(v.T @ dM @ v)
+            heating.append(in_modes[a])
+            reading.append(in_modes[b])
         port = small.ports @ v
-        each = (np.array(x) for x in (K, M, heating, reading))
-        return ModalDerivative(rate, port[a], port[b], *each)
+        slopes = np.array(K), np.array(M), np.array(heating), np.array(reading)
+        return ModalDerivative(rate, port[a], port[b], *slopes)
 
     def certify(self, **values: float) -> Certified:
         """Compare one member with the certified reduction on its own mesh."""
         row = self.box.row(values)
-        return certified(
-            self.box.geometry(row), self.members.member(row).modes(), self.ports, self.tolerance, len(self.inputs)
-        )
+        modes = self.members.member(row).modes()
+        return certified(self.box.geometry(row), modes, self.ports, self.tolerance, len(self.inputs))
 
     def save(self, path: str | Path) -> Path:
         """Write the family as one file, whole or not at all; `surrogate.load_family` reads it without a mesher."""
@@ -329,8 +344,9 @@ class Family:
 
     def _foster(self, modes: MemberModes, a: int, b: int) -> Foster:
         R = modes.R(a, b)
-        kept = (np.abs(R) > FAINT * np.abs(R).sum()) & (modes.tau > 0)
-        return Foster(R=R[kept], tau=modes.tau[kept], inputs=(self.ports[a],), outputs=(self.ports[b],))
+        size = np.abs(R)
+        strong = (size > FAINT * size.sum()) & (modes.tau > 0)
+        return Foster(R=R[strong], tau=modes.tau[strong], inputs=(self.ports[a],), outputs=(self.ports[b],))
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,9 +381,11 @@ def load_family(path: str | Path) -> Family:
     """
 
     def checked(fields: dict[str, Any]) -> Family:
-        family = Family(**{**fields, "error": HeldOut(**fields["error"])})
+        fields["error"] = HeldOut(**fields["error"])
+        family = Family(**fields)
+        values = dict(zip(family.names, family.box.middle, strict=True))
         with np.errstate(all="ignore"):
-            middle = family.model(**dict(zip(family.names, family.box.middle, strict=True)))
+            middle = family.model(**values)
         checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")
         return family
 

@@ -27,42 +27,60 @@ from .parameter_box import Box
 if TYPE_CHECKING:
     from .family import Family
 
-FORMAT, SCHEMA = "thermofem family", 2
+FORMAT = "thermofem family"
+SCHEMA = 2
 _PLAIN = "inputs", "outputs", "tolerance", "floor", "factor", "engine", "provenance"  # of a family, as JSON has them
 
 
 def save(family: Family, path: str | Path) -> Path:
     """Write a family as one file."""
-    box, maps, campaign = family.box, family.output_maps, family.box.campaign
-    content: dict[str, Any] = {"format": FORMAT, "schema": SCHEMA, **{name: getattr(family, name) for name in _PLAIN}}
+    box = family.box
+    maps = family.output_maps
+    campaign = box.campaign
+    content: dict[str, Any] = {"format": FORMAT, "schema": SCHEMA}
+    content |= {name: getattr(family, name) for name in _PLAIN}
     content["error"] = vars(family.error)
     content["campaign"] = {name: getattr(campaign, name) for name in ("name", "geometry", "heated", "read")}
-    content["campaign"]["variations"] = [
-        {name: value for name, value in vars(v).items() if not (v.values and name in ("low", "high"))}
-        for v in campaign.variations
-    ]
+    content["campaign"]["variations"] = [_variation(v) for v in campaign.variations]
     arrays: dict[str, Any] = {"low": box.low, "high": box.high}
     if isinstance(family.members, AffineMembers):
-        more, own = _affine_fields(family.members)
+        words, fields = _affine_fields(family.members)
     else:
-        mesh, moved = family.members.moved.mesh, family.members.moved
-        more = {"regions": mesh.region_names, "accuracy": moved.accuracy}
-        own = {"points": mesh.points, "triangles": mesh.triangles, "region": mesh.region, "basis": family.members.basis}
-    content = content | more
-    arrays = arrays | own
+        words, fields = _moved_fields(family.members)
+    content |= words
+    arrays |= fields
     if maps is not None:
         content["output_maps"] = {"power": maps.power, "error": maps.error}
         arrays |= {"map_shares": maps.shares, "map_coefficients": maps.coefficients}
     if family.optics is not None:
-        content["optics"], own = family.optics.content()
-        arrays |= own
-    whole = pack({"header": np.array(json.dumps(content)), **arrays})
+        content["optics"], polynomials = family.optics.content()
+        arrays |= polynomials
+    header = np.array(json.dumps(content))
+    whole = pack({"header": header, **arrays})
     return write_whole(path, lambda p: p.write_bytes(whole))
+
+
+def _variation(v: Variation) -> dict[str, Any]:
+    """JSON fields of a varied parameter; a list of values has no ends."""
+    fields = dict(vars(v))
+    if v.values:
+        del fields["low"], fields["high"]
+    return fields
+
+
+def _moved_fields(members: MovedMeshMembers) -> tuple[dict[str, Any], dict[str, Any]]:
+    """JSON fields and arrays that store a family on moved meshes."""
+    mesh = members.moved.mesh
+    words = {"regions": mesh.region_names, "accuracy": members.moved.accuracy}
+    arrays = {"points": mesh.points, "triangles": mesh.triangles, "region": mesh.region, "basis": members.basis}
+    return words, arrays
 
 
 def _affine_fields(members: AffineMembers) -> tuple[dict[str, Any], dict[str, Any]]:
     """JSON fields and arrays that store an affine family; of symmetric matrices the upper triangles, row by row."""
-    c, grid, upper = members.coefficients, members.coefficients.grid, np.triu_indices(members.size)
+    c = members.coefficients
+    grid = c.grid
+    upper = np.triu_indices(members.size)
     words: dict[str, Any] = {"owner": grid.owner}
     arrays: dict[str, Any] = {"K": members.K[:, *upper], "M": members.M[:, *upper]}
     arrays |= {"ports": members.ports, "volumes": members.volumes, "left": grid.left, "lower": grid.lower}
@@ -71,9 +89,10 @@ def _affine_fields(members: AffineMembers) -> tuple[dict[str, Any], dict[str, An
     for name, (kind, ratio) in (("stiffness", c.stiffness), ("capacity", c.capacity)):
         arrays |= {f"{name}_kind": kind, f"{name}_ratio": ratio}
     if c.surface is not None:
-        words["surface"] = {"series": c.surface.points.series, "material": c.surface.points.material}
+        points = c.surface.points
+        words["surface"] = {"series": points.series, "material": points.material}
         arrays["modes"] = c.surface.modes
-        arrays |= {f"surface_{name}": getattr(c.surface.points, name) for name in ARRAYS}
+        arrays |= {f"surface_{name}": getattr(points, name) for name in ARRAYS}
     return words, arrays
 
 
@@ -86,9 +105,10 @@ def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
     with checks.prefixed(f"{path} is not a family that thermofem wrote", *DAMAGE, hint="is it complete?"):
         arrays = unpack(raw)
         content = from_json(str(arrays.pop("header")))
-        found = content["format"], content["schema"]
-    if found != (FORMAT, SCHEMA):
-        raise checks.InputError(f"{path} has schema {checks.shown(found[1])}; this version reads {SCHEMA}")
+        name = content["format"]
+        schema = content["schema"]
+    if (name, schema) != (FORMAT, SCHEMA):
+        raise checks.InputError(f"{path} has schema {checks.shown(schema)}; this version reads {SCHEMA}")
     with checks.prefixed(f"{path} is not a complete family", *DAMAGE):
         for name, values in arrays.items():
             checks.numbers(name, values.astype(float))
@@ -97,8 +117,6 @@ def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
 
 def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:
     box = _box(content["campaign"], a)
-    error = content["error"]
-    maps = content.get("output_maps")
     inputs = check_names("inputs", content["inputs"])
     outputs = check_names("outputs", content["outputs"])
     if content["engine"].startswith("affine"):
@@ -106,31 +124,33 @@ def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:
     else:
         mesh = Mesh(a["points"], a["triangles"], a["region"], tuple(content["regions"]))
         moved = MovedMeshEngine(box, float(content["accuracy"]), mesh)
-        members = MovedMeshMembers(moved, a["basis"], tuple(dict.fromkeys((*inputs, *outputs))))
-    return {
-        "box": box,
-        "inputs": inputs,
-        "outputs": outputs,
-        "tolerance": checks.positive("tolerance", content["tolerance"], at_most=1),
-        **{name: checks.between(name, content[name], 0, checks.LARGEST) for name in ("floor", "factor")},
-        "members": members,
-        "error": {
-            **{name: checks.between(name, error[name], 0, checks.LARGEST) for name in ("worst", "median")},
-            "count": checks.integer("count", error["count"], 1, np.inf),
-        },
-        "output_maps": maps and OutputMaps(**maps, shares=a["map_shares"], coefficients=a["map_coefficients"]),
-        "optics": OpticalNumbers.of_content(content["optics"], a) if "optics" in content else None,
-        "provenance": dict(content["provenance"]),
-    }
+        ports = tuple(dict.fromkeys((*inputs, *outputs)))
+        members = MovedMeshMembers(moved, a["basis"], ports)
+    error = {name: _not_negative(name, content["error"]) for name in ("worst", "median")}
+    error["count"] = checks.integer("count", content["error"]["count"], 1, np.inf)
+    fields: dict[str, Any] = {"box": box, "inputs": inputs, "outputs": outputs, "members": members, "error": error}
+    fields["tolerance"] = checks.positive("tolerance", content["tolerance"], at_most=1)
+    fields |= {name: _not_negative(name, content) for name in ("floor", "factor")}
+    if "output_maps" in content:
+        maps = content["output_maps"]
+        fields["output_maps"] = OutputMaps(**maps, shares=a["map_shares"], coefficients=a["map_coefficients"])
+    if "optics" in content:
+        fields["optics"] = OpticalNumbers.of_content(content["optics"], a)
+    fields["provenance"] = dict(content["provenance"])
+    return fields
+
+
+def _not_negative(name: str, content: dict[str, Any]) -> float:
+    return checks.between(name, content[name], 0, checks.LARGEST)
 
 
 def _box(stored: dict[str, Any], a: dict[str, Array]) -> Box:
-    variations = tuple(
-        Variation(**{**one, "paths": tuple(one["paths"]), "values": tuple(one["values"])})
-        for one in stored["variations"]
-    )
+    variations = []
+    for fields in stored["variations"]:
+        lists = {name: tuple(fields[name]) for name in ("paths", "values")}
+        variations.append(Variation(**{**fields, **lists}))
     drawn = int(any(not v.values for v in variations))
-    words = {**stored, "variations": variations, "read": tuple(stored["read"])}
+    words = {**stored, "variations": tuple(variations), "read": tuple(stored["read"])}
     box = Box(Campaign(**words, samples=drawn), a["low"], a["high"])
     for ends in (box.low, box.high):
         checks.shape("range", ends, (box.size,))
@@ -140,20 +160,22 @@ def _box(stored: dict[str, Any], a: dict[str, Array]) -> Box:
 
 
 def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
-    r = Axis(a[f"{'r'}_base"], a[f"{'r'}_slope"])
-    z = Axis(a[f"{'z'}_base"], a[f"{'z'}_slope"])
+    r = Axis(a["r_base"], a["r_slope"])
+    z = Axis(a["z_base"], a["z_slope"])
     grid = CellGrid(box, r, z, a["left"], a["lower"], content["owner"])
     surface = None
     if "surface" in content:
-        series = [tuple(one) for one in content["surface"]["series"]]
-        fields = {name: a[f"surface_{name}"] for name in ARRAYS}
-        surface = SampledWeights(SurfacePoints(**fields, **{**content["surface"], "series": series}), a["modes"])
-    stiffness = (a[f"{'stiffness'}_kind"], a[f"{'stiffness'}_ratio"])
-    capacity = (a[f"{'capacity'}_kind"], a[f"{'capacity'}_ratio"])
+        words = dict(content["surface"])
+        words["series"] = [tuple(names) for names in words["series"]]
+        arrays = {name: a[f"surface_{name}"] for name in ARRAYS}
+        surface = SampledWeights(SurfacePoints(**arrays, **words), a["modes"])
+    stiffness = (a["stiffness_kind"], a["stiffness_ratio"])
+    capacity = (a["capacity_kind"], a["capacity_ratio"])
     n = a["ports"].shape[-1]
     i, j = np.triu_indices(n)
     square = {name: np.zeros((len(a[name]), n, n)) for name in ("K", "M")}
     for name, full in square.items():
-        full[:, i, j] = full[:, j, i] = a[name]
+        full[:, i, j] = a[name]
+        full[:, j, i] = a[name]
     coefficients = Coefficients(grid, stiffness, capacity, surface)
     return AffineMembers(coefficients, **square, ports=a["ports"], volumes=a["volumes"])

@@ -24,6 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
 
-TAIL = 1e-4  # probability beyond either end of the span on which members are worked out
+TAIL_PROBABILITY = 1e-4  # probability beyond either end of the span on which members are worked out
 
 
 def interpolate_members(
@@ -65,23 +66,28 @@ def interpolate_members(
     p = len(span)
     least = 2 * (p + 1) * (p + 2)
     checks.between("interpolate", count, least, 2000, hint=f"members; {p} parameters need {least} at least")
-    u = qmc.Sobol(p, seed=np.random.default_rng(1)).random(2 ** int(np.ceil(np.log2(count))))[:count]
-    found = np.asarray(values(span[:, :1] + u.T * (span[:, 1:] - span[:, :1])), dtype=float)
-    if found.ndim > 1:
+    digits = int(np.ceil(np.log2(count)))
+    u = qmc.Sobol(p, seed=np.random.default_rng(1)).random(2**digits)[:count]
+    low, high = span.T
+    width = high - low
+    members = low[:, None] + u.T * width[:, None]
+    y = np.asarray(values(members), dtype=float)
+    if y.ndim > 1:
         raise checks.InputError("interpolate is for one number, and the quantity returns an array")
-    if np.isnan(found).any():
+    missing = np.isnan(y).sum()
+    if missing:
         raise checks.InputError(
-            f"{np.isnan(found).sum()} of {count} members do not have the property, and an interpolation needs it "
+            f"{missing} of {count} members do not have the property, and an interpolation needs it "
             f"everywhere ({reason()}); take narrower distributions, or leave interpolate out"
         )
     test = np.arange(count) % 5 == 0  # 5: one member of so many is held out
-    scale = float(abs(found.mean())) or 1.0
-    curve = smooth(u[~test], found[~test])
-    off = (curve(u[test]) - found[test]) / scale
-    width = np.ptp(span, axis=1)
+    scale = float(abs(y.mean())) or 1.0
+    curve = smooth(u[~test], y[~test])
+    off = (curve(u[test]) - y[test]) / scale
 
     def interpolant(x: Array) -> Array:
-        return curve((x.T - span[:, 0]) / np.where(width > 0, width, 1.0))
+        shares = (x.T - low) / np.where(width > 0, width, 1.0)
+        return curve(shares)
 
     return interpolant, float(np.sqrt(np.mean(off**2)))
 
@@ -89,7 +95,7 @@ def interpolate_members(
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
     """Least-squares polynomial through samples y (n,) at points u (n, p) of the unit cube, with at most n/2 terms."""
     powers = total_degree(u.shape[1], len(u) // 2)
-    coefficients = np.linalg.lstsq(chebyshev(u, powers), y, rcond=None)[0]
+    coefficients, *_ = np.linalg.lstsq(chebyshev(u, powers), y, rcond=None)
     return lambda x: chebyshev(x, powers) @ coefficients
 
 
@@ -100,17 +106,23 @@ HIGHEST = 6
 
 def total_degree(size: int, most: int) -> NDArray[np.intp]:
     """Exponents (terms, size) of all monomials up to the highest total degree that has at most ``most`` of them."""
-    degree = max(d for d in range(1, HIGHEST + 1) if d == 1 or comb(size + d, d) <= most)
-    return np.array([k for k in itertools.product(range(degree + 1), repeat=size) if sum(k) <= degree])
+    degree = 1
+    while degree < HIGHEST and comb(size + degree + 1, size) <= most:
+        degree += 1
+    exponents = itertools.product(range(degree + 1), repeat=size)
+    return np.array([k for k in exponents if sum(k) <= degree])
 
 
 def chebyshev(shares: Array, powers: NDArray[Any]) -> Array:
     """Products of Chebyshev polynomials of degrees ``powers`` at n points of the unit cube, shape (n, terms)."""
-    each = chebvander(np.clip(2 * shares - 1, -1, 1), powers.max())  # (n, size, degree + 1)
-    return np.asarray(np.prod([each[:, k, column] for k, column in enumerate(powers.T)], axis=0))
+    x = np.clip(2 * shares - 1, -1, 1)
+    T = chebvander(x, powers.max())  # (n, size, degree + 1)
+    factors = [T[:, k, degrees] for k, degrees in enumerate(powers.T)]
+    return np.asarray(np.prod(factors, axis=0))
 
 
-PULSE, TIMES = 3e-6, np.append(0.0, np.geomspace(1e-8, 1e-5, 31))  # s; during the pulse and after it
+PULSE = 3e-6  # s
+TIMES = np.append(0.0, np.geomspace(1e-8, 1e-5, 31))  # s; during the pulse and after it
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,16 +152,20 @@ class OutputMaps:
     def slopes(self, box: Box, row: Array) -> Array:
         """Derivatives of a with respect to the parameters at ``row`` (SI), shape (p,)."""
         step = 1e-4 * (box.high - box.low)  # 1e-4 of a range: half the width of the differences of a
-        up = self._curve(box.share(np.clip(row + 1 * np.diag(step), box.low, box.high)))
-        down = self._curve(box.share(np.clip(row + -1 * np.diag(step), box.low, box.high)))
-        width = np.minimum(row + step, box.high) - np.maximum(row - step, box.low)
+        shift = np.diag(step)
+        above = np.minimum(row + shift, box.high)
+        below = np.maximum(row - shift, box.low)
+        width = (above - below).diagonal()
+        up = self._curve(box.share(above))
+        down = self._curve(box.share(below))
         return np.asarray((up - down) / width)
 
     def on(self, linear: Foster, share: Array) -> OutputMap:
         """Output map of the member at fractions ``share`` of the ranges, over its model ``linear`` at small power."""
         a = self.coefficient(share)
         z = linear.thermal_resistance * self.power
-        return OutputMap(linear, a, largest_rise=float(z + a * z * z))
+        rise = z + a * z * z
+        return OutputMap(linear, a, largest_rise=float(rise))
 
 
 def interpolate_output_maps(
@@ -172,23 +188,25 @@ def interpolate_output_maps(
     if not engine.reference.nonlinear:
         raise checks.InputError("power is for materials that depend on temperature, and none here does; leave it out")
     box = engine.box
-    rows = np.vstack(
-        [box.middle[None], box.corners(2 * box.size), box.draw((box.size + 1) * (box.size + 2), seed + 77)]
-    )
+    count = (box.size + 1) * (box.size + 2)
+    rows = np.vstack([box.middle[None], box.corners(2 * box.size), box.draw(count, seed + 77)])
     # 256: corners of the box, among which the hottest member is looked for
     every = np.vstack([rows, box.corners(256)])
     hottest = max(every, key=lambda row: member(row).thermal_resistance)  # where a map of one coefficient errs most
     tests = np.vstack([box.draw(4, seed, unseen=True), hottest])  # 4 members, and the hottest one
-    found = solver(coefficient_of, [(engine, row, channel, power) for row in rows], rows)
-    there = [k for k, one in enumerate(found) if one is not None]
-    made = OutputMaps(power, box.share(rows[there]), np.array([found[k] for k in there]), 0.0)
-    fine_members = solver(nonlinear_reference, [(engine, row, channel, power) for row in tests], tests)
-    errors = [
-        deviation(made.on(member(row), box.share(row)), truth, power)
-        for row, truth in zip(tests, fine_members, strict=True)
-        if truth is not None
-    ]
-    return OutputMaps(power, made.shares, made.coefficients, max(errors))
+    tasks = [(engine, row, channel, power) for row in rows]
+    coefficients = solver(coefficient_of, tasks, rows)
+    solved = [k for k, a in enumerate(coefficients) if a is not None]
+    shares = box.share(rows[solved])
+    maps = OutputMaps(power, shares, np.array([coefficients[k] for k in solved]), 0.0)
+    test_tasks = [(engine, row, channel, power) for row in tests]
+    fine_members = solver(nonlinear_reference, test_tasks, tests)
+    errors = []
+    for row, truth in zip(tests, fine_members, strict=True):
+        if truth is not None:
+            model = maps.on(member(row), box.share(row))
+            errors.append(deviation(model, truth, power))
+    return replace(maps, error=max(errors))
 
 
 def coefficient_of(engine: AffineEngine | MovedMeshEngine, row: Array, channel: tuple[str, str], power: float) -> float:
@@ -203,16 +221,19 @@ def nonlinear_reference(
 ) -> tuple[Array, Array]:
     """Rises in K of the FEM with k(T): in the steady state at half and full power, shape (2,), and under a pulse."""
     heat = engine.heat(row)
-    steady = np.array([heat.steady_rise(share * power, *channel) for share in (0.5, 1.0)])
-    run = solve(heat, Pulse(power, PULSE), TIMES, heated=channel[0], read=channel[1], rtol=1e-3)
+    heated, read = channel
+    steady = np.array([heat.steady_rise(share * power, heated, read) for share in (0.5, 1.0)])
+    run = solve(heat, Pulse(power, PULSE), TIMES, heated=heated, read=read, rtol=1e-3)
     return steady, np.asarray(run.delta_T.values)
 
 
 def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> float:
     """Largest relative error of an output map: of steady rises, and of a pulse response relative to its peak."""
     steady, rise = truth
-    static = model.steady_rise(power * np.array([0.5, 1.0])) / steady - 1
-    pulse = (model.of(model.linear.response(Pulse(power, PULSE), TIMES)) - rise) / rise.max()
+    powers = power * np.array([0.5, 1.0])
+    static = model.steady_rise(powers) / steady - 1
+    response = model.of(model.linear.response(Pulse(power, PULSE), TIMES))
+    pulse = (response - rise) / rise.max()
     return float(np.abs([*static, *pulse]).max())
 
 
@@ -242,16 +263,18 @@ class OpticalNumbers:
 
     def at(self, share: Array) -> dict[str, float]:
         """The numbers by name at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
-        return dict(zip(self.names, self.rows(share[None])[0].tolist(), strict=True))
+        (row,) = self.rows(share[None])
+        return dict(zip(self.names, row.tolist(), strict=True))
 
     def rows(self, shares: Array) -> Array:
         """The numbers of n members, shape (n, numbers), at fractions ``shares`` (n, p) of the parameter ranges."""
-        found = chebyshev(shares, self.powers) @ self.coefficients
-        grow = _logarithmic(self.names)
-        found[:, grow] = np.exp(found[:, grow])
-        silent = self.names.index("radiated")
-        found[:, silent] = np.where(found[:, silent] > 2 * LEAST, found[:, silent] - LEAST, 0.0)
-        return np.asarray(found)
+        values = chebyshev(shares, self.powers) @ self.coefficients
+        logarithmic = _logarithmic(self.names)
+        values[:, logarithmic] = np.exp(values[:, logarithmic])
+        column = self.names.index("radiated")
+        radiated = values[:, column]
+        values[:, column] = np.where(radiated > 2 * LEAST, radiated - LEAST, 0.0)
+        return np.asarray(values)
 
     def moves(self, k: int) -> bool:
         """Whether any of the optical numbers depends on the k-th parameter.
@@ -262,7 +285,8 @@ class OpticalNumbers:
         ends = np.full((2, self.powers.shape[1]), 0.5)
         ends[:, k] = 0.0, 1.0
         low, high = self.rows(ends)
-        return bool((np.abs(high - low) > 1e-6 * np.abs(low)).any())
+        change = np.abs(high - low)
+        return bool((change > 1e-6 * np.abs(low)).any())
 
     @property
     def error(self) -> dict[str, float]:
@@ -271,11 +295,12 @@ class OpticalNumbers:
 
     def words(self) -> str:
         """Text with the errors of n_eff and of the couplings, and the largest error of the other numbers."""
-        rest = {name: error for name, error in self.error.items() if not name.startswith("kappa")}
-        kappas = [error for name, error in self.error.items() if name.startswith("kappa")]
-        worst = max(rest, key=lambda name: rest[name])
+        errors = self.error
+        kappas = [errors.pop(name) for name in self.names if name.startswith("kappa")]
+        worst = max(errors, key=lambda name: errors[name])
         couplings = f"kappa^2 {max(kappas):.1e}, " if kappas else ""
-        return f"n_eff {rest['n_eff']:.1e}, {couplings}of the others at most {rest[worst]:.1e} ({worst})"
+        n_eff = f"{errors['n_eff']:.1e}"
+        return f"n_eff {n_eff}, {couplings}of the others at most {errors[worst]:.1e} ({worst})"
 
     def content(self) -> tuple[dict[str, Any], dict[str, Array]]:
         """JSON fields and arrays that store the polynomials in a family's file."""
@@ -286,12 +311,13 @@ class OpticalNumbers:
     def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
         """The polynomials that `content` gave as JSON fields and arrays."""
         names = checks.check_names("optics", words["names"])
-        powers = arrays[f"optics_{'powers'}"]
-        coefficients = arrays[f"optics_{'coefficients'}"]
-        errors = arrays[f"optics_{'errors'}"]
+        powers = arrays["optics_powers"]
+        coefficients = arrays["optics_coefficients"]
+        errors = arrays["optics_errors"]
         checks.shape("optics: coefficients", coefficients, (len(powers), len(names)))
         checks.shape("optics: errors", errors, (len(names),))
-        return cls(names, powers, coefficients, errors, checks.integer("solved", words["solved"], 1, np.inf))
+        solved = checks.integer("solved", words["solved"], 1, np.inf)
+        return cls(names, powers, coefficients, errors, solved)
 
 
 def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
@@ -307,29 +333,32 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
     every = np.vstack([rows, test])
     base = box.base.to_toml()
     tasks = [(base, box.geometry(row).to_toml()) for row in every]
-    found = solver(numbers_of, tasks, every)
-    made = [one if isinstance(one, dict) else None for one in found]
-    hybrid = sum(one.pop("hybrid", 0.0) for one in made if one is not None)
+    results = solver(numbers_of, tasks, every)
+    count = len(results)
+    rings = [k for k, result in enumerate(results) if isinstance(result, dict)]
+    members = [results[k] for k in rings]
+    hybrid = sum(member.pop("hybrid", 0.0) for member in members)
     if hybrid:
-        log.warning("optics: the mode of %d of %d members is hybrid: its name may hop between two", hybrid, len(made))
-    missing = made.count(None)
-    reason = next((one for one in found[::-1] if isinstance(one, str)), "")
-    if missing > len(made) / 4:
-        raise checks.InputError(f"{missing} of {len(made)} members are no rings; the last one said: {reason}")
+        log.warning("optics: the mode of %d of %d members is hybrid: its name may hop between two", hybrid, count)
+    missing = count - len(rings)
+    reason = next((result for result in results[::-1] if isinstance(result, str)), "")
+    if missing > count / 4:
+        raise checks.InputError(f"{missing} of {count} members are no rings; the last one said: {reason}")
     if missing:
-        log.warning("optics: %d of %d members are left out; the last one said: %s", missing, len(made), reason)
-    names = tuple(next(one for one in made if one is not None))
-    there = np.array([one is not None for one in made])
-    table = np.array([[one[name] for name in names] for one in made if one is not None])
-    learn = (np.arange(len(made)) < len(rows))[there]
+        log.warning("optics: %d of %d members are left out; the last one said: %s", missing, count, reason)
+    names = tuple(members[0])
+    table: Array = np.array([itemgetter(*names)(member) for member in members])
     values = table + LEAST * np.array([name == "radiated" for name in names])
-    grow = _logarithmic(names)
-    values[:, grow] = np.log(values[:, grow])
-    shares = box.share(every[there])
-    coefficients = np.linalg.lstsq(chebyshev(shares[learn], powers), values[learn], rcond=None)[0]
+    logarithmic = _logarithmic(names)
+    values[:, logarithmic] = np.log(values[:, logarithmic])
+    shares = box.share(every[rings])
+    learn = np.array(rings) < len(rows)
+    coefficients, *_ = np.linalg.lstsq(chebyshev(shares[learn], powers), values[learn], rcond=None)
     curve = OpticalNumbers(names, powers, coefficients, np.zeros(len(names)), len(table))
-    off = np.abs(curve.rows(shares) - table)[~learn] / np.maximum(np.abs(table[~learn]), 1e-300)
-    return replace(curve, errors=np.where(table[~learn] == 0, 0.0, off).max(axis=0))
+    truth = table[~learn]
+    off = np.abs(curve.rows(shares)[~learn] - truth)
+    relative = off / np.maximum(np.abs(truth), 1e-300)
+    return replace(curve, errors=np.where(truth == 0, 0.0, relative).max(axis=0))
 
 
 def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
@@ -339,14 +368,20 @@ def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
     """
     try:
         heat = assemble_like(base, CrossSection.from_toml_text(geometry), ACCURACY)
-        mode, given = Light.of(heat).mode(), heat.geometry.light
-        kappas = {f"kappa {k}": bus.power for k, bus in enumerate(of_buses(mode, heat.geometry.buses))}
-        loss = {} if given is None or given.loss is None else {"loss": given.loss}
-        hybrid = {"hybrid": 1.0} if mode.hybrid else {}
-        return numbers(mode) | loss | kappas | {"radiated": mode.radiation_rate + mode.leak_rate} | hybrid
+        light = heat.geometry.light
+        mode = Light.of(heat).mode()
+        by_name = numbers(mode)
+        if light is not None and light.loss is not None:
+            by_name["loss"] = light.loss
+        for k, bus in enumerate(of_buses(mode, heat.geometry.buses)):
+            by_name[f"kappa {k}"] = bus.power
+        by_name["radiated"] = mode.radiation_rate + mode.leak_rate
+        if mode.hybrid:
+            by_name["hybrid"] = 1.0
+        return by_name
     except checks.InputError as error:
         return str(error)
 
 
 def _logarithmic(names: tuple[str, ...]) -> NDArray[np.bool_]:
-    return np.array([name.startswith("kappa") or name == "radiated" for name in names])
+    return np.array([name.startswith(("kappa", "radiated")) for name in names])

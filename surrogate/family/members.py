@@ -46,7 +46,8 @@ class MemberModes:
 
     def step_response(self, times: Array, heated: int = 0, read: int = 0) -> Array:
         """Rise of port ``read`` in K/W after a unit step of power in port ``heated``."""
-        return np.asarray(-np.expm1(-times[:, None] / self.tau) @ self.R(heated, read))
+        rises = -np.expm1(-times[:, None] / self.tau)
+        return np.asarray(rises @ self.R(heated, read))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +82,10 @@ def difference(modes: MemberModes, truth: MemberModes, heated: int = 1) -> float
         for b in range(len(truth.ports)):
             static = truth.R(a, b).sum()
             rise = truth.step_response(TIMES, a, b)
-            off = np.abs(modes.step_response(TIMES, a, b) - rise) / (rise if a == b else abs(static))
-            worst = max(worst, float(abs(modes.R(a, b).sum() / static - 1)), float(off.max()))
+            scale = rise if a == b else abs(static)
+            off = np.abs(modes.step_response(TIMES, a, b) - rise) / scale
+            static_off = abs(modes.R(a, b).sum() / static - 1)
+            worst = max(worst, float(static_off), float(off.max()))
     return worst
 
 
@@ -128,12 +131,16 @@ def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
 
 
 def _hash(arrays: Mapping[str, Any]) -> str:
-    each = {name: np.asarray(values) for name, values in arrays.items()}
-    return digest_tree({name: [str(a.dtype), a.shape, digest(a.tobytes())] for name, a in each.items()})
+    content = {}
+    for name, values in arrays.items():
+        array = np.asarray(values)
+        content[name] = [str(array.dtype), array.shape, digest(array.tobytes())]
+    return digest_tree(content)
 
 
 FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the family
-FINEST, REDUCTION = 2e-5, 1e-2  # accuracy of the finest mesh made; tolerance of the reduction over that of the family
+FINEST_MESH = 2e-5  # accuracy of the finest mesh made
+REDUCTION = 1e-2  # tolerance of the reduction over that of the family
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +175,10 @@ def certified_modes(heat: HeatProblem, ports: tuple[str, ...], tolerance: float)
     d = heat.discretization
     columns = np.column_stack([d.means[name][d.free] for name in ports])
     system = StateSpace(E=d.E, A=-d.K, B=columns, C=columns.T, inputs=ports, outputs=ports)
-    found = project(system, max(REDUCTION * tolerance, 1e-7))
-    rate, beta = found.projection.rate, found.projection.ports
-    return MemberModes(1 / rate, (beta / np.sqrt(rate)[:, None]).T), found
+    projected = project(system, max(REDUCTION * tolerance, 1e-7))
+    rate = projected.projection.rate
+    scaled = projected.projection.ports / np.sqrt(rate)[:, None]
+    return MemberModes(1 / rate, scaled.T), projected
 
 
 def certified(
@@ -180,22 +188,24 @@ def certified(
 
     The first ``heated`` of the ports carry heat.
     """
-    heat = assemble(geometry, max(FINER * tolerance, FINEST))
-    truth, found = certified_modes(heat, ports, tolerance)
-    gain = found.projection.gain.diagonal()
-    a, b = found.pairs
-    rate, beta = found.projection.rate, found.projection.ports
+    heat = assemble(geometry, max(FINER * tolerance, FINEST_MESH))
+    truth, projected = certified_modes(heat, ports, tolerance)
+    rate = projected.projection.rate
+    beta = projected.projection.ports
+    gain = projected.projection.gain.diagonal()
+    a, b = projected.pairs
+    bounds = projected.certificate.top / np.sqrt(gain[a] * gain[b])
     return Certified(
         heat=heat,
         model=StateSpace(np.eye(rate.size), -np.diag(rate), beta, beta.T, inputs=ports, outputs=ports),
         thermal_resistance=float(truth.R().sum()),
         error=difference(modes, truth, heated),
-        error_bound=float((found.certificate.top / np.sqrt(gain[a] * gain[b])).max()),
+        error_bound=float(bounds.max()),
         mesh_error=heat.mesh_error(ports[0]),
     )
 
 
-PER_DECADE = 4  # shifts
+SHIFTS_PER_DECADE = 4  # shifts
 FASTEST = 1e10  # 1/s; faster poles do not change the step response after 1 ns
 
 
@@ -215,21 +225,26 @@ class Member:
 
 def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: float) -> Member:
     """Reduce a member on the reference mesh and compute its temperature fields at many shifts."""
-    modes, found = certified_modes(engine.heat(row), ports, tolerance)
-    rate, beta = found.projection.rate, found.projection.ports  # (k,), (k, ports)
+    modes, projected = certified_modes(engine.heat(row), ports, tolerance)
+    rate = projected.projection.rate  # (k,)
+    beta = projected.projection.ports  # (k, ports)
     slow = min(rate[0], FASTEST / 10)
-    real = np.append(0.0, np.geomspace(slow, FASTEST, int(PER_DECADE * np.log10(FASTEST / slow))))
+    count = int(SHIFTS_PER_DECADE * np.log10(FASTEST / slow))
+    shifts = np.geomspace(slow, FASTEST, count)
     weights = []
-    for p in range(len(ports)):
-        for s in (*real, *(1j * real[1:])):
-            y = beta[:, p] / (rate + s)
-            size = np.sqrt(abs(beta[:, p] @ y))
-            weights += [y.real / size, y.imag / size] if np.iscomplexobj(y) else [y / size]
+    for port in beta.T:
+        for s in (0.0, *shifts, *(1j * shifts)):
+            y = port / (rate + s)
+            size = np.sqrt(abs(port @ y))
+            weights.append(y.real / size)
+            if np.iscomplexobj(y):
+                weights.append(y.imag / size)
     W = np.array(weights).T  # modes by snapshots; energy of a mode is its rate
-    u, s, _ = np.linalg.svd(np.sqrt(rate)[:, None] * W, full_matrices=False)
-    kept = s**2 > 1e-5 * tolerance  # 1e-5 of the tolerance: energy of a mode of the snapshots that is left out
-    fields = found.basis @ (u[:, kept] * s[kept] / np.sqrt(rate)[:, None])
-    return Member(row, modes, fields)
+    root = np.sqrt(rate)[:, None]
+    u, s, _ = np.linalg.svd(root * W, full_matrices=False)
+    strong = s**2 > 1e-5 * tolerance  # 1e-5 of the tolerance: energy of a mode of the snapshots that is left out
+    combinations = u[:, strong] * s[strong] / root
+    return Member(row, modes, projected.basis @ combinations)
 
 
 def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
@@ -244,11 +259,13 @@ def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
         fields = fields - V @ (V.T @ (X @ fields))
     gram = fields.T @ (X @ fields)
     value, vector = np.linalg.eigh((gram + gram.T) / 2)
-    value, vector = value[::-1], vector[:, ::-1]
-    count = int((value > max(least, 1e-13 * max(value[0], 1.0))).sum())
+    value = value[::-1]
+    round_off = 1e-13 * max(value[0], 1.0)
+    count = int((value > max(least, round_off)).sum())
     if not count:
         return V
-    new = fields @ (vector[:, :count] / np.sqrt(value[:count]))
+    directions = vector[:, ::-1][:, :count]
+    new = fields @ (directions / np.sqrt(value[:count]))
     new = new - V @ (V.T @ (X @ new))
     lower = np.linalg.cholesky(new.T @ (X @ new))
     return np.hstack([V, np.linalg.solve(lower, new.T).T])
@@ -262,7 +279,7 @@ log = logging.getLogger("thermofem")
 
 def fine_member(geometry: str, ports: tuple[str, ...], tolerance: float) -> MemberModes:
     """Modes of a member on its own mesh, finer than ``tolerance``; geometry: text of its geometry file."""
-    heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST))
+    heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST_MESH))
     return certified_modes(heat, ports, tolerance)[0]
 
 
@@ -291,13 +308,13 @@ class Solver:
         content = f"{self.key} {function.__name__} {shared}".encode()
         keys = [digest(content + np.ascontiguousarray(mark).tobytes())[:24] for mark in marks]
         stored = [self.store.read(key) if self.store else None for key in keys]
-        kept = [None if raw is None else _member(raw) for raw in stored]
+        solved = [None if raw is None else _member(raw) for raw in stored]
         reason = ""
-        jobs = [(k, tasks[k]) for k, one in enumerate(kept) if one is None]
+        jobs = [(k, tasks[k]) for k, member in enumerate(solved) if member is None]
         with contextlib.closing(self._results(partial(_of_job, function), jobs)) as results:
             for k, result in results:
                 try:
-                    kept[k] = result()
+                    solved[k] = result()
                 except checks.InputError:
                     raise
                 except Exception as error:
@@ -305,10 +322,10 @@ class Solver:
                     log.warning("a member failed and is left out: %s", reason)
                     continue
                 if self.store:
-                    self.store.write(keys[k], _packed(kept[k]))
-        if tasks and all(one is None for one in kept):
+                    self.store.write(keys[k], _packed(solved[k]))
+        if tasks and all(member is None for member in solved):
             raise checks.InputError(f"every member of a batch failed, the last one with {reason}")
-        return kept
+        return solved
 
     def _results(self, work: Callable[[Job], Any], jobs: list[Job]) -> Generator[tuple[int, Callable[[], Any]]]:
         """Index of each task, and a function that returns its result."""

@@ -26,7 +26,8 @@ class MovedMeshEngine:
     """
 
     def __init__(self, box: Box, accuracy: float, mesh: Mesh | None = None) -> None:
-        self.box, self.accuracy = box, accuracy
+        self.box = box
+        self.accuracy = accuracy
         self.reference = assemble(box.base, accuracy) if mesh is None else on_mesh(box.base, mesh, accuracy)
         self.mesh = self.reference.mesh
         self._motion = Motion(self.mesh, box.base)
@@ -73,8 +74,12 @@ class MovedMeshMembers:
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
-        small = (self.member(row) for row in rows)
-        return np.array([one.ports[read] @ np.linalg.solve(one.K, one.ports[heated]) for one in small])
+        result = np.empty(len(rows))
+        for k, row in enumerate(rows):
+            member = self.member(row)
+            field = np.linalg.solve(member.K, member.ports[heated])
+            result[k] = member.ports[read] @ field
+        return result
 
 
 def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> MemberMatrices:
@@ -82,4 +87,5 @@ def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> MemberMatr
     d = heat.discretization
     K = V.T @ (d.K @ V)
     M = V.T @ (d.E @ V)
-    return MemberMatrices((K + K.T) / 2, (M + M.T) / 2, np.array([d.means[name][d.free] @ V for name in ports]))
+    means = np.array([d.means[name][d.free] @ V for name in ports])
+    return MemberMatrices((K + K.T) / 2, (M + M.T) / 2, means)

@@ -58,7 +58,8 @@ class Box:
 
     def words(self, row: Array) -> str:
         """Text "name = value, ..." of the parameters ``row`` of one member."""
-        return ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, row, strict=True))
+        pairs = zip(self.names, row, strict=True)
+        return ", ".join(f"{name} = {value:g}" for name, value in pairs)
 
     @property
     def size(self) -> int:
@@ -73,7 +74,7 @@ class Box:
     @cached_property
     def contact(self) -> NDArray[np.bool_]:
         """Which parameters are contact resistances, shape (p,)."""
-        return np.array([any(path.startswith("interface.") for path in v.paths) for v in self.campaign.variations])
+        return np.array([_has_contact(v) for v in self.campaign.variations])
 
     @cached_property
     def middle(self) -> Array:
@@ -81,7 +82,8 @@ class Box:
 
         The range of a contact resistance is taken from `PERFECT` on.
         """
-        low = np.where(self.contact, np.maximum(self.low, np.minimum(PERFECT, self.high)), self.low)
+        perfect = np.where(self.contact, np.minimum(PERFECT, self.high), self.low)
+        low = np.maximum(self.low, perfect)
         positive = low > 0
         product = np.sqrt(np.where(positive, low * self.high, 0.0))
         return np.where(positive, product, (self.low + self.high) / 2)
@@ -90,15 +92,17 @@ class Box:
     def nominal(self) -> dict[str, float]:
         """Parameters by name of the campaign's own geometry; the middle of the box where one lies outside its range."""
         section = CrossSection.from_toml_text(self.campaign.geometry)
-        own = np.array([change(section, v.paths).value for v in self.campaign.variations])
+        values = np.array([change(section, v.paths).value for v in self.campaign.variations])
         slack = 1e-9 * (self.high - self.low)
-        inside = bool(((own >= self.low - slack) & (own <= self.high + slack)).all())
-        row = np.clip(own, self.low, self.high) if inside else self.middle
+        row = np.clip(values, self.low, self.high)
+        if np.any(np.abs(values - row) > slack):
+            row = self.middle
         return dict(zip(self.names, row.tolist(), strict=True))
 
     def _spacing(self, x: Array) -> Array:
         """The quantity that training spaces evenly: a parameter, or its logarithm."""
-        return np.asarray(np.log(x, out=np.array(x, dtype=float), where=self.logarithmic))
+        spaced = np.array(x, dtype=float)
+        return np.asarray(np.log(x, out=spaced, where=self.logarithmic))
 
     def at(self, share: Array) -> Array:
         """Parameters (SI) at fractions 0 to 1 of their ranges, shape (..., p)."""
@@ -120,25 +124,30 @@ class Box:
 
     def slope(self, share: Array) -> Array:
         """Derivative of each parameter (SI) with respect to its fraction of the range, shape (..., p)."""
-        wide = self._spacing(self.high) - self._spacing(self.low)
-        return np.asarray(wide * np.where(self.logarithmic, self.at(share), 1.0))
+        width = self._spacing(self.high) - self._spacing(self.low)
+        dx = np.where(self.logarithmic, self.at(share), 1.0)
+        return np.asarray(width * dx)
 
     def draw(self, count: int, seed: int, *, unseen: bool = False) -> Array:
         """Random parameters by a scrambled Sobol sequence, shape (count, p); ``unseen``: not those of the same seed."""
         seed += APART * unseen
-        shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))
-        return self.at(shares[:count])
+        sobol = qmc.Sobol(self.size, seed=np.random.default_rng(seed))
+        bits = int(np.ceil(np.log2(count)))
+        return self.at(sobol.random_base2(bits)[:count])
 
     def corners(self, most: int = 64) -> Array:  # 64: corners of the box whose geometry is made and checked
         """Corners of the box, all of them or ``most`` different ones drawn at random, shape (n, p)."""
         every = 2**self.size
-        picked = np.arange(every) if every <= most else np.random.default_rng(0).choice(every, most, replace=False)
+        picked = np.arange(every)
+        if every > most:
+            picked = np.random.default_rng(0).choice(every, most, replace=False)
         bits = (picked[:, None] >> np.arange(self.size)) & 1
         return np.where(bits, self.high, self.low)
 
     def geometry(self, values: Array) -> CrossSection:
         """The cross-section with the parameters ``values`` in SI, shape (p,)."""
-        return CrossSection.from_toml_text(self.campaign.geometry_of(tuple(float(x) for x in values)))
+        text = self.campaign.geometry_of(tuple(float(x) for x in values))
+        return CrossSection.from_toml_text(text)
 
     @cached_property
     def base(self) -> CrossSection:
@@ -153,7 +162,8 @@ class Box:
     @cached_property
     def materials(self) -> dict[str, Material]:
         """Materials that the base geometry is made of."""
-        return {m.name: m for m in (self.base.material_of(region) for region in self.base.region_names)}
+        materials = map(self.base.material_of, self.base.region_names)
+        return {material.name: material for material in materials}
 
     def row(self, values: Mapping[str, Any]) -> Array:
         """Parameters of one member, shape (p,); InputError for a missing or unknown name, or one outside the box."""
@@ -169,52 +179,69 @@ class Box:
         if missing:
             raise checks.InputError(f"{', '.join(missing)} missing; the family has {', '.join(self.names)}")
         columns = [checks.numbers(name, values[name]) for name in self.names]
-        for name, unit, column, low, high in zip(self.names, self.units, columns, self.low, self.high, strict=True):
+        for k, column in enumerate(columns):
+            low = self.low[k]
+            high = self.high[k]
             slack = 1e-9 * (high - low)  # 1e-9 of the range, by which a value may leave the box: round-off of units
-            out = column[(column < low - slack) | (column > high + slack)]
-            if out.size:
-                checks.between(name, out.flat[0], low, high, unit=unit, hint="train a family with a wider range")
+            outside = (column < low - slack) | (column > high + slack)
+            if outside.any():
+                value = column[outside].flat[0]
+                hint = "train a family with a wider range"
+                checks.between(self.names[k], value, low, high, unit=self.units[k], hint=hint)
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def properties(self, rows: Array) -> Properties:
         """Material properties and surface resistances of n members with the parameters ``rows``, shape (n, p)."""
-        base, count = self.base, len(rows)
-        given: dict[str, dict[str, Array]] = {name: {} for name in self.materials}
+        base = self.base
+        count = len(rows)
+        varied: dict[str, Array] = {}  # numbers of materials, by "NAME.PROPERTY"
         resistance = {f"interface.{part}": np.full(count, R) for part, R in resistances(base).items()}
-        exchange = {side: getattr(base, side).exchange for side in ("bottom", "top", "outer")}
-        resistance |= {f"boundary.{side}": np.full(count, 1 / h) for side, h in exchange.items() if h}
+        for side in ("bottom", "top", "outer"):
+            h = getattr(base, side).exchange
+            if h:
+                resistance[f"boundary.{side}"] = np.full(count, 1 / h)
         ambient = np.full(count, base.ambient)
         for column, middle, variation in zip(rows.T, self.middle, self.campaign.variations, strict=True):
             for path in variation.paths:
-                surface = path.rpartition(".")[0]
-                kind, _, rest = path.partition(".")
+                kind, _, of_kind = path.partition(".")
+                surface, _, number = path.rpartition(".")
                 if path == "ambient":
                     ambient = column
                 elif kind == "material":
-                    for name, numbers in given.items():
-                        if rest.startswith(f"{name}."):
-                            numbers[rest.removeprefix(f"{name}.")] = column
+                    varied[of_kind] = column
                 elif kind == "interface":  # beside others of the same part
                     resistance[surface] = np.maximum(resistance[surface] - middle + column, PERFECT)
                 elif kind == "boundary":
-                    resistance[surface] = 1 / Boundary.KINDS[path.rpartition(".")[2]].exchange(column)
-        made = {name: _material(material, given[name], ambient) for name, material in self.materials.items()}
-        k_r = {name: one[0] for name, one in made.items()}
-        k_z = {name: one[1] for name, one in made.items()}
-        capacity = {name: one[2] for name, one in made.items()}
+                    resistance[surface] = 1 / Boundary.KINDS[number].exchange(column)
+        k_r = {}
+        k_z = {}
+        capacity = {}
+        for name, material in self.materials.items():
+            prefix = f"{name}."
+            numbers = {key.removeprefix(prefix): x for key, x in varied.items() if key.startswith(prefix)}
+            k_r[name], k_z[name], capacity[name] = _material(material, numbers, ambient)
         return Properties(k_r, k_z, capacity, resistance)
+
+
+def _has_contact(v: Variation) -> bool:
+    return any(path.startswith("interface.") for path in v.paths)
 
 
 def _range(v: Variation) -> tuple[float, float]:
     """Both ends of the range of a parameter; InputError for words or a single value."""
     words = any(isinstance(value, str) for value in v.values)
-    values = [0.0] if words else [float(value) for value in v.values] or [v.low, v.high]
-    if not min(values) < max(values):
+    values = [v.low, v.high]
+    if v.values:
+        values = [0.0] if words else [float(value) for value in v.values]
+    low = min(values)
+    high = max(values)
+    if low >= high:
+        listed = ", ".join(map(str, v.values))
         raise checks.InputError(
-            f"vary {v.name!r} lists {', '.join(map(str, v.values))}; a family needs a range of numbers, from and to; "
+            f"vary {v.name!r} lists {listed}; a family needs a range of numbers, from and to; "
             "of words train one for each"
         )
-    return min(values), max(values)
+    return low, high
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,24 +259,27 @@ class Properties:
     resistance: dict[str, Array]
 
 
-def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:
-    """k_r, k_z in W/(m K) and rho c_p in J/(m^3 K) of a material, where the arrays ``given`` replace some numbers."""
+def _material(material: Material, varied: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:
+    """k_r, k_z in W/(m K) and rho c_p in J/(m^3 K) of a material, where the arrays ``varied`` replace some numbers."""
 
     def factor(kind: str) -> Array:
         law = getattr(material, f"{kind}_law")
         if not isinstance(law, PowerLaw):
             return np.asarray(law.factor(T0))
-        exponent = given.get(f"{kind}.exponent", law.exponent)
-        reference = given.get(f"{kind}.reference", law.reference)
+        exponent = varied.get(f"{kind}.exponent", law.exponent)
+        reference = varied.get(f"{kind}.reference", law.reference)
         return np.asarray((T0 / reference) ** exponent)
 
     def number(kind: str) -> Array | float:
-        names = (kind, f"{kind}.value", f"{kind}.r")
-        return next((given[name] for name in names if name in given), getattr(material, kind))
+        for name in (kind, f"{kind}.value", f"{kind}.r"):
+            if name in varied:
+                return varied[name]
+        value: float = getattr(material, kind)
+        return value
 
     along_r = number("conductivity")
     along_z = material.conductivity_z if material.conductivity_z is not None else along_r
-    along_z = given.get("conductivity.z", along_z)
+    along_z = varied.get("conductivity.z", along_z)
     k = factor("conductivity")
     c = number("density") * number("specific_heat") * factor("specific_heat")
     return np.asarray(along_r * k), np.asarray(along_z * k), np.broadcast_to(c, T0.shape)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from .affine_grid import NotAffineError
 from .family import Family, HeldOut
 from .interpolation import interpolate_output_maps, train_optics
 from .members import (
-    FINEST,
+    FINEST_MESH,
     Member,
     MemberModes,
     Solver,
@@ -43,7 +43,9 @@ from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
 
-SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
+SHARE_OF_BASIS = (
+    0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
+)
 KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch adds
 LEAST = 0.5, 0.1, 0.01  # the same in the end: the first that holds all members; with more than 0.5 corners are missed
 BATCH = 6
@@ -71,18 +73,18 @@ class Trainer:
         self.members: list[Member] = []
 
     def run(self) -> Members:
-        """Solve batch after batch of members until a new batch is predicted to `SHARE` of the tolerance."""
+        """Solve batch after batch of members until a new batch is predicted to `SHARE_OF_BASIS` of the tolerance."""
         rows = self._first()
         for number in range(MOST_BATCHES):
             errors = []
             new = self._solved(rows)
             for member in new:
                 if number:
-                    here = projected(self.engine.heat(member.row), self.V, self.ports).modes()
-                    errors.append(difference(here, member.modes, self.heated))
+                    predicted = projected(self.engine.heat(member.row), self.V, self.ports)
+                    errors.append(difference(predicted.modes(), member.modes, self.heated))
                 self.members.append(member)
             log.info("%d members solved, %d functions", len(self.members), self.V.shape[1])
-            if errors and max(errors) <= SHARE * self.tolerance:
+            if errors and max(errors) <= SHARE_OF_BASIS * self.tolerance:
                 break
             fields = np.hstack([member.fields for member in new])
             self.V = extend_basis(self.V, self.X, fields, KEPT * self.tolerance)
@@ -90,25 +92,34 @@ class Trainer:
         fields = np.hstack([member.fields for member in self.members])  # at once: fewer functions than batch by batch
         for least in LEAST:
             basis = extend_basis(self.V[:, :0], self.X, fields, least * self.tolerance)
-            found: Members = self.engine.project(basis, self.ports)
-            off = (difference(found.member(one.row).modes(), one.modes, self.heated) for one in self.members)
-            if all(error <= SHARE * self.tolerance for error in off):
+            projection: Members = self.engine.project(basis, self.ports)
+            if self._holds(projection):
                 break
-        return found
+        return projection
+
+    def _holds(self, projection: Members) -> bool:
+        """Whether every solved member is within `SHARE_OF_BASIS` of the tolerance."""
+        for member in self.members:
+            modes = projection.member(member.row).modes()
+            if difference(modes, member.modes, self.heated) > SHARE_OF_BASIS * self.tolerance:
+                return False
+        return True
 
     def _solved(self, rows: Array) -> list[Member]:
         """Solve the members with parameters ``rows`` on the reference mesh; those that fail are left out."""
         tasks = [(self.engine, row, self.ports, self.tolerance) for row in rows]
-        mesh = f"{self.engine.reference.unknowns} {self.engine.reference.mesh.points.sum():.15g}"
-        found = self.solver(snapshot_of, tasks, rows, mesh)
-        return [member for member in found if member is not None]
+        reference = self.engine.reference
+        mesh = f"{reference.unknowns} {reference.mesh.points.sum():.15g}"
+        members = self.solver(snapshot_of, tasks, rows, mesh)
+        return [member for member in members if member is not None]
 
     def _first(self) -> Array:
         """Parameters of the first batch, shape (n, p): the middle of the box, some corners and random points."""
-        return np.vstack([self.box.middle[None], self.box.corners(2 * BATCH), self.box.draw(BATCH, self.seed)])
+        corners = self.box.corners(2 * BATCH)
+        return np.vstack([self.box.middle[None], corners, self.box.draw(BATCH, self.seed)])
 
 
-NOTHING = 1e-9  # relative change of a response over the range of a parameter that does nothing
+NO_EFFECT = 1e-9  # relative change of a response over the range of a parameter that does nothing
 SAFETY = 1.5  # on floor and factor of the predicted error
 
 
@@ -174,33 +185,25 @@ def train_family(
         engine, references = _engine(box, ports, heated, tolerance, rows, fine_members)
         trainer = Trainer(engine, ports, tolerance, seed, heated, solver)
         members = trainer.run()
-    small = [members.member(row) for row in rows]
-    modes = [one.modes() for one in small]
-    each = zip(modes, references, fine_members, strict=True)
-    errors, meshes, rest = zip(
-        *((difference(a, c, heated), difference(b, c, heated), difference(a, b, heated)) for a, b, c in each),
-        strict=True,
-    )
-    ratios = [off / max(coarse_difference(one, heated), 1e-12) for off, one in zip(rest, small, strict=True)]
-    error = HeldOut(max(errors), float(np.median(errors)), len(errors))
+    errors = _errors(members, rows, references, fine_members, heated)
     family = Family(
         box=box,
         inputs=inputs,
         outputs=outputs,
         tolerance=tolerance,
         members=members,
-        error=error,
-        floor=SAFETY * max(meshes),
-        factor=SAFETY * max(ratios),
+        error=HeldOut(max(errors.total), float(np.median(errors.total)), len(errors.total)),
+        floor=SAFETY * max(errors.mesh),
+        factor=SAFETY * max(errors.ratio),
     )
     passing = replace(solver, store=None)
     if power is not None:
-        channel = inputs[0], inputs[0] if inputs[0] in outputs else outputs[0]
+        channel = family.named_channel()
 
         def linear(row: Array) -> Any:
             return family.at(dict(zip(box.names, row, strict=True)))
 
-        maps = interpolate_output_maps(engine, channel, power, linear, seed, passing)
+        maps = interpolate_output_maps(engine, (channel.heated, channel.read), power, linear, seed, passing)
         family = replace(family, output_maps=maps)
     elif engine.reference.nonlinear:
         log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
@@ -209,11 +212,11 @@ def train_family(
     for name in _without_effect(box, members, heated):
         if family.optics is None or not family.optics.moves(box.names.index(name)):
             log.warning("parameter %r changes nothing in this geometry; leave it out", name)
-    if error.worst > tolerance:
+    if family.error > tolerance:
         log.warning(
             "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
             "or ask for a smaller tolerance",
-            error.worst,
+            family.error,
             tolerance,
         )
     provenance = {
@@ -237,21 +240,50 @@ def _held_out(
     """
     rows = box.draw(count, seed, unseen=True)
     tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
-    found = solver(fine_member, tasks, rows)
-    there = [k for k, one in enumerate(found) if one is not None]
-    return rows[there], [found[k] for k in there]
+    modes = solver(fine_member, tasks, rows)
+    solved = [k for k, of_member in enumerate(modes) if of_member is not None]
+    return rows[solved], [modes[k] for k in solved]
+
+
+class Errors(NamedTuple):
+    """Differences at held-out members, one number for each member.
+
+    total: of the family from members on their own finer meshes.
+    mesh: of members on the reference mesh from these.
+    ratio: of the family from members on the reference mesh, over `coarse_difference`.
+    """
+
+    total: list[float]
+    mesh: list[float]
+    ratio: list[float]
+
+
+def _errors(
+    members: Members, rows: Array, references: list[MemberModes], fine_members: list[MemberModes], heated: int
+) -> Errors:
+    errors = Errors([], [], [])
+    for row, reference, fine in zip(rows, references, fine_members, strict=True):
+        small = members.member(row)
+        modes = small.modes()
+        projection = difference(modes, reference, heated)
+        errors.total.append(difference(modes, fine, heated))
+        errors.mesh.append(difference(reference, fine, heated))
+        errors.ratio.append(projection / max(coarse_difference(small, heated), 1e-12))
+    return errors
 
 
 def _without_effect(box: Box, members: Members, heated: int) -> list[str]:
-    """Names of parameters whose whole range changes every response by less than `NOTHING`, relative."""
-    found = []
+    """Names of parameters whose whole range changes every response by less than `NO_EFFECT`, relative."""
+    names = []
     for k, name in enumerate(box.names):
-        rows = np.tile(box.middle, (2, 1))
-        rows[:, k] = box.low[k], box.high[k]
-        low, high = (members.member(row).modes() for row in rows)
-        if difference(low, high, heated) < NOTHING:
-            found.append(name)
-    return found
+        low = box.middle.copy()
+        high = box.middle.copy()
+        low[k] = box.low[k]
+        high[k] = box.high[k]
+        change = difference(members.member(low).modes(), members.member(high).modes(), heated)
+        if change < NO_EFFECT:
+            names.append(name)
+    return names
 
 
 def read_campaign(path: str | Path) -> Campaign:
@@ -263,22 +295,24 @@ def read_campaign(path: str | Path) -> Campaign:
     def campaign(text: str) -> Campaign:
         table: dict[str, Any] = from_toml(text)
         ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))
-        table.setdefault("samples", 1 if ranges else 0)
-        return Campaign(**campaign_file.fields(to_toml(table), Path(path).parent))
+        table.setdefault("samples", int(ranges))
+        fields = campaign_file.fields(to_toml(table), Path(path).parent)
+        return Campaign(**fields)
 
     return read_toml(checks.path("campaign", path), "campaign", campaign)
 
 
 def campaign_hash(campaign: Campaign) -> str:
     """Sixteen hexadecimal digits of geometry and variations."""
-    content = [campaign.geometry, [(v.name, v.paths, v.values, v.low, v.high) for v in campaign.variations]]
-    return digest(json.dumps(content).encode())[:16]
+    variations = [(v.name, v.paths, v.values, v.low, v.high) for v in campaign.variations]
+    content = json.dumps([campaign.geometry, variations])
+    return digest(content.encode())[:16]
 
 
 def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
 ) -> tuple[Engine, list[MemberModes]]:
-    """Choose the engine, and refine its mesh until its error at held-out members is below `SHARE` of the tolerance.
+    """Choose the engine, and refine its mesh until held-out members are within `SHARE_OF_BASIS` of the tolerance.
 
     Returns: the engine, and the modes of these members on its mesh.
     """
@@ -290,17 +324,24 @@ def _engine(
         except NotAffineError as reason:
             log.info("the family moves its mesh for every member, because %s", reason)
             engine = MovedMeshEngine(box, accuracy)
-        references = [certified_modes(engine.heat(row), ports, tolerance)[0] for row in rows]
-        error = max(difference(one, truth, heated) for one, truth in zip(references, fine_members, strict=True))
-        if error <= SHARE * tolerance or accuracy <= FINEST:
+        references = []
+        errors = []
+        for row, fine in zip(rows, fine_members, strict=True):
+            modes, _ = certified_modes(engine.heat(row), ports, tolerance)
+            references.append(modes)
+            errors.append(difference(modes, fine, heated))
+        error = max(errors)
+        if error <= SHARE_OF_BASIS * tolerance or accuracy <= FINEST_MESH:
             break
-        accuracy = max(FINEST, 0.7 * accuracy * SHARE * tolerance / error)
+        accuracy = max(FINEST_MESH, 0.7 * accuracy * SHARE_OF_BASIS * tolerance / error)
     return engine, references
 
 
 def _channels(box: Box) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the heated and of the read parts of a campaign."""
-    base, campaign = box.base, box.campaign
-    inputs = (checks.choice("heated", campaign.heated, base.heated),) if campaign.heated else base.heated
+    base = box.base
+    heated = box.campaign.heated
+    inputs = (checks.choice("heated", heated, base.heated),) if heated else base.heated
     readable = (*base.region_names, *(probe.name for probe in base.probes))
-    return inputs, tuple(checks.choice("read", name, readable) for name in campaign.read or inputs)
+    outputs = tuple(checks.choice("read", name, readable) for name in box.campaign.read or inputs)
+    return inputs, outputs
