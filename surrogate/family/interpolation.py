@@ -347,13 +347,14 @@ def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
     if missing:
         log.warning("optics: %d of %d members are left out; the last one said: %s", missing, count, reason)
     names = tuple(members[0])
-    table: Array = np.array([itemgetter(*names)(member) for member in members])
+    table = np.array([itemgetter(*names)(member) for member in members])
     values = table + LEAST * np.array([name == "radiated" for name in names])
     logarithmic = _logarithmic(names)
     values[:, logarithmic] = np.log(values[:, logarithmic])
     shares = box.share(every[rings])
     learn = np.array(rings) < len(rows)
-    coefficients, *_ = np.linalg.lstsq(chebyshev(shares[learn], powers), values[learn], rcond=None)
+    columns: Array = chebyshev(shares[learn], powers)
+    coefficients: Any = np.linalg.lstsq(columns, values[learn], rcond=None)[0]
     curve = OpticalNumbers(names, powers, coefficients, np.zeros(len(names)), len(table))
     truth = table[~learn]
     off = np.abs(curve.rows(shares)[~learn] - truth)

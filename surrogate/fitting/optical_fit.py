@@ -8,6 +8,7 @@ ln R_i and ln tau_i are searched for, from several starts, as the trace is perio
 heating was found in a measured trace, its share u of the range w is searched with them: y_i(t - u w), 0 <= u <= 1.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -122,7 +123,7 @@ def _smallest(problem: Optical) -> tuple[int, Array]:
         further = _search(problem, order)
         left = problem.linear(further)[1]
         misfit = max(float(np.sqrt(np.mean(left**2))), ROUND_OFF * swing)
-        samples = max(independent(left), np.e)
+        samples = max(independent(left), math.e)
         if samples * np.log(before / misfit) < np.log(samples):
             return order - 1, unknowns
         unknowns = further

@@ -14,7 +14,7 @@ from thermofem.arrays import Array
 from thermofem.data import quantity as quantities
 
 from ..family import Family
-from ..family.interpolation import TAIL, interpolate_members
+from ..family.interpolation import TAIL_PROBABILITY, interpolate_members
 from .inverse_search import Follows, Property, Quantity, word
 
 MOST = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
@@ -94,7 +94,7 @@ def uncertainty(
     attrs |= {"heated": channel.heated, "read": channel.read}
     values: Callable[[Array], Any] = study.values
     if interpolate is not None:
-        tails = np.tile([TAIL, 1 - TAIL], (len(distributions), 1))
+        tails = np.tile([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY], (len(distributions), 1))
         span = np.clip(study.quantiles(tails), *(ends[:, None] for ends in study.box))
         values, rms = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
         attrs |= {"interpolate": interpolate, "interpolation_error": rms}
