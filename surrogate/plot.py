@@ -61,10 +61,17 @@ def plot_period_error(curves: Mapping[str, xr.Dataset], ax: Axes | None = None, 
     return ax
 
 
-def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1, title: str = "") -> np.ndarray:
+def plot_period_errors(
+    curves: Mapping[str, xr.Dataset],
+    *,
+    points: Mapping[str, xr.Dataset] | None = None,
+    within: float = 0.1,
+    title: str = "",
+) -> np.ndarray:
     """Period error twice: in %, and below its magnitude on a logarithmic axis, where good models differ.
 
     curves, within: as in `plot_period_error`.
+    points: for names of curves, period (s) and relative_error over point, such as those of a ring; as markers.
     title: of the figure.
     """
     figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 5.8 + 0.2 * len(curves)), layout="constrained")
@@ -72,6 +79,13 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
     for line in left.lines[1:]:  # the first is zero
         error = np.abs(np.asarray(line.get_ydata(), dtype=float))
         right.loglog(line.get_xdata(), np.where(error > 0, error, np.nan), line.get_linestyle(), color=line.get_color())
+    for name, ring in (points or {}).items():
+        colour = left.lines[1 + list(curves).index(name)].get_color()
+        periods = ring["period"].values * 1e6
+        error = 100 * ring["relative_error"].values
+        label = f"{name}, in the ring with Q = {ring.attrs['loaded_q']:.0f}"
+        left.plot(periods, error, "o", color=colour, markersize=3.5, alpha=0.6, label=label)
+        right.plot(periods, np.abs(error), "o", color=colour, markersize=3.5, alpha=0.6)
     right.axhline(100 * within, color=INK, linewidth=0.8, linestyle=":")
     right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
     right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
@@ -80,7 +94,7 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", frameon=False, fontsize="small")
     left.legend().remove()
     if title:
-        figure.suptitle(title, fontsize="medium")
+        figure.suptitle(title, fontsize="medium", wrap=True)
     return np.array([left, right])
 
 
@@ -148,9 +162,8 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     upper.legend(frameon=False, fontsize="small")
     rms = float(np.sqrt(np.mean(missed**2)))
     of = response.name.replace(" us", " µs")
-    upper.set_title(
-        f"{of}: residual {rms:.2g} {rise_unit} rms, {rms / response.swing:.2%} of the swing", fontsize="small"
-    )
+    words = f"residual {rms:.2g} {rise_unit} rms, {rms / response.swing:.2%} of the swing"
+    upper.set_title(f"{of}\n{words}", fontsize="small", loc="left", wrap=True)
     lower.axhline(0, color=INK, linewidth=0.6)
     lower.plot(t, missed, color=VERMILION, linewidth=1)
     lower.set(xlabel=f"time ({unit})", ylabel=f"residual ({rise_unit})")

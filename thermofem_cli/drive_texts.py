@@ -20,6 +20,7 @@ from scipy.constants import c
 import coupled
 import thermofem as th
 from coupled import RingResonator
+from coupled.maps.hopf_plane import Window
 from thermofem import InputError, checks
 from thermofem.data import quantity
 
@@ -107,6 +108,14 @@ def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[A
     with reading(f"--points = {points!r}", "N, M: two whole numbers, such as '20, 20'"):
         n, m = (checks.integer("--points", int(part), 2, 2000) for part in points.split(","))
     return np.geomspace(low, high, n), np.linspace(first, last, m)
+
+
+def plane_words(plane: Window) -> str:
+    """Return in words a plane of powers and detunings."""
+    low, high = plane.powers
+    first, last = plane.detunings
+    powers = f"{quantity.rounded(low, 'W')} to {quantity.rounded(high, 'W')}"
+    return f"{powers}, {quantity.rounded(first, 'Hz')} to {quantity.rounded(last, 'Hz')}, about the Hopf curve"
 
 
 def heater_powers(texts: list[str] | None, duration: float = math.inf) -> dict[str, Any]:

@@ -2,25 +2,38 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
 import xarray as xr
 from rich.table import Table
 
+import coupled
 import surrogate
 import thermofem as th
+from coupled.maps.hopf_plane import hopf_plane
+from coupled.maps.period_points import period_points
 from surrogate.judging.validate import valid_range
 from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.data.files import IMAGES
+from thermofem.models import NonlinearSystem
 
 from . import options
-from .command_files import check_outputs, expect
-from .console import say, show, working, wrote
+from .command_files import check_outputs, expect, ring_of
+from .console import bar, note, say, show, working, written, wrote
+from .drive_texts import plane_words
 
 SAME = "no material depends on temperature: the same at every power"
+
+
+class Judged(NamedTuple):
+    """A reference, the models that it judges, by name, and their period errors."""
+
+    reference: Any
+    models: Mapping[str, Any]
+    curves: dict[str, xr.Dataset]
 
 
 def validate(
@@ -34,13 +47,15 @@ def validate(
     accuracy: options.Accuracy = 1e-3,
     heated: options.Heated = None,
     read: options.Read = None,
+    ring: Annotated[str | None, typer.Option(help=f"Adds the periods of this ring: {options.RING}")] = None,
     figure: options.Figure = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Curves (.nc) or the figure (.png).")] = None,
 ) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
     Given a geometry, the usual kinds of model are trained on it and judged by its FEM, with k(T) at the power asked;
-    given models, those.
+    given models, those. The square wave knows nothing of a ring's Q; with --ring the ring itself is solved with the
+    reference and with each model, and its periods join the curve (Fig. 7).
     """
     low = quantity.positive(shortest, "s", name="--shortest")
     high = quantity.positive(longest, "s", name="--longest")
@@ -61,19 +76,25 @@ def validate(
     if not geometry:
         options.unused(context, "is that of a geometry's mesh; models have none", "accuracy")
         curves = curves if output else Path("period_error.nc")
-    check_outputs([*figures, curves], images=figures, inputs=[*inputs, reference])
+    check_outputs([*figures, curves], images=figures, inputs=[*inputs, reference, ring])
+    resonator = None if ring is None else ring_of(ring)
+    more: dict[str, Any] = {}
+    title = ""
     if geometry:
-        found, title, more = _geometry(inputs[0], accuracy, heated, read, wave)
+        judged, title, more = _geometry(inputs[0], accuracy, heated, read, wave)
     else:
-        found = _models(inputs, reference, heated, read, wave)
-        title = ""
-        more = {}
+        judged = _models(inputs, reference, heated, read, wave)
+    found = judged.curves
+    points = {} if resonator is None else _ring_points(resonator, judged)
     for picture in figures:
-        _draw(found, picture, title)
+        _draw(found, points, picture, title)
     if curves:
         joined = xr.concat(list(found.values()), dim="model", combine_attrs="drop_conflicts")
-        th.save(joined.assign_coords(model=list(found)), curves)
+        joined = joined.assign_coords(model=list(found))
+        th.save(_with_points(joined, points) if points else joined, curves)
     wrote(*figures, curves)
+    if resonator is not None:
+        more |= {"ring": {name: _point_numbers(each) for name, each in points.items()}}
     return {
         "models": {name: _judged(curve) for name, curve in found.items()},
         **more,
@@ -84,7 +105,7 @@ def validate(
 
 def _models(
     models: list[Path], reference: Path | None, heated: str | None, read: str | None, wave: dict[str, Any]
-) -> dict[str, xr.Dataset]:
+) -> Judged:
     """Return the period errors of models from files against the reference; ``heated``, ``read`` select the channel."""
     if reference is None:
         raise InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
@@ -102,12 +123,12 @@ def _models(
     for name, model in zip(names, channels[1:], strict=True):
         curves[name] = surrogate.period_error(model, channels[0], **wave)
         say(f"{name}: {curves[name].attrs['validity']}")
-    return curves
+    return Judged(channels[0], dict(zip(names, channels[1:], strict=True)), curves)
 
 
 def _geometry(
     path: Path, accuracy: float, heated: str | None, read: str | None, wave: dict[str, Any]
-) -> tuple[dict[str, xr.Dataset], str, dict[str, Any]]:
+) -> tuple[Judged, str, dict[str, Any]]:
     """Train the usual kinds of model on a geometry; return their period errors against its FEM, a title and advice."""
     from surrogate.judging.ladder import judge_geometry, verdict
 
@@ -125,7 +146,60 @@ def _geometry(
     show(_table(found, ladder.refused, title))
     for line in lines:
         say(line)
-    return found, title, {"refused": dict(ladder.refused), "advice": lines}
+    judged = Judged(ladder.reference, ladder.models, found)
+    return judged, title, {"refused": dict(ladder.refused), "advice": lines}
+
+
+def _ring_points(ring: coupled.RingResonator, judged: Judged) -> dict[str, xr.Dataset]:
+    """Return the periods of a ring with the reference and with each model, and print their errors."""
+    if isinstance(judged.reference, NonlinearSystem):
+        raise InputError(
+            "--ring needs a reference that drives a ring at many points; the FEM with k(T) does not: give models with "
+            "--reference"
+        )
+    plane = hopf_plane(ring, judged.reference)
+    if plane is None:
+        raise InputError(f"--ring: {ring.name!r} does not self-pulse with the reference, so there is no period")
+    with bar("ring") as progress:
+        points = {}
+        for done, (name, model) in enumerate(judged.models.items()):
+            progress(done, len(judged.models), name)
+            points[name] = period_points(ring, judged.reference, model, plane)
+    note(f"ring {ring.name!r}, loaded Q = {ring.loaded_q:.0f}: {plane_words(plane)}")
+    for name, each in points.items():
+        say(f"{name}, in the ring: {_point_words(each)}")
+    return points
+
+
+def _point_numbers(points: xr.Dataset) -> dict[str, Any]:
+    """Return the loaded Q, the number of points, and the mean and largest magnitude of their relative error."""
+    error = np.abs(points["relative_error"].values)
+    numbers = {"loaded_q": points.attrs["loaded_q"], "points": error.size, "missed": points.attrs["missed"]}
+    if not error.size:
+        return numbers | {"mean_error": None, "largest_error": None}
+    return numbers | {"mean_error": float(error.mean()), "largest_error": float(error.max())}
+
+
+def _point_words(points: xr.Dataset) -> str:
+    """Return in words the period errors of a model in the ring."""
+    numbers = _point_numbers(points)
+    least, largest = points.attrs["duties"]
+    missed = f"; at {numbers['missed']} more the model does not pulse" if numbers["missed"] else ""
+    if not numbers["points"]:
+        return f"no point where both pulse with a duty of {least:g} to {largest:g}{missed}"
+    low = float(points["period"].min())
+    high = float(points["period"].max())
+    periods = f"{numbers['points']} periods from {written(low, 's')} to {written(high, 's')}"
+    errors = f"off by {100 * numbers['mean_error']:.2g} % on average, {100 * numbers['largest_error']:.2g} % at most"
+    return f"{periods} (duty {least:g} to {largest:g}) {errors}{missed}"
+
+
+def _with_points(curves: xr.Dataset, points: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return the curves with the points of the ring as variables ring_period, ring_error, ... over ``point``."""
+    joined = xr.concat(list(points.values()), dim="point", combine_attrs="drop")
+    joined = joined.rename({name: f"ring_{name}" for name in joined})
+    names = np.repeat(list(points), [each.sizes["point"] for each in points.values()])
+    return xr.merge([curves, joined.assign_coords(ring_model=("point", names))], combine_attrs="drop_conflicts")
 
 
 def _against_power(system: Any) -> list[str]:
@@ -154,11 +228,11 @@ def _judged(curve: xr.Dataset) -> dict[str, Any]:
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
 
 
-def _draw(curves: Mapping[str, xr.Dataset], figure: Path, title: str) -> None:
+def _draw(curves: Mapping[str, xr.Dataset], points: Mapping[str, xr.Dataset], figure: Path, title: str) -> None:
     from surrogate.plot import plot_period_errors
     from thermofem.plot import save_figure
 
-    save_figure(plot_period_errors(curves, title=title)[0], figure)
+    save_figure(plot_period_errors(curves, points=points, title=title)[0], figure)
 
 
 def _table(curves: Mapping[str, xr.Dataset], refused: Mapping[str, str], title: str) -> Table:

@@ -111,6 +111,27 @@ def test_validate_states_the_range(folder):
 
 
 @pytest.mark.slow
+def test_validate_adds_the_points_of_a_ring(folder):
+    paper = coupled.borghi2021()
+    bus_rate = (paper.omega / 40_000 - paper.loss_rate) / 2  # of a loaded Q of 20 000
+    (folder / "high.toml").write_text(f'base = "borghi2021"\nname = "high Q"\nbus_rate = "{bus_rate} 1/s"\n')
+    judged = "validate", "second.json", "--reference", "fem.json", "-o", "ring.nc", "--json"
+    found = json.loads(thermofem(*judged, "--ring", "high.toml", cwd=folder).stdout)["ring"]["second"]
+    assert found["loaded_q"] == pytest.approx(20_000)
+    assert found["points"] > 0
+    curves = th.load(folder / "ring.nc")
+    points = curves.sel(model="second").dropna("point")
+    assert points.sizes["point"] == found["points"]
+    ring = coupled.RingResonator.from_toml(folder / "high.toml")
+    light = {"power": points["ring_power"].values[0], "detuning": points["ring_detuning"].values[0]}
+    for name, column in (("fem", "ring_period"), ("second", "ring_period_model")):
+        cycle = coupled.limit_cycle(ring, surrogate.load_model(folder / f"{name}.json"), **light)
+        assert points[column].values[0] == pytest.approx(cycle.attrs["period"], rel=1e-5)
+    quiet = thermofem(*judged, "--ring", "high.toml", "--duty", "0.5", cwd=folder)  # another wave, the same ring
+    assert json.loads(quiet.stdout)["ring"]["second"] == found
+
+
+@pytest.mark.slow
 def test_validate_trains_every_model_on_a_geometry(folder):
     (folder / "ring.toml").write_text(th.strip_ring().to_toml())
     done = thermofem("validate", "ring.toml", "--figure", "ring.png", "-o", "ring.nc", cwd=folder)
