@@ -134,7 +134,8 @@ class CrossSection:
         owners |= {f"part {part.name!r}": part.material for part in self.parts}
         for what, material in owners.items():
             find(material, self.materials, what=f"{what}: material")
-        names = [layer.name for layer in self.layers] + [part.name for part in self.parts]
+        names = [layer.name for layer in self.layers]
+        names += [part.name for part in self.parts]
         names += [probe.name for probe in self.probes]
         checks.unique("the list of layers, parts and probes", names, hint="each needs a name of its own")
         solid = [part.name for part in self.parts if part.material != VOID]
@@ -174,10 +175,14 @@ class CrossSection:
         """
         if self.kind != "straight":
             return False
-        beside = [p for p in self.parts if abs(p.inner_radius + p.outer_radius) > section_parts.SAME]
-        pairs = zip(beside[::2], beside[1::2], strict=False)
-        follow = all(self.parts.index(b) == self.parts.index(a) + 1 and images(a, b) for a, b in pairs)
-        return len(beside) % 2 == 0 and follow
+        beside = [p for p in self.parts if abs(p.inner_radius + p.outer_radius) > section_parts.SAME_POINT]
+        if len(beside) % 2:
+            return False
+        for part, image in zip(beside[::2], beside[1::2], strict=True):
+            follows = self.parts.index(image) == self.parts.index(part) + 1
+            if not follows or not images(part, image):
+                return False
+        return True
 
     @property
     def depth(self) -> float | None:
@@ -185,7 +190,9 @@ class CrossSection:
 
         None for a ring.
         """
-        return None if self.length is None else self.length * (2 if self.mirrored else 1)
+        if self.length is None:
+            return None
+        return 2 * self.length if self.mirrored else self.length
 
     @property
     def inner_end(self) -> float:
@@ -295,23 +302,28 @@ def footprint(geometry: CrossSection) -> float:
 
     A part that covers the domain from the axis to its edge is as uniform as a layer.
     """
-    edge = geometry.outer_radius * (1 - 1e-9)
     if geometry.kind == "straight":
         return 0.0
-    radii = [part.inner_radius if reach(part) >= edge else reach(part) for part in geometry.parts if part.height]
-    return max(radii, default=0.0)
+    edge = geometry.outer_radius * (1 - 1e-9)
+    radius = 0.0
+    for part in geometry.parts:
+        if part.height:
+            end = reach(part)
+            radius = max(radius, part.inner_radius if end >= edge else end)
+    return radius
 
 
 def check_uniform(geometry: CrossSection, who: str) -> None:
     """Raise InputError where a void cuts the stack: a copy of the ring would add a void that the field lacks."""
     if geometry.kind == "straight":
         raise checks.InputError(f"{who}: {geometry.name!r} is straight; put parallel guides in one section as parts")
-    cut = next((part.name for part in geometry.parts if part.material == VOID and part.height), None)
-    if cut is not None:
-        raise checks.InputError(
-            f"{who}: the void {cut!r} makes the stack laterally not uniform, and a neighbour would have its own void; "
-            "only a uniform stack can be read off the axis; give the matrices of a three-dimensional model instead"
-        )
+    for part in geometry.parts:
+        if part.material == VOID and part.height:
+            raise checks.InputError(
+                f"{who}: the void {part.name!r} makes the stack laterally not uniform, and a neighbour would have its "
+                "own void; only a uniform stack can be read off the axis; give the matrices of a three-dimensional "
+                "model instead"
+            )
 
 
 def check_copies(geometry: CrossSection) -> None:
@@ -331,6 +343,8 @@ def check_copies(geometry: CrossSection) -> None:
 
 def check_distance(geometry: CrossSection, part: Part, distance: float, who: str) -> None:
     """Raise InputError unless a copy at a distance in m lies beside the ring and inside the domain."""
-    least = footprint(geometry) + reach(part)
+    end = reach(part)
+    least = footprint(geometry) + end
+    most = geometry.outer_radius - end
     hint = f"nearer the copy of {part.name!r} overlaps the ring itself, further away it leaves the domain"
-    checks.between(f"{who}: distance", distance, least, geometry.outer_radius - reach(part), unit="m", hint=hint)
+    checks.between(f"{who}: distance", distance, least, most, unit="m", hint=hint)

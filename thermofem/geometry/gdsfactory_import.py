@@ -60,28 +60,31 @@ def from_gdsfactory(
     stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
     settings = dict(component.settings)
     checks.choice("setting of the component", "cross_section", settings, hint="is it a ring, such as ring_double?")
-    levels, known = stack.layers, MATERIALS | {k.lower(): v for k, v in (materials or {}).items()}
-    layers = _layers([_level(levels, name) for name in background], background, known)
-    drawn = _drawn(levels, core)
-    names = [key for key in ("cross_section", "cross_section_heater") if settings.get(key)]
-    sections = [section for key in names for section in _cross_section(gf, key, settings).sections]
-    on = {str(section.layer): section for section in reversed(sections)}
-    length = _loop(component, on[checks.choice(f"layer of level {core!r}", drawn, on)])
+    levels = stack.layers
+    added = {name.lower(): material for name, material in (materials or {}).items()}
+    material_of = MATERIALS | added
+    stacked = [_level(levels, name) for name in background]
+    layers = _layers(stacked, background, material_of)
+    sections = _sections(gf, settings)
+    section_on = {str(section.layer): section for section in reversed(sections)}
+    drawn = checks.choice(f"layer of level {core!r}", _drawn(levels, core), section_on)
+    length = _loop(component, section_on[drawn])
     radius = _equivalent_radius(gf, settings)
+    circumference = 2 * math.pi * radius
     # 0.01 of the length of a loop, which polygons on a grid of 1 nm change by 1e-3
-    if abs(length * UM - 2 * math.pi * radius) > 0.01 * length * UM:
+    if abs(length * UM - circumference) > 0.01 * length * UM:
         raise checks.InputError(
             f"component holds a loop of {length:.4g} um, but its settings make a ring of "
-            f"{2 * math.pi * radius / UM:.4g} um; build this CrossSection from th.Part"
+            f"{circumference / UM:.4g} um; build this CrossSection from th.Part"
         )
+    level_on = {_drawn(levels, name): name for name in (*reversed(levels), core)}
+    hint = "sections beside the middle are not imported: build this CrossSection from th.Part"
     parts: dict[str, Part] = {}
     for section in sections:
-        level_on = {_drawn(levels, name): name for name in (*reversed(levels), core)}
         name = level_on[checks.choice("layer of a section of the component", str(section.layer), level_on)]
         offset = getattr(section, "offset", 0.0) or 0.0  # the side on which such a section lies depends on the bend
-        hint = "sections beside the middle are not imported: build this CrossSection from th.Part"
         checks.between(f"level {name!r}: offset of its section", offset, -THIN, THIN, unit="um", hint=hint)
-        part = _part(name, core, _level(levels, name), radius, section.width, known)
+        part = _part(name, core, _level(levels, name), radius, section.width, material_of)
         if parts.setdefault(part.name, part) != part:
             raise checks.InputError(
                 f"level {name!r} has two sections of different width; a part is made of one, so build this "
@@ -90,6 +93,15 @@ def from_gdsfactory(
     ordered = sorted(parts.values(), key=lambda part: part.name == "core")  # the core overwrites the slab under it
     label = str(getattr(component, "function_name", None) or component.name)
     return CrossSection(label, outer_radius, layers, tuple(ordered), bottom=Boundary("open"), outer=Boundary("open"))
+
+
+def _sections(gf: Any, settings: Mapping[str, Any]) -> list[Any]:
+    """Sections of the waveguide and of its heater."""
+    sections = []
+    for key in ("cross_section", "cross_section_heater"):
+        if settings.get(key):
+            sections += _cross_section(gf, key, settings).sections
+    return sections
 
 
 def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:
@@ -106,13 +118,16 @@ def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:
 
 def _loop(component: Any, guide: Any) -> float:
     """Length in um of the only closed waveguide: circumference of its hole plus pi times its width."""
-    polygons = list(component.get_region(guide.layer, merge=True).each())
-    edges = [list(polygon.each_edge(k + 1)) for polygon in polygons for k in range(polygon.holes())]
-    if len(edges) != 1:
+    lengths = []
+    for polygon in component.get_region(guide.layer, merge=True).each():
+        for k in range(polygon.holes()):
+            length = sum(edge.length() for edge in polygon.each_edge(k + 1))
+            lengths.append(length)
+    if len(lengths) != 1:
         raise checks.InputError(
-            f"component has {len(edges)} closed waveguides on layer {guide.layer}; one is needed, as of ring_double"
+            f"component has {len(lengths)} closed waveguides on layer {guide.layer}; one is needed, as of ring_double"
         )
-    inner = sum(edge.length() for edge in edges[0]) * component.kcl.dbu
+    inner = lengths[0] * component.kcl.dbu
     return float(inner + math.pi * guide.width)
 
 
@@ -138,14 +153,15 @@ def _drawn(levels: Mapping[str, Any], name: str) -> str:
     return str(layer)
 
 
-def _material(level: Any, name: str, known: Mapping[str, str]) -> str:
-    hint = f"give it as materials={{{str(level.material)!r}: 'SiO2'}} or the name of another material"
-    return known[checks.choice(f"level {name!r}: material", str(level.material).lower(), known, hint=hint)]
+def _material(level: Any, name: str, material_of: Mapping[str, str]) -> str:
+    material = str(level.material)
+    hint = f"give it as materials={{{material!r}: 'SiO2'}} or the name of another material"
+    return material_of[checks.choice(f"level {name!r}: material", material.lower(), material_of, hint=hint)]
 
 
-def _layers(levels: list[Any], names: tuple[str, ...], known: Mapping[str, str]) -> tuple[Layer, ...]:
+def _layers(levels: list[Any], names: tuple[str, ...], material_of: Mapping[str, str]) -> tuple[Layer, ...]:
     """Layers of the stack, bottom to top; the datum is the layer whose top lies at z = 0."""
-    found: list[Layer] = []
+    layers: list[Layer] = []
     edge = levels[0].zmin
     for name, level in zip(names, levels, strict=True):
         if abs(level.zmin - edge) > THIN:
@@ -154,8 +170,9 @@ def _layers(levels: list[Any], names: tuple[str, ...], known: Mapping[str, str])
                 "background must touch, bottom to top"
             )
         edge = level.zmin + level.thickness
-        found.append(Layer(name, _material(level, name, known), level.thickness * UM, datum=abs(edge) < THIN))
-    return tuple(found)
+        material = _material(level, name, material_of)
+        layers.append(Layer(name, material, level.thickness * UM, datum=abs(edge) < THIN))
+    return tuple(layers)
 
 
 def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
@@ -167,22 +184,20 @@ def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
     if "bend" not in settings:
         return float(radius) * UM
     bend = gf.get_component(settings["bend"], radius=radius, cross_section=settings["cross_section"])
-    straights = 2 * (settings.get("length_x") or 0.0) + 2 * (settings.get("length_y") or 0.0)
-    return (4 * float(bend.info["length"]) + straights) / (2 * math.pi) * UM
+    length_x = settings.get("length_x") or 0.0
+    length_y = settings.get("length_y") or 0.0
+    length = 4 * float(bend.info["length"]) + (2 * length_x + 2 * length_y)
+    return length / (2 * math.pi) * UM
 
 
-def _part(name: str, core: str, level: Any, radius: float, width: float, known: Mapping[str, str]) -> Part:
+def _part(name: str, core: str, level: Any, radius: float, width: float, material_of: Mapping[str, str]) -> Part:
     """A ring part from a level and the width of its section, which gdsfactory gives at the height ``width_to_z``."""
-    lean = math.tan(math.radians(level.sidewall_angle or 0.0))
-    at_half = width + 2 * lean * (level.width_to_z - 0.5) * level.thickness
+    lean = math.radians(level.sidewall_angle or 0.0)
+    at_half = width + 2 * math.tan(lean) * (level.width_to_z - 0.5) * level.thickness
     inner, outer = ring(radius, at_half * UM, of=f"{name}: ")
-    return Part(
-        "core" if name == core else name,
-        _material(level, name, known),
-        inner,
-        outer,
-        bottom=level.zmin * UM,
-        height=level.thickness * UM,
-        sidewall_angle=math.pi / 2 - math.radians(level.sidewall_angle or 0.0),
-        heated=name == core or "heater" in name.lower(),
-    )
+    own_name = "core" if name == core else name
+    material = _material(level, name, material_of)
+    bottom = level.zmin * UM
+    height = level.thickness * UM
+    heated = name == core or "heater" in name.lower()
+    return Part(own_name, material, inner, outer, bottom, height, sidewall_angle=math.pi / 2 - lean, heated=heated)

@@ -78,7 +78,8 @@ CONTACT = "interface"  # whose key "resistance" has another unit than that of a 
 
 def as_text(path: str, value: Any) -> Any:
     """Write a value as a geometry file has it at a path: numbers in SI get their unit, anything else is unchanged."""
-    if isinstance(value, np.generic) or (type(value) is np.ndarray and value.ndim == 0):  # no masked array
+    scalar_array = type(value) is np.ndarray and value.ndim == 0  # no masked array
+    if isinstance(value, np.generic) or scalar_array:
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
@@ -95,7 +96,9 @@ def unit_of(path: str) -> str | None:
     *before, key = path.split(".")
     if before[:1] == [CONTACT] and key in _INTERFACE:
         return _INTERFACE[key]
-    return UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
+    if key in ("value", "r", "z") and before:
+        key = before[-1]
+    return UNITS.get(key)
 
 
 def fields(text: str) -> dict[str, Any]:
@@ -106,38 +109,40 @@ def fields(text: str) -> dict[str, Any]:
             "this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]"
         )
     sizes = _SIZES.get(table.get("kind", "ring"), ("outer_radius",))
-    keys = {key: unit for key, unit in _TOP.items() if key in sizes or key not in sum(_SIZES.values(), ())}
+    of_other_kinds = set(sum(_SIZES.values(), ())) - set(sizes)
+    keys = {key: unit for key, unit in _TOP.items() if key not in of_other_kinds}
     top = read_table(table, keys, "the file", required=(*sizes, "layer", "part"))
     boundary = read_table(top.get("boundary", {}), _BOUNDARY, "[boundary]")
     for number, bus in enumerate(top.get("bus", [])):
         bus.setdefault("name", section_parts.BUSES[min(number, 1)])
-    return {
-        "name": top.get("name", "cross-section"),
-        **{key: top[key] for key in ("kind", *sizes) if key in top},
-        "layers": _each(top, "layer", _LAYER, Layer, ("name", "material", "thickness")),
-        "parts": _each(top, "part", _PART, _part, ("name", "material", "bottom", "height")),
-        "interfaces": _each(top, "interface", _INTERFACE, Interface, ("part", "resistance")),
-        "probes": _each(top, "probe", _PROBE, Probe, ("name", "part")),
-        "bottom": _boundary(boundary, "bottom", section_parts.ISOTHERMAL),
-        "top": _boundary(boundary, "top", section_parts.INSULATED),
-        "outer": _boundary(boundary, "outer", section_parts.INSULATED),
-        "materials": tuple(_material(name, item) for name, item in top.get("material", {}).items()),
-        "ambient": top.get("ambient", 293.15),
-        "light": _light(top["light"], top["part"]) if "light" in top else None,
-        "buses": _each(top, "bus", _BUS, Bus, ("gap",)),
-    }
+    values = {key: top[key] for key in ("kind", *sizes) if key in top}
+    values["name"] = top.get("name", "cross-section")
+    values["layers"] = _each(top, "layer", _LAYER, Layer, ("name", "material", "thickness"))
+    values["parts"] = _each(top, "part", _PART, _part, ("name", "material", "bottom", "height"))
+    values["interfaces"] = _each(top, "interface", _INTERFACE, Interface, ("part", "resistance"))
+    values["probes"] = _each(top, "probe", _PROBE, Probe, ("name", "part"))
+    values["bottom"] = _boundary(boundary, "bottom", section_parts.ISOTHERMAL)
+    values["top"] = _boundary(boundary, "top", section_parts.INSULATED)
+    values["outer"] = _boundary(boundary, "outer", section_parts.INSULATED)
+    materials = top.get("material", {})
+    values["materials"] = tuple(_material(name, item) for name, item in materials.items())
+    values["ambient"] = top.get("ambient", 293.15)
+    values["light"] = _light(top["light"], top["part"]) if "light" in top else None
+    values["buses"] = _each(top, "bus", _BUS, Bus, ("gap",))
+    return values
 
 
 def _each(
     top: dict[str, Any], kind: str, keys: dict[str, Any], make: Callable[..., Any], required: tuple[str, ...]
 ) -> tuple[Any, ...]:
     """Apply ``make`` to every table of the list ``kind``, with its keys checked."""
-    found = []
+    made = []
     for k, table in enumerate(top.get(kind, []), 1):
         name = table.get("name", table.get("part"))
         where = f"{kind} {name!r}" if isinstance(name, str) else f"{kind} number {k}"
-        found.append(make(**read_table(table, keys, where, required=required)))
-    return tuple(found)
+        values = read_table(table, keys, where, required=required)
+        made.append(make(**values))
+    return tuple(made)
 
 
 def _part(**values: Any) -> Part:
@@ -178,47 +183,59 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
             raise checks.InputError(f"boundary {side}: give one of {', '.join(_COEFFICIENT)}")
         return Boundary(*values.popitem())
     hint = 'convection is written { convection = "1e4 W/m^2/K" }'
-    return Boundary(checks.choice(f"boundary {side}", value, Boundary.KINDS.keys() - _COEFFICIENT.keys(), hint=hint))
+    kinds = Boundary.KINDS.keys() - _COEFFICIENT.keys()
+    return Boundary(checks.choice(f"boundary {side}", value, kinds, hint=hint))
 
 
 def _material(name: str, table: Any) -> Material:
     """A material of the file; a key left out keeps the value and the law of the library's material of that name."""
     where = f"[material.{name}]"
-    values = read_table(table, _MATERIAL, where, required=() if name in LIBRARY else PROPERTIES)
-    for key, unit in (("conductivity", "W/m/K"), ("specific_heat", "J/kg/K")):
+    required = () if name in LIBRARY else PROPERTIES
+    values = read_table(table, _MATERIAL, where, required=required)
+    for key in ("conductivity", "specific_heat"):
         if key in values:
-            given = values.pop(key)
-            if isinstance(given, dict):
-                given = read_table(given, LAW_KEYS[key], f"{where} {key}")
-            values |= read_property(key, given, unit, where)
+            law = values.pop(key)
+            if isinstance(law, dict):
+                law = read_table(law, LAW_KEYS[key], f"{where} {key}")
+            values |= read_property(key, law, UNITS[key], where)
     if "index" in values:
         values["index"] = read_index(values["index"], where)
+    source = "geometry file"
     missing = [key for key in PROPERTIES if key not in values]
-    optional = [key for key in ("index", *_SCALARS) if key not in values and name in LIBRARY]
-    kept = {key: getattr(LIBRARY[name], key) for key in (*missing, *optional)}
-    for key in {"conductivity", "specific_heat"} & kept.keys():
-        kept |= {f"{key}_law": getattr(LIBRARY[name], f"{key}_law")}
-    if "conductivity" in kept:
-        kept |= {"conductivity_z": LIBRARY[name].conductivity_z}
-    source = "geometry file" + (f" ({', '.join(missing)}: {LIBRARY[name].source})" if missing else "")
-    return Material(**{"name": name, "source": source, **kept, **values})
+    if missing:
+        source += f" ({', '.join(missing)}: {LIBRARY[name].source})"
+    if name in LIBRARY:
+        values |= _library_values(LIBRARY[name], values)
+    values.setdefault("source", source)
+    return Material(name=name, **values)
+
+
+def _library_values(material: Material, values: dict[str, Any]) -> dict[str, Any]:
+    """What a material of the library has and the ``values`` of a file do not."""
+    missing = [key for key in (*PROPERTIES, "index", *_SCALARS) if key not in values]
+    library = {key: getattr(material, key) for key in missing}
+    for key in {"conductivity", "specific_heat"} & library.keys():
+        law = f"{key}_law"
+        library[law] = getattr(material, law)
+    if "conductivity" in library:
+        library["conductivity_z"] = material.conductivity_z
+    return library
 
 
 def table_of(geometry: CrossSection) -> dict[str, Any]:
     """The table of a geometry file, quantities as text; reading it back gives an equal CrossSection."""
     domain = {key: getattr(geometry, key) for key in _SIZES[geometry.kind]}
     kind = None if geometry.kind == "ring" else geometry.kind
-    tables = {
-        **_texts({"name": geometry.name, "kind": kind, **domain, "ambient": geometry.ambient}),
-        "layer": [_texts(asdict(layer)) for layer in geometry.layers],
-        "part": [_texts(_part_values(part)) for part in geometry.parts],
-        CONTACT: [_texts(asdict(interface), CONTACT) for interface in geometry.interfaces],
-        "probe": [_texts(asdict(probe)) for probe in geometry.probes],
-        "boundary": {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY},
-        "material": {m.name: _material_values(m) for m in geometry.materials},
-        "light": None if geometry.light is None else _texts(asdict(geometry.light)),
-        "bus": [_texts(asdict(bus)) for bus in geometry.buses],
-    }
+    tables = _texts({"name": geometry.name, "kind": kind, **domain, "ambient": geometry.ambient})
+    tables["layer"] = [_texts(asdict(layer)) for layer in geometry.layers]
+    tables["part"] = [_texts(_part_values(part)) for part in geometry.parts]
+    tables[CONTACT] = [_texts(asdict(interface), CONTACT) for interface in geometry.interfaces]
+    tables["probe"] = [_texts(asdict(probe)) for probe in geometry.probes]
+    tables["boundary"] = {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY}
+    tables["material"] = {m.name: _material_values(m) for m in geometry.materials}
+    if geometry.light is not None:
+        tables["light"] = _texts(asdict(geometry.light))
+    tables["bus"] = [_texts(asdict(bus)) for bus in geometry.buses]
     return {key: table for key, table in tables.items() if table}
 
 
@@ -228,16 +245,22 @@ def spelled_out(geometry: CrossSection) -> dict[str, Any]:
     for part in table["part"]:
         part.setdefault("sidewall_angle", as_text("sidewall_angle", section_parts.VERTICAL))
     for m in map(geometry.material_of, geometry.region_names):
+        material = {"thermo_optic": "0 1/K", **_material_values(m)}
         n = fixed_index(m.index)
-        index = {} if n is None else {"index": n}
-        table["material"][m.name] = {"thermo_optic": "0 1/K", **_material_values(m), **index}
+        if n is not None:
+            material["index"] = n
+        table["material"][m.name] = material
     return table
 
 
 def _texts(values: dict[str, Any], table: str = "") -> dict[str, Any]:
     """Quantities of a ``table`` as text; flags that are false and values that are None are left out."""
-    given = {key: value for key, value in values.items() if value is not None and value is not False}
-    return {key: as_text(f"{table}.{key}" if table else key, value) for key, value in given.items()}
+    before = f"{table}." if table else ""
+    texts = {}
+    for key, value in values.items():
+        if value is not None and value is not False:
+            texts[key] = as_text(f"{before}{key}", value)
+    return texts
 
 
 def _boundary_value(boundary: Boundary) -> Any:
@@ -252,7 +275,8 @@ def _material_values(m: Material) -> dict[str, Any]:
     density = as_text("density", m.density)
     scalars = {key: getattr(m, key) or None for key in _SCALARS}
     optical = _texts(scalars | {"thermo_optic": m.thermo_optic})
-    optical |= {} if m.index is None else {"index": write_index(m.index)}
+    if m.index is not None:
+        optical["index"] = write_index(m.index)
     heat = {"conductivity": conductivity, "density": density, "specific_heat": specific_heat}
     return {**heat, **optical, "source": m.source}
 
@@ -264,11 +288,11 @@ def _part_values(part: Part) -> dict[str, Any]:
     width = float(f"{outer - inner:.12g}")
     if part.straight:
         sizes = {"x": part.x, "width": part.width}
-    elif inner and (radius - width / 2, radius + width / 2) == (inner, outer):
+    elif inner and radius - width / 2 == inner and radius + width / 2 == outer:
         sizes = {"radius": radius, "width": width}
     else:
         sizes = {"inner_radius": inner, "outer_radius": outer}
     angle = None if part.sidewall_angle == section_parts.VERTICAL else part.sidewall_angle
-    rest = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle, "heated": part.heated}
-    electric = {"resistance": part.resistance, "tcr": part.tcr or None}
-    return {"name": part.name, "material": part.material, **sizes, **rest, **electric}
+    upright = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle}
+    electric = {"heated": part.heated, "resistance": part.resistance, "tcr": part.tcr or None}
+    return {"name": part.name, "material": part.material, **sizes, **upright, **electric}

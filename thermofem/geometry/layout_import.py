@@ -67,9 +67,11 @@ def read_layout(
     checks.instance("section", section, CrossSection, hint="a GDS file says nothing of heights: th.straight_guide(...)")
     assert section is not None
     polygons, labels = _drawn(source, numbers)
-    shapes = tuple(shape for part, areas in polygons.items() for shape in _named(part, areas, labels, section))
-    log.info("%s: %s", source, ", ".join(shape.name for shape in shapes))
-    return shapes
+    drawn: list[Shape] = []
+    for part, areas in polygons.items():
+        drawn += _named(part, areas, labels, section)
+    log.info("%s: %s", source, ", ".join(shape.name for shape in drawn))
+    return tuple(drawn)
 
 
 def _drawn(
@@ -92,18 +94,20 @@ def _drawn(
     cells = library.top_level()
     polygons = {}
     for part, (layer, datatype) in layers.items():
-        drawn = [
-            shapely.Polygon(p.points * unit)
-            for cell in cells
-            for p in cell.get_polygons(layer=layer, datatype=datatype)
-        ]
-        if not drawn:
+        areas = []
+        for cell in cells:
+            for drawn in cell.get_polygons(layer=layer, datatype=datatype):
+                area = shapely.Polygon(drawn.points * unit)
+                areas.append(area.buffer(0))
+        if not areas:
             raise checks.InputError(f"{path} has no polygon on layer {layer}/{datatype}, that of {part!r}")
-        merged = shapely.union_all([area.buffer(0) for area in drawn], grid_size=1e-4)
+        merged = shapely.union_all(areas, grid_size=1e-4)
         polygons[part] = [area for area in getattr(merged, "geoms", [merged]) if area.area]
-    labels = [
-        (label.text, shapely.Point(np.array(label.origin) * unit)) for cell in cells for label in cell.get_labels()
-    ]
+    labels = []
+    for cell in cells:
+        for label in cell.get_labels():
+            place = shapely.Point(np.array(label.origin) * unit)
+            labels.append((label.text, place))
     return polygons, labels
 
 
@@ -112,18 +116,20 @@ def _named(
 ) -> Iterable[Shape]:
     """Shapes of the polygons of one part, from left to right, without buses."""
     checks.choice("layers: part", part, section.heated)
-    thick = next(one.height for one in section.parts if one.name == part) * UM
+    height = next(own.height for own in section.parts if own.name == part)
+    thick = height * UM
     rings = shapely.union_all([area for area in areas if area.interiors])
     number = 0
-    for area in sorted(areas, key=lambda one: one.bounds[:2]):
-        if not area.interiors and rings.area and area.distance(rings) < thick:
+    for area in sorted(areas, key=lambda area: area.bounds[:2]):
+        beside_ring = rings.area and area.distance(rings) < thick
+        if beside_ring and not area.interiors:
             log.info("a bus of %r at x = %.4g um is left out", part, area.bounds[0])
             continue
         number += 1
-        inside = [
-            text for text, place in labels if shapely.Polygon(area.exterior).intersects(place) and text.isprintable()
-        ]
-        yield Shape(inside[0] if inside else f"{part} {number}", section, outline=_outline(area), part=part)
+        whole = shapely.Polygon(area.exterior)
+        names = (text for text, place in labels if text.isprintable() and whole.intersects(place))
+        name = next(names, f"{part} {number}")
+        yield Shape(name, section, outline=_outline(area), part=part)
 
 
 def _outline(area: shapely.Polygon) -> Array:
@@ -133,7 +139,8 @@ def _outline(area: shapely.Polygon) -> Array:
     if not oriented.interiors:
         return outer[:-1] / UM
     inner = np.asarray(oriented.interiors[0].coords)[:-1]
-    nearest = int(np.argmin(np.linalg.norm(inner - outer[0], axis=1)))
+    distances = np.linalg.norm(inner - outer[0], axis=1)
+    nearest = int(np.argmin(distances))
     around = np.roll(inner, -nearest, axis=0)
     return np.concatenate([outer, around, around[:1]]) / UM
 
@@ -145,7 +152,7 @@ def _of_text(text: str, folder: Path) -> tuple[Shape, ...]:
     gds = table.pop("gds", None)
     section = CrossSection.from_toml_text(files.to_toml(table))
     checks.instance("[[shape]]", drawn, list, hint="a table for each shape")
-    shapes = tuple(_shape(one, number, section) for number, one in enumerate(drawn, 1))
+    shapes = tuple(_shape(item, number, section) for number, item in enumerate(drawn, 1))
     if gds is not None:
         values = read_table(gds, _GDS, "[gds]", required=("file", "layers"))
         layers = checks.mapping("[gds]: layers", values["layers"], hint="such as { core = [1, 0] }")

@@ -27,7 +27,7 @@ from ..materials.material_laws import fixed_index
 from ..materials.material_library import find, with_value
 from .geometry_file import as_text, fields, spelled_out, unit_of
 from .regions import boxes, outlines
-from .section_parts import BUSES, LIGHT, SAME, images
+from .section_parts import BUSES, LIGHT, SAME_POINT, images
 
 if TYPE_CHECKING:
     from ..materials.material_library import Material
@@ -55,11 +55,13 @@ def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
 def check_once(paths: Iterable[str]) -> None:
     """Raise InputError where two paths set one value, or give the radii of a part in two forms."""
     # a side has one value, whatever its kind
-    places = [re.sub(r"^(boundary\.\w+)\.\w+$", r"\1", path.removesuffix(".value")) for path in paths]
+    values = [path.removesuffix(".value") for path in paths]
+    places = [re.sub(r"^(boundary\.\w+)\.\w+$", r"\1", path) for path in values]
     checks.unique("list of paths", places, hint="both set one value")
     sizes: dict[str, str] = {}
-    for part, _, key in (path.rpartition(".") for path in places if path.startswith("part.")):
-        if key in (*_CENTRE, *_EDGES):
+    for path in places:
+        part, _, key = path.rpartition(".")
+        if path.startswith("part.") and key in (*_CENTRE, *_EDGES):
             first = sizes.setdefault(part, key)
             if (first in _CENTRE) != (key in _CENTRE):
                 name = part.removeprefix("part.")
@@ -73,7 +75,9 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
     """
     holder, key = _holder(table, path)
     law = holder.get(key)
-    holder[key] = with_value(key, law, text) if key in _LAWS and isinstance(law, dict) else text
+    if key in _LAWS and isinstance(law, dict):
+        text = with_value(key, law, text)
+    holder[key] = text
 
 
 def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
@@ -83,7 +87,8 @@ def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
     for number, bus in enumerate(table.get("bus", [])):
         bus.setdefault("name", BUSES[min(number, 1)])
     if kind in _NAMED and name:
-        items = {str(item.get(_NAMED[kind])): item for item in table.get(kind, [])}
+        named_by = _NAMED[kind]
+        items = {str(item.get(named_by)): item for item in table.get(kind, [])}
         item = items[checks.choice(f"path {path!r}: {kind}", name, items)]
         if kind == "part" and key in (*_CENTRE, *_EDGES):
             _measure(item, key)
@@ -99,26 +104,34 @@ def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
         return sides[name], key
     if kind != "material" or not name:
         raise checks.InputError(f"path {path!r} leads nowhere; {_HINT}")
-    if not (middle[1:] and middle[-1] in _LAWS):
-        return table.setdefault(kind, {}).setdefault(name, {}), key
-    material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
+    *before, quality = middle
+    materials = table.setdefault(kind, {})
+    if not before or quality not in _LAWS:
+        return materials.setdefault(name, {}), key
+    material = materials.setdefault(".".join(before), {})
     if key in ("value", "r"):
-        return material, middle[-1]
-    law = material.get(middle[-1], {})
-    material[middle[-1]] = law if isinstance(law, dict) else {"value": law}
-    return material[middle[-1]], key
+        return material, quality
+    law = material.get(quality, {})
+    material[quality] = law if isinstance(law, dict) else {"value": law}
+    return material[quality], key
 
 
 def _measure(item: dict[str, Any], key: str) -> None:
     """Convert the radii of a part in place to the form that ``key`` belongs to: centre and width, or both edges."""
-    wanted, other = (_CENTRE, _EDGES) if key in _CENTRE else (_EDGES, _CENTRE)
-    if key in item or "x" in item or not set(other) <= item.keys():
+    by_centre = key in _CENTRE
+    old = _EDGES if by_centre else _CENTRE
+    if key in item or "x" in item or not set(old) <= item.keys():
         return
-    one, two = (quantity.parse(item.pop(name), "m") for name in other)
-    if wanted == _CENTRE and not one:
+    first = quantity.parse(item.pop(old[0]), "m")
+    second = quantity.parse(item.pop(old[1]), "m")
+    if not by_centre:
+        item["inner_radius"] = quantity.write(first - second / 2, "m")
+        item["outer_radius"] = quantity.write(first + second / 2, "m")
+        return
+    if not first:
         raise checks.InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
-    sizes = ((one + two) / 2, two - one) if wanted == _CENTRE else (one - two / 2, one + two / 2)
-    item |= {name: quantity.write(size, "m") for name, size in zip(wanted, sizes, strict=True)}
+    item["radius"] = quantity.write((first + second) / 2, "m")
+    item["width"] = quantity.write(second - first, "m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,15 +191,17 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     next_ = after(1)
     last = after(2)
     ten_digits = np.vectorize(lambda x: float(f"{x:.10g}"))  # beyond is round-off of the numbers, 1e-16, over the step
-
-    def slope(kind: str, key: Any) -> Any:
-        return ten_digits((4 * next_[kind][key] - last[kind][key] - 3 * now[kind][key]) / (2 * step))[()]
-
-    slopes = {kind: {key: slope(kind, key) for key in each} for kind, each in now.items()}
-    found = {kind: {key: slope for key, slope in each.items() if np.any(slope)} for kind, each in slopes.items()}
-    if not any(found.values()):
+    slopes: dict[str, dict[Any, Any]] = {kind: {} for kind in now}
+    for kind, numbers in now.items():
+        for key, f0 in numbers.items():
+            f1 = next_[kind][key]
+            f2 = last[kind][key]
+            slope = ten_digits((4 * f1 - f2 - 3 * f0) / (2 * step))[()]
+            if np.any(slope):
+                slopes[kind][key] = slope
+    if not any(slopes.values()):
         raise checks.InputError(f"path {' + '.join(paths)!r} has no derivative")
-    return Change(" + ".join(paths), values[0], units[0], **found)
+    return Change(" + ".join(paths), values[0], units[0], **slopes)
 
 
 def _value(geometry: CrossSection, table: dict[str, Any], path: str) -> float:
@@ -197,46 +212,64 @@ def _value(geometry: CrossSection, table: dict[str, Any], path: str) -> float:
         "material": "no layer or part is made of it",
         "boundary": f"{'.'.join(middle[:-1])} is insulated or isothermal",
     }
-    checks.choice(f"path {path!r} leads nowhere: key", key, holder, hint=_HINT if holder else why.get(kind, _HINT))
-    given, unit = holder[key], "" if key == "index" else unit_of(path)
-    given = given.get("value") if isinstance(given, dict) else given
-    part = next((part for part in geometry.parts if kind == "part" and part.name == holder["name"]), None)
-    if unit is None or not isinstance(given, str | float):
+    hint = _HINT if holder else why.get(kind, _HINT)
+    checks.choice(f"path {path!r} leads nowhere: key", key, holder, hint=hint)
+    unit = "" if key == "index" else unit_of(path)
+    value = holder[key]
+    if isinstance(value, dict):
+        value = value.get("value")
+    if unit is None or not isinstance(value, str | float):
         raise checks.InputError(f"path {path!r} has no derivative: {key} is no number")
-    if part and not (part.height and (part.inner_radius or part.straight or key != "inner_radius")):
-        raise checks.InputError(f"path {path!r} has no derivative: part {part.name!r} has height 0, or is a disc")
-    return given if isinstance(given, float) else quantity.parse(given, unit, name=path)
+    parts = geometry.parts if kind == "part" else ()
+    for part in parts:
+        disc = key == "inner_radius" and not (part.inner_radius or part.straight)
+        if part.name == holder["name"] and (disc or not part.height):
+            raise checks.InputError(f"path {path!r} has no derivative: part {part.name!r} has height 0, or is a disc")
+    return value if isinstance(value, float) else quantity.parse(value, unit, name=path)
 
 
-def _numbers(geometry: CrossSection, at: Mapping[str, Any]) -> dict[str, dict[Any, Any]]:
+def _numbers(geometry: CrossSection, changed: Mapping[str, Any]) -> dict[str, dict[Any, Any]]:
     """All numbers that a parameter can change, by the fields of `Change`, in a geometry next to this one."""
-    end, T0 = at.get("half_width") or at["outer_radius"], at["ambient"]
-    shapes = boxes(at["layers"], -end if geometry.inner_end < 0 else 0.0, end)
-    for own, part in zip(geometry.parts, at["parts"], strict=True):
-        name, outline = _meshed(geometry, own, part.outline())
+    end = changed.get("half_width") or changed["outer_radius"]
+    begin = -end if geometry.inner_end < 0 else 0.0
+    shapes = boxes(changed["layers"], begin, end)
+    for old, new in zip(geometry.parts, changed["parts"], strict=True):
+        name, outline = _meshed(geometry, old, new.outline())
         shapes[name] = shapes.get(name, 0.0) + outline
-    used = [find(name, at["materials"]) for name in {geometry.material_of(name).name for name in geometry.region_names}]
-    optical: dict[tuple[str, str], float] = {}
-
-    def along(m: Material) -> tuple[float, float]:
-        return m.conductivity, m.conductivity if m.conductivity_z is None else m.conductivity_z
-
-    for material in used:
-        optical[material.name, "index"] = fixed_index(material.index) or 0.0
-        optical[material.name, "thermo_optic"] = material.thermo_optic or 0.0
-    for bus in at["buses"]:
-        optical |= {(bus.name, "gap"): bus.gap, (bus.name, "straight"): bus.straight}
-    if at["light"] is not None:
-        optical |= {(LIGHT, "wavelength"): at["light"].wavelength, (LIGHT, "loss"): at["light"].loss or 0.0}
+    names = {geometry.material_of(region).name for region in geometry.region_names}
+    materials = [find(name, changed["materials"]) for name in names]
+    conductivity = {}
+    heat_capacity = {}
+    for m in materials:
+        k_z = m.conductivity if m.conductivity_z is None else m.conductivity_z
+        k = np.array([m.conductivity, k_z])
+        conductivity[m.name] = k * m.conductivity_law.factor(changed["ambient"])
+        heat_capacity[m.name] = m.heat_capacity * float(m.specific_heat_law.factor(changed["ambient"]))
     return {
         "outlines": shapes,
-        "conductivity": {m.name: np.array(along(m)) * m.conductivity_law.factor(T0) for m in used},
-        "heat_capacity": {m.name: m.heat_capacity * float(m.specific_heat_law.factor(T0)) for m in used},
-        "contact": {interface.part: interface.resistance for interface in at["interfaces"]},
-        "exchange": {side: at[side].exchange for side in ("bottom", "top", "outer")},
-        "shell": {probe.name: probe.shell or 0.0 for probe in at["probes"]},
-        "optical": optical,
+        "conductivity": conductivity,
+        "heat_capacity": heat_capacity,
+        "contact": {interface.part: interface.resistance for interface in changed["interfaces"]},
+        "exchange": {side: changed[side].exchange for side in ("bottom", "top", "outer")},
+        "shell": {probe.name: probe.shell or 0.0 for probe in changed["probes"]},
+        "optical": _optical_numbers(materials, changed),
     }
+
+
+def _optical_numbers(materials: Iterable[Material], changed: Mapping[str, Any]) -> dict[tuple[str, str], float]:
+    """Numbers of materials, buses and light that the mode depends on, as in `Change.optical`."""
+    optical: dict[tuple[str, str], float] = {}
+    for material in materials:
+        optical[material.name, "index"] = fixed_index(material.index) or 0.0
+        optical[material.name, "thermo_optic"] = material.thermo_optic or 0.0
+    for bus in changed["buses"]:
+        optical[bus.name, "gap"] = bus.gap
+        optical[bus.name, "straight"] = bus.straight
+    light = changed["light"]
+    if light is not None:
+        optical[LIGHT, "wavelength"] = light.wavelength
+        optical[LIGHT, "loss"] = light.loss or 0.0
+    return optical
 
 
 def _meshed(geometry: CrossSection, part: Part, outline: Array) -> tuple[str, Array]:
@@ -248,10 +281,14 @@ def _meshed(geometry: CrossSection, part: Part, outline: Array) -> tuple[str, Ar
     if not geometry.mirrored:
         return part.name, outline
     image = outline[[1, 0, 3, 2]] * [-1, 1]
-    if abs(part.inner_radius + part.outer_radius) <= SAME:  # its own image: corners on the mirror plane stay there
-        return part.name, (outline + image) / 2 * [[0, 1], [1, 1], [1, 1], [0, 1]]
+    if (
+        abs(part.inner_radius + part.outer_radius) <= SAME_POINT
+    ):  # its own image: corners on the mirror plane stay there
+        moves = [[0, 1], [1, 1], [1, 1], [0, 1]]
+        return part.name, (outline + image) / 2 * moves
     if part.name in outlines(geometry):
         return part.name, outline / 2
     number = geometry.parts.index(part)
-    twin = next(p for p in geometry.parts[max(number - 1, 0) : number + 2] if images(part, p))
+    beside = geometry.parts[max(number - 1, 0) : number + 2]
+    twin = next(other for other in beside if images(part, other))
     return twin.name, image / 2

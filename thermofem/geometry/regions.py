@@ -25,7 +25,7 @@ from .section_parts import THINNEST, Layer, layer_edges
 if TYPE_CHECKING:
     from .cross_section import CrossSection
 
-GRID = 1e-15  # m
+CUT_GRID = 1e-15  # m
 SIDES = ("bottom", "top", "outer", "axis", "wall")
 
 
@@ -41,17 +41,21 @@ class Face:
 
     @cached_property
     def polygon(self) -> Any:
-        """The face as a shapely polygon in units of `GRID`."""
-        return shapely.Polygon(self.rings[0] / GRID, [hole / GRID for hole in self.rings[1:]])
+        """The face as a shapely polygon in units of `CUT_GRID`."""
+        shell, *holes = self.rings
+        return shapely.Polygon(shell / CUT_GRID, [hole / CUT_GRID for hole in holes])
 
     @property
     def area(self) -> float:
         """Integral of dA in m^2."""
-        return float(self.polygon.area) * GRID**2
+        return float(self.polygon.area) * CUT_GRID**2
 
     def volume(self, depth: float | None = None) -> float:
         """Integral of 2 pi r dA in m^3, exact for a polygon (Pappus): 2 pi r_centroid A; or A times a depth in m."""
-        return self.area * (2 * np.pi * float(self.polygon.centroid.x) * GRID if depth is None else depth)
+        if depth is not None:
+            return self.area * depth
+        centroid = float(self.polygon.centroid.x)
+        return self.area * (2 * np.pi * centroid * CUT_GRID)
 
     def edges(self) -> Array:
         """All its edges in m, shape (n, 2 ends, 2)."""
@@ -97,7 +101,8 @@ class Subdivision:
         """Which points (r, z) in m lie on ``side``, round-off allowed for."""
         edges = self.sides[checks.choice("side", side, SIDES)]
         points = np.stack(np.broadcast_arrays(r, z), axis=-1)
-        return distance(points, edges) < max(100 * GRID, 1e-9 * float(np.abs(self.corners).max()))
+        size = float(np.abs(self.corners).max())
+        return distance(points, edges) < max(100 * CUT_GRID, 1e-9 * size)
 
 
 def _closed(ring: Array) -> Array:
@@ -117,11 +122,14 @@ def nearest(points: Array, edges: Array) -> tuple[Array, NDArray[np.intp], Array
     place = np.zeros(away.shape)
     for k, (start, stop) in enumerate(edges):
         along = stop - start
-        share = np.clip((points - start) @ along / (along @ along), 0, 1)
-        far = np.linalg.norm(points - start - share[..., None] * along, axis=-1)
-        index = np.where(far < away, k, index)
-        place = np.where(far < away, share, place)
-        away = np.minimum(far, away)
+        offset = points - start
+        share = np.clip(offset @ along / (along @ along), 0, 1)
+        normal = offset - share[..., None] * along
+        gap = np.linalg.norm(normal, axis=-1)
+        nearer = gap < away
+        index = np.where(nearer, k, index)
+        place = np.where(nearer, share, place)
+        away = np.minimum(gap, away)
     return away, index, place
 
 
@@ -130,64 +138,81 @@ def subdivide(geometry: CrossSection) -> Subdivision:
 
     Raises InputError: a part that is wholly hidden, or a face thinner than an atom.
     """
-    found = outlines(geometry)
-    shown = cut(found)
+    boundaries = outlines(geometry)
+    shown = cut(boundaries)
+    owners = {face.owner for face in shown}
     voids = {part.name for part in geometry.parts if part.material == VOID}
     for part in geometry.parts:
-        if part.name in found and part.name not in {face.owner for face in shown}:
-            own = shapely.Polygon(found[part.name])
-            over = [other.name for other in geometry.parts if shapely.Polygon(found[other.name]).intersects(own)]
-            covers = ", ".join(repr(name) for name in over if name != part.name)
+        if part.name in boundaries and part.name not in owners:
+            covers = ", ".join(repr(name) for name in _touching(geometry, part.name, boundaries))
             raise checks.InputError(f"part {part.name!r} is wholly covered by {covers}; change their order")
     faces = tuple(face for face in shown if face.owner not in voids)
     for face in faces:
-        _check_thickness(face, found)
+        _check_thickness(face, boundaries)
     number: dict[tuple[float, float], int] = {}
     beside: dict[tuple[int, int], list[int]] = {}
     for k, face in enumerate(faces):
-        for edge in face.edges().tolist():
-            a, b = (number.setdefault((r, z), len(number)) for r, z in edge)
-            key, side = ((a, b), 0) if a < b else ((b, a), 1)
-            beside.setdefault(key, [-1, -1])[side] = k
+        for start, stop in face.edges().tolist():
+            a = number.setdefault(tuple(start), len(number))
+            b = number.setdefault(tuple(stop), len(number))
+            pair = beside.setdefault((min(a, b), max(a, b)), [-1, -1])
+            side = 0 if a < b else 1
+            pair[side] = k
     corners = np.array(list(number))
     ends = np.array(list(beside))
     both = np.array(list(beside.values()))
-    return Subdivision(faces, corners, ends, both, _sides(geometry, faces, corners[ends], both))
+    side_of = _sides(geometry, faces, corners[ends], both)
+    return Subdivision(faces, corners, ends, both, side_of)
+
+
+def _touching(geometry: CrossSection, name: str, boundaries: Mapping[str, Array]) -> list[str]:
+    """Names of the other parts whose outlines meet that of a part."""
+    polygon = shapely.Polygon(boundaries[name])
+    others = [part.name for part in geometry.parts if part.name != name and part.name in boundaries]
+    return [other for other in others if shapely.Polygon(boundaries[other]).intersects(polygon)]
 
 
 def cut(
-    found: Mapping[str, Array], *, ground: str | None = None, holes: Container[str] = (), grid: float = GRID
+    boundaries: Mapping[str, Array], *, ground: str | None = None, holes: Container[str] = (), grid: float = CUT_GRID
 ) -> list[Face]:
     """Visible faces of overlapping outlines, of which a later one covers earlier ones, in the order of the outlines.
 
     ground: name of the outline that bounds all; it also owns what the outlines in ``holes`` cover.
     grid [m]: step to which coordinates are rounded; those of the outlines are restored exactly.
     """
-    shapes = {name: shapely.Polygon(np.rint(outline / grid)) for name, outline in found.items()}
-    corners = np.concatenate(list(found.values()))
+    shapes = {name: shapely.Polygon(np.rint(outline / grid)) for name, outline in boundaries.items()}
+    corners = np.concatenate(list(boundaries.values()))
     exact_r = _exact(corners[:, 0], grid)
     exact_z = _exact(corners[:, 1], grid)
-    lines = shapely.unary_union([shape.exterior for shape in shapes.values()], grid_size=1)
+    exteriors = [shape.exterior for shape in shapes.values()]
+    lines = shapely.unary_union(exteriors, grid_size=1)
     cells = np.array(shapely.polygonize([lines]).geoms)
     inside = shapely.point_on_surface(cells)
     if ground is not None:
-        kept = shapely.contains(shapes[ground], inside)
-        cells, inside = cells[kept], inside[kept]
-    which, of = shapely.STRtree(list(shapes.values())).query(inside, predicate="within")
+        in_ground = shapely.contains(shapes[ground], inside)
+        cells = cells[in_ground]
+        inside = inside[in_ground]
+    tree = shapely.STRtree(list(shapes.values()))
+    cell, cover = tree.query(inside, predicate="within")
     last = np.full(len(cells), -1)
-    np.maximum.at(last, which, of)
-    names = [ground if name in holes else name for name in found]
+    np.maximum.at(last, cell, cover)
+    names = [ground if name in holes else name for name in boundaries]
 
     def restored(ring: Any) -> Array:
-        points = np.asarray(ring.coords)[:-1]
-        return np.array([(exact_r.get(round(r), r * grid), exact_z.get(round(z), z * grid)) for r, z in points])
+        corners = []
+        for r, z in np.asarray(ring.coords)[:-1]:
+            exact = (exact_r.get(round(r), r * grid), exact_z.get(round(z), z * grid))
+            corners.append(exact)
+        return np.array(corners)
 
     faces = []
-    for name in found:
-        own = cells[[k >= 0 and names[k] == name for k in last]]
-        polygons = map(orient, shapely.normalize(shapely.get_parts(shapely.union_all(own, grid_size=1))))
-        for polygon in sorted(polygons, key=lambda polygon: polygon.bounds):
-            faces.append(Face(name, tuple(map(restored, (polygon.exterior, *polygon.interiors)))))
+    for name in boundaries:
+        belongs = [k >= 0 and names[k] == name for k in last]
+        union = shapely.union_all(cells[belongs], grid_size=1)
+        pieces = shapely.normalize(shapely.get_parts(union))
+        for polygon in sorted(map(orient, pieces), key=lambda polygon: polygon.bounds):
+            rings = (polygon.exterior, *polygon.interiors)
+            faces.append(Face(name, tuple(map(restored, rings))))
     return faces
 
 
@@ -201,71 +226,88 @@ def _exact(values: Array, grid: float) -> dict[int, float]:
 
 def outlines(geometry: CrossSection, *, whole: bool = False) -> dict[str, Array]:
     """Corners of every layer and part in m; of a mirrored section those with x >= 0, or of the ``whole`` one."""
-    found, left = {part.name: part.outline() for part in geometry.parts if part.height}, geometry.inner_end
+    parts = {part.name: part.outline() for part in geometry.parts if part.height}
+    left = geometry.inner_end
     if geometry.mirrored and whole:
         left = -geometry.outer_radius
     elif geometry.mirrored:
-        found = {name: outline for name, outline in found.items() if outline[1:3, 0].min() > 0}
-        found = {name: np.maximum(outline, [0.0, -np.inf]) for name, outline in found.items()}
-    return boxes(geometry.layers, left, geometry.outer_radius) | found
+        reaching = {name: outline for name, outline in parts.items() if outline[1:3, 0].min() > 0}
+        parts = {name: np.maximum(outline, [0.0, -np.inf]) for name, outline in reaching.items()}
+    return boxes(geometry.layers, left, geometry.outer_radius) | parts
 
 
 def boxes(layers: Sequence[Layer], left: float, right: float) -> dict[str, Array]:
     """Corners of every layer between two ends, in m."""
     z = layer_edges(layers)
-    return {
-        layer.name: np.array([(left, z[k]), (right, z[k]), (right, z[k + 1]), (left, z[k + 1])])
-        for k, layer in enumerate(layers)
-    }
+    outline_of = {}
+    for layer, low, high in zip(layers, z[:-1], z[1:], strict=True):
+        outline_of[layer.name] = np.array([(left, low), (right, low), (right, high), (left, high)])
+    return outline_of
 
 
-def _check_thickness(face: Face, known: dict[str, Array]) -> None:
+def _check_thickness(face: Face, boundaries: dict[str, Array]) -> None:
     """Raise InputError where a corner of the face is closer than an atom to an edge that does not end there."""
     edges = face.edges()
-    corners, along = edges[:, 0], edges[:, 1] - edges[:, 0]
+    corners = edges[:, 0]
+    along = edges[:, 1] - corners
     offset = corners[:, None] - corners
-    share = np.clip(np.einsum("cex,ex->ce", offset, along) / np.einsum("ex,ex->e", along, along), 0, 1)
+    projection = np.einsum("cex,ex->ce", offset, along)
+    share = np.clip(projection / np.einsum("ex,ex->e", along, along), 0, 1)
     gap = np.linalg.norm(offset - share[..., None] * along, axis=-1)
-    gap[(corners[:, None, None] == edges).all(axis=-1).any(axis=-1)] = np.inf  # its own edges
-    if gap.min() < THINNEST:
-        r, z = place = corners[gap.min(axis=1).argmin()]
-        near = [name for name in known if distance(place, _closed(known[name])) < THINNEST]
+    same = (corners[:, None, None] == edges).all(axis=-1)
+    ends_there = same.any(axis=-1)
+    gap[ends_there] = np.inf
+    thickness = gap.min()
+    if thickness < THINNEST:
+        place = corners[gap.min(axis=1).argmin()]
+        r, z = place
+        outlines_there = [name for name in boundaries if distance(place, _closed(boundaries[name])) < THINNEST]
         raise checks.InputError(
-            f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
-            f"atom; make the outlines of {' and '.join(map(repr, near))} agree there"
+            f"{face.owner!r} has a sliver of {thickness:.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
+            f"atom; make the outlines of {' and '.join(map(repr, outlines_there))} agree there"
         )
 
 
 def _sides(geometry: CrossSection, faces: Sequence[Face], edges: Array, beside: NDArray[np.intp]) -> NDArray[np.str_]:
     """The side of the domain on which every edge lies, shape (edges,); "" where there are faces on both sides."""
-    bottom, left, right = geometry.bottom_z, geometry.inner_end, geometry.outer_radius
-    stack = shapely.box(left / GRID, bottom / GRID, right / GRID, geometry.top_z / GRID)
-    filled = shapely.union_all([stack, *(face.polygon for face in faces)], grid_size=1)
-    skin = shapely.union_all(shapely.get_exterior_ring(shapely.get_parts(filled)))  # voids and enclosed gaps filled
+    bottom = geometry.bottom_z
+    left = geometry.inner_end
+    right = geometry.outer_radius
+    stack = shapely.box(left / CUT_GRID, bottom / CUT_GRID, right / CUT_GRID, geometry.top_z / CUT_GRID)
+    polygons = [face.polygon for face in faces]
+    filled = shapely.union_all([stack, *polygons], grid_size=1)
+    exteriors = shapely.get_exterior_ring(shapely.get_parts(filled))  # voids and enclosed gaps filled
+    skin = shapely.union_all(exteriors)
     r, z = np.moveaxis(edges, 2, 0)
 
-    def at(x: Array, *ends: float) -> NDArray[np.bool_]:
-        return np.isin(x, ends).all(axis=1) & (x[:, 0] == x[:, 1])
+    def along(x: Array, *ends: float) -> NDArray[np.bool_]:
+        both = np.isin(x, ends).all(axis=1)
+        return both & (x[:, 0] == x[:, 1])
 
-    on_skin = shapely.distance(skin, shapely.points(edges.mean(axis=1) / GRID)) <= 1
-    there = [(beside >= 0).all(axis=1), at(r, 0.0) & (left == 0), at(r, left, right), at(z, bottom), on_skin]
-    return np.select(there, ["", "axis", "outer", "bottom", "top"], "wall")
+    inner = (beside >= 0).all(axis=1)
+    axis = along(r, 0.0) & (left == 0)
+    middles = shapely.points(edges.mean(axis=1) / CUT_GRID)
+    on_skin = shapely.distance(skin, middles) <= 1
+    where = [inner, axis, along(r, left, right), along(z, bottom), on_skin]
+    return np.select(where, ["", "axis", "outer", "bottom", "top"], "wall")
 
 
 def check_places(geometry: CrossSection) -> None:
     """Raise InputError for a part outside the stack, or one that crosses its top."""
-    low, high, slack = geometry.bottom_z, geometry.top_z, GRID
+    low = geometry.bottom_z
+    high = geometry.top_z
+    along, end = ("r", "outer_radius") if geometry.kind == "ring" else ("|x|", "half_width")
     for part in geometry.parts:
         where = f"part {part.name!r} (z = {part.bottom:g} .. {part.top:g} m)"
         reach = float(np.abs(part.outline()[:, 0]).max())
-        if reach > geometry.outer_radius + slack:
-            along, end = ("r", "outer_radius") if geometry.kind == "ring" else ("|x|", "half_width")
+        if reach > geometry.outer_radius + CUT_GRID:
             raise checks.InputError(
                 f"part {part.name!r} reaches {along} = {reach:g} m, outside {end} = {geometry.outer_radius:g} m"
             )
-        if part.bottom < low - slack:
+        if part.bottom < low - CUT_GRID:
             raise checks.InputError(f"{where} lies outside the stack, which begins at z = {low:g} m")
-        if part.material != VOID and part.bottom < high - slack and part.top > high + slack:
+        crosses = part.bottom < high - CUT_GRID and part.top > high + CUT_GRID
+        if crosses and part.material != VOID:
             raise checks.InputError(
                 f"{where} sticks out of the stack, which ends at z = {high:g} m; lower it, raise the top layer, or "
                 "make it two parts, one below and one above that height"
@@ -274,23 +316,33 @@ def check_places(geometry: CrossSection) -> None:
 
 def check_held(geometry: CrossSection) -> None:
     """Raise InputError unless every connected piece touches a side that holds the temperature."""
-    cut = geometry.subdivision
-    inner, count = cut.beside[cut.side == ""], len(cut.faces)
-    piece = connected_components(coo_matrix((np.ones(len(inner)), inner.T), shape=(count, count)))[1]
+    plane = geometry.subdivision
+    inner = plane.beside[plane.side == ""]
+    count = len(plane.faces)
+    neighbours = coo_matrix((np.ones(len(inner)), inner.T), shape=(count, count))
+    _, piece = connected_components(neighbours)
     holding = [side for side in ("bottom", "top", "outer") if getattr(geometry, side).holds]
-    loose = ~np.isin(piece, piece[cut.beside[np.isin(cut.side, holding)].max(axis=1)])
+    at_holding = plane.beside[np.isin(plane.side, holding)].max(axis=1)
+    loose = ~np.isin(piece, piece[at_holding])
     if loose.any():
         first = piece[loose.argmax()]
-        raise _cut_off(geometry, [face for face, of in zip(cut.faces, piece, strict=True) if of == first])
+        faces = [face for face, number in zip(plane.faces, piece, strict=True) if number == first]
+        raise _cut_off(geometry, faces)
 
 
 def _cut_off(geometry: CrossSection, piece: list[Face]) -> checks.InputError:
     """InputError for a connected piece that touches no side of fixed temperature."""
-    face = next((face for face in piece if face.owner in geometry.heated), piece[0])
+    heated = (face for face in piece if face.owner in geometry.heated)
+    face = next(heated, piece[0])
     r, z = face.rings[0].mean(axis=0)
-    middles = np.concatenate([face.edges() for face in piece]).mean(axis=1)
-    voids = [part for part in geometry.parts if part.material == VOID and part.height]
-    around = [part.name for part in voids if distance(middles, _closed(part.outline())).min() < 100 * GRID]
+    edges = np.concatenate([face.edges() for face in piece])
+    middles = edges.mean(axis=1)
+    around = []
+    for part in geometry.parts:
+        if part.material == VOID and part.height:
+            gaps = distance(middles, _closed(part.outline()))
+            if gaps.min() < 100 * CUT_GRID:
+                around.append(part.name)
     if around:
         where = f"is cut off from the stack by the void {' and '.join(map(repr, around))}"
     else:

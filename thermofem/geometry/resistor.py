@@ -47,7 +47,9 @@ def resistor_of(geometry: CrossSection, name: str) -> Resistor:
             f'give resistance = "120 ohm" to the part, or resistivity = "4.3e-7 ohm*m" in [material.{part.material}]',
         )
     width = part.outer_radius - part.inner_radius
-    length = math.pi * (part.inner_radius + part.outer_radius) if geometry.length is None else geometry.length
+    length = geometry.length
+    if length is None:
+        length = math.pi * (part.inner_radius + part.outer_radius)
     origin = f"rho L/(w h) of {part.material}, L = {quantity.rounded(length, 'm', 6)}"
     return Resistor(resistivity * length / (width * part.height), part.tcr, origin)
 

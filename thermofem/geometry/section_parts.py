@@ -13,7 +13,7 @@ from ..data import quantity
 from ..materials.material_library import VOID
 
 VERTICAL = math.pi / 2
-SAME = 2e-15  # m; points this close are one (two steps of the grid on which outlines are cut)
+SAME_POINT = 2e-15  # m; points this close are one (two steps of the grid on which outlines are cut)
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 POLARISATIONS = ("TE", "TM")
 BUSES = ("bus", "drop")  # names of the first and the second one
@@ -50,9 +50,11 @@ class Layer:
 def layer_edges(layers: Sequence[Layer]) -> tuple[float, ...]:
     """z of the bottom of every layer, bottom to top, and of the top of the last one, in m."""
     datum = next(k for k, layer in enumerate(layers) if layer.datum) + 1
-    below = -np.cumsum([layer.thickness for layer in layers[:datum]][::-1])[::-1]
-    above = np.cumsum([layer.thickness for layer in layers[datum:]])
-    return (*map(float, below), 0.0, *map(float, above))
+    thickness = [layer.thickness for layer in layers]
+    downwards = thickness[:datum][::-1]
+    depths = np.cumsum(downwards)
+    heights = np.cumsum(thickness[datum:])
+    return (*map(float, -depths[::-1]), 0.0, *map(float, heights))
 
 
 @dataclass(frozen=True)
@@ -102,18 +104,21 @@ class Part:
             checks.between(f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=hint)
             checks.ordered(f"{of}inner_radius", self.inner_radius, "outer_radius", outer, unit="m")
         else:
-            x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=slip(self.x, 5e-6))
+            hint = slip(self.x, 5e-6)
+            x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=hint)
             half = length(f"{of}width", self.width, typical=450e-9) / 2
             object.__setattr__(self, "inner_radius", x - half)
             object.__setattr__(self, "outer_radius", x + half)
-        checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=slip(self.bottom, 1e-6))
+        hint = slip(self.bottom, 1e-6)
+        checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=hint)
         if self.material != VOID or self.height != 0:
             length(f"{of}height", self.height, typical=220e-9)
-        degrees = math.degrees(checks.finite(f"{of}sidewall_angle", self.sidewall_angle))
+        angle = checks.finite(f"{of}sidewall_angle", self.sidewall_angle)
+        degrees = math.degrees(angle)
         checks.between(f"{of}sidewall_angle", degrees, 30, 150, unit="deg", hint="90 deg is vertical")
-        outline = self.outline()
-        crossed = np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0)
-        if crossed or (outline[:, 0].min() < 0 and not self.straight):
+        r = self.outline()[:, 0]
+        crossed = r[1] <= r[0] or r[2] <= r[3]
+        if crossed or (r.min() < 0 and not self.straight):
             raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
         if self.resistance is not None:
             checks.positive(f"{of}resistance", self.resistance, unit="ohm", at_most=1e9)
@@ -136,16 +141,22 @@ class Part:
         vertical = abs(self.sidewall_angle - VERTICAL) < 1e-9
         lean = 0.0 if vertical else self.height / 2 / math.tan(self.sidewall_angle)
         inner_lean = lean if self.inner_radius or self.straight else 0.0  # a disc has no inner wall
-        inner, outer = self.inner_radius, self.outer_radius
+        inner = self.inner_radius
+        outer = self.outer_radius
         foot = [(inner - inner_lean, self.bottom), (outer + lean, self.bottom)]
-        return np.array([*foot, (outer - lean, self.top), (inner + inner_lean, self.top)])
+        head = [(outer - lean, self.top), (inner + inner_lean, self.top)]
+        return np.array(foot + head)
 
 
-def images(one: Part, other: Part) -> bool:
+def images(part: Part, other: Part) -> bool:
     """Whether two voids are images of each other in x = 0, one on each side of it."""
-    mirror = one.outline()[[1, 0, 3, 2]] * [-1, 1]
-    sides = one.outline()[:, 0].min() * one.outline()[:, 0].max() >= 0
-    return sides and one.material == other.material == VOID and bool(np.abs(mirror - other.outline()).max() <= SAME)
+    outline = part.outline()
+    x = outline[:, 0]
+    on_one_side = x.min() * x.max() >= 0
+    voids = part.material == other.material == VOID
+    mirror = outline[[1, 0, 3, 2]] * [-1, 1]
+    distance = np.abs(mirror - other.outline()).max()
+    return bool(on_one_side and voids and distance <= SAME_POINT)
 
 
 class BoundaryKind(NamedTuple):
@@ -257,7 +268,7 @@ class Probe:
         checks.plain(self)
         checks.check_name("probe", self.name)
         if (self.shell is None) == (self.distance is None):
-            both = "not both" if self.shell is not None else "it has neither"
+            both = "it has neither" if self.shell is None else "not both"
             raise checks.InputError(f"probe {self.name!r}: give shell, or distance for a copy off the axis; {both}")
         if self.shell is not None:
             length(f"probe {self.name!r}: shell", self.shell, typical=0.3e-6)
@@ -330,11 +341,10 @@ class Bus:
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
     """Inner and outer radius in m of a ring with this centre-line radius and width; ``of`` begins the error message."""
     radius = length(f"{of}radius", radius, typical=8e-6)
-    width = checks.between(f"{of}width", width, THINNEST, math.inf, unit="m", hint=slip(width, 450e-9, radius))
+    hint = slip(width, 450e-9, radius)
+    width = checks.between(f"{of}width", width, THINNEST, math.inf, unit="m", hint=hint)
     if width > 2 * radius:
-        raise checks.InputError(
-            f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", slip(width, 450e-9, radius)
-        )
+        raise checks.InputError(f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", hint)
     return radius - width / 2, radius + width / 2
 
 
@@ -347,7 +357,9 @@ def slip(value: float | None, typical: float, at_most: float = _LONGEST) -> chec
     """Hint with the length in m that was probably meant, where a value is off by a unit."""
     if not (isinstance(value, int | float) and at_most < abs(value) < 1e300):  # 1e300 m; no hint repairs it
         return checks.Hint("lengths are in metres")
-    meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
+    ratio = abs(value) / typical
+    unit = min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(ratio * factor)))
+    meant = value * unit
     power = 3 * math.floor(math.log10(abs(meant)) / 3)
     number = f"{meant / 10**power:g}e{power}"
     written = quantity.rounded(meant, "m", 6)

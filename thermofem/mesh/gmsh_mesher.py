@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import InputError, MissingLibraryError
-from ..geometry.regions import GRID
+from ..geometry.regions import CUT_GRID
 from .element_sizes import size_function, sizes
 from .triangles import Mesh
 
@@ -68,7 +68,7 @@ def content_hash(geometry: CrossSection, accuracy: float) -> str:
     role = {part.name: "heated" if part.heated else "part" for part in geometry.parts}
     faces = []
     for face in geometry.subdivision.faces:
-        rings = [np.rint(ring / GRID).astype(int).tolist() for ring in face.rings]
+        rings = [np.rint(ring / CUT_GRID).astype(int).tolist() for ring in face.rings]
         faces.append((face.owner, role.get(face.owner, "layer"), rings))
     copies = sorted(probe.distance for probe in geometry.probes if probe.distance is not None)
     content = [VERSION, f"{accuracy:.6e}", faces]

@@ -33,7 +33,7 @@ from scipy.sparse import csr_matrix
 from ..algebra.factor import factorize
 from ..arrays import Array, NDArray
 from ..checks import InputError
-from ..geometry.regions import GRID, distance, outlines
+from ..geometry.regions import CUT_GRID, distance, outlines
 from ..materials.material_library import VOID
 from .triangles import Mesh, signed_areas
 
@@ -237,8 +237,8 @@ class CornerMotion:
         self.roles |= {probe.part for probe in geometry.probes}
         self.edges = geometry.subdivision
         self.outlines = outlines(geometry)
-        self.polygons = {name: shapely.Polygon(outline / GRID) for name, outline in self.outlines.items()}
-        self.slack = max(100 * GRID, 1e-9 * float(np.abs(self.edges.corners).max()))
+        self.polygons = {name: shapely.Polygon(outline / CUT_GRID) for name, outline in self.outlines.items()}
+        self.slack = max(100 * CUT_GRID, 1e-9 * float(np.abs(self.edges.corners).max()))
 
     def key(self, owner: str | None) -> Key:
         """Material of a layer or part, and its name if it has a role (heated, interface, probe); None for a void."""
@@ -343,7 +343,7 @@ class CornerMotion:
         """Whether both sides of edge ``k`` keep material and role when it moves with the outline ``chosen``."""
         moved = {line.name: (line.side, direction * line.middle) for line in lines}
         ends = sorted({0.0, *(offset for _, offset in moved.values())})
-        middle = shapely.Point(self.edges.corners[self.edges.ends[k]].mean(axis=0) / GRID)
+        middle = shapely.Point(self.edges.corners[self.edges.ends[k]].mean(axis=0) / CUT_GRID)
 
         def covers(name: str, y: float) -> bool:
             if name not in moved:

@@ -24,7 +24,7 @@ import numpy as np
 import shapely
 
 from ..arrays import Array
-from ..geometry.regions import GRID
+from ..geometry.regions import CUT_GRID
 from ..materials.material_library import VOID
 from .mode_window import AIR, Box, index_of, material_of
 
@@ -85,14 +85,14 @@ class Surroundings:
         """What lies at r or x in m, from below (the lowest layer goes on) to above (air)."""
         r = abs(r) if self.geometry.mirrored else r
         lowest = self.geometry.bottom_z
-        line = shapely.LineString([(r / GRID, 2 * lowest / GRID), (r / GRID, 1.0 / GRID)])
+        line = shapely.LineString([(r / CUT_GRID, 2 * lowest / CUT_GRID), (r / CUT_GRID, 1.0 / CUT_GRID)])
         steps = []
         for face in self.geometry.subdivision.faces:
             crossed = face.polygon.intersection(line)
             for piece in getattr(crossed, "geoms", [crossed]):
                 if piece.length > 0:
                     _, start, _, stop = piece.bounds
-                    steps.append(Step(start * GRID, stop * GRID, self.indices[face.owner], face.owner))
+                    steps.append(Step(start * CUT_GRID, stop * CUT_GRID, self.indices[face.owner], face.owner))
         return _filled(sorted(steps), self.indices[AIR])
 
     @cached_property
@@ -357,7 +357,7 @@ def _filled(steps: Sequence[Step], air: float | None) -> list[Step]:
     filled: list[Step] = []
     for step in steps:
         before = filled[-1].stop if filled else step.start
-        if step.start - before > GRID:
+        if step.start - before > CUT_GRID:
             filled.append(Step(before, step.start, air, AIR))
         filled.append(step)
     first = filled[0]._replace(start=-math.inf)
