@@ -15,7 +15,7 @@ from scipy.constants import c, hbar
 
 from thermofem import checks
 from thermofem.data import dataset, files
-from thermofem.ring_temperature import CORE, READS
+from thermofem.ring_temperature import CORE, READS, GuidedMode
 
 from . import ring_toml
 from .carriers import ConstantLifetime, ShockleyReadHall
@@ -79,6 +79,8 @@ class RingResonator:
     read : str
         the temperature that goes with ``thermo_optic``: "core", the mean over the heated part, for dn/dT of a material;
         "light", the output of that name, for dn_eff/dT of a whole section (`coupled.ring_from`).
+    mode : GuidedMode, optional
+        name and wavelength (m) of the mode whose temperature is "light"; a model with that of another one is refused.
 
     Raises
     ------
@@ -111,6 +113,7 @@ class RingResonator:
     index_confinement: float | None = None
     rates: tuple[tuple[str, float], ...] = ()
     read: str = CORE
+    mode: GuidedMode | None = None
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -124,6 +127,8 @@ class RingResonator:
             checks.choice("rates", name, ring_toml.RATES)
             checks.between(f"rates {name}", value, -math.inf if name == "thermal_shift" else 0, math.inf)
         checks.choice("read", self.read, READS)
+        if self.mode is not None:
+            checks.instance("mode", self.mode, GuidedMode, hint='GuidedMode("TE0", 1.55e-6) is one')
         _check_dispersion(self.fcd)
 
     @property

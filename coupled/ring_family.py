@@ -14,6 +14,7 @@ from typing import Any
 from thermofem import InputError, checks
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics.coupler import MOST
+from thermofem.ring_temperature import GuidedMode
 
 from .resonator import RingResonator
 from .ring_from import base_of, fields_of
@@ -59,7 +60,8 @@ def ring_at(
     fields: dict[str, Any] = fields_of(n, _order(n) if order is None else order)
     name = f"{family.box.campaign.name} at {', '.join(f'{key} = {value:.6g}' for key, value in values.items())}"
     made = replace(base_of(base, material, n["wavelength"]), name=name, rates=(), **fields)
-    return replace(made, scattering_rate=n["radiated"], read=LIGHT)
+    mode = GuidedMode(family.box.base.light.mode, n["wavelength"])
+    return replace(made, scattering_rate=n["radiated"], read=LIGHT, mode=mode)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics import mode_derivatives
 from thermofem.optics.coupler import MOST, STEP, TRUSTED, of_buses
 from thermofem.optics.mode_window import ROOM
-from thermofem.ring_temperature import detuning_output
+from thermofem.ring_temperature import GuidedMode, detuning_output
 
 from . import ring_toml
 from .carriers import ConstantLifetime
@@ -194,6 +194,7 @@ def ring_from(
     fields: dict[str, Any] = fields_of(_numbers(found, alpha, made, rules), round(found.order))
     fields["scattering_rate"] = found.radiation_rate + found.leak_rate
     fields["read"] = LIGHT
+    fields["mode"] = GuidedMode(found.name, found.wavelength)
     _tell_ambient(found, base)
     ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
     ring_toml.tell_base(_name(base), base, fields)
@@ -259,6 +260,7 @@ def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Seque
         "index_confinement": (f"{computed}, dn_eff/dn of {material}", 1e-3),
         "thermo_optic": _shift(computed, found),
         "read": (f"the temperature that goes with thermo_optic, weighted by mode {found.name}", math.nan),
+        "mode": ("name and wavelength (m) of that mode", math.nan),
         **{f"{of}_{what}": (computed, 1e-3) for of in ("tpa", "fca") for what in ("confinement", "volume")},
     }
     others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")

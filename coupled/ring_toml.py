@@ -14,6 +14,7 @@ refractive_index = 3.485         # group_index, thermo_optic ("1.86e-4 1/K"), fc
 tpa_coefficient = "0.81 cm/GW"   # tpa_confinement, fca_confinement, kerr_coefficient ("4.5e-18 m^2/W"), lumped_fcd,
 read = "light"                   # the temperature that goes with thermo_optic: "core" (default), or "light", where it
                                  # is dn_eff/dT of a whole section
+mode = "TE0"                     # with mode_wavelength ("1550 nm"): the mode whose temperature "light" is
 drop_rate = "40e9 1/s"           # scattering_rate, index_confinement: as the fields of RingResonator
 resonance_shift = "75 pm/K"      # or "9.3 GHz/K": measured; instead of what refractive_index and thermo_optic give
 
@@ -43,7 +44,7 @@ from thermofem import InputError, checks
 from thermofem.data import files, quantity
 from thermofem.data.files import ANY, TABLE, TABLES, TEXT, read_table
 from thermofem.errors import one_line
-from thermofem.ring_temperature import CORE
+from thermofem.ring_temperature import CORE, GuidedMode
 
 from .carriers import ConstantLifetime, ShockleyReadHall
 
@@ -96,8 +97,8 @@ _OTHERWISE = {"tau": ("lifetime", "s", 1.0), "thermal_energy": ("temperature", "
 _KEYS = {
     **{name: known.unit for name, known in FIELDS.items()},
     "wavelength": "m", "loaded_q": "", "intrinsic_q": "", "buses": "", "absorbed_fraction": "", "perimeter": "m",
-    "mode_area": "m^2", "resonance_shift": ANY, "name": TEXT, "base": TEXT, "read": TEXT, "dispersion": TABLES,
-    "carriers": TABLE, "rates": TABLE,
+    "mode_area": "m^2", "resonance_shift": ANY, "name": TEXT, "base": TEXT, "read": TEXT, "mode": TEXT,
+    "mode_wavelength": "m", "dispersion": TABLES, "carriers": TABLE, "rates": TABLE,
 }  # fmt: skip
 _NEEDED = (
     "frequency", "bus_rate", "loss_rate", "refractive_index", "group_index", "thermo_optic", "fcd",
@@ -134,6 +135,9 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
         keys = {"coefficient": "", "exponent": ""}
         every = [read_table(t, keys, f"[[dispersion]] {n}", required=tuple(keys)) for n, t in enumerate(terms, 1)]
         fields["fcd"] = tuple((term["coefficient"], term["exponent"]) for term in every)
+    check_determined(fields, ("mode", "mode_wavelength"), ())
+    if "mode" in fields:
+        fields["mode"] = GuidedMode(fields["mode"], fields.pop("mode_wavelength"))
     if law is not None:
         fields["carriers"] = _carriers(law)
     if rates:
@@ -244,6 +248,9 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
     text = f"name = {json.dumps(ring.name)}\n"
     if ring.read != CORE:
         text += line("read", json.dumps(ring.read), "read")
+    if ring.mode is not None:
+        text += f"mode = {json.dumps(ring.mode.name)}\n"
+        text += f"mode_wavelength = {json.dumps(quantity.write(ring.mode.wavelength, 'm'))}\n"
     for key, (unit, *_) in FIELDS.items():
         value = getattr(ring, key)
         if value is not None:

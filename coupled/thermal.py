@@ -11,10 +11,11 @@ from scipy.constants import c
 
 from thermofem import CrossSection, Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.fem import HeatProblem
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import ThermalModel
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
-from thermofem.ring_temperature import CORE, check_read
+from thermofem.ring_temperature import CORE, GuidedMode, check_read
 
 from .resonator import PUBLISHED, RingResonator, origin
 from .ring_toml import SILICON
@@ -170,7 +171,7 @@ def check_ports(
 ) -> dict[str, Any]:  # fmt: skip
     """`check_model` for the input ``heated`` and the output ``read``, which the caller may have ``chosen``."""
     found: dict[str, Any] = check_geometry(ring, model)
-    also = check_read(ring, geometry_of(model), heated, read, chosen=chosen)
+    also = check_read(ring, geometry_of(model), heated, read, mode=mode_of(model), chosen=chosen)
     warnings = [one["warning"] for one in (found, also) if "warning" in one]
     return found | also | ({"warning": "; ".join(warnings)} if warnings else {})
 
@@ -208,6 +209,15 @@ def geometry_of(model: Any) -> str:
         return section.to_toml()
     origins = (getattr(one, "origin", None) for one in (model, bare(model)))
     return next((str(one["geometry"]) for one in origins if one and one.get("geometry")), "")
+
+
+def mode_of(model: Any) -> GuidedMode | None:
+    """The mode whose temperature the output "light" of a model or heat problem is; None where it is not known."""
+    if isinstance(model, HeatProblem):
+        mode = model.light
+        return None if mode is None else GuidedMode(mode.name, mode.wavelength)
+    stated = (GuidedMode.of_origin(getattr(one, "origin", None)) for one in (model, bare(model)))
+    return next((mode for mode in stated if mode is not None), None)
 
 
 def without_origin(model: Any) -> Any:

@@ -163,7 +163,7 @@ def _solved(
         progress(float(run.times[-1]))
     single = isinstance(read, str)
     names = (read,) if isinstance(read, str) else tuple(read)
-    attributes = _provenance(heat, run, heated, names[0] if single else heated, rtol)
+    attributes = _provenance(heat, run, heated, names[0] if single else heated, rtol) | heat.stated_mode(names)
     if beyond := heat.beyond_laws(float(run.outputs.max())):
         log.warning(beyond)
         attributes["warning"] = beyond

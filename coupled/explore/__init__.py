@@ -20,7 +20,7 @@ from thermofem.ring_temperature import check_read, detuning_output
 from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import heater_power
 from ..resonator import RingResonator
-from ..thermal import check_geometry, compact, geometry_of
+from ..thermal import check_geometry, compact, geometry_of, mode_of
 from . import bundle, contents
 from .geometries import family_of
 from .section import section_of
@@ -130,7 +130,9 @@ def explore(
     check_geometry(ring, every[0] if heat is None else heat)
     for model in every:
         small = contents.channels_of(_middle(model) if model is family else model, parts).model
-        check_read(ring, geometry_of(model), small.inputs[0], small.outputs[0], chosen=read is not None)
+        check_read(
+            ring, geometry_of(model), *small.inputs, *small.outputs, mode=mode_of(model), chosen=read is not None
+        )
     names = [model["name"] for model in own]
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
     rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE)

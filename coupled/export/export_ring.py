@@ -10,7 +10,7 @@ from typing import Any
 from thermofem import checks
 from thermofem.export.formats import Format, checked
 from thermofem.models import ThermalModel
-from thermofem.ring_temperature import check_read
+from thermofem.ring_temperature import GuidedMode, check_read
 
 from ..circuit import Circuit
 from ..resonator import RingResonator
@@ -82,15 +82,17 @@ def export_ring(
     if isinstance(ring, Circuit) and export.format is not FORMATS["spice"]:
         raise checks.InputError(f"path = {export.target.path}: a circuit goes into spice, not into other formats")
     run = None if power is None else demonstration(power, detuning, period)
-    _check_read(ring, export.model, str(export.provenance.get("geometry", "")))
+    _check_read(ring, export.model, export.provenance)
     return export.format.write(ring, export.model, export.target, run)
 
 
-def _check_read(light: RingResonator | Circuit, model: Any, geometry: str) -> None:
+def _check_read(light: RingResonator | Circuit, model: Any, origin: Mapping[str, Any]) -> None:
     """Compare the temperature that each ring reads with the output of the model that the export connects to it."""
+    geometry = str(origin.get("geometry", ""))
+    mode = GuidedMode.of_origin(origin)
     rings = light.resonators if isinstance(light, Circuit) else (light,)
     array = len(rings) > 1 and len(model.outputs) == len(rings) <= len(model.inputs)
     for k, ring in enumerate(rings):
         checks.has("ring", ring, "read", "frequency", hint="a coupled.RingResonator is one")
         channel = LitPart(model.inputs[k], model.outputs[k]) if array else lit_part(model, ring.read)
-        check_read(ring, geometry, channel.heated, channel.read)
+        check_read(ring, geometry, channel.heated, channel.read, mode=mode)

@@ -13,6 +13,7 @@ import numpy as np
 
 from thermofem import Foster, InputError, OutputMap
 from thermofem.arrays import Array
+from thermofem.ring_temperature import GuidedMode
 
 from ..carriers import ConstantLifetime, ShockleyReadHall
 from ..equilibria.steady_states import steady_states
@@ -73,4 +74,5 @@ def ring_in(text: str) -> RingResonator:
     fields = json.loads(text)
     kind = ShockleyReadHall if "tau_n" in fields["carriers"] else ConstantLifetime
     pairs = {name: tuple(tuple(pair) for pair in fields[name]) for name in ("fcd", "rates")}
-    return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"])})
+    mode = GuidedMode(*fields["mode"]) if fields["mode"] else None
+    return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"]), "mode": mode})

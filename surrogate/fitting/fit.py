@@ -19,7 +19,7 @@ import xarray as xr
 from thermofem import MZI, CrossSection, Foster, checks
 from thermofem.arrays import Array
 from thermofem.data.dataset import START_FROM, at_probe, responses_of
-from thermofem.geometry.section_parts import LIGHT
+from thermofem.geometry.section_parts import LIGHT, MODE, WAVELENGTH
 from thermofem.models.foster import (
     BORGHI2021_HEAT_CAPACITY,
     check_heat_capacity,
@@ -273,7 +273,13 @@ class Training:
                 "itself",
                 "read the table with start=",
             )
-        parts = {"inputs": (heated if known else "heater",), "outputs": (read if known else "core",)}
+        stated: dict[str, Any] = {key: common([d.attrs.get(key) for d in datasets]) for key in (MODE, WAVELENGTH)}
+        origin = stated if read == LIGHT and None not in stated.values() else None
+        parts = {
+            "inputs": (heated if known else "heater",),
+            "outputs": (read if known else "core",),
+            "origin": origin,
+        }
         problem = FitProblem(responses, thermal_resistance, impose and not transfer)
         return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer or known else {})
 

@@ -75,6 +75,7 @@ class Fit(HasModel):
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model; an error that is not known is null."""
         return {
+            **(self.model.origin or {}),
             "method": "fit",
             "training": list(self.training),
             "parameters": dict(self.parameters),

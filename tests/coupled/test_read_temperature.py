@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
+from coupled import ring_toml
 from coupled.cycles.derivatives import cycle_derivatives
 from coupled.equilibria.transmission import sweep
 from coupled.explore.contents import Parts, model_of
@@ -267,3 +268,83 @@ def test_files_from_geometry_to_runs(tmp_path, monkeypatch):
     # the reduction, and five poles trained on its step, which keep R_th
     assert [sum(one["R"]) for one in page["models"][:2]] == pytest.approx([static] * 2, rel=1e-3)
     assert page["reference"]["rise"][-1] == pytest.approx(static, rel=2e-2)  # after 0.1 ms
+
+
+def of_mode(name):
+    """The heat problem of silicon under silica whose output "light" is one mode, and the ring of that mode."""
+    heat = th.assemble(th.strip_ring(substrate=5e-6, outer_radius=20e-6))
+    mode = th.light(heat, wavelength=1.55e-6).mode(name)
+    ring = coupled.ring_from(heat, wavelength=1.55e-6, loss=46.0, coupling=0.05, mode=name).ring
+    return heat.with_light(mode), ring
+
+
+@pytest.fixture(scope="module")
+def modes():
+    return {name: of_mode(name) for name in ("TE0", "TM0")}
+
+
+def fitted(heat):
+    data = th.solve(heat, th.Constant(1e-3), times=np.geomspace(1e-9, 1e-4, 60), read="light")
+    return surrogate.fit_foster(data, order=5)
+
+
+def from_file(heat, folder):
+    path = surrogate.save_model(surrogate.reduce(heat.system, tolerance=1e-3), folder / "fem.json")
+    return surrogate.load_model(path)
+
+
+MADE = {
+    "system": lambda heat, folder: heat.system,
+    "reduction": lambda heat, folder: surrogate.reduce(heat.system, tolerance=1e-3),
+    "fit": lambda heat, folder: fitted(heat),
+    "file": from_file,
+}
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_the_light_of_another_mode_is_refused(kind, modes, tmp_path):
+    """The ring of TM0 takes its own light and not that of TE0, and the other way round, from every kind of model."""
+    for name, other in (("TE0", "TM0"), ("TM0", "TE0")):
+        ring = modes[name][1]
+        model = MADE[kind](modes[name][0], tmp_path)
+        wrong = MADE[kind](modes[other][0], tmp_path)
+        run = {"power": 1e-3, "detuning": 0.0, "duration": 1e-9}
+        if kind == "system":
+            assert "warning" not in coupled.cosimulate(ring, modes[name][0], **run).attrs
+            with pytest.raises(th.InputError, match=f"'light' of {name} at 1.55 um, and .* is of {other} at 1.55 um"):
+                coupled.cosimulate(ring, wrong, **run)
+        else:
+            assert "warning" not in coupled.simulate(ring, model, **run).attrs
+            with pytest.raises(th.InputError, match=f"'light' of {name} at 1.55 um, and .* is of {other} at 1.55 um"):
+                coupled.simulate(ring, wrong, **run)
+
+
+def test_exports_ask_for_the_mode(modes, tmp_path):
+    model = surrogate.reduce(modes["TE0"][0].system, tolerance=1e-3)
+    coupled.export_ring(modes["TE0"][1], model, tmp_path / "ring.cir")
+    with pytest.raises(th.InputError, match="'light' of TM0"):
+        coupled.export_ring(modes["TM0"][1], model, tmp_path / "ring.cir")
+
+
+def test_a_ring_file_names_the_mode(modes, tmp_path):
+    path = tmp_path / "ring.toml"
+    ring = modes["TM0"][1]
+    path.write_text(ring_toml.write_text(ring, {}))
+    assert ring.mode == ("TM0", 1.55e-6)
+    assert coupled.RingResonator.from_toml(path) == ring
+    path.write_text(path.read_text().replace("mode_wavelength = ", "# mode_wavelength = "))
+    with pytest.raises(th.InputError, match="mode and mode_wavelength belong together"):
+        coupled.RingResonator.from_toml(path)
+
+
+def test_the_same_mode_at_another_wavelength_is_compared(heat):
+    """At 1.56 um the step of the light is another one: the ratio of R_th by two static solves is within its range."""
+    ring = coupled.ring_from(heat, coupling=0.05, wavelength=1.56e-6).ring
+    model = surrogate.reduce(heat.system, tolerance=1e-4)
+    found = coupled.steady_states(ring, model, **FAINT)
+    own = heat.with_light(th.light(heat, wavelength=1.56e-6).mode())
+    ratio = heat.thermal_resistance("core", "light") / own.thermal_resistance("core", "light")
+    least, most = found.attrs["read_ratio"]
+    # the last time is at rest; the mesh of the ratio is one for 1e-2
+    assert min(abs(ratio / least - 1), abs(ratio / most - 1)) < 1e-2
+    assert "'light' of TE0 at 1.56 um" in found.attrs["warning"]

@@ -18,7 +18,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
-from ..geometry.section_parts import AMBIENT, LIGHT
+from ..geometry.section_parts import AMBIENT, LIGHT, MODE, WAVELENGTH
 from ..materials.material_laws import Law, beyond_table, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
@@ -201,11 +201,18 @@ class HeatProblem:
         if AMBIENT in inputs:
             self._check_moving(outputs)
         if (inputs, outputs) not in self._kept:
-            origin = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
+            about = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
+            origin = about | self.stated_mode(outputs)
             system = replace(self.discretization.state_space(inputs, outputs), origin=origin)
             self._kept[inputs, outputs] = system
         kept: StateSpace = self._kept[inputs, outputs]
         return kept
+
+    def stated_mode(self, outputs: Sequence[str]) -> dict[str, Any]:
+        """Name and wavelength (m) of the mode, for the origin of a model, where "light" is among its outputs."""
+        if self.light is None or LIGHT not in outputs:
+            return {}
+        return {MODE: self.light.name, WAVELENGTH: self.light.wavelength}
 
     def _check_moving(self, outputs: tuple[str, ...]) -> None:
         """Raise InputError where the ambient is the name of a region, or where a mean has a share of held unknowns."""

@@ -18,6 +18,8 @@ THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 POLARISATIONS = ("TE", "TM")
 BUSES = ("bus", "drop")  # names of the first and the second one
 LIGHT = "light"  # the name under which the temperature that a mode sees is read
+MODE = "light_mode"  # key of a model's origin and of a Dataset's attributes: name of that mode, such as "TE0"
+WAVELENGTH = "light_wavelength"  # the same: its wavelength in m
 AMBIENT = "ambient"  # the name of the input that is the temperature of the ambient
 _LONGEST = 0.1  # m; nothing on a chip is longer
 
