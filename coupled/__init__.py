@@ -22,7 +22,6 @@ from .equilibria.transmission import transmission
 from .explore import explore
 from .export.export_ring import export_ring
 from .identification import newton_traces  # noqa: F401 - as coupled.identification.newton_traces
-from .identification.fit_transmission import fit_transmission
 from .identification.identify import identify
 from .inputs import Sweep
 from .loop.corrector import FEM
@@ -37,6 +36,7 @@ from .runs.pulsing import pulsing
 from .runs.simulate import simulate
 from .runs.window import Event, Laser
 from .states import State
+from .sweeps.fit_transmission import fit_transmission
 
 __all__ = [
     "FEM", "Amperes", "Circuit", "ConstantLifetime", "Detector", "Event", "Laser", "LaserPort", "Linear",

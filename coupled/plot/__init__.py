@@ -10,8 +10,8 @@ from thermofem.checks import choice
 from thermofem.data.variables import contents, label
 from thermofem.plot import CYCLE, INK, WIDTH, axes as new_axes
 
-from ..identification.fit_transmission import TransmissionFit
 from ..identification.identify import Identification
+from ..sweeps.fit_transmission import TransmissionFit
 from .bode import plot_bode
 from .curves import HEAT, dbm, leaves, plot_branch, plot_transmission
 from .maps import plot_map, plot_maps

@@ -15,8 +15,8 @@ from scipy.constants import c
 import coupled
 import thermofem as th
 from coupled.identification.held_numbers import leaning
-from coupled.identification.slow_sweeps import with_seen_resonance
-from coupled.identification.sweep_doubts import correlation_of
+from coupled.sweeps.slow_sweeps import with_seen_resonance
+from coupled.sweeps.sweep_doubts import correlation_of
 from coupled.unknowns import varied
 
 BOTH = coupled.borghi2021()

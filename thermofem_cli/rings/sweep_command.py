@@ -11,7 +11,7 @@ from scipy.constants import c
 import coupled
 import surrogate
 from coupled.identification.held_numbers import leaning
-from coupled.identification.slow_sweeps import with_seen_resonance
+from coupled.sweeps.slow_sweeps import with_seen_resonance
 from coupled.unknowns import number_of
 from thermofem.data import files, quantity
 from thermofem.errors import InputError

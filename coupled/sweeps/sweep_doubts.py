@@ -8,7 +8,7 @@ import xarray as xr
 
 from thermofem.arrays import Array
 
-from .box_search import at_bound
+from ..identification.box_search import at_bound
 from .slow_sweeps import ABSOLUTE
 from .transmission_search import End, Search
 

@@ -25,8 +25,8 @@ from thermofem.data.variables import in_si
 
 from ..arguments import check_power
 from ..equilibria.transmission import PortCurve
+from ..identification.forced_filters import noise_of
 from ..resonator import RingResonator
-from .forced_filters import noise_of
 
 DECIBELS = {"db": "dB", "dbm": "dBm"}
 ABSOLUTE = ("W", "1")

@@ -16,12 +16,12 @@ from thermofem.models.foster import second_order_poles
 
 from ..arguments import check_ring, datasets
 from ..heaters import driving
+from ..identification.fit_summary import summary
+from ..identification.held_numbers import SHARE, held_deviations, held_numbers
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
 from ..thermal import notes_of
 from .bus_or_loss import with_other_answer
-from .fit_summary import summary
-from .held_numbers import SHARE, held_deviations, held_numbers
 from .slow_sweeps import Sweep, read_sweep
 from .sweep_doubts import correlation_of, doubts_of, level_doubts
 from .sweep_residuals import sweep_residuals

@@ -1,0 +1,1 @@
+"""Parameters from slow sweeps of the transmission."""
