@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,7 @@ from thermofem.data import quantity
 from thermofem.data.variables import contents
 
 from ..arguments import LONGEST
-from .repetition import FAR, LONGEST_PATTERN, SETTLED, alternate, amplitude_limit, blur, doubled, miss, top_of
+from .repetition import FAR, SETTLED, Train, alternate, amplitude_limit, doubled, goes_on, miss, tops_of, train_of
 from .resting import Rest, rest_of_run
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts
 STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
 GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FEWEST = 8  # samples of a trace
-FINE = 12  # samples that a cycle needs at least
 CLEAR = 320  # samples of a cycle that show the duty to 0.01: it errs by up to 3.2 over their number (measured)
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
@@ -126,13 +124,15 @@ def pulsing(run: xr.Dataset) -> Pulsing:
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
     checks.has("run", run, "coords", hint="a Dataset from coupled.simulate is needed")
-    of_circuit = "ring" in run.coords  # the drop power of a ring is its energy times a constant
-    needed = ("time", "carriers", "energy" if of_circuit else "drop", "delta_T")
-    run = contents("run", run, needed, what="a Dataset from coupled.simulate")
+    light = "energy" if "ring" in run.coords else "drop"  # the drop power of a ring is its energy times a constant
+    run = contents("run", run, ("time", "carriers", light, "delta_T"), what="a Dataset from coupled.simulate")
     if run.sizes.get("ring"):
         names = run["ring"].values
         raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
-    t, N, drop, dT = (_values(run, name) for name in needed)
+    t = _values(run, "time")
+    N = _values(run, "carriers")
+    drop = _values(run, light)
+    dT = _values(run, "delta_T")
     if not drop.any() and "energy" in run.variables:
         drop = _values(run, "energy")
     steps = checks.integer("run.attrs['steps']", run.attrs.get("steps", 0), 0, 1e18)
@@ -142,55 +142,66 @@ def pulsing(run: xr.Dataset) -> Pulsing:
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
     rtol = checks.between("run.attrs['rtol']", run.attrs.get("rtol", 0), 0, 1)
-    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 == steps)
+    result = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 == steps)
     until = checks.between("run.attrs['driven_until']", run.attrs.get("driven_until", 0), 0, np.inf, unit="s")
     if until > (t[0] + t[-1]) / 2:
-        answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
-        answer = answer.removesuffix(_advice(found.suggested_duration))  # a longer run has a longer drive
-        reason = f"light or heaters vary up to {quantity.rounded(until, 's', 3)}: {answer}"
-        return replace(found, regime=Regime.DRIVEN, reason=reason, suggested_duration=float("nan"))
-    if found.regime == Regime.SELF_PULSING:
-        return warming(found, run, t, dT)
-    if found.regime != Regime.STABLE:
-        return found
+        return _driven(result, until)
+    if result.regime == Regime.SELF_PULSING:
+        return warming(result, run, t, dT)
+    if result.regime != Regime.STABLE:
+        return result
     energy = _values(run, "energy") if "energy" in run.variables else drop
-    return lasting(found, t, energy, dT, rest_of_run(run))
+    return lasting(result, t, energy, dT, rest_of_run(run))
 
 
-def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
-    """Return the stable trace ``found``; a slow transient if its fixed point is unstable or not yet reached."""
+def _driven(answer: Pulsing, until: float) -> Pulsing:
+    """Return a trace whose light or heaters vary up to the time ``until`` in s, as ``answer`` describes it."""
+    words = answer.reason.removesuffix(_advice(answer.suggested_duration))  # a longer run has a longer drive
+    if answer.regime == Regime.SELF_PULSING:
+        words = f"{answer.cycles} cycles in the answer"
+    reason = f"light or heaters vary up to {quantity.rounded(until, 's', 3)}: {words}"
+    return replace(answer, regime=Regime.DRIVEN, reason=reason, suggested_duration=float("nan"))
+
+
+def lasting(stable: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
+    """Return the ``stable`` trace; a slow transient if its fixed point is unstable or not yet reached."""
     if rest is None:
-        return replace(found, reason=f"{found.reason}, as far as the trace alone tells: slow heat may start pulses yet")
+        reason = f"{stable.reason}, as far as the trace alone tells: slow heat may start pulses yet"
+        return replace(stable, reason=reason)
     passed = float(t[-1] - t[0])
     last = np.linspace(t[-1] - passed / 8, t[-1], 64)
-    here = [float(np.interp(last, t, values).mean()) for values in (energy, dT)]
-    k, off = rest.nearest(*here)
+    last_energy = float(np.interp(last, t, energy).mean())
+    last_rise = float(np.interp(last, t, dT).mean())
+    k, off = rest.nearest(last_energy, last_rise)
     growth = float(rest.growth[k])
-    if growth < 0:
-        wanted = passed + max(passed, np.log(max(off, SETTLED) / (0.1 * SETTLED)) / -growth)
-        words = f"{found.reason}, but slow heat still moves the ring: {here[1]:.3g} K of {rest.delta_T[k]:.3g} K"
-        return found if off <= SETTLED else _slow(words, wanted, found.swing, found.cycles)
-    which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
-    wanted = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
-    return _slow(f"{found.reason}, but {which} stable", wanted, found.swing, found.cycles)
+    if not growth < 0:
+        which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
+        duration = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
+        return _slow(f"{stable.reason}, but {which} stable", duration, stable.swing, stable.cycles)
+    if off <= SETTLED:
+        return stable
+    missing = np.log(off / (0.1 * SETTLED)) / -growth
+    reason = f"{stable.reason}, but slow heat still moves the ring: {last_rise:.3g} K of {rest.delta_T[k]:.3g} K"
+    return _slow(reason, passed + max(passed, missing), stable.swing, stable.cycles)
 
 
-def warming(found: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
+def warming(pulses: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
     """Return a self-pulsing result, with a note where the mean rise of the last cycle has not reached its final value.
 
     The final value for a linear model is <dT> = R_th <P> over a cycle, whatever its time constants; tolerance 2 %.
     """
     several = {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}
     if several or "model_R" not in run.attrs or "absorbed" not in run.variables:
-        return found
-    last = np.append(t[-1] - found.period, t[t > t[-1] - found.period])
+        return pulses
+    last = np.append(t[-1] - pulses.period, t[t > t[-1] - pulses.period])
     absorbed = np.trapezoid(np.interp(last, t, _values(run, "absorbed")), last)
     rise = np.trapezoid(np.interp(last, t, dT), last)
-    final = float(checks.array("run.attrs['model_R']", np.ravel(run.attrs["model_R"])).sum()) * absorbed
+    resistances = checks.array("run.attrs['model_R']", np.ravel(run.attrs["model_R"]))
+    final = float(resistances.sum()) * absorbed
     if not abs(rise - final) > SETTLED * final:
-        return found
+        return pulses
     note = f"the mean rise is {rise / final:.0%} of what the absorbed power leads to, so slow heat will move the period"
-    return replace(found, reason=f"{found.reason}; {note}: limit_cycle has the settled one")
+    return replace(pulses, reason=f"{pulses.reason}; {note}: limit_cycle has the settled one")
 
 
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
@@ -206,83 +217,100 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         late = N[t >= t[-1] - share * (t[-1] - t[0])]
         if np.ptp(late) <= noise * late.max():
             return Pulsing(Regime.STABLE, f"the {what} are constant over the last {share:.0%}", swing=swing)
-        up = crossings(t, N, (late.min() + late.max()) / 2)
-        waits = np.diff(up, append=t[-1])  # the last one is still running
-        if up.size >= 3 and waits[-2] <= 1.5 * waits[-6:-2].max() and waits[-1] <= 1.5 * waits[-6:-1].max():
-            break
-    else:
-        return _under_way(t, N, what, swing, max(up.size - 1, 0))
-    edges = np.searchsorted(t, up)
-    samples = float(np.median(np.diff(edges)))
-    if samples < FINE and not every_step:
-        raise checks.InputError(f"a cycle has {samples:.0f} samples; the sampling is too coarse, {FINE} are needed")
-    cycles = list(pairwise(edges))
-    heights = np.array([top_of(t, N, i, j) - N[i:j].min() for i, j in cycles])
-    missed = 0.0 if every_step else blur(N, edges, heights)
-    close = SETTLED if every_step else max(SETTLED, missed, 0.5 / samples)
-    # the fewest cycles after which heights and lengths return; what settles looks like a pattern of close ones, too
-    together = next((n for n in range(1, LONGEST_PATTERN + 1) if miss(heights, waits[:-1], n) <= close), 1)
-    tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
+        rises = crossings(t, N, (late.min() + late.max()) / 2)
+        if goes_on(rises, t[-1]):
+            return _oscillating(train_of(t, N, rises, every_step), t, drop, dT, noise=noise, swing=swing)
+    return _under_way(t, N, what, swing, max(rises.size - 1, 0))
+
+
+def _oscillating(train: Train, t: Array, drop: Array, dT: Array, *, noise: float, swing: float) -> Pulsing:
+    """Classify a trace that oscillates until its end. ``swing`` [K]: of the second half, unless it pulses."""
+    heights = train.heights
+    cycles = heights.size
+    pattern = train.pattern()
+    tops = tops_of(heights, pattern)
     limit = amplitude_limit(tops)
-    seen = f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
-        reason = seen + "an oscillation that dies away"
-        return Pulsing(Regime.STABLE, reason, swing=swing, cycles=heights.size)
-    wanted = _until_settled(tops, float(t[-1] - t[0]))
-    if not abs(limit / tops[-1] - 1) <= close or tops[-1] < (1 - close) * tops[-2:].max():
-        return _slow(f"{seen}an oscillation still falling, to where is not clear", wanted, swing, heights.size)
-    if together == 1 and alternate(heights, close):
-        return _slow(f"{seen}unequal pulses, too few to tell whether they repeat", wanted, swing, heights.size)
-    if together == 1 and doubled(heights, max(10 * noise, missed)):
-        together = 2
+        reason = f"{cycles} cycles of an oscillation that dies away"
+        return Pulsing(Regime.STABLE, reason, swing=swing, cycles=cycles)
+    duration = _until_settled(tops, float(t[-1] - t[0]))
+    reaches = abs(limit / tops[-1] - 1) <= train.close
+    if not reaches or tops[-1] < (1 - train.close) * tops[-2:].max():
+        reason = f"{cycles} cycles of an oscillation still falling, to where is not clear"
+        return _slow(reason, duration, swing, cycles)
+    if pattern == 1 and alternate(heights, train.close):
+        reason = f"{cycles} cycles of unequal pulses, too few to tell whether they repeat"
+        return _slow(reason, duration, swing, cycles)
+    if pattern == 1 and doubled(heights, max(10 * noise, train.missed)):
+        pattern = 2
+    earlier, drift = train.drifts(pattern)
+    if abs(drift) > train.largest_drift(earlier, drift, pattern):
+        reason = f"{cycles} cycles, whose length changes by {100 * drift:+.2g} % from one to the next"
+        reason += f", after {100 * earlier:+.2g} %" if abs(drift) <= FAR and earlier else ""
+        return _slow(reason, duration, swing, cycles)
+    reason = f"{cycles} cycles of {_trend(tops, limit, train.close)} amplitude"
+    reason += f", in a pattern of {pattern}" if pattern > 1 else ""
+    reason += _unsettled(miss(heights, train.waits, pattern), drift, noise)
+    reason += _errors(train.samples)
+    return _last_cycle(train, t, drop, dT, reason, pattern, drift)
+
+
+def _trend(tops: Array, limit: float, close: float) -> str:
     change = limit / tops[tops.size // 3] - 1
-    begin = float(up[-1 - together])
-    end = float(up[-1])
-    lengths = -np.diff(up[::-together])[::-1]  # of whole patterns, the last one at the end
-    *_, earlier, drift = (0.0, 0.0, *(lengths[1:] / lengths[:-1] - 1))
-    # while heat settles, the change gets smaller from cycle to cycle; one that grows may end the pulses
-    most = max(SETTLED, min(FAR, abs(earlier))) if earlier * drift > 0 else FAR
-    unclear = 0.0 if every_step else 1 / samples
-    if abs(drift) > max(unclear, most if heights.size > 2 * together else SETTLED):
-        words = f"{heights.size} cycles, whose length changes by {100 * drift:+.2g} % from one to the next"
-        words += f", after {100 * earlier:+.2g} %" if abs(drift) <= FAR and earlier else ""
-        return _slow(words, wanted, swing, heights.size)
-    unequal = miss(heights, waits[:-1], together)
-    left = [f"cycles differ by {100 * unequal:.2g} %"] if 10 * noise < unequal < np.inf else []
+    if abs(change) < close:
+        return "steady"
+    return "growing" if change > 0 else "falling"
+
+
+def _unsettled(unequal: float, drift: float, noise: float) -> str:
+    """Say what still changes: ``unequal`` [1], cycles from one to the next; ``drift`` [1], their length."""
+    changes = []
+    if 10 * noise < unequal < np.inf:
+        changes.append(f"cycles differ by {100 * unequal:.2g} %")
     if abs(drift) > STEADY_PERIOD:
-        left.append(f"the period {'grows' if drift > 0 else 'falls'} by {100 * abs(drift):.2g} % per cycle")
-    # the largest errors that so many samples per cycle cause (measured)
-    errors = f", {samples:.0f} samples a cycle: period within {50 / samples:.1g} %, "
-    errors += f"duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
+        changes.append(f"the period {'grows' if drift > 0 else 'falls'} by {100 * abs(drift):.2g} % per cycle")
+    return f"; not settled: {', '.join(changes)}" if changes else ""
+
+
+def _errors(samples: float) -> str:
+    """Say the largest errors that so many samples per cycle cause (measured)."""
+    if samples > CLEAR:
+        return ""
+    period = f"period within {50 / samples:.1g} %"
+    duty = f"duty within {3.2 / samples:.1g}"
+    swing = f"swing within {150 / samples:.1g} %"
+    return f", {samples:.0f} samples a cycle: {period}, {duty}, {swing}"
+
+
+def _last_cycle(train: Train, t: Array, drop: Array, dT: Array, reason: str, pattern: int, drift: float) -> Pulsing:
+    """Measure the last cycle, or the last pattern, of a self-pulsing trace."""
+    begin = float(train.rises[-1 - pattern])
+    end = float(train.rises[-1])
     last = (t >= begin) & (t <= end)
     low = drop[last].min()
     high = drop[last].max()
     return Pulsing(
         Regime.SELF_PULSING,
-        seen
-        + ("steady" if abs(change) < close else "growing" if change > 0 else "falling")
-        + " amplitude"
-        + (f", in a pattern of {together}" if together > 1 else "")
-        + (f"; not settled: {', '.join(left)}" if left else "")
-        + (errors if samples <= CLEAR and not every_step else ""),
+        reason,
         period=end - begin,
         duty=_duty(t, drop, begin, end),
         swing=float(np.ptp(dT[last])),
-        cycles=heights.size,
+        cycles=train.heights.size,
         extinction=float(10 * np.log10(high / low)) if low > 0 else float("inf"),
-        pattern=together,
-        drift=float(drift),
+        pattern=pattern,
+        drift=drift,
     )
 
 
 def _until_settled(tops: Array, passed: float) -> float:
     """Suggest a duration in s after which geometrically converging amplitudes are settled: 2 to 50 ``passed``."""
     steps = np.abs(np.diff(tops[-3:]))
-    ratio = steps[-1] / steps[0] if steps.size == 2 and steps[0] > 0 else 1.0
-    if not 0 < ratio < 1:
+    if steps.size < 2 or not 0 < steps[-1] < steps[0]:
         return LONGER * passed
-    cycles = np.log(0.1 * SETTLED * tops[-1] / max(steps[-1], 1e-300)) / np.log(ratio)
-    return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
+    missing = np.log(0.1 * SETTLED * tops[-1] / max(steps[-1], 1e-300))
+    cycles = missing / np.log(steps[-1] / steps[0])
+    times = min(max(1 + cycles / tops.size, 2.0), 50.0)
+    return float(f"{passed * times:.1e}")
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:
@@ -290,17 +318,21 @@ def crossings(t: Array, x: Array, level: float) -> Array:
 
     t, x [shape (n,), n >= 4]: times, increasing, and values.
     """
-    at = np.flatnonzero((x[:-1] < level) & (x[1:] >= level))
-    i = np.clip(at - 1, 0, t.size - 4)[:, None] + np.arange(4)
-    s, v = t[i].T, x[i].T - level
+    before = np.flatnonzero((x[:-1] < level) & (x[1:] >= level))
+    first = np.clip(before - 1, 0, t.size - 4)
+    i = first[:, None] + np.arange(4)
+    s = t[i].T
+    v = x[i].T - level
     a, b, c = np.diff(v, axis=0) / np.diff(s, axis=0)  # divided differences
     ab = (b - a) / (s[2] - s[0])
     bc = (c - b) / (s[3] - s[1])
     abc = (bc - ab) / (s[3] - s[0])
-    left, right = t[at], t[at + 1]
+    left = t[before]
+    right = t[before + 1]
     for _ in range(32):  # to 2e-10 of a sample
         middle = 0.5 * (left + right)
-        below = v[0] + (middle - s[0]) * (a + (middle - s[1]) * (ab + (middle - s[2]) * abc)) < 0
+        value = v[0] + (middle - s[0]) * (a + (middle - s[1]) * (ab + (middle - s[2]) * abc))
+        below = value < 0
         left = np.where(below, middle, left)
         right = np.where(below, right, middle)
     return np.asarray(0.5 * (left + right))
@@ -309,41 +341,55 @@ def crossings(t: Array, x: Array, level: float) -> Array:
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
     """Return the fraction of [begin, end] with the drop power above min + 0.45 (max - min)."""
     first, last = np.searchsorted(t, [begin, end])
-    level = drop[first:last].min() + DUTY_LEVEL * np.ptp(drop[first:last])
-    near = slice(max(first - 3, 0), last + 3)
-    t, drop = t[near], drop[near]
+    cycle = drop[first:last]
+    level = cycle.min() + DUTY_LEVEL * np.ptp(cycle)
+    around = slice(max(first - 3, 0), last + 3)
+    t = t[around]
+    drop = drop[around]
     edges = np.concatenate([crossings(t, drop, level), crossings(t, -drop, -level)])
-    edges = np.sort(np.concatenate([[begin, end], edges[(edges > begin) & (edges < end)]]))
-    above = np.interp((edges[1:] + edges[:-1]) / 2, t, drop) > level
+    inside = edges[(edges > begin) & (edges < end)]
+    edges = np.sort(np.concatenate([[begin, end], inside]))
+    middles = (edges[1:] + edges[:-1]) / 2
+    above = np.interp(middles, t, drop) > level
     return float(np.sum(np.diff(edges)[above]) / (end - begin))
 
 
 def _under_way(t: Array, N: Array, what: str, swing: float, cycles: int) -> Pulsing:
     """Classify a trace with fewer than two cycles, or whose oscillation has ended, as stable or as a slow transient."""
-    wanted = LONGER * float(t[-1] - t[0])
-    tail = N[t >= t[-1] - (t[-1] - t[0]) / 4]
-    before, after = np.diff(np.interp(t[-1] - (t[-1] - t[0]) * np.array([1 / 4, 1 / 8, 0]), t, N))
-    ratio = np.clip(after / before, 0, 0.95) if before else 0.0
-    change = float((np.ptp(tail) + abs(after) * ratio / (1 - ratio)) / tail.max())  # with what an exponential has left
+    passed = t[-1] - t[0]
+    duration = float(LONGER * passed)
+    top = N[t >= t[-1] - passed / 4].max()
+    change = _left_to_change(t, N) / top
     if change <= SETTLED:
-        earlier, later = np.ptp(np.interp(t[-1] - (t[-1] - t[0]) * EIGHTHS, t, N), axis=1)
-        if later > max(earlier, GROWS * tail.max()):
-            return _slow(f"a movement of the {what} that grows instead of dying away", wanted, swing, cycles)
+        earlier, later = np.ptp(np.interp(t[-1] - passed * EIGHTHS, t, N), axis=1)
+        if later > max(earlier, GROWS * top):
+            return _slow(f"a movement of the {what} that grows instead of dying away", duration, swing, cycles)
         words = f"in the last quarter of the run the {what} change by {100 * change:.1g} % only"
         return Pulsing(Regime.STABLE, words, swing=swing, cycles=cycles)
-    seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
-    return _slow(f"{seen}, yet still moving", wanted, swing, cycles)
+    count = "no complete cycle"
+    if cycles:
+        count = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more"
+    return _slow(f"{count}, yet still moving", duration, swing, cycles)
 
 
-def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
-    """Return a slow transient with the suggested duration ``wanted`` in s, at most `arguments.LONGEST`."""
-    wanted = min(wanted, LONGEST)
-    reason += _advice(wanted)
-    return Pulsing(Regime.SLOW_TRANSIENT, reason, swing=swing, cycles=cycles, suggested_duration=wanted)
+def _left_to_change(t: Array, N: Array) -> float:
+    """Return the range of N in the last quarter of a trace, and what an exponential through its eighths has left."""
+    passed = t[-1] - t[0]
+    tail = N[t >= t[-1] - passed / 4]
+    before, after = np.diff(np.interp(t[-1] - passed * np.array([1 / 4, 1 / 8, 0]), t, N))
+    ratio = np.clip(after / before, 0, 0.95) if before else 0.0
+    return float(np.ptp(tail) + abs(after) * ratio / (1 - ratio))
 
 
-def _advice(wanted: float) -> str:
-    return f": simulate {quantity.rounded(wanted, 's', 2)}"
+def _slow(reason: str, duration: float, swing: float, cycles: int) -> Pulsing:
+    """Return a slow transient with the suggested ``duration`` in s, at most `arguments.LONGEST`."""
+    duration = min(duration, LONGEST)
+    reason += _advice(duration)
+    return Pulsing(Regime.SLOW_TRANSIENT, reason, swing=swing, cycles=cycles, suggested_duration=duration)
+
+
+def _advice(duration: float) -> str:
+    return f": simulate {quantity.rounded(duration, 's', 2)}"
 
 
 def _values(run: xr.Dataset, name: str) -> Array:

@@ -39,10 +39,11 @@ class Rest(NamedTuple):
 
     def nearest(self, energy: float, delta_T: float) -> tuple[int, float]:
         """Return the index of the fixed point nearest to a state, and the larger relative error of energy and rise."""
-        at = np.array([self.energy, self.delta_T])
-        here = np.array([[energy], [delta_T]])
-        off = (np.abs(at - here) / np.maximum(np.abs(at), np.abs(here) + TINY)).max(axis=0)
-        return int(off.argmin()), float(off.min())
+        points = np.array([self.energy, self.delta_T])
+        state = np.array([[energy], [delta_T]])
+        scale = np.maximum(np.abs(points), np.abs(state) + TINY)
+        errors = (np.abs(points - state) / scale).max(axis=0)
+        return int(errors.argmin()), float(errors.min())
 
 
 def rest_of_run(run: xr.Dataset) -> Rest | None:
@@ -56,17 +57,22 @@ def rest_of_run(run: xr.Dataset) -> Rest | None:
     try:
         ring = ring_in(attrs["ring_parameters"])
         rise = float(attrs.get("heater_rise", 0.0))
-        light = (run[name].values[-1] if name in run.variables else attrs[name] for name in ("input_power", "detuning"))
-        power, detuning = map(float, light)
+        power = _at_end(run, "input_power")
+        detuning = _at_end(run, "detuning") + turned_by(rise, ring)
         model: Any = Foster(np.atleast_1d(attrs["model_R"]), np.atleast_1d(attrs["model_tau"]))
         if "model_coefficient" in attrs:
             model = OutputMap(model, attrs["model_coefficient"])
         if power == 0:
             return Rest(np.zeros(1), np.array([rise]), np.array([-np.inf]))
-        found = steady_states(as_read(ring, model), model, power=power, detuning=detuning + turned_by(rise, ring))
-        return Rest(found["energy"].values, found["delta_T"].values + rise, found["growth_rate"].values)
+        points = steady_states(as_read(ring, model), model, power=power, detuning=detuning)
+        return Rest(points["energy"].values, points["delta_T"].values + rise, points["growth_rate"].values)
     except (InputError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return None  # attributes that another program wrote
+
+
+def _at_end(run: xr.Dataset, name: str) -> float:
+    """Return a quantity of the light at the end of a run, from its trace or else its attribute."""
+    return float(run[name].values[-1] if name in run.variables else run.attrs[name])
 
 
 def ring_in(text: str) -> RingResonator:

@@ -158,9 +158,9 @@ def simulate(
         if isinstance(ring, Circuit):
             check_constant(resistive, "a circuit")
         loop = heater_loop(ring, model, resistive, drives, duration, rtol, heated, read, initial)
-        at = None if loop.fed_back else times
-        powers, driven = relaxed(loop, lambda watts: simulate(ring, model, heaters=watts, times=at, **alike))
-        if at is not times:
+        pass_times = None if loop.fed_back else times
+        powers, driven = relaxed(loop, lambda watts: simulate(ring, model, heaters=watts, times=pass_times, **alike))
+        if pass_times is not times:
             passes = passes_of(driven)
             driven = simulate(ring, model, heaters=powers, times=times, **alike).assign_attrs(passes)
         return loop.described(driven)
@@ -175,10 +175,7 @@ def simulate(
         )  # fmt: skip
     check_ring(ring)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
-    others = [
-        replace(one, power=power_in_time(one.power, duration), detuning=detuning_in_time(one.detuning, duration))
-        for one in checks.instances("lasers", lasers, Laser)
-    ]
+    others = [_checked_laser(laser, duration) for laser in checks.instances("lasers", lasers, Laser)]
     picked = channels(model, ring.read, drives, heated, read)
     small = picked.model
     poles = picked.poles
@@ -188,11 +185,11 @@ def simulate(
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     begin = starting_point(initial, small.order, described)
-    asked, kept = dense_times(model, wanted, duration)
+    dense, asked = dense_times(model, wanted, duration)
     run = advance(
         ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"],
         offset=heat.rises[0] if heat.powers else 0.0, lasers=others, fields=_further_fields(initial), rtol=rtol,
-        method=chosen, times=asked, event=event, progress=progress,
+        method=chosen, times=dense, event=event, progress=progress,
     )  # fmt: skip
     trusted(model, run.delta_T)
     end = run.final
@@ -201,28 +198,38 @@ def simulate(
         end = replace(end, thermal=np.asarray(end.thermal) + added)
     gains = {name: each.thermal_resistance for name, each in picked.transfers.items()}
     static = sum(gains.get(name, 1.0) * float(wave(run.reached)) for name, wave in heat.powers.items())
-    places = np.array([one.frequency for one in run.resonances[1:]])
-    several = {"final_fields": run.further, "final_resonances": places, "lasers": 1 + len(others)}
-    time = {"time": ("time", run.time, dataset.describe("time"))}
-    found = xr.Dataset(
-        traces(run, light) | heater_powers(heat.powers, run.time) | time,
-        attrs={
-            **provenance(ring, light, duration),
-            **doubts,
-            "driven_until": max(run.lights.driven_until, heat.driven_until),
-            **described,
-            **heat.attributes,
-            **({} if initial is None else {"initial": "given"}),
-            **(several if others else {"heater_rise": static} if static else {}),
-            "rtol": rtol,
-            "method": run.method.value,
-            "steps": int(run.counts[0]),
-            "rejected_steps": int(run.counts[1]),
-            "final_state": end.as_array(),
-            **({"crossings": run.crossings} if event else {}),
-        },
-    )
-    return found if kept.all() else found.isel(time=kept[: run.time.size])
+    attrs = {
+        **provenance(ring, light, duration),
+        **doubts,
+        "driven_until": max(run.lights.driven_until, heat.driven_until),
+        **described,
+        **heat.attributes,
+    }
+    if initial is not None:
+        attrs["initial"] = "given"
+    if others:
+        resonances = np.array([mode.frequency for mode in run.resonances[1:]])
+        attrs |= {"final_fields": run.further, "final_resonances": resonances, "lasers": 1 + len(others)}
+    elif static:
+        attrs["heater_rise"] = static
+    attrs |= {
+        "rtol": rtol,
+        "method": run.method.value,
+        "steps": int(run.counts[0]),
+        "rejected_steps": int(run.counts[1]),
+        "final_state": end.as_array(),
+    }
+    if event:
+        attrs["crossings"] = run.crossings
+    variables = traces(run, light) | heater_powers(heat.powers, run.time)
+    variables["time"] = ("time", run.time, dataset.describe("time"))
+    result = xr.Dataset(variables, attrs=attrs)
+    return result if asked.all() else result.isel(time=asked[: run.time.size])
+
+
+def _checked_laser(laser: Laser, duration: float) -> Laser:
+    power = power_in_time(laser.power, duration)
+    return replace(laser, power=power, detuning=detuning_in_time(laser.detuning, duration))
 
 
 def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
@@ -233,9 +240,8 @@ def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
     attrs = getattr(initial, "attrs", {})
     if "final_fields" not in attrs:
         return {}
-    fields = checks.array(f"initial.attrs[{'final_fields'!r}]", np.ravel(attrs.get("final_fields", ())), empty=True)
-    places = checks.array(
-        f"initial.attrs[{'final_resonances'!r}]", np.ravel(attrs.get("final_resonances", ())), empty=True
-    )
+    fields = checks.array("initial.attrs['final_fields']", np.ravel(attrs["final_fields"]), empty=True)
+    places = np.ravel(attrs.get("final_resonances", ()))
+    places = checks.array("initial.attrs['final_resonances']", places, empty=True)
     checks.shape("initial.attrs['final_fields']", fields, (2 * places.size,))
     return dict(zip(places.tolist(), fields.reshape(-1, 2), strict=True))

@@ -138,33 +138,38 @@ def advance(
     (absorbed, absorbed_slope) with one row per step is as accurate as the steps themselves.
     """
     resonances = resonances_of(ring, lasers)
+    modes = len(resonances)
     light = lights_of(ring, [Laser(power, detuning), *lasers], start, stop, offset)
-    drive, (heat, bend) = light.drive, eq.internal_heat(model)
+    drive = light.drive
+    chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
+    heat, bend = eq.internal_heat(model)
     pump = float((np.abs(drive.entry) * np.sqrt(drive.brightest)).max())
     rings = eq.internal_rings(resonances, pump, model.thermal_resistance * eq.UW)
-    chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     problem = Problem(rings._replace(bend=bend), heat, drive, chosen)
-    F = len(resonances)
     unit = eq.units(problem.order)
-    beat = float(np.abs(light.turning).max()) if len(lasers) >= F else 0.0
-    own = state.as_array() / unit
-    others = np.ravel([(fields or {}).get(one.frequency, (0.0, 0.0)) for one in resonances[1:]]) / eq.FJ**0.5
+    begin = np.insert(state.as_array() / unit, 2, _further_fields(resonances, fields or {}))
     run = problem.integrate(
-        np.insert(own, 2, others), rtol=rtol, times=times / eq.NS if times.size else None,
-        longest=BEAT * 2 * math.pi / beat if beat else math.inf, first_step=first_step / eq.NS,
-        event=_event(event), progress=(lambda t: progress(t * eq.NS)) if progress else None,
-    )  # fmt: skip
+        begin,
+        rtol=rtol,
+        times=times / eq.NS if times.size else None,
+        longest=_longest_step(light) if len(lasers) >= modes else math.inf,
+        first_step=first_step / eq.NS,
+        event=_event(event),
+        progress=(lambda t: progress(t * eq.NS)) if progress else None,
+    )
     time = run.rows[:, 0] * eq.NS
-    found, (N,), (dT,), (absorbed,) = eq.in_si(rings, run.rows)
+    amplitudes, (N,), (dT,), (absorbed,) = eq.in_si(rings, run.rows)
+    rise = offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(time)
+    first_ring = np.concatenate([run.y[:2], run.y[2 * modes :]])
     return Window(
         time=time,
-        fields=found,
+        fields=amplitudes,
         carriers=N,
-        delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(time)),
+        delta_T=dT + rise,
         absorbed=absorbed,
         absorbed_slope=_absorbed_slope(run.rows, drive, eq.internal_rates(ring)[0]) if slopes else NO_TIMES,
-        final=State.from_array(np.concatenate([run.y[:2], run.y[2 * F :]]) * unit),
-        further=run.y[2 : 2 * F] * eq.FJ**0.5,
+        final=State.from_array(first_ring * unit),
+        further=run.y[2 : 2 * modes] * eq.FJ**0.5,
         reached=run.t * eq.NS,
         step=run.step * eq.NS,
         crossings=run.crossings * eq.NS,
@@ -173,6 +178,18 @@ def advance(
         lights=light,
         resonances=resonances,
     )
+
+
+def _further_fields(resonances: list[RingResonator], fields: Mapping[float, Array]) -> Array:
+    """Return Re and Im of the fields of all resonances but the first, in the kernel's unit; dark by default."""
+    further = [fields.get(resonance.frequency, np.zeros(2)) for resonance in resonances[1:]]
+    return np.ravel(further) / eq.FJ**0.5
+
+
+def _longest_step(light: Lights) -> float:
+    """Return the longest step in ns that resolves the beat between lasers of one resonance."""
+    beat = float(np.abs(light.turning).max())
+    return BEAT * 2 * math.pi / beat if beat else math.inf
 
 
 def _event(event: Event | None) -> Crossing | None:
@@ -188,7 +205,8 @@ def _event(event: Event | None) -> Crossing | None:
 
 def resonances_of(ring: RingResonator, lasers: Sequence[Laser]) -> list[RingResonator]:
     """Return the resonances that the lasers drive, each once, that of the ring itself first."""
-    return list(dict.fromkeys([ring, *(one.resonance or ring for one in lasers)]))
+    driven = [laser.resonance or ring for laser in lasers]
+    return list(dict.fromkeys([ring, *driven]))
 
 
 def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: float, offset: Any = 0.0) -> Lights:
@@ -198,28 +216,27 @@ def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: 
     function of time; it is added to the detuning as thermal_shift x offset.
     """
     resonances = resonances_of(ring, lasers)
-    at = [resonances.index(one.resonance or ring) for one in lasers]
-    first = [at.index(f) for f in range(len(resonances))]
-    powers = [pieces("power", one.power, start, stop) for one in lasers]
-    frequencies = [pieces("detuning", one.detuning, start, stop) for one in lasers]
+    driven = [resonances.index(laser.resonance or ring) for laser in lasers]
+    first = [driven.index(mode) for mode in range(len(resonances))]
+    frame = [first[mode] for mode in driven]
+    powers = [pieces("power", laser.power, start, stop) for laser in lasers]
+    frequencies = [pieces("detuning", laser.detuning, start, stop) for laser in lasers]
     rise = pieces("offset", offset, start, stop)
-    return lights(
-        powers,
-        frequencies,
-        frame=[first[f] for f in at],
-        detunings=[
-            add([frequencies[k].times(2 * np.pi), rise.times(one.thermal_shift)])
-            for k, one in zip(first, resonances, strict=True)
-        ],
-        entry=np.array([[(own == f) * (2 * one.bus_rate) ** 0.5 for own in at] for f, one in enumerate(resonances)]),
-        phases=[one.phase - lasers[first[f]].phase for f, one in zip(at, lasers, strict=True)],
-    )
+    detunings = []
+    for k, resonance in zip(first, resonances, strict=True):
+        shift = rise.times(resonance.thermal_shift)
+        detunings.append(add([frequencies[k].times(2 * np.pi), shift]))
+    coupling = np.array([(2 * resonance.bus_rate) ** 0.5 for resonance in resonances])
+    entry = coupling[:, None] * np.equal.outer(range(len(resonances)), driven)
+    phases = [laser.phase - lasers[k].phase for laser, k in zip(lasers, frame, strict=True)]
+    return lights(powers, frequencies, frame=frame, detunings=detunings, entry=entry, phases=phases)
 
 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     """Return dP_abs/dt in W/s at the rows, shape (rows,), with dU/dt = 2 (pump Im a - gamma U) and dN/dt."""
     t, ar, ai, N, _ = rows.T
-    pump = float(drive.entry[0, 0].real) * np.sqrt(np.maximum(values(drive.power, t * eq.NS)[0], 0))
+    power = np.maximum(values(drive.power, t * eq.NS)[0], 0)
+    pump = float(drive.entry[0, 0].real) * np.sqrt(power)
     U = ar**2 + ai**2
     U_slope = 2 * (pump * ai - field_loss(U, N, rates) * U)
     lost, _ = recombination(N, rates.tau0, rates.a, rates.b)
@@ -243,10 +260,10 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
     U = np.abs(run.fields) ** 2
     resonances = run.resonances
     incoming = run.lights.incoming(run.time)
-    bus = np.array([[2 * one.bus_rate] for one in resonances])
-    drop = np.array([[2 * one.drop_bus_rate] for one in resonances])
-    scattering = np.array([[2 * one.scattering_rate] for one in resonances])
-    found: dict[str, Array] = {
+    bus = np.array([[2 * mode.bus_rate] for mode in resonances])
+    drop = np.array([[2 * mode.drop_bus_rate] for mode in resonances])
+    scattering = np.array([[2 * mode.scattering_rate] for mode in resonances])
+    signals: dict[str, Array] = {
         "energy": U,
         "carriers": run.carriers,
         "delta_T": run.delta_T,
@@ -255,21 +272,24 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
         "absorbed": run.absorbed,
     }
     if scattering.any():
-        found["scattered"] = scattering * U
-    each = [np.maximum(power(run.time), 0) for power in run.lights.powers]
-    found["input_power"] = np.array(each) if len(each) == len(resonances) else np.abs(incoming) ** 2
+        signals["scattered"] = scattering * U
+    powers = [np.maximum(power(run.time), 0) for power in run.lights.powers]
+    beats = len(powers) > len(resonances)
+    signals["input_power"] = np.abs(incoming) ** 2 if beats else np.array(powers)
     if not isinstance(light["detuning"], float):
-        found["detuning"] = light["detuning"](run.time)
+        signals["detuning"] = light["detuning"](run.time)
     variables: dict[str, Any] = {}
-    for name, rows in found.items():
+    for name, rows in signals.items():
         about = dataset.describe(name)
-        own = rows if rows.ndim == 1 else rows[0]
-        if name != "input_power" or not isinstance(light[name], float) or np.any(own != own[:1]):
-            variables[name] = ("time", own, about)
+        first = rows if rows.ndim == 1 else rows[0]
+        constant = name == "input_power" and isinstance(light[name], float) and np.all(first == first[:1])
+        if not constant:
+            variables[name] = ("time", first, about)
         if rows.ndim == 2 and len(resonances) > 1:
-            more = {"long_name": f"{about['long_name']}, other resonances"}
-            variables[f"probe_{name}"] = (("probe", "time"), rows[1:], about | more)
+            words = f"{about['long_name']}, other resonances"
+            variables[f"probe_{name}"] = (("probe", "time"), rows[1:], about | {"long_name": words})
     if len(resonances) > 1:
         where = {"units": "Hz", "long_name": "cold resonance"}
-        variables["resonance"] = ("probe", np.array([one.frequency for one in resonances[1:]]), where)
+        frequencies = np.array([resonance.frequency for resonance in resonances[1:]])
+        variables["resonance"] = ("probe", frequencies, where)
     return variables
