@@ -23,6 +23,12 @@ def at_bound(x: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     return (x < low + AT_BOUND) | (x > high - AT_BOUND)
 
 
+def cost(f: Residuals, x: Array) -> float:
+    """Sum of the squares of the residuals at ``x``; infinity where the parameters give no model."""
+    r = f(x)
+    return np.inf if r is None else float(r @ r)
+
+
 class End(NamedTuple):
     """Result of a search: parameters x, residuals r, Jacobian J = dr/dx, and the cost |r|^2 + the term of the prior."""
 
@@ -49,17 +55,21 @@ def least_squares(
     """
     first = f(x)
     assert first is not None
-    size, (centre, precision) = first.size, prior or Prior(x, np.zeros((x.size, x.size)))
+    size = first.size
+    centre, precision = prior or Prior(x, np.zeros((x.size, x.size)))
     values, vectors = np.linalg.eigh(precision)
-    known = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T  # of the precision
 
     def residuals(x: Array) -> Array:
         r = f(x)
-        return np.append(np.full(size, IMPOSSIBLE) if r is None else r, known @ (x - centre))
+        if r is None:
+            r = np.full(size, IMPOSSIBLE)
+        return np.append(r, root @ (x - centre))
 
     def slopes(x: Array) -> Array:
         r = residuals(x)[:size]
-        return np.vstack([central_slopes(f, x, r, traces) if traces else _forward(f, x, r), known])
+        J = central_slopes(f, x, r, traces) if traces else _forward(f, x, r)
+        return np.vstack([J, root])
 
     best = optimize.least_squares(
         residuals, np.clip(x, low + 1e-9, high - 1e-9), jac=slopes, bounds=(low, high), max_nfev=2 * steps, xtol=1e-6,
@@ -72,9 +82,11 @@ def _forward(f: Residuals, x: Array, r: Array) -> Array:
     """Jacobian df/dx by forward differences, or backward where f(x + h) is not defined."""
     columns = []
     for e in STEP * np.eye(x.size):
-        above, h = f(x + e), STEP
+        h = STEP
+        above = f(x + e)
         if above is None:
-            above, h = f(x - e), -STEP
+            h = -STEP
+            above = f(x - e)
         columns.append(np.zeros(r.size) if above is None else (above - r) / h)
     return np.array(columns).T
 
@@ -87,27 +99,33 @@ def central_slopes(f: Residuals, x: Array, r: Array, traces: int) -> Array:
     J = np.zeros((traces, r.size // traces, x.size))
     middle = r.reshape(traces, -1)
     for k, unit in enumerate(np.eye(x.size)):
-        left = list(range(traces))
-        best = np.full(traces, np.inf)
+        open_traces = list(range(traces))
+        straightest = np.full(traces, np.inf)
         for h in STEPS:
             above = f(x + h * unit)
             below = f(x - h * unit)
             if above is None or below is None:
                 continue
-            for i, (a, b) in enumerate(zip(above.reshape(traces, -1), below.reshape(traces, -1), strict=True)):
-                if i not in left:
-                    continue
-                change = float(np.linalg.norm(a - b))
-                bent = float(np.linalg.norm(a + b - 2 * middle[i])) / max(change, 1e-12)
-                if bent < best[i]:
-                    best[i], J[i, :, k] = bent, (a - b) / (2 * h)
-                    if bent > JUMP:
-                        up = (a - middle[i]) / h
-                        down = (middle[i] - b) / h
-                        smaller = np.sign(up) * np.minimum(np.abs(up), np.abs(down))
-                        J[i, :, k] = np.where(up * down > 0, smaller, 0.0)
+            above = above.reshape(traces, -1)
+            below = below.reshape(traces, -1)
+            for i in [*open_traces]:
+                change = float(np.linalg.norm(above[i] - below[i]))
+                bent = float(np.linalg.norm(above[i] + below[i] - 2 * middle[i])) / max(change, 1e-12)
+                if bent < straightest[i]:
+                    straightest[i] = bent
+                    J[i, :, k] = _slope(above[i], middle[i], below[i], h, jumps=bent > JUMP)
                 if bent < STRAIGHT or change < SMALL:
-                    left.remove(i)
-            if not left:
+                    open_traces.remove(i)
+            if not open_traces:
                 break
     return J.reshape(r.size, x.size)
+
+
+def _slope(above: Array, middle: Array, below: Array, h: float, *, jumps: bool) -> Array:
+    """Central difference of step h, or across a jump the one-sided one of smaller modulus, 0 where the signs differ."""
+    if not jumps:
+        return np.asarray((above - below) / (2 * h))
+    up = (above - middle) / h
+    down = (middle - below) / h
+    smaller = np.sign(up) * np.minimum(np.abs(up), np.abs(down))
+    return np.where(up * down > 0, smaller, 0.0)

@@ -25,60 +25,23 @@ from ..arguments import check_detuning, check_power, datasets
 from ..kernel.units import slowest_rate
 from ..thermal import Compact
 from .forced_filters import Forced, noise_of
+from .fourier_cycles import HARMONICS, LEVEL, Cycle, fourier_fit, still
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-HARMONICS = 32
 FEWEST = 64  # samples of a trace
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
 GRID = 32_768  # samples to which an unevenly sampled trace is interpolated
 ROUNDS = 3  # corrections of the period
 BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
 PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
-LEVEL = 0.05  # of the mean: a smaller swing counts as that
 NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
 LONGEST = 40e-6  # s simulated for a trace that is longer, or
 SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
 MOST = 50_000  # samples of a simulated trace
 STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
-
-
-@dataclass(frozen=True, eq=False)
-class Cycle:
-    """Mean cycle of a periodic drop trace, as a Fourier series.
-
-    period [s]: nan where the trace does not pulse.
-    harmonics [shape (33,), W]: c_k, with the phase of an arbitrary t_0; only the mean where the trace does not pulse.
-    """
-
-    period: float
-    harmonics: Complex
-
-    def curve(self, phase: Array, *, smooth: bool = False) -> Array:
-        """Drop power at the phases ``phase``, given as fractions of the period; of their shape.
-
-        ``smooth`` multiplies the harmonics by Lanczos factors sin(x)/x, x = pi k/33: an average over 1/33 of the period
-        that suppresses the Gibbs oscillations at steep edges.
-        """
-        k = np.arange(self.harmonics.size)
-        waves = np.exp(2j * np.pi * np.outer(phase, k))
-        return np.asarray((waves @ (self.harmonics * np.sinc(k / k.size) if smooth else self.harmonics)).real)
-
-    @cached_property
-    def swing(self) -> float:
-        """Largest minus smallest drop power in the cycle."""
-        return float(np.ptp(self.curve(np.linspace(0, 1, 256, endpoint=False))))
-
-    @property
-    def scale(self) -> float:
-        """Unit of shape errors: the swing, but at least `LEVEL` times the mean."""
-        return max(self.swing, LEVEL * float(abs(self.harmonics[0])))
-
-    def shifted(self, by: float) -> Cycle:
-        """The same cycle, advanced in time by the fraction ``by`` of its period."""
-        return Cycle(self.period, self.harmonics * np.exp(2j * np.pi * by * np.arange(self.harmonics.size)))
 
 
 class Seen(NamedTuple):
@@ -111,26 +74,36 @@ def cycles_in(t: Array, drop: Array) -> tuple[float, Complex]:
     All cycles have a common phase; the drift of their phases corrects the period. Without pulses: nan, and the mean.
     """
     t, drop = _second_half(t, drop)
-    clock = _repetition(t, drop)
+    period = _repetition(t, drop)
     k = np.arange(HARMONICS + 1)
-    if not np.isfinite(clock):
-        return clock, drop.mean() * (k == 0)[None].astype(complex)
+    if not np.isfinite(period):
+        return period, drop.mean() * (k == 0)[None].astype(complex)
     for _ in range(ROUNDS):
-        n = max(4 * HARMONICS, int(np.ceil(clock / (t[1] - t[0]))))
-        number = np.arange(max((t[-1] - t[0]) // clock, 2))
-        at = t[0] + clock * (number[:, None] + (np.arange(n) + 0.5) / n)
-        waves = np.fft.rfft(np.interp(at, t, drop), axis=1)[:, k] * (2 / n) * np.exp(-1j * np.pi * k / n)
-        slope = float(np.polyfit(number, np.unwrap(np.angle(waves[:, 1])), 1)[0])
-        clock /= 1 + slope / (2 * np.pi)
+        numbers, waves = _folded(t, drop, period)
+        angles = np.unwrap(np.angle(waves[:, 1]))
+        slope = float(np.polyfit(numbers, angles, 1)[0])
+        period /= 1 + slope / (2 * np.pi)
     waves[:, 0] /= 2
-    return clock, waves * np.exp(-1j * slope * np.outer(number, k))
+    return period, waves * np.exp(-1j * slope * np.outer(numbers, k))
+
+
+def _folded(t: Array, drop: Array, period: float) -> tuple[Array, Complex]:
+    """Numbers of the cycles, and 2 c_0, c_1, .. of each, shape (cycles, 33), where all have the period ``period``."""
+    k = np.arange(HARMONICS + 1)
+    samples = max(4 * HARMONICS, int(np.ceil(period / (t[1] - t[0]))))
+    numbers = np.arange(max((t[-1] - t[0]) // period, 2))
+    phases = (np.arange(samples) + 0.5) / samples
+    times = t[0] + period * (numbers[:, None] + phases)
+    waves = np.fft.rfft(np.interp(times, t, drop), axis=1)[:, k]
+    return numbers, waves * (2 / samples) * np.exp(-1j * np.pi * k / samples)
 
 
 def cycle_of(t: Array, drop: Array) -> Cycle:
     """Mean cycle in the second half of a simulated trace; a decaying oscillation counts as constant."""
     period, pieces = cycles_in(t, drop)
-    steady = np.isfinite(period) and _changed_swing(pieces) is None
-    return Cycle(period, pieces.mean(axis=0)) if steady else _still(float(pieces[:, 0].real.mean()))
+    if np.isfinite(period) and _changed_swing(pieces) is None:
+        return Cycle(period, pieces.mean(axis=0))
+    return still(float(pieces[:, 0].real.mean()))
 
 
 def period_of(name: str, t: Array, drop: Array) -> float:
@@ -154,18 +127,16 @@ def period_of(name: str, t: Array, drop: Array) -> float:
     return float("nan")
 
 
-def _still(mean: float) -> Cycle:
-    """The cycle of a trace that does not pulse: period nan, and only the mean c_0."""
-    return Cycle(float("nan"), np.append(mean, np.zeros(HARMONICS)).astype(complex))
-
-
 def _changed_swing(pieces: Complex) -> tuple[float, float] | None:
     """Mean swings of the first and second half of the cycles, over the mean power; None if they do not differ."""
-    swings = np.sqrt(2 * np.sum(np.abs(pieces[:, 1:]) ** 2, axis=1)) * 2  # of a sine, from its mean square
-    halves = np.array_split(swings, 2)
-    early, late = (float(half.mean()) for half in halves)
-    scatter = np.sqrt(sum(half.var() / half.size for half in halves))
-    if len(pieces) < 4 or min(early, late) > STEADY * max(early, late) or abs(early - late) < 3 * scatter:
+    squares = np.sum(np.abs(pieces[:, 1:]) ** 2, axis=1)
+    swings = np.sqrt(2 * squares) * 2  # of a sine, from its mean square
+    first, second = np.array_split(swings, 2)
+    early = float(first.mean())
+    late = float(second.mean())
+    scatter = np.sqrt(first.var() / first.size + second.var() / second.size)
+    steady = min(early, late) > STEADY * max(early, late)
+    if len(pieces) < 4 or steady or abs(early - late) < 3 * scatter:
         return None
     level = float(abs(pieces[:, 0].mean()))
     return early / level, late / level
@@ -176,10 +147,11 @@ def _check_rest(name: str, drop: Array) -> None:
     parts = np.array_split(drop, PARTS)
     means = np.array([part.mean() for part in parts])
     noise = np.std(np.diff(drop)) / np.sqrt(2 * len(parts[0]))  # of such a mean, where it is white
-    if np.ptp(means) > MOVES * abs(drop.mean()) and np.std(means) > 5 * noise:
+    movement = np.ptp(means) / abs(drop.mean())
+    if movement > MOVES and np.std(means) > 5 * noise:
         raise checks.InputError(
             f"{name} neither rests nor repeats in its second half, which is compared: its drop power moves by "
-            f"{np.ptp(means) / abs(drop.mean()):.0%} of the mean",
+            f"{movement:.0%} of the mean",
             "take a trace of eight pulses or more, or one that has come to rest",
         )
 
@@ -194,36 +166,30 @@ def _repetition(t: Array, x: Array) -> float:
     if np.std(x) < 1e-12 * np.max(np.abs(x), initial=1e-300):
         return float("nan")
     n = x.size
-    power = np.abs(np.fft.rfft(x, 2 * n)) ** 2
     fine = BETWEEN if n <= MANY else 1
-    reach = fine * (n // 2)
-    alike = np.fft.irfft(power, 2 * n * fine)[:reach] / np.arange(n * fine, n * fine - reach, -1)
-    alike /= alike[0]
-    first = int(np.argmax(alike < 0))
-    if first == 0 or alike[first:].max() < 0.5:
+    correlation = _autocorrelation(x, fine)
+    first = int(np.argmax(correlation < 0))
+    if first == 0 or correlation[first:].max() < 0.5:
         return float("nan")
-    middle = alike[first + 1 : -1]
-    peaks = first + 1 + np.flatnonzero((middle >= alike[first:-2]) & (middle > alike[first + 2 :]))
+    middle = correlation[first + 1 : -1]
+    rises = middle >= correlation[first:-2]
+    falls = middle > correlation[first + 2 :]
+    peaks = first + 1 + np.flatnonzero(rises & falls)
     if peaks.size == 0:
         return float("nan")
-    best = peaks[alike[peaks] > 0.9 * alike[peaks].max()][0]
+    heights = correlation[peaks]
+    best = peaks[heights > 0.9 * heights.max()][0]
     return float(best / fine * (t[-1] - t[0]) / (n - 1))
 
 
-def lag(model: Complex, measured: Complex) -> float:
-    """Time shift of the model's cycle, in periods, that maximises its correlation with the measured one."""
-    k = np.arange(1, model.size)
-    products = model[1:] * measured[1:].conj()
-    n = 16 * model.size
-    shift = float(np.argmax(np.fft.irfft(np.concatenate([[0], products]), n))) / n
-    for _ in range(4):
-        turning = products * np.exp(2j * np.pi * k * shift)
-        slope = float(np.sum(-k * turning.imag))
-        bend = float(np.sum(-(k**2) * turning.real))
-        if bend >= 0:
-            break
-        shift -= slope / bend / (2 * np.pi)
-    return shift
+def _autocorrelation(x: Array, fine: int) -> Array:
+    """Autocorrelation of n samples, 1 at lag 0, at lags of 1/``fine`` of a sample up to n/2 samples."""
+    n = x.size
+    power = np.abs(np.fft.rfft(x, 2 * n)) ** 2
+    lags = fine * (n // 2)
+    products = np.arange(n * fine, n * fine - lags, -1)
+    correlation = np.fft.irfft(power, 2 * n * fine)[:lags] / products
+    return np.asarray(correlation / correlation[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,9 +217,14 @@ class Target:
         return self.unit == "W"
 
     @property
+    def sampling_step(self) -> float:
+        """Median time between samples, s."""
+        return float(np.median(np.diff(self.times)))
+
+    @property
     def cold(self) -> bool:
         """Whether the first sample is taken when the light is switched on, to two sampling steps."""
-        return not self.settled and self.times[0] <= 2 * float(np.median(np.diff(self.times)))
+        return not self.settled and self.times[0] <= 2 * self.sampling_step
 
     def window(self, model: Compact) -> tuple[float, float]:
         """First and last time (s) of the part of a model's run that is compared, in its second half.
@@ -261,15 +232,17 @@ class Target:
         For a settled trace, and for one longer than the model's transient, the run has the length of that transient.
         """
         enough = max(LONGEST, SETTLED / slowest_rate(model))
-        whole = not self.settled and self.times[-1] <= enough
-        return (float(self.times[0]), float(self.times[-1])) if whole else (0.0, enough)
+        if self.settled or self.times[-1] > enough:
+            return 0.0, enough
+        return float(self.times[0]), float(self.times[-1])
 
     @cached_property
     def forced(self) -> Forced:
         """The trace resampled at equal time steps, for `forced_filters`."""
         length = float(self.times[-1] - self.times[0])
-        n = min(MOST, 1 + round(length / float(np.median(np.diff(self.times)))))
-        drop = np.interp(np.linspace(self.times[0], self.times[-1], n), self.times, self.drop)
+        n = min(MOST, 1 + round(length / self.sampling_step))
+        times = np.linspace(self.times[0], self.times[-1], n)
+        drop = np.interp(times, self.times, self.drop)
         return Forced(length / (n - 1), drop, self.power, self.detuning, self.cold, self.absolute)
 
     @cached_property
@@ -278,32 +251,33 @@ class Target:
 
         drop = Re sum_k c_k exp(2 pi i k (t - t_0)/T), with more harmonics in each step of Gauss-Newton for ln T.
         """
-        t, drop, T = self.times, self.drop, self.period
-        late = t >= (t[0] + t[-1]) / 2
-        every = -(-int(late.sum()) // MOST)  # samples of long traces are averaged
-        t = t[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1)
-        drop = drop[late][: late.sum() // every * every].reshape(-1, every).mean(axis=1)
-        t = t - t[0]
-        if not np.isfinite(T):
-            own = max(float(drop.std()), noise_of(self.drop)) * np.sqrt(2 / drop.size)
-            return Seen(_still(float(np.trapezoid(drop, t) / t[-1])), np.nan, np.full(HARMONICS + 1, own))
-        most = min(HARMONICS, max(1, t.size // 4 - 1), max(1, int(0.5 * T * (t.size - 1) / t[-1])))
+        t, drop = self._late_samples()
+        if not np.isfinite(self.period):
+            mean = float(np.trapezoid(drop, t) / t[-1])
+            deviation = max(float(drop.std()), noise_of(self.drop)) * np.sqrt(2 / drop.size)
+            return Seen(still(mean), np.nan, np.full(HARMONICS + 1, deviation))
+        T = self.period
+        sampled = int(0.5 * T * (t.size - 1) / t[-1])
+        resolved = min(HARMONICS, max(1, t.size // 4 - 1), max(1, sampled))
         for K in (4, 12, HARMONICS, HARMONICS, HARMONICS):
-            k = np.arange(1, min(K, most) + 1)
-            w = np.exp(2j * np.pi * np.outer(t / T, k))
-            A = np.hstack([np.ones((t.size, 1)), w.real, -w.imag])
-            c = np.linalg.lstsq(A, drop, rcond=None)[0]
-            z = c[1 : 1 + k.size] + 1j * c[1 + k.size :]
-            turning = (1j * (w * k) @ z).real * (-2 * np.pi * t / T)  # d drop/d ln T
-            B = np.column_stack([A, turning])
-            left = drop - A @ c
-            T *= float(np.exp(np.clip(np.linalg.lstsq(B, left, rcond=None)[0][-1], -0.02, 0.02)))
-        s = np.sqrt(left @ left / max(t.size - B.shape[1], 1))
+            fit = fourier_fit(t, drop, T, min(K, resolved))
+            T *= float(np.exp(np.clip(fit.period_step(), -0.02, 0.02)))
+        scatter = fit.scatter()
         harmonics = np.zeros(HARMONICS + 1, dtype=complex)
+        harmonics[: fit.harmonics.size] = fit.harmonics
         deviations = np.full(HARMONICS + 1, np.inf)
-        harmonics[: k.size + 1] = np.append(c[0], z)
-        deviations[: k.size + 1] = s * np.sqrt(2 / t.size)
-        return Seen(Cycle(T, harmonics), float(s * np.sqrt(np.linalg.pinv(B.T @ B)[-1, -1])), deviations)
+        deviations[: fit.harmonics.size] = scatter * np.sqrt(2 / t.size)
+        covariance = np.linalg.pinv(fit.design.T @ fit.design)
+        return Seen(Cycle(T, harmonics), float(scatter * np.sqrt(covariance[-1, -1])), deviations)
+
+    def _late_samples(self) -> tuple[Array, Array]:
+        """Times (s) from the first one on and drop power of the second half; samples of long traces are averaged."""
+        late = self.times >= (self.times[0] + self.times[-1]) / 2
+        every = -(-int(late.sum()) // MOST)
+        kept = late.sum() // every * every
+        t = self.times[late][:kept].reshape(-1, every).mean(axis=1)
+        drop = self.drop[late][:kept].reshape(-1, every).mean(axis=1)
+        return t - t[0], drop
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
@@ -318,14 +292,17 @@ def _target(name: str, trace: xr.Dataset) -> Target:
     for variable in ("time", "drop"):
         if variable not in trace.variables:
             raise checks.InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
-    others = "a second laser" if trace.attrs.get("lasers", 1) != 1 else "heaters" if "heater_power" in trace else ""
-    if others:
-        raise checks.InputError(f"{name} is of a ring with {others}; one laser alone can be fitted")
-    t = checks.array(f"{name}.time", in_si(name, trace[["time"]])["time"].values, increasing=True)
+    light = trace.attrs
+    if light.get("lasers", 1) != 1:
+        raise checks.InputError(f"{name} is of a ring with a second laser; one laser alone can be fitted")
+    if "heater_power" in trace:
+        raise checks.InputError(f"{name} is of a ring with heaters; one laser alone can be fitted")
+    times = in_si(name, trace[["time"]])["time"]
+    t = checks.array(f"{name}.time", times.values, increasing=True)
     drop = checks.array(f"{name}.drop", trace["drop"].values)
     checks.shape("drop", drop, t.shape)
     checks.enough(f"{name}.drop", int(np.count_nonzero(drop)), FEWEST, "samples with light")
-    period, light = period_of(name, t, drop), trace.attrs
+    period = period_of(name, t, drop)
     power = check_power(light.get("input_power", light.get("power")), f"{name}.attrs['power']")
     detuning = check_detuning(light.get("detuning"), f"{name}.attrs['detuning']")
     mark = light.get("settled", 0)  # a file keeps True as 1

@@ -26,7 +26,7 @@ from ..kernel import units
 from ..kernel.integrator import PoleHeat
 from ..kernel.rates import absorbed_power, field_loss, recombination
 from ..kernel.units import FJ, NS, Rates
-from .box_search import Prior, Residuals, least_squares
+from .box_search import End, Prior, Residuals, cost, least_squares
 
 if TYPE_CHECKING:
     from ..resonator import RingResonator
@@ -44,7 +44,8 @@ OPEN = 1e-4  # 1/variance of a logarithm that nothing determines
 
 def noise_of(drop: Array) -> float:
     """Standard deviation of white noise in a trace: from the median of its second differences, robust against edges."""
-    return max(float(np.median(np.abs(np.diff(drop, 2)))) / 0.6745 / np.sqrt(6), 1e-6 * float(np.ptp(drop)), 1e-300)
+    median = float(np.median(np.abs(np.diff(drop, 2))))
+    return max(median / 0.6745 / np.sqrt(6), 1e-6 * float(np.ptp(drop)), 1e-300)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +90,17 @@ class Forced:
         gain, rate, bend = _poles(model)
         dT = np.zeros(U.size)
         for g, r in zip(gain, rate, strict=True):
-            dT += _filtered(heat, step, g, r, 0.0 if self.cold else heat.mean() * g / r).real
-        U, N, dT = np.maximum(U[::every], 0), N[::every], dT[::every]
+            start = 0.0 if self.cold else heat.mean() * g / r
+            dT += _filtered(heat, step, g, r, start).real
+        U = np.maximum(U[::every], 0)
+        N = N[::every]
+        dT = dT[::every]
         dT = dT + bend * dT**2
         shift = sum((c * N**p for c, p in fcd), np.zeros(N.size))
         D = -rates.thermal_shift * dT - shift - rates.kerr * U - units.internal_detuning(self.detuning)
         gamma = field_loss(U, N, rates)
-        return units.internal_pump(ring, self.power) ** 2 / (gamma**2 + D**2) / unit
+        pump = units.internal_pump(ring, self.power)
+        return pump**2 / (gamma**2 + D**2) / unit
 
 
 def _poles(model: Compact) -> tuple[Array, Array, float]:
@@ -104,7 +109,8 @@ def _poles(model: Compact) -> tuple[Array, Array, float]:
     if isinstance(heat, PoleHeat):
         return heat.gain[0], heat.rate[0], bend
     values, vectors = np.linalg.eig(heat.A)
-    return (heat.C @ vectors) * np.linalg.solve(vectors, heat.B), -values, bend
+    gain = (heat.C @ vectors) * np.linalg.solve(vectors, heat.B)
+    return gain, -values, bend
 
 
 def _filtered(source: Array, step: float, gain: complex, rate: complex, start: complex) -> Array:
@@ -115,7 +121,8 @@ def _filtered(source: Array, step: float, gain: complex, rate: complex, start: c
     keep = np.exp(-z)
     right = gain / rate * (1.0 + np.expm1(-z) / z)
     left = -gain / rate * np.expm1(-z) - right
-    return np.asarray(lfilter([right, left], [1.0, -keep], source, zi=[start - right * source[0]])[0])
+    begin = start - right * source[0]
+    return np.asarray(lfilter([right, left], [1.0, -keep], source, zi=[begin])[0])
 
 
 def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
@@ -123,19 +130,21 @@ def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
 
     With f = N/tau(N), a pass solves dN/dt = s - f(N_old) - f'(N_old) (N - N_old).
     """
-    tau0, a, b = rates.tau0, rates.a, rates.b
+    tau0 = rates.tau0
     start = 0.0 if cold else max(float(source.mean()) * tau0, 0.0)
     N = np.maximum(_filtered(source, step, 1.0, 1.0 / tau0, start), 0.0)
     band = np.ones((2, N.size))
-    for _ in range(PASSES if a != b else 0):
-        lost, slope = recombination(N, tau0, a, b)
+    passes = PASSES if rates.a != rates.b else 0
+    for _ in range(passes):
+        lost, slope = recombination(N, tau0, rates.a, rates.b)
         s = source + slope * N - lost
         k = (slope[1:] + slope[:-1]) / 2
         gone = -np.expm1(-k * step)
         right = (1 - gone / (k * step)) / k
         band[1, :-1] = gone - 1
         first = 0.0 if cold else float(N.mean())
-        N = dtbtrs(band, np.append(first, (gone / k - right) * s[:-1] + right * s[1:]), uplo="L")[0]
+        made = (gone / k - right) * s[:-1] + right * s[1:]
+        N = dtbtrs(band, np.append(first, made), uplo="L")[0]
         N = np.maximum(N, 0.0)
     return N
 
@@ -146,49 +155,88 @@ def forced_starts(what: Unknowns, traces: list[Forced], seed: int) -> list[Prior
     1024 Sobol points, least squares from the best 8 on ln((U_model + 3 sigma)/(U + 3 sigma)), then on the differences
     over the samples' standard deviations. Each trace in an arbitrary unit adds its scale to the unknowns.
     """
-    from scipy.stats import qmc
+    n = what.start.size
+    low, high = _bounds(what, traces)
+    logarithms = _residuals(what, traces, COARSE, _logarithms)
+    differences = _residuals(what, traces, FINE, _differences)
+    points = _screened(logarithms, what.start, low, high, seed)
+    coarse = [least_squares(logarithms, x, low, high, steps=40) for x in points]
+    centres = _distinct(coarse, n)
+    fine = [least_squares(differences, x, low, high, steps=20) for x in centres]
+    fine.sort(key=lambda end: end.cost)
+    return [_prior(end, n, len(traces)) for end in fine]
 
-    n, loose = what.start.size, [k for k, trace in enumerate(traces) if not trace.absolute]
+
+def _bounds(what: Unknowns, traces: list[Forced]) -> tuple[Array, Array]:
+    """Bounds of the unknowns, and after them of the logarithms of the scales of traces in arbitrary units."""
+    loose = [trace for trace in traces if not trace.absolute]
     cold = 4 * what.ring.drop_bus_rate * what.ring.bus_rate / what.ring.linear_rate**2
-    top = np.array([np.log(cold * traces[k].power / np.quantile(traces[k].drop, 0.999)) for k in loose])
+    top = np.array([np.log(cold * trace.power / np.quantile(trace.drop, 0.999)) for trace in loose])
     low = np.append(what.low, top + np.log(SCALE[0]))
     high = np.append(what.high, top + np.log(SCALE[1]))
+    return low, high
 
-    def residuals(every: int, row: Callable[[Array, Forced], Array]) -> Residuals:
-        def of(x: Array) -> Array | None:
-            try:
-                ring, model = what.build(x[:n])
-            except (InputError, RuntimeError):
-                return None
-            scales = np.ones(len(traces))
-            scales[loose] = np.exp(x[n:])
-            rows = [row(t.predicted(ring, model, s, every), t) for t, s in zip(traces, scales, strict=True)]
-            return np.concatenate([one / np.sqrt(one.size) for one in rows])
 
-        return of
+def _residuals(what: Unknowns, traces: list[Forced], every: int, row: Callable[[Array, Forced], Array]) -> Residuals:
+    """Residuals of all traces; ``row`` compares predicted drop power at every ``every``-th sample with a trace."""
+    n = what.start.size
+    loose = [k for k, trace in enumerate(traces) if not trace.absolute]
 
-    def logarithm(own: Array, trace: Forced) -> Array:
-        offset = 3 * trace.noise
-        return np.asarray(np.log((own + offset) / (np.maximum(trace.drop[::COARSE], 0) + offset)))
+    def of(x: Array) -> Array | None:
+        try:
+            ring, model = what.build(x[:n])
+        except (InputError, RuntimeError):
+            return None
+        scales = np.ones(len(traces))
+        scales[loose] = np.exp(x[n:])
+        rows = []
+        for trace, scale in zip(traces, scales, strict=True):
+            errors = row(trace.predicted(ring, model, scale, every), trace)
+            rows.append(errors / np.sqrt(errors.size))
+        return np.concatenate(rows)
 
-    logarithms = residuals(COARSE, logarithm)
-    plain = residuals(FINE, lambda own, trace: (own - trace.drop[::FINE]) / trace.deviations[::FINE])
-    points = qmc.scale(qmc.Sobol(low.size, rng=seed).random(SCREENED * (2 if loose else 1)), low, high)
-    points = np.vstack([np.append(what.start, (low[n:] + high[n:]) / 2), points])
-    costs = [np.inf if (r := logarithms(x)) is None else float(r @ r) for x in points]
+    return of
+
+
+def _logarithms(predicted: Array, trace: Forced) -> Array:
+    offset = 3 * trace.noise
+    drop = np.maximum(trace.drop[::COARSE], 0)
+    return np.asarray(np.log((predicted + offset) / (drop + offset)))
+
+
+def _differences(predicted: Array, trace: Forced) -> Array:
+    return (predicted - trace.drop[::FINE]) / trace.deviations[::FINE]
+
+
+def _screened(f: Residuals, start: Array, low: Array, high: Array, seed: int) -> list[Array]:
+    """The best points of a Sobol sequence in the box and of the start. InputError: no point is physical."""
+    from scipy.stats import qmc
+
+    n = start.size
+    count = SCREENED * (2 if low.size > n else 1)
+    sequence = qmc.Sobol(low.size, rng=seed).random(count)
+    first = np.append(start, (low[n:] + high[n:]) / 2)
+    points = np.vstack([first, qmc.scale(sequence, low, high)])
+    costs = [cost(f, x) for x in points]
     if not np.isfinite(costs).any():
         raise InputError("no thermal model in the bounds is physical; check bounds")
-    picked = [k for k in np.argsort(costs)[:REFINED] if np.isfinite(costs[k])]
-    ends = sorted((least_squares(logarithms, points[k], low, high, steps=40) for k in picked), key=lambda e: e.cost)
-    kept: list[Array] = []
-    for end in ends:
-        near = any(np.abs(end.x[:n] - x[:n]).max() < DISTINCT for x in kept)
-        if end.cost < 4 * ends[0].cost + 0.01 and not near:
-            kept.append(end.x)
-    fine = sorted((least_squares(plain, x, low, high, steps=20) for x in kept), key=lambda e: e.cost)
-    starts = []
-    for end in fine:
-        found = end.J.T @ end.J * end.r.size / len(traces)  # 1/deviations^2: each residual was divided by sqrt(samples)
-        C = np.linalg.inv(found + OPEN * np.eye(low.size))[:n, :n]
-        starts.append(Prior(end.x[:n], np.asarray(np.linalg.inv(INFLATED**2 * C + BIAS**2 * np.eye(n)), dtype=float)))
-    return starts
+    return [points[k] for k in np.argsort(costs)[:REFINED] if np.isfinite(costs[k])]
+
+
+def _distinct(ends: list[End], n: int) -> list[Array]:
+    """The results of a search, the best first, that differ in the n unknowns and fit about as well as the best."""
+    ordered = sorted(ends, key=lambda end: end.cost)
+    centres: list[Array] = []
+    for end in ordered:
+        again = any(np.abs(end.x[:n] - x[:n]).max() < DISTINCT for x in centres)
+        if end.cost < 4 * ordered[0].cost + 0.01 and not again:
+            centres.append(end.x)
+    return centres
+
+
+def _prior(end: End, n: int, traces: int) -> Prior:
+    """Prior of the n unknowns from a forced fit, whose covariance is enlarged by its bias."""
+    precision = end.J.T @ end.J * end.r.size / traces  # each residual was divided by sqrt(samples)
+    C = np.linalg.inv(precision + OPEN * np.eye(end.x.size))[:n, :n]
+    wide = INFLATED**2 * C + BIAS**2 * np.eye(n)
+    return Prior(end.x[:n], np.asarray(np.linalg.inv(wide), dtype=float))
