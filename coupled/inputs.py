@@ -68,8 +68,10 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
             hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
             raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed, at most cubic", hint)
         c = checks.numbers(f"{name}: coefficients", value.c)
-        coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
-        return _window(name, Pieces(np.asarray(value.x, dtype=float), coefficients), start, stop)
+        missing = np.zeros((DEGREE + 1 - len(c), c.shape[1]))
+        coefficients = np.vstack([c[::-1], missing]).T
+        edges = np.asarray(value.x, dtype=float)
+        return _window(name, Pieces(edges, coefficients), start, stop)
     if isinstance(value, Waveform):
         return value.pieces(start, stop)
     return Pieces.constant(start, stop, checks.finite(name, value))
@@ -96,7 +98,8 @@ def joint(*parts: Pieces) -> Array:
 
 def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
     """Restrict a piecewise cubic to [start, stop] in s; InputError if it does not cover that interval."""
-    edges, slack = function.edges, 1e-9 * (stop - start)
+    edges = function.edges
+    slack = 1e-9 * (stop - start)
     if start < edges[0] - slack or stop > edges[-1] + slack:
         raise checks.InputError(
             f"{name} is given from {edges[0]:g} to {edges[-1]:g} s; it must cover {start:g} to {stop:g} s"
@@ -124,21 +127,27 @@ class Lights(NamedTuple):
     @property
     def driven_until(self) -> float:
         """Time in s of the last change of a laser, or of the last beat between lasers of one frame."""
-        last = [last_change(one) for one in (*self.powers, *self.frequencies)]
+        times = [last_change(function) for function in (*self.powers, *self.frequencies)]
         for frame in {*self.frame}:
-            here = [k for k, own in enumerate(self.frame) if own == frame]
-            last.append(last_beat([self.powers[k] for k in here], [self.frequencies[k] for k in here]))
-        return max(last)
+            lasers = np.flatnonzero(np.equal(self.frame, frame))
+            powers = [self.powers[k] for k in lasers]
+            frequencies = [self.frequencies[k] for k in lasers]
+            times.append(last_beat(powers, frequencies))
+        return max(times)
 
     def amplitudes(self, times: Array) -> Complex:
         """Complex amplitudes of the lasers in their frames, sqrt(W), at n times in s; shape (L, n)."""
-        sizes, phase = np.sqrt([np.maximum(one(times), 0) for one in self.powers]), self.drive.phase
-        return np.asarray(sizes * np.exp(1j * values(phase, times)) if phase.coefficients.any() else sizes + 0j)
+        sizes = np.sqrt([np.maximum(power(times), 0) for power in self.powers])
+        if not self.drive.phase.coefficients.any():
+            return np.asarray(sizes + 0j)
+        phases = values(self.drive.phase, times)
+        return np.asarray(sizes * np.exp(1j * phases))
 
     def incoming(self, times: Array) -> Complex:
         """Sum of the amplitudes of the lasers of each frame, sqrt(W), at n times in s; shape (frames, n)."""
         waves = self.amplitudes(times)
-        return np.array([waves[np.equal(self.frame, k)].sum(axis=0) for k in dict.fromkeys(self.frame)])
+        frames = dict.fromkeys(self.frame)
+        return np.array([waves[np.equal(self.frame, k)].sum(axis=0) for k in frames])
 
 
 def lights(
@@ -152,49 +161,64 @@ def lights(
     entry [(fields, L), 1/sqrt(s)]: coupling of each laser amplitude to each field.
     echoes: maps times of discontinuities to all times (s) at which they arrive, delays included.
     """
-    apart = [add([own, frequencies[k].times(-1.0)]) for own, k in zip(frequencies, frame, strict=True)]
-    apart = [one if one.coefficients.any() else Pieces.constant(one.edges[0], one.edges[-1], 0.0) for one in apart]
-    phase = integral(table(apart, 2 * np.pi * NS))
+    beats = [_difference(own, frequencies[k]) for own, k in zip(frequencies, frame, strict=True)]
+    phase = integral(table(beats, 2 * np.pi * NS))
     phase.coefficients[:, :, 0] += np.array(phases or 0.0)
-    turning, window = table(detunings, NS), powers[0].edges[[0, -1]]
-    edges = apart_in_time(np.concatenate([echoes(joint(*powers)), NS * turning.edges, NS * phase.edges]), window)
-    brightest = np.array([largest(one) / UW for one in powers])
+    turning = table(detunings, NS)
+    jumps = np.concatenate([echoes(joint(*powers)), NS * turning.edges, NS * phase.edges])
+    edges = apart_in_time(jumps, powers[0].edges[[0, -1]])
+    brightest = np.array([largest(power) / UW for power in powers])
     drive = Drive(edges / NS, table(powers, 1 / UW), phase, turning, entry * NS**0.5, brightest)
-    fastest = 2 * np.pi * NS * np.array([max(bounds(one), key=abs) for one in apart])
+    extremes = [max(bounds(beat), key=abs) for beat in beats]
+    fastest = 2 * np.pi * NS * np.array(extremes)
     return Lights(powers, frequencies, frame, fastest, drive)
+
+
+def _difference(frequency: Pieces, reference: Pieces) -> Pieces:
+    """Difference of two piecewise cubics, without breakpoints where it vanishes."""
+    difference = add([frequency, reference.times(-1.0)])
+    if difference.coefficients.any():
+        return difference
+    return Pieces.constant(difference.edges[0], difference.edges[-1], 0.0)
 
 
 def apart_in_time(times: Array, window: Array) -> Array:
     """Sorted times in a window, with both its ends; times within `SAME_TIME` of the previous one are removed."""
-    every = np.sort(times)
-    every = every[np.diff(every, prepend=-np.inf) > SAME_TIME * window[1]]
-    every[[0, -1]] = window
-    return every
+    ordered = np.sort(times)
+    gaps = np.diff(ordered, prepend=-np.inf)
+    edges = ordered[gaps > SAME_TIME * window[1]]
+    edges[[0, -1]] = window
+    return edges
 
 
 def values(functions: Polynomials, times: Array) -> Array:
     """Values of piecewise polynomials in the kernel's format at m times in s, shape (functions, m)."""
     t = times / NS
-    k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
+    k = np.searchsorted(functions.edges, t, side="right") - 1
+    k = np.clip(k, 0, len(functions.coefficients) - 1)
     u = t - functions.edges[k]
-    found = np.zeros((functions.coefficients.shape[1], t.size))
+    result = np.zeros((functions.coefficients.shape[1], t.size))
     for c in functions.coefficients.T[::-1]:
-        found = found * u + c[:, k]
-    return found
+        result = result * u + c[:, k]
+    return result
 
 
 def integral(rates: Polynomials) -> Polynomials:
     """Antiderivatives of piecewise polynomials, zero at the first edge."""
-    c, h = rates.coefficients, np.diff(rates.edges)
+    c = rates.coefficients
+    h = np.diff(rates.edges)
     n = np.arange(1, c.shape[2] + 1)
-    ends = np.cumsum((c / n * h[:, None, None] ** n).sum(axis=2), axis=0)
+    rises = (c / n * h[:, None, None] ** n).sum(axis=2)
+    ends = np.cumsum(rises, axis=0)
     starts = np.vstack([np.zeros(c.shape[1]), ends[:-1]])
     return Polynomials(rates.edges, np.concatenate([starts[:, :, None], c / n], axis=2))
 
 
 def largest(power: Pieces) -> float:
     """Largest modulus of a power at its breakpoints in W, at least 1e-300."""
-    return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power(power.edges[-1]))), 1e-300)
+    first = float(np.abs(power.coefficients[:, 0]).max())
+    last = abs(float(power(power.edges[-1])))
+    return max(first, last, 1e-300)
 
 
 def table(functions: Sequence[Pieces], factor: float) -> Polynomials:
@@ -208,17 +232,22 @@ def last_change(function: Pieces) -> float:
     """Time in s after which a piecewise cubic is constant; 0 for a constant."""
     if function.steady:
         return 0.0
-    sizes = np.abs(function.coefficients) * np.diff(function.edges)[:, None] ** np.arange(DEGREE + 1)
+    powers = np.diff(function.edges)[:, None] ** np.arange(DEGREE + 1)
+    sizes = np.abs(function.coefficients) * powers
     tolerance = FIT_TOLERANCE * sizes[:, 0].max()
     changed = np.any(sizes[:, 1:] > tolerance, axis=1)
-    changed[:-1] |= np.abs(function.coefficients[1:, 0] - function.ends[:-1]) > tolerance
+    jumps = function.coefficients[1:, 0] - function.ends[:-1]
+    changed[:-1] |= np.abs(jumps) > tolerance
     return float(np.max(function.edges[1:] * changed))
 
 
 def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
     """Time in s up to which two lasers are on and beat; 0 where all have the same frequency."""
-    apart = [add([one, frequencies[0].times(-1.0)]) for one in frequencies[1:]]
-    if not any(np.any(one.coefficients) for one in apart):
+    beats = [_difference(frequency, frequencies[0]) for frequency in frequencies[1:]]
+    if not any(np.any(beat.coefficients) for beat in beats):
         return 0.0
-    ends = [one.edges[-1] for one in powers]
-    return sorted(end if one(end) > 0 else last_change(one) for one, end in zip(powers, ends, strict=True))[-2]
+    last_lit = []
+    for power in powers:
+        end = power.edges[-1]
+        last_lit.append(end if power(end) > 0 else last_change(power))
+    return sorted(last_lit)[-2]

@@ -207,12 +207,11 @@ class Circuit:
         checks.unique("list of names of rings and splitters", [*self.names, *(s.name for s in self.splitters)])
         checks.unique("list of laser names", [laser.name for laser in self.lasers])
         checks.unique("list of detector names", [detector.name for detector in self.detectors])
-        for what, terminals, known in (
-            ("enter", [*(w.stop for w in self.waveguides), *(laser.stop for laser in self.lasers)], self.entries),
-            ("leave", [*(w.start for w in self.waveguides), *(d.start for d in self.detectors)], self.exits),
-        ):
-            for terminal in (one for one in terminals if one not in known):
-                checks.choice(f"terminal that light {what}s by", terminal, known)
+        stops = [w.stop for w in self.waveguides] + [laser.stop for laser in self.lasers]
+        starts = [w.start for w in self.waveguides] + [detector.start for detector in self.detectors]
+        for what, terminals, places in (("enter", stops, self.entries), ("leave", starts, self.exits)):
+            for terminal in terminals:
+                checks.choice(f"terminal that light {what}s by", terminal, places)
             checks.unique(f"list of terminals that light {what}s by", terminals)
 
     @property
@@ -236,8 +235,9 @@ class Circuit:
         return self._terminals(OUT, SPLITTER_OUT)
 
     def _terminals(self, of_ring: Sequence[str], of_splitter: Sequence[str]) -> tuple[str, ...]:
-        every = [(name, of_ring) for name in self.names] + [(one.name, of_splitter) for one in self.splitters]
-        return tuple(f"{name}.{side}" for name, sides in every for side in sides)
+        rings = [f"{name}.{side}" for name in self.names for side in of_ring]
+        splitters = [f"{splitter.name}.{side}" for splitter in self.splitters for side in of_splitter]
+        return (*rings, *splitters)
 
     @cached_property
     def outputs(self) -> dict[str, str]:
@@ -296,20 +296,22 @@ _UNITS = {"loss": NUMBER, "cross": NUMBER, "phase": "rad", "delay": "s", "offset
 
 def _fields(text: str, folder: Path) -> dict[str, Any]:
     """Parse a circuit file into the fields of `Circuit`; paths of ring files are relative to ``folder``."""
-    keys = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *(kind[:-1] for kind in _KINDS)], TABLES)}
-    found = read_table(files.from_toml(text), keys, "the circuit file")
+    tables_of = ["ring", *(kind[:-1] for kind in _KINDS)]
+    keys = {"name": TEXT, "frequency": "Hz"} | dict.fromkeys(tables_of, TABLES)
+    circuit = read_table(files.from_toml(text), keys, "the circuit file")
 
     def tables(kind: str, keys: dict[str, str], required: Sequence[str]) -> list[dict[str, Any]]:
-        several = enumerate(found.pop(kind, []), 1)
+        several = enumerate(circuit.pop(kind, []), 1)
         return [read_table(item, keys, f"{kind} number {k}", required=required) for k, item in several]
 
     rings = tables("ring", {"name": TEXT, "base": TEXT, "file": TEXT, "shift": "Hz"}, ["name"])
     checks.unique("list of ring names", [table["name"] for table in rings])
     for kinds, make in _KINDS.items():
-        units = {one.name: _UNITS.get(one.name, TEXT) for one in fields(make)}
-        needed = [one.name for one in fields(make) if one.default is MISSING]
-        found[kinds] = [make(**values) for values in tables(kinds[:-1], units, needed)]
-    return found | {"rings": {table["name"]: _ring(table, folder) for table in rings}}
+        units = {field.name: _UNITS.get(field.name, TEXT) for field in fields(make)}
+        needed = [field.name for field in fields(make) if field.default is MISSING]
+        circuit[kinds] = [make(**values) for values in tables(kinds[:-1], units, needed)]
+    circuit["rings"] = {table["name"]: _ring(table, folder) for table in rings}
+    return circuit
 
 
 def _ring(values: dict[str, Any], folder: Path) -> RingResonator:

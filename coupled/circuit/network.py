@@ -95,7 +95,8 @@ def light_of(circuit: Circuit) -> Light:
     for k, splitter in enumerate(circuit.splitters, n):
         straight = np.sqrt(1 - splitter.cross)
         cross = 1j * np.sqrt(splitter.cross)
-        S[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[straight, cross], [cross, straight]]
+        ports = slice(2 * k, 2 * k + 2)
+        S[ports, ports] = [[straight, cross], [cross, straight]]
     for w in circuit.waveguides:
         if w.delay == 0:
             C[entry[w.stop], exit[w.start]] = w.transmission
@@ -111,6 +112,10 @@ def light_of(circuit: Circuit) -> Light:
     from_ring, from_laser, from_delay = np.split(inside, [n, n + len(circuit.lasers)], axis=1)
     terminals = (*(w.start for w in late), *circuit.outputs.values(), *(w.start for w in lossy))
     rows = [exit[name] for name in terminals]
+    lost = np.zeros(len(rows))
+    lost[len(rows) - len(lossy) :] = [1 - abs(w.transmission) ** 2 for w in lossy]
+    bandwidth = np.zeros(len(rows))
+    bandwidth[len(late) : len(rows) - len(lossy)] = circuit.bandwidths
     return Light(
         between=1j * K.T @ from_ring,
         from_laser=K.T @ from_laser,
@@ -120,8 +125,8 @@ def light_of(circuit: Circuit) -> Light:
         seen_delay=(S @ from_delay)[rows],
         terminals=terminals,
         delay=np.array([w.delay for w in late]),
-        lost=np.array([0.0] * (len(rows) - len(lossy)) + [1 - abs(w.transmission) ** 2 for w in lossy]),
-        corner=2 * np.pi * np.array([0.0] * len(late) + [*circuit.bandwidths] + [0.0] * len(lossy)),
+        lost=lost,
+        corner=2 * np.pi * bandwidth,
     )
 
 
@@ -134,7 +139,8 @@ def network_of(light: Light, *, detected: bool, energies: bool, time_tolerance: 
     M = light.between * eq.NS
     root = np.sqrt(eq.NS)
     corner = light.corner * eq.NS * detected
-    feeds = (np.abs(M) > ROUND_OFF * np.abs(M).max()) & ~np.eye(len(M), dtype=bool)
+    large = np.abs(M) > ROUND_OFF * np.abs(M).max()
+    feeds = large & ~np.eye(len(M), dtype=bool)
     between = np.where(feeds, M, 0)
     feeders = {i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)}
     try:
@@ -165,8 +171,10 @@ def network_of(light: Light, *, detected: bool, energies: bool, time_tolerance: 
 def _one_waveguide(M: Complex, order: NDArray[np.int32]) -> tuple[Complex | None, Complex | None]:
     """Vectors t and s with M_ij = t_i s_j below the diagonal (rings on one bus); (None, None) if M has another form."""
     if order.size:
-        (first, last), ordered = order[[0, -1]], np.ix_(order, order)
-        taken, sent = M[:, first], M[last] / (M[last, first] or 1.0)
+        first, last = order[[0, -1]]
+        ordered = np.ix_(order, order)
+        taken = M[:, first]
+        sent = M[last] / (M[last, first] or 1.0)
         miss = np.tril(np.outer(taken, sent)[ordered], -1) - M[ordered]
         if np.abs(miss).max() <= ROUND_OFF * np.abs(M).max():
             return taken, sent
@@ -216,27 +224,29 @@ def ring_heat(thermal: Any, rings: Sequence[RingResonator], names: Sequence[str]
     if several and not (len(parts) == 1 and {*model.outputs} <= {*parts, LIGHT}):
         return _of_array(model.of_rings(names), rings, names)
     drives = {AMBIENT: 0.0} if AMBIENT in model.inputs else {}
-    each = [channels(thermal, ring.read, drives, parts[0]) for ring in rings]
-    models = [one.model for one in each]
+    picked = [channels(thermal, ring.read, drives, parts[0]) for ring in rings]
+    models = [channel.model for channel in picked]
     networks = [small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit") for small in models]
     order = networks[0].order
     read = np.eye(len(rings))[:, :, None] * np.ones(order)
     gain = np.array([network.gain for network in networks])
     rate = np.array([1 / np.asarray(network.tau) for network in networks])
-    moved = {}
+    heaters = {}
     if drives:
-        ambient = [one.transfers[AMBIENT] for one in each]
-        moved[AMBIENT] = Poles(1 / np.asarray(ambient[0].tau), np.array([one.gain for one in ambient]))
+        ambient = [channel.transfers[AMBIENT] for channel in picked]
+        gains = np.array([transfer.gain for transfer in ambient])
+        heaters[AMBIENT] = Poles(1 / np.asarray(ambient[0].tau), gains)
     ports = [(small.inputs[0], small.outputs[0]) for small in models]
     doubts = _doubts(rings, thermal, ports)
-    return RingHeat(gain, rate, read, float(getattr(models[0], "coefficient", 0.0)), False, moved, doubts)
+    curvature = float(getattr(models[0], "coefficient", 0.0))
+    return RingHeat(gain, rate, read, curvature, False, heaters, doubts)
 
 
 def _doubts(rings: Sequence[RingResonator], thermal: Any, ports: Sequence[tuple[str, str]]) -> dict[str, str]:
     """The warnings of `thermal.check_ports` on all rings with their (input, output), each once, as an attribute."""
-    each = dict.fromkeys(zip(rings, ports, strict=True))
-    found = [check_ports(ring, thermal, *port).get("warning", "") for ring, port in each]
-    warnings = dict.fromkeys(filter(None, found))
+    pairs = dict.fromkeys(zip(rings, ports, strict=True))
+    words = [check_ports(ring, thermal, *port).get("warning", "") for ring, port in pairs]
+    warnings = dict.fromkeys(filter(None, words))
     return {"warning": "; ".join(warnings)} if warnings else {}
 
 
@@ -248,18 +258,19 @@ def _of_array(model: StateSpace, resonators: Sequence[RingResonator], names: Seq
             "of each for every ring is needed (surrogate.reduce_array), or one model for all rings"
         )
     rate, B, C = _modes(model)
-    own = model.outputs
-    if {*own} == {*names} and own == model.inputs[:rings]:
-        order = [own.index(name) for name in names]
-        B, C = B[:, [*order, *range(rings, len(model.inputs))]], C[order]
-    elif own != tuple(f"ring {k + 1}" for k in range(rings)):
-        log.warning("thermal is of %s: they stand for the rings %s, in this order", ", ".join(own), ", ".join(names))
+    places = model.outputs
+    if {*places} == {*names} and places == model.inputs[:rings]:
+        order = [places.index(name) for name in names]
+        B = B[:, [*order, *range(rings, len(model.inputs))]]
+        C = C[order]
+    elif places != tuple(f"ring {k + 1}" for k in range(rings)):
+        log.warning("thermal is of %s: they stand for the rings %s, in this order", ", ".join(places), ", ".join(names))
     scale = np.abs(model.gain).max()
     heated = []  # states that each input heats
     for b in B.T:
-        each = np.abs(C * b / rate)
-        check_resistance(float(each.sum(axis=1).max()))
-        heated.append(np.flatnonzero(each.max(axis=0) > NOTHING * scale))
+        rises = np.abs(C * b / rate)
+        check_resistance(float(rises.sum(axis=1).max()))
+        heated.append(np.flatnonzero(rises.max(axis=0) > NOTHING * scale))
     most = max(k.size for k in heated[:rings])
     # from 8 states on a multiple of 4, the numbers that a processor adds at once
     most = most if most < 8 else -(-most // 4) * 4
@@ -267,10 +278,13 @@ def _of_array(model: StateSpace, resonators: Sequence[RingResonator], names: Seq
     rates = np.full((rings, most), rate.max())
     read = np.zeros((rings, rings, most))
     for j, k in enumerate(heated[:rings]):
-        gain[j, : k.size], rates[j, : k.size], read[:, j, : k.size] = B[k, j], rate[k], C[:, k]
-    later = zip(model.inputs, B.T, heated, strict=True)
-    heaters = {name: Poles(rate[k], C[:, k] * b[k]) for name, b, k in [*later][rings:]}
-    ports = list(zip(model.inputs[:rings], own, strict=True))
+        gain[j, : k.size] = B[k, j]
+        rates[j, : k.size] = rate[k]
+        read[:, j, : k.size] = C[:, k]
+    heaters = {}
+    for name, b, k in zip(model.inputs[rings:], B.T[rings:], heated[rings:], strict=True):
+        heaters[name] = Poles(rate[k], C[:, k] * b[k])
+    ports = list(zip(model.inputs[:rings], places, strict=True))
     heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters, _doubts(resonators, model, ports))
     checks.positive("thermal: R_th of every ring", heat.thermal_resistance.min(), unit="K/W")
     return heat
@@ -281,7 +295,11 @@ def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
     checks.integer("states of thermal", model.order, 1, MOST, hint="reduce it first (surrogate.reduce_array)")
     E = model.E.toarray() if hasattr(model.E, "toarray") else np.asarray(model.E, dtype=float)
     A = model.A.toarray() if hasattr(model.A, "toarray") else np.asarray(model.A, dtype=float)
-    if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))) and np.diag(A).max() < 0:
-        return -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)  # its own modes
-    rate, modes = eigenmodes(model)
-    return rate, modes.T @ np.asarray(model.B), np.asarray(model.C) @ modes
+    B = np.asarray(model.B, dtype=float)
+    C = np.asarray(model.C, dtype=float)
+    rates = -np.diag(A)
+    modal = np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(-rates))
+    if modal and rates.min() > 0:
+        return rates, B, C
+    rates, modes = eigenmodes(model)
+    return rates, modes.T @ B, C @ modes

@@ -58,14 +58,14 @@ def run_circuit(
         lit = [power.coefficients.any() for power in system.lights.powers]
         beat = np.ptp(np.append(system.lights.turning[lit], 0.0))  # rad/ns, of the lit lasers and the frame
         longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat, 1e-300))
-    asked, kept = dense_times(thermal, times, duration)
+    dense, asked = dense_times(thermal, times, duration)
     y = problem.zero()
     units = eq.units(problem.order, problem.rings)
     tau = 1 / system.heat.rate
     if initial is not None:
         y = final_state(initial, y.size, {"model_tau": tau}) / units
     run = problem.integrate(
-        y, rtol=rtol, times=asked / eq.NS if asked.size else None, longest=longest,
+        y, rtol=rtol, times=dense / eq.NS if dense.size else None, longest=longest,
         progress=(lambda t: progress(t * eq.NS)) if progress else None,
     )  # fmt: skip
     rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
@@ -73,24 +73,28 @@ def run_circuit(
         if offset.coefficients.any():
             rises[:, i] += offset(run.rows[:, 0] * eq.NS)
     trusted(thermal, rises)
-    found = as_dataset(system, run.rows[kept] if times.size else run.rows, average)
-    found.attrs |= {
+    rows = run.rows[asked] if times.size else run.rows
+    result = as_dataset(system, rows, average)
+    result.attrs |= {
         "duration": duration, "rtol": rtol, "method": chosen.value, "steps": run.accepted,
         "rejected_steps": run.rejected, "final_state": run.y * units, "model_tau": np.ravel(tau),
         "driven_until": max(system.lights.driven_until, system.heating.driven_until),
     }  # fmt: skip
-    found.attrs |= system.heating.attributes
+    result.attrs |= system.heating.attributes
     if system.heat.heaters:
-        found.attrs["heater_states"] = np.concatenate(system.heating.states(duration))
-    return found
+        result.attrs["heater_states"] = np.concatenate(system.heating.states(duration))
+    return result
 
 
 def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset:
     """Convert the rows of the kernel to a Dataset over time, ring, port and laser, in SI."""
-    circuit, light = system.circuit, system.light
-    time, further = rows[:, 0] * eq.NS, rows[:, 1 + 4 * len(circuit.names) :].T
+    circuit = system.circuit
+    light = system.light
+    time = rows[:, 0] * eq.NS
+    further = rows[:, 1 + 4 * len(circuit.names) :].T
     fields, N, rise, absorbed = eq.in_si(system.rings, rows)
-    D, Q = light.delay.size, len(light.terminals)
+    D = light.delay.size
+    Q = len(light.terminals)
     if further.size:
         waves = (further[: 2 * Q : 2] + 1j * further[1 : 2 * Q : 2]) * eq.UW**0.5
     else:  # no delays
@@ -99,12 +103,14 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
     power = np.abs(waves) ** 2
     ports = slice(D, D + len(circuit.ports))
     scattering = np.array([[2 * ring.scattering_rate] for ring in circuit.resonators])
-    given = np.array([np.maximum(p(time), 0) for p in system.lights.powers])
+    input_power = np.array([np.maximum(p(time), 0) for p in system.lights.powers])
     on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
-    shown, corner = power[ports], light.corner[ports, None]
+    shown = power[ports]
+    corner = light.corner[ports, None]
     by_port = {"output": shown, "phase": np.angle(waves[ports])}
     if further.size and corner.any():
-        by_port["detected"] = shown = np.where(corner > 0, further[-Q:][ports] * eq.UW, shown)
+        shown = np.where(corner > 0, further[-Q:][ports] * eq.UW, shown)
+        by_port["detected"] = shown
     if average:
         lag = np.divide(1.0, corner, out=np.zeros_like(corner), where=corner > 0)  # dz/dt = (P - z)/lag
         energies = further[2 * Q : 3 * Q][ports] * eq.FJ - lag * shown
@@ -112,17 +118,18 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
         gathered = np.diff(energies, prepend=0.0, axis=1)
         by_port["mean_output"] = np.divide(gathered, length, out=shown.copy(), where=length > 0)
     by_ring = {"energy": energy, "carriers": N, "delta_T": rise, "absorbed": absorbed, "scattered": scattering * energy}
-    overall = {"lost": light.lost @ power + on_the_way @ given}
+    overall = {"lost": light.lost @ power + on_the_way @ input_power}
     attrs = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": parameters(circuit)}
     attrs |= system.heat.doubts
     if system.detuning.steady:
         attrs["detuning"] = float(system.detuning(0.0))
     else:
         overall["detuning"] = system.detuning(time)
+    groups = {("ring",): by_ring, ("port",): by_port, ("laser",): {"input": input_power}, (): overall}
     variables = {
-        name: ((*over, "time"), v, dataset.describe(name))
-        for over, group in ((["ring"], by_ring), (["port"], by_port), (["laser"], {"input": given}), ([], overall))
-        for name, v in group.items()
+        name: ((*over, "time"), values, dataset.describe(name))
+        for over, group in groups.items()
+        for name, values in group.items()
     }
     coordinates = {
         "time": ("time", time, dataset.describe("time")),

@@ -48,7 +48,8 @@ def circuit_steady_states(
     """
     system = autonomous(circuit, thermal, power, heaters, detuning)
     states = described(system, fixed_points(system, starts, seed))
-    trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
+    linear_rise = states["absorbed"].values * system.heat.thermal_resistance
+    trusted(thermal, states["delta_T"].values, linear_rise)
     return states.assign_attrs(system.heat.doubts)
 
 
@@ -57,15 +58,15 @@ def fixed_points(system: System, starts: int, seed: int) -> list[Array]:
     starts = checks.integer("starts", starts, 0, 100_000)
     problem = system.problem(Method.RODAS5P)
     light = slice(3 * problem.rings)
-    found: list[Array] = []
+    points: list[Array] = []
     for guess in _guesses(system, starts, seed):
         y = _fixed_point(system, problem, guess)
         if y is None:
             continue
         allowed = SAME * np.linalg.norm(y[light])
-        if all(np.linalg.norm((y - other)[light]) > allowed for other in found):
-            found.append(y)
-    return sorted(found, key=lambda y: _energy(y[light]))
+        if all(np.linalg.norm((y - other)[light]) > allowed for other in points):
+            points.append(y)
+    return sorted(points, key=lambda y: _energy(y[light]))
 
 
 def _energy(light: Array) -> float:
@@ -77,26 +78,26 @@ def autonomous(
     circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
     """The system of a circuit under constant light of one frequency; InputError for varying light or with delays."""
-    given = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
-    numbers = {f"power[{name!r}]": watts for name, watts in given.items()} | {"detuning": detuning}
+    powers = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
+    numbers = {f"power[{name!r}]": watts for name, watts in powers.items()} | {"detuning": detuning}
     for name, value in numbers.items():
         checks.finite(name, value, hint="fixed points and limit cycles belong to a number")
-    given_heaters = checks.mapping("heaters", heaters)
-    check_constant(resistive_heaters(thermal, given_heaters), "a circuit")
-    powers = at_rest(thermal, given_heaters).powers
-    for heater, watts in powers.items():
+    drives = checks.mapping("heaters", heaters)
+    check_constant(resistive_heaters(thermal, drives), "a circuit")
+    heat = at_rest(thermal, drives).powers
+    for heater, watts in heat.items():
         heater_power(heater, watts)
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
     names = [laser.name for laser in circuit.lasers]
-    for name in given:
+    for name in powers:
         checks.choice("a name in power", name, names)
-    lit = [laser for laser in circuit.lasers if given.get(laser.name, 0.0) > 0] or list(circuit.lasers)
+    lit = [laser for laser in circuit.lasers if powers.get(laser.name, 0.0) > 0] or list(circuit.lasers)
     if len({laser.offset for laser in lit}) > 1:
         raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
-    own = {laser.name: given.get(laser.name, 0.0) for laser in lit}
+    lit_powers = {laser.name: powers.get(laser.name, 0.0) for laser in lit}
     alone = replace(circuit, lasers=lit)
-    return system_of(alone, thermal, power=own, heaters=powers, detuning=detuning, duration=1.0)
+    return system_of(alone, thermal, power=lit_powers, heaters=heat, detuning=detuning, duration=1.0)
 
 
 def _fixed_point(system: System, problem: Problem, y: Array) -> Array | None:
@@ -105,7 +106,8 @@ def _fixed_point(system: System, problem: Problem, y: Array) -> Array | None:
     None without convergence, or if a carrier density is negative. Corrections are relative to the larger of |y| and the
     absolute tolerances of the states.
     """
-    n, floor = problem.rings, system.rings.floor
+    n = problem.rings
+    floor = system.rings.floor
     least = np.concatenate([floor[:, [0, 0, 1]].ravel(), np.full(y.size - 3 * n, 1e-6)])
     try:
         for _ in range(ITERATIONS):
@@ -116,10 +118,12 @@ def _fixed_point(system: System, problem: Problem, y: Array) -> Array | None:
             # the last correction is below 1e-11
             if size < 1e-11 * np.sqrt(y.size):
                 y = y + step
-                return None if np.any(y[2 : 3 * n : 3] < -least[2]) else y
+                carriers = y[2 : 3 * n : 3]
+                return None if np.any(carriers < -least[2]) else y
             damping = 1.0
             while damping > 1e-4:
-                following = np.linalg.solve(J, -problem.slopes(y + damping * step)[0])
+                ahead, _ = problem.slopes(y + damping * step)
+                following = np.linalg.solve(J, -ahead)
                 if float(np.linalg.norm(following / scale)) < (1 - damping / 4) * size:
                     break
                 damping /= 2
@@ -131,11 +135,13 @@ def _fixed_point(system: System, problem: Problem, y: Array) -> Array | None:
 
 def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     """Start states for Newton's method: the low-power branch at full power, then random detunings of the hot rings."""
-    n, drive = len(system.circuit.names), system.lights.drive
+    n = len(system.circuit.names)
+    drive = system.lights.drive
     y = system.problem(Method.RODAS5P).zero()
     for share in np.geomspace(1e-3, 1.0, RAMP):
         power = drive.power._replace(coefficients=share * drive.power.coefficients)
-        weaker = replace(system, lights=system.lights._replace(drive=drive._replace(power=power)))
+        dimmed = system.lights._replace(drive=drive._replace(power=power))
+        weaker = replace(system, lights=dimmed)
         following = _fixed_point(weaker, weaker.problem(Method.RODAS5P), y)
         if following is None:
             break
@@ -145,22 +151,25 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     for _ in range(starts):
         u = rng.uniform(-1, 1, n)
         # within five half widths of the resonance; beyond light hardly heats
-        yield _state_at(system, 5.0 * system.rings.modes[:, 0, 0] * u * np.abs(u))
+        widest = 5.0 * system.rings.modes[:, 0, 0]
+        yield _state_at(system, widest * u * np.abs(u))
 
 
 def _state_at(system: System, D: Array) -> Array:
     """State vector at the resonance detunings D (rad/ns) of the hot rings; without heat flow between the rings."""
     n = len(D)
-    power, phase = system.lights.drive.power.coefficients[0, :, 0], system.lights.drive.phase.coefficients[0, :, 0]
-    into = system.lights.drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
+    drive = system.lights.drive
+    power = drive.power.coefficients[0, :, 0]
+    phase = drive.phase.coefficients[0, :, 0]
+    into = drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
     between = system.light.between * eq.NS
     rates = eq.Mode(*system.rings.modes[:, 0].T)
     tau0, a, b = system.rings.carriers.T
     U = np.zeros(n)
     N = np.zeros(n)
     for _ in range(SWEEPS):
-        own = np.diag(field_loss(U, N, rates) - 1j * D)
-        field = np.linalg.solve(own - between, 1j * into)
+        alone = np.diag(field_loss(U, N, rates) - 1j * D)
+        field = np.linalg.solve(alone - between, 1j * into)
         U = 0.5 * U + 0.5 * np.abs(field) ** 2
         steady, _ = steady_carriers(rates.generation * U**2, tau0, a, b)
         N = 0.5 * N + 0.5 * steady
@@ -169,25 +178,29 @@ def _state_at(system: System, D: Array) -> Array:
     return np.concatenate([np.column_stack([field.real, field.imag, N]).ravel(), x.ravel()])
 
 
-def described(system: System, found: list[Array]) -> xr.Dataset:
+def described(system: System, points: list[Array]) -> xr.Dataset:
     """The fixed points as a Dataset over state, ring and port, in SI."""
     problem = system.problem(Method.RODAS5P)
     n, K = system.heat.gain.shape
-    y = np.array(found).reshape(-1, problem.size)
+    y = np.array(points).reshape(-1, problem.size)
+    light = y[:, : 3 * n].reshape(-1, n, 3)
     x = y[:, 3 * n :].reshape(-1, n, K)
     z = np.einsum("ijk,sjk->si", system.heat.read, x)  # of one ring alone where the model has a curvature
-    rises = z + system.heat.curvature * z**2 + np.array([float(offset(0.0)) for offset in system.heating.rises])
-    rows = np.dstack([y[:, : 3 * n].reshape(-1, n, 3), rises]).reshape(len(y), -1)
+    by_heaters = np.array([float(offset(0.0)) for offset in system.heating.rises])
+    rises = z + system.heat.curvature * z**2 + by_heaters
+    rows = np.dstack([light, rises]).reshape(len(y), -1)
     states = as_dataset(system, np.hstack([np.zeros((len(y), 1)), rows]))
     states = states[["energy", "carriers", "delta_T", "absorbed", "output"]].drop_vars("time")
     states = states.rename_dims(time="state").transpose("state", "ring", "port")
-    values = np.array([np.linalg.eigvals(problem.slopes(one)[1]) for one in y]).reshape(y.shape)
-    first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0]
-    for name, column in (
-        ("growth_rate", first.real / eq.NS),
-        ("frequency", np.abs(first.imag) / (2 * np.pi * eq.NS)),
-        ("growing", (values.real > 0).sum(axis=1)),
-    ):
+    values = np.array([np.linalg.eigvals(problem.slopes(state)[1]) for state in y]).reshape(y.shape)
+    leading = values.real.argmax(axis=1)
+    first = np.take_along_axis(values, leading[:, None], axis=1)[:, 0]
+    columns = {
+        "growth_rate": first.real / eq.NS,
+        "frequency": np.abs(first.imag) / (2 * np.pi * eq.NS),
+        "growing": (values.real > 0).sum(axis=1),
+    }
+    for name, column in columns.items():
         states[name] = ("state", column, dataset.describe(name))
     return states.assign_attrs(dataset.stamp("fixed points of a circuit"))
 
@@ -198,8 +211,9 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
     [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
     """
     nu = check_axis("detuning", detuning)
-    names = [one.name for one in circuit.lasers]
-    lit = {name: watts for name, watts in checks.mapping("power", power).items() if watts > 0} or {names[0]: 0.0}
+    names = [laser.name for laser in circuit.lasers]
+    powers = checks.mapping("power", power)
+    lit = {name: watts for name, watts in powers.items() if watts > 0} or {names[0]: 0.0}
     for name in lit:
         checks.choice("power", name, names)
     if len(lit) > 1 or max(lit.values()) > WEAK:
@@ -209,13 +223,17 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
         )
     k = names.index(next(iter(lit)))
     light = light_of(circuit)
-    responses = [_response(circuit, light.at(float(one)), float(one), k) for one in nu + circuit.lasers[k].offset]
-    seen, fields = (np.array(columns).T for columns in zip(*responses, strict=True))
+    waves = np.empty((len(circuit.ports), nu.size), dtype=complex)
+    fields = np.empty((len(circuit.names), nu.size), dtype=complex)
+    for column, frequency in enumerate((nu + circuit.lasers[k].offset).tolist()):
+        waves[:, column], fields[:, column] = _response(circuit, light.at(frequency), frequency, k)
+    by_port = ("port", "detuning")
+    by_ring = ("ring", "detuning")
     return xr.Dataset(
         {
-            "transmission": (("port", "detuning"), np.abs(seen) ** 2, {"units": "1", "long_name": "transmission"}),
-            "phase": (("port", "detuning"), np.angle(seen), {"units": "rad", "long_name": "phase"}),
-            "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
+            "transmission": (by_port, np.abs(waves) ** 2, {"units": "1", "long_name": "transmission"}),
+            "phase": (by_port, np.angle(waves), {"units": "rad", "long_name": "phase"}),
+            "energy": (by_ring, np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
         },
         coords={
             "port": list(circuit.ports),
@@ -231,14 +249,19 @@ def _response(circuit: Circuit, light: Light, detuning: float, k: int) -> tuple[
     The waves u at the starts of the delayed waveguides solve u = A a + B l + P u.
     """
     late = slice(0, light.delay.size)
-    A, B, around = light.seen_ring[late], light.seen_laser[late, k], np.eye(late.stop) - light.seen_delay[late]
+    A = light.seen_ring[late]
+    B = light.seen_laser[late, k]
+    around = np.eye(late.stop) - light.seen_delay[late]
     if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
         what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"
         raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
     back = light.from_delay @ np.linalg.inv(around)
-    turn = 2 * np.pi * np.array([float(circuit.frequency or 0) + detuning - r.frequency for r in circuit.resonators])
-    own = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * turn)
-    a = np.linalg.solve(own - light.between - 1j * back @ A, 1j * (light.from_laser[:, k] + back @ B))
+    frequency = float(circuit.frequency or 0) + detuning
+    turn = 2 * np.pi * np.array([frequency - ring.frequency for ring in circuit.resonators])
+    alone = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * turn)
+    entering = light.from_laser[:, k] + back @ B
+    a = np.linalg.solve(alone - light.between - 1j * back @ A, 1j * entering)
     u = np.linalg.solve(around, A @ a + B)
     waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
-    return waves[late.stop : late.stop + len(circuit.ports)], np.asarray(a)
+    ports = slice(late.stop, late.stop + len(circuit.ports))
+    return waves[ports], np.asarray(a)

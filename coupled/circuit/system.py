@@ -39,8 +39,10 @@ class System:
 
     def problem(self, method: Method, *, detected: bool = False, energies: bool = False) -> Problem:
         """The equations for the kernel; ``detected`` adds detector low passes, ``energies`` the integrated powers."""
-        heat, own = self.heat, np.einsum("iik->ik", self.heat.read)
-        cross = np.where(np.eye(len(own), dtype=bool)[:, :, None], 0.0, heat.read) if heat.crossed else None
+        heat = self.heat
+        own = np.einsum("iik->ik", heat.read)
+        diagonal = np.eye(len(own), dtype=bool)[:, :, None]
+        cross = np.where(diagonal, 0.0, heat.read) if heat.crossed else None
         time_tolerance = 2 * SAME_TIME * self.lights.drive.edges[-1]
         network = network_of(self.light, detected=detected, energies=energies, time_tolerance=time_tolerance)
         poles = PoleHeat(heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS, own, cross)
@@ -81,16 +83,17 @@ def _rings(circuit: Circuit, heat: RingHeat, drive: Drive) -> Rings:
     whole = np.sqrt(drive.brightest.sum()) * coupler
     reaching = np.abs(drive.entry) @ np.sqrt(drive.brightest)
     pumps = np.where(reaching < 1e-6 * whole, whole, reaching)
-    each = [
+    rings = [
         eq.internal_rings([ring], float(pump), float(R) * eq.UW)
         for ring, pump, R in zip(circuit.resonators, pumps, heat.thermal_resistance, strict=True)
     ]
-    dispersion = np.tile([0.0, 1.0], (len(each), max(one.dispersion.shape[1] for one in each), 1))
-    for row, one in zip(dispersion, each, strict=True):
-        row[: one.dispersion.shape[1]] = one.dispersion[0]
-    modes = np.concatenate([one.modes for one in each])
-    carriers = np.concatenate([one.carriers for one in each])
-    floor = np.concatenate([one.floor for one in each])
+    terms = [ring.dispersion.shape[1] for ring in rings]
+    dispersion = np.tile([0.0, 1.0], (len(rings), max(terms), 1))
+    for row, ring, count in zip(dispersion, rings, terms, strict=True):
+        row[:count] = ring.dispersion[0]
+    modes = np.concatenate([ring.modes for ring in rings])
+    carriers = np.concatenate([ring.carriers for ring in rings])
+    floor = np.concatenate([ring.floor for ring in rings])
     return Rings(modes, carriers, dispersion, floor, heat.curvature)
 
 
@@ -111,9 +114,12 @@ def inputs_of(
             checks.choice(f"a name in {what}", name, names)
     watts = [power_in_time(power.get(name, 0.0), duration) for name in names]
     shifts = [detuning_in_time(given.get(name, 0.0), duration) for name in names]
-    if not all(isinstance(one, float) for one in shifts) and any(w.delay > 0 for w in circuit.waveguides):
+    varies = not all(isinstance(shift, float) for shift in shifts)
+    if varies and any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("detuning varies, and the circuit has delays, whose phases belong to one frequency")
-    return [pieces("power", one, 0.0, duration) for one in watts], [pieces("", one, 0.0, duration) for one in shifts]
+    powers = [pieces("power", value, 0.0, duration) for value in watts]
+    detunings = [pieces("", value, 0.0, duration) for value in shifts]
+    return powers, detunings
 
 
 def echoes(edges: Array, light: Light, duration: float) -> Array:
@@ -125,17 +131,19 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
     """
     delays = np.unique(light.delay)
     gain = float(np.abs(light.seen_delay[: light.delay.size]).sum(axis=1).max(initial=0.0))
-    found = newest = edges
+    arrivals = newest = edges
     generation = 0
     # breakpoints that come back with less than 1e-7 of the light are left to the error control
     while delays.size and newest.size and gain ** max(generation - 1, 0) > 1e-7:
         later = np.add.outer(newest, delays).ravel()
-        together = apart_in_time(np.concatenate([found, later[later < duration]]), found[[0, -1]])
-        found, newest = together, np.setdiff1d(together, found)
+        together = np.concatenate([arrivals, later[later < duration]])
+        together = apart_in_time(together, arrivals[[0, -1]])
+        newest = np.setdiff1d(together, arrivals)
+        arrivals = together
         generation += 1
         hint = "shorten the run or lengthen the delays"
-        checks.between("power: number of its edges and echoes", found.size, 0, MOST_EDGES, hint=hint)
-    return found
+        checks.between("power: number of its edges and echoes", arrivals.size, 0, MOST_EDGES, hint=hint)
+    return arrivals
 
 
 def lights_of(
@@ -148,14 +156,16 @@ def lights_of(
         return add([detuning, Pieces.constant(0.0, duration, by)])
 
     reference = float(circuit.frequency or 0.0) + circuit.lasers[0].offset
+    frequencies = [moved(own, laser.offset) for own, laser in zip(detunings, circuit.lasers, strict=True)]
+    of_rings = []
+    for ring, rise in zip(circuit.resonators, rises, strict=True):
+        cold = moved(detunings[0], reference - ring.frequency).times(2 * np.pi)
+        of_rings.append(add([cold, rise.times(ring.thermal_shift)]))
     return lights(
         powers,
-        [moved(own, laser.offset) for own, laser in zip(detunings, circuit.lasers, strict=True)],
+        frequencies,
         frame=[0] * len(powers),
-        detunings=[
-            add([moved(detunings[0], reference - ring.frequency).times(2 * np.pi), rise.times(ring.thermal_shift)])
-            for ring, rise in zip(circuit.resonators, rises, strict=True)
-        ],
+        detunings=of_rings,
         entry=light.from_laser,
         echoes=lambda edges: echoes(edges, light, duration),
     )
