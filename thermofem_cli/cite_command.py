@@ -3,6 +3,7 @@
 import importlib
 import os
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +21,7 @@ from . import options
 from .command_files import expect
 from .console import say, settings, terminal
 
+SOURCES = Path(th.__file__).parents[1]  # the folder of the packages: of the sources, if it is a checkout
 _SPECIAL = {c: f"\\{c}" for c in "{}%#&_$"} | {"\\": "\\textbackslash{}", "^": "\\^{}", "~": "\\~{}"}
 _LATEX = str.maketrans(_SPECIAL)
 
@@ -125,11 +127,16 @@ def reproduce(
 ) -> dict[str, Any]:
     """Reproduce the paper from our own FEM, in a checkout: report.html with every figure and number, and their data.
 
+    Where thermofem is installed outside of it, run this in the folder of the sources.
+
     Started again, it goes on where it was, however it ended. The exit code is 1 where a row has no number.
     """
-    if not Path(th.__file__).parents[1].joinpath("paper", "report", "runner.py").is_file():
-        where = "it stands in paper/ of the sources: `make demo` there installs and runs it"
+    checkouts = [folder for folder in (SOURCES, Path.cwd()) if (folder / "paper" / "report" / "runner.py").is_file()]
+    if not checkouts:
+        where = "run it in the folder of the sources, which has paper/"
         raise InputError("reproduce needs a checkout", where)
+    if str(checkouts[0]) not in sys.path:  # that of an installed program has no working folder
+        sys.path.append(str(checkouts[0]))
     runner = importlib.import_module("paper.report.runner")
     workers = settings.threads or len(os.sched_getaffinity(0))
     made: dict[str, Any] = runner.run(output, quick=quick, workers=workers, console=terminal(err=settings.json))

@@ -29,6 +29,9 @@ EVERYWHERE: dict[str, tuple[Any, Any]] = {
 }
 
 Geometry = Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")]
+Mesh = Annotated[
+    Path | None, typer.Option(help="Your own mesh (.msh, in m): triangles in groups named after layers and parts.")
+]
 Accuracy = Annotated[float, typer.Option(help="Wanted relative error of the mesh.")]
 
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]

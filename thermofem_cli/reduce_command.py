@@ -26,6 +26,7 @@ def reduce(
     geometry: options.Geometry = None,
     tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
     accuracy: options.Accuracy = 1e-3,
+    mesh: options.Mesh = None,
     heated: Annotated[
         str | None, typer.Option(help="Inputs, the ring first: 'core, heater'; default: the ring.")
     ] = None,
@@ -41,14 +42,14 @@ def reduce(
     """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
     if positions is not None:
         options.unused(context, "has no effect with --positions: every ring of an array is read", "read")
-    check_outputs([output], inputs=[geometry, positions])
+    check_outputs([output], inputs=[geometry, positions, mesh])
     if geometry is not None and kind_of(geometry) == "layout":
         why = "has no effect on a layout: its shapes are heated and read"
-        options.unused(context, why, "heated", "read", "positions", "accuracy")
+        options.unused(context, why, "heated", "read", "positions", "accuracy", "mesh")
         return _layout(geometry, max(tolerance, LAYOUT), output)
     section = section_of(geometry)
     with working("meshing, assembling and reducing"):
-        heat = th.assemble(section, accuracy)
+        heat = th.assemble(section, accuracy, mesh=mesh)
         names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]
         for name in names:
             checks.choice("--heated", name, heat.heated)

@@ -43,6 +43,7 @@ def solve(
     ] = None,
     read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
     accuracy: options.Accuracy = 1e-3,
+    mesh: options.Mesh = None,
     rtol: options.Rtol = 1e-4,
     figure: options.Figure = None,
     preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
@@ -62,12 +63,12 @@ def solve(
         solving = "power", "pulse", "square", "duty", "periodic", "duration", "samples", "heated", "read", "rtol"
         options.unused(context, why, *solving, "figure", "field_times", "paraview", "output")
         picture = preview or Path("preview.png")
-        check_outputs([picture], images=[picture], inputs=[geometry])
+        check_outputs([picture], images=[picture], inputs=[geometry, mesh])
         section = section_of(geometry)
         with working("meshing"):
-            mesh = th.mesh.mesh_for(section, accuracy)
-        _preview(section, mesh, picture)
-        say(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles")
+            drawn = th.mesh.load(mesh) if mesh else th.mesh.mesh_for(section, accuracy)
+        _preview(section, drawn, picture)
+        say(f"{section.name}: {', '.join(drawn.region_names)}; {len(drawn.triangles)} triangles")
         wrote(picture)
         return {"preview": picture}
     if periodic:
@@ -76,7 +77,7 @@ def solve(
     section = section_of(geometry)
     wave = heating(context, power, pulse, square, duty)
     files = [output, figure, preview, paraview]
-    check_outputs(files, images=[figure, preview], inputs=[geometry])
+    check_outputs(files, images=[figure, preview], inputs=[geometry, mesh])
     length = quantity.positive(duration, "s", name="--duration")
     kept = times_of(field_times)
     if paraview and not kept:
@@ -85,7 +86,7 @@ def solve(
         th.fields.field_file(paraview, len(kept))
 
     with working("meshing and assembling"):
-        heat = th.assemble(section, accuracy)
+        heat = th.assemble(section, accuracy, mesh=mesh)
     if preview:
         _preview(section, heat.mesh, preview)
     parts = [name.strip() for name in heated.split(",")] if heated else []

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 
 from paths import ROOT
 from typer.testing import CliRunner
@@ -65,3 +68,29 @@ def test_text_of_a_file_is_one_printable_line_and_no_latex(tmp_path):
     assert "\x1b" not in cited(tmp_path / "data.nc")
     note = cited(tmp_path / "data.nc", "--bibtex").splitlines()[-2]
     assert r"a\textbackslash{}x1b[31m\textbackslash{}nb \textbackslash{}\textbackslash{}write18\{rm\} 5 \%\}}" in note
+
+
+RUNNER = """
+def run(output, *, quick, workers, console):
+    return {"incomplete": 0, "output": str(output), "quick": quick}
+"""
+
+
+def test_reproduce_of_an_installed_program_finds_the_paper_in_the_working_folder(tmp_path):
+    site = tmp_path / "site"
+    site.mkdir()
+    for package in ("thermofem", "surrogate", "coupled", "thermofem_cli"):
+        (site / package).symlink_to(ROOT / package)
+    (site / "program.py").write_text("from thermofem_cli import main\nmain()\n")  # sys.path begins with site
+    report = tmp_path / "checkout" / "paper" / "report"
+    report.mkdir(parents=True)
+    (report / "runner.py").write_text(RUNNER)
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    command = [sys.executable, site / "program.py", "reproduce", "--quick", "--json"]
+    settings = {"env": environment, "capture_output": True, "text": True, "check": False}
+    done = subprocess.run(command, cwd=tmp_path / "checkout", **settings)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["quick"] is True
+    done = subprocess.run(command, cwd=tmp_path, **settings)
+    assert done.returncode == 2
+    assert "reproduce needs a checkout" in done.stderr

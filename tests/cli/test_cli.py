@@ -33,6 +33,21 @@ def test_solve_writes_what_the_library_computes(tmp_path):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
 
 
+def test_solve_and_reduce_take_a_mesh_of_ones_own(tmp_path):
+    """The coarser mesh is taken as it is: its R_th is its own, not that of accuracy 1e-3."""
+    (tmp_path / "ring.toml").write_text(GEOMETRY)
+    heat = th.assemble(th.strip_ring(), accuracy=1e-2)
+    heat.mesh.save(tmp_path / "own.msh")
+    own = heat.thermal_resistance("core")
+    assert abs(own / th.assemble(th.strip_ring()).thermal_resistance("core") - 1) > 1e-5
+    done = thermofem("solve", "ring.toml", "--mesh", "own.msh", "--samples", "3", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert th.load(tmp_path / "heat.nc").attrs["thermal_resistance"] == pytest.approx(own, rel=1e-12)
+    done = thermofem("reduce", "ring.toml", "--mesh", "own.msh", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert th.models.load_model(tmp_path / "model.json").thermal_resistance == pytest.approx(own, rel=1e-9)
+
+
 def test_solve_periodic(tmp_path):
     done = thermofem("solve", "--square", "1 us", "--duty", "0.33", "--periodic", "--samples", "101", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

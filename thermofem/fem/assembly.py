@@ -22,6 +22,7 @@ import logging
 import threading
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from ..mesh.mesh_motion import Motion, quality
 from ..optics.modes import Light
 from .error_estimate import Estimate
 from .heat_problem import HeatProblem
+from .own_mesh import own_mesh
 from .surfaces import resistances, split, surfaces_of
 from .weak_forms import Discretization, discretize, properties
 
@@ -74,15 +76,20 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
             break
         finer = found
     if estimate.largest > accuracy:
-        log.warning(
-            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
-            geometry.name,
-            heat.unknowns,
-            estimate.largest,
-            accuracy,
-            _corner(estimate),
-        )
+        _warn_of_error(heat, estimate)
     return heat, mesh
+
+
+def _warn_of_error(heat: HeatProblem, estimate: Estimate) -> None:
+    """Log that the mesh of a heat problem leaves a larger error than its accuracy."""
+    log.warning(
+        "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
+        heat.geometry.name,
+        heat.unknowns,
+        estimate.largest,
+        heat.accuracy,
+        _corner(estimate),
+    )
 
 
 def _corner(estimate: Estimate) -> str:
@@ -215,7 +222,7 @@ class Leader:
         return None
 
 
-def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
+def assemble(geometry: CrossSection, accuracy: float = 1e-3, *, mesh: Mesh | str | Path | None = None) -> HeatProblem:
     """Mesh a cross-section and assemble its heat problem.
 
     Parameters
@@ -227,19 +234,35 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
         triangles are divided. The meshes of the reference strip are committed, and other strips take them with moved
         vertices where their error allows; any other mesh is made by gmsh.
 
+    mesh : Mesh or path, optional
+        a mesh of your own in m, from gmsh (.msh) or `Mesh`, whose physical groups are named after layers and parts. It
+        is taken as it is. The geometry gives materials, heated parts, contacts and sides; the log says where the
+        estimated error is above ``accuracy``.
+
     With [light] in the geometry the mode is solved, too, and "light" can be read.
 
     Raises
     ------
     InputError
-        accuracy out of range.
+        accuracy out of range; a mesh with other names, or that does not fill the domain of the geometry.
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    heat = meshed(geometry, checks.finite("accuracy", accuracy))[0]
+    checks.finite("accuracy", accuracy)
+    heat = meshed(geometry, accuracy)[0] if mesh is None else _on_own_mesh(geometry, own_mesh(geometry, mesh), accuracy)
     if beyond := heat.beyond_laws():
         log.warning(beyond)
     return heat.lit
+
+
+def _on_own_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
+    """Return the heat problem on a mesh that is not refined; the log says where its error is above the accuracy."""
+    sizes(accuracy)
+    heat = on_mesh(geometry, split(mesh, resistances(geometry)), accuracy)
+    estimate = heat.estimate()
+    if estimate.largest > accuracy:
+        _warn_of_error(heat, estimate)
+    return heat
 
 
 def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
