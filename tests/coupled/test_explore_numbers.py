@@ -46,6 +46,15 @@ def test_traces(js):
     assert worst < SAME
 
 
+def test_thermal_noise(js):
+    """The fluctuation that the page prints, against the variance from the matrices of the same poles."""
+    poles = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
+    variance = th.thermal_noise(poles, [1e6], temperature=300.0).attrs["variance"]
+    numbers = {"R": poles.R.tolist(), "tau": poles.tau.tolist()}
+    rms = js("m => globalThis.ringPage.fluctuation(m, 300)", numbers)
+    assert rms == pytest.approx(variance**0.5, rel=1e-12, abs=0)
+
+
 def test_fixed_points(js):
     """Number, place, temperature and stability; one that is marginal to round-off may differ in its regime only."""
     for seed in range(CASES):

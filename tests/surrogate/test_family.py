@@ -45,6 +45,16 @@ def test_corners_of_a_box_are_different_ones(most):
     assert len(np.unique(corners, axis=0)) == len(corners) == most
 
 
+def test_the_noise_of_a_member_is_that_of_its_own_mesh(family):
+    values = {"radius": 6e-6, "width": 500e-9, "box": 1.5e-6}
+    frequencies = np.geomspace(1e3, 1e8, 11)
+    member = th.thermal_noise(family.model(**values), frequencies, temperature=300.0)
+    own = th.thermal_noise(th.assemble(th.strip_ring(**values)), frequencies, read="core", temperature=300.0)
+    # 1e-3 of R_th is the error of the family, 1e-3 that of either mesh
+    assert np.abs(member["S_T"] - own["S_T"]).max() < 3e-3 * own["S_T"].max()
+    assert float(own["S_T"].min()) > 0
+
+
 def test_members_agree_with_their_own_meshes(family):
     assert family.engine == "affine"
     assert family.error.worst <= 1e-3

@@ -14,6 +14,7 @@ import { cold, driveOf, heatedBy, setting, systemOf, turnOf } from "./ring.mjs";
 import { decoded, drawSection, play } from "./section.mjs";
 import { addFields, hashOf, inSight, modelOf, page, planeWindow, resized, ringOf, shown, stateOf, watchSight, watts, windowOf } from "./state.mjs";
 import { watchButtons } from "./take.mjs";
+import { fluctuation } from "./thermal.mjs";
 
 let ask = {};
 const LOOK_EVERY = 150; // ms between two traces from cold while a slider moves and the settled cycle is followed
@@ -134,7 +135,7 @@ function gotPlane(part, { window }) {
 }
 
 // for tests, and for whoever wants to compute in the console
-globalThis.ringPage = { classify, columns, eigenvalues, engineOf, foldCurves, hopfCurves, integrate, limitCycle, loadKernel, steadyStates, survey, systemOf, cold, setting, heatedBy, driveOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
+globalThis.ringPage = { classify, columns, eigenvalues, engineOf, fluctuation, foldCurves, hopfCurves, integrate, limitCycle, loadKernel, steadyStates, survey, systemOf, cold, setting, heatedBy, driveOf, turnOf, state: () => ({ ...page.state }), shown }; // prettier-ignore
 
 if (typeof document === "undefined") serve(globalThis);
 else if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);

@@ -6,7 +6,7 @@ import { columns, firstAt } from "./pulsing.mjs";
 import { NS, dropRate, toPicometres } from "./ring.mjs";
 import { drawSection } from "./section.mjs";
 import { bordersOf, inSight, modelOf, page, planeWindow, put, ringOf, shown, watts, widthOf, windowOf } from "./state.mjs";
-import { errorFigure, spectrumFigure, stepFigure, sumOf } from "./thermal.mjs";
+import { errorFigure, fluctuation, spectrumFigure, stepFigure, sumOf } from "./thermal.mjs";
 
 const HEAT_EVERY = 150; // ms between two drawings of the figures of heat while a slider moves, so that traces keep 30 frames a second
 let drawn = false;
@@ -85,7 +85,7 @@ function paintPlane(ring, colours) {
   $("numbers").textContent = numbers(ring, window);
 }
 
-/** R_th, pm/K, and the lowest powers of self-pulsing and of bistability in a window of the plane. */
+/** R_th, pm/K, thermal noise, and the lowest powers of self-pulsing and of bistability in a window of the plane. */
 function numbers(ring, { detuning }) {
   const perKelvin = toPicometres(ring.internal.thermal_shift / (2 * Math.PI), ring);
   const lowest = (curves, what) => {
@@ -96,7 +96,10 @@ function numbers(ring, { detuning }) {
   };
   // below a window of powers, too
   const thresholds = lowest(shown.curves.hopf, "pulses") + lowest(shown.curves.folds, "bistable");
-  return `R_th = ${(1e-3 * sumOf(modelOf(page.state, page.data).R)).toPrecision(4)} K/mW; ${perKelvin.toPrecision(3)} pm/K${thresholds}.`;
+  const model = modelOf(page.state, page.data);
+  const jitter = (fluctuation(model, 300) * ring.internal.thermal_shift * 1e3) / (2 * Math.PI); // rad/ns/K: MHz
+  const heat = `R_th = ${(1e-3 * sumOf(model.R)).toPrecision(4)} K/mW; ${perKelvin.toPrecision(3)} pm/K`;
+  return `${heat}; thermal noise ${Math.abs(jitter).toPrecision(2)} MHz rms at 300 K${thresholds}.`;
 }
 
 function paintHeat(colours) {

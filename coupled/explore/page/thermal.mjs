@@ -88,6 +88,10 @@ function geometric(low, high, n) {
 
 export const sumOf = (values) => values.reduce((sum, x) => sum + x, 0);
 
+const BOLTZMANN = 1.380649e-23; // J/K
+/** Root mean square of the thermal fluctuations in K at a temperature in K, of the poles: <dT^2> = k_B T^2 sum R/tau. */
+export const fluctuation = ({ R, tau }, temperature) => temperature * Math.sqrt(BOLTZMANN * sumOf(R.map((r, k) => r / tau[k])));
+
 /** From a tenth of the fastest to eight times the slowest time constant that matters, s. */
 function timeSpan(models) {
   const seen = models.flatMap(({ R, tau }) => tau.filter((_, i) => R[i] >= 1e-3 * sumOf(R)));
