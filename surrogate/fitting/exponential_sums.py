@@ -22,10 +22,12 @@ from thermofem.data import quantity
 
 from .fit import Fit, Training
 from .fit_result import cancelling, check_explained, unseen_times
-from .pole_projection import covariance
+from .pole_projection import covariance, rms
 
-GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
-FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
+TAU_GRID = 12  # time constants on a grid, any of which are tried together
+BEST = 3  # combinations of them that begin a search
+FASTER = 10.0  # the closest samples over this are the shortest time constant
+SLOWER = 100.0  # the span times this is the longest time constant
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 
 
@@ -50,7 +52,8 @@ class Decay:
 
     def __call__(self, times: ArrayLike) -> Array:
         """Rise in K at ``times`` after the start of the cooling."""
-        return np.exp(-checks.numbers("times", times)[..., None] / self.tau) @ self.amplitude
+        t = checks.numbers("times", times)[..., None]
+        return np.exp(-t / self.tau) @ self.amplitude
 
 
 def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
@@ -86,41 +89,53 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
 
     def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
         columns = np.exp(-t[few, None] / np.exp(log_tau))
-        return y[few] - columns @ np.linalg.lstsq(columns, y[few], rcond=None)[0]
+        amplitude, *_ = np.linalg.lstsq(columns, y[few], rcond=None)
+        return y[few] - columns @ amplitude
 
     few = slice(None, None, max(1, t.size // 200))  # 200 samples by which they are compared
     # 100.0: largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
-    low = np.log(max(float(np.diff(t).min()) / FASTER, abs(float(t[0])) / 100.0, np.finfo(float).tiny))
+    from_first = abs(float(t[0])) / 100.0
+    closest = float(np.diff(t).min()) / FASTER
+    low = np.log(max(closest, from_first, np.finfo(float).tiny))
     high = np.log(SLOWER * span)
-    grid = np.linspace(low, high, GRID + 2)[1:-1]
-    ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))
+    grid = np.linspace(low, high, TAU_GRID + 2)[1:-1]
+
+    def square(log_tau: Sequence[float]) -> float:
+        return float(np.sum(misfit(np.array(log_tau), few) ** 2))
+
+    starts = sorted(combinations(grid, order), key=square)
     exactly: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
-    best = min((least_squares(misfit, way, **exactly) for way in ways[:BEST]), key=lambda end: float(end.cost))
+    ends = [least_squares(misfit, start, **exactly) for start in starts[:BEST]]
+    best = min(ends, key=lambda end: float(end.cost))
     tau = np.exp(np.sort(best.x))
     columns = np.exp(-t[:, None] / tau)
-    amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
-    left = y - columns @ amplitude
-    check_explained(float(np.mean(left**2)), float(np.var(y)), f"a sum of {order} exponentials", "rise")
-    notes = _notes(t, tau, amplitude, left, size)
-    return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean(left**2))), notes)
+    amplitude, *_ = np.linalg.lstsq(columns, y, rcond=None)
+    residuals = y - columns @ amplitude
+    check_explained(float(np.mean(residuals**2)), float(np.var(y)), f"a sum of {order} exponentials", "rise")
+    notes = _notes(t, tau, amplitude, residuals, size)
+    return Decay(size * amplitude, tau, size * rms(residuals), notes)
 
 
-def _notes(t: Array, tau: Array, amplitude: Array, left: Array, size: float) -> tuple[str, ...]:
+def _notes(t: Array, tau: Array, amplitude: Array, residuals: Array, size: float) -> tuple[str, ...]:
     """Sentences on time constants that the samples do not determine, and on exponentials that cancel; fastest first.
 
-    left [shape (n,)]: residuals; they and the amplitudes are in units of ``size`` [K].
+    residuals [shape (n,)]: they and the amplitudes are in units of ``size`` [K].
     """
-    columns = np.exp(-t[:, None] / tau)
-    jacobian = np.hstack([-t[:, None] / tau * columns * amplitude, columns])
-    found = covariance(jacobian, [left], float(left @ left) / max(t.size - 2 * tau.size, 1))
-    deviation = np.sqrt(np.maximum(found.diagonal()[: tau.size], 0))
+    decays = -t[:, None] / tau
+    columns = np.exp(decays)
+    jacobian = np.hstack([decays * columns * amplitude, columns])
+    freedom = max(t.size - 2 * tau.size, 1)
+    of_all = covariance(jacobian, [residuals], float(residuals @ residuals) / freedom)
+    variance = of_all.diagonal()[: tau.size]
+    deviation = np.sqrt(np.maximum(variance, 0))
     span = float(np.diff(t).min()), float(np.ptp(t))
-    said = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
-    return (*said, *cancelling(amplitude * size, "K"))
+    unseen = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
+    return (*unseen, *cancelling(amplitude * size, "K"))
 
 
-MARGIN = 10.0  # the grid reaches this factor beyond the times that the data show
-SLOW, BEYOND = 3.0, 0.1  # share of the resistance in poles so many times slower than the data that is worth a note
+GRID_MARGIN = 10.0  # the grid reaches this factor beyond the times that the data show
+SLOW = 3.0  # time constant over the length of the data from which a pole counts as beyond them
+BEYOND = 0.1  # share of the resistance in such poles that is worth a note
 
 
 def fit_spectrum(
@@ -154,38 +169,43 @@ def fit_spectrum(
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True)
     problem = training.problem
     shortest, longest = problem.span
-    low = shortest / MARGIN
-    high = longest * (MARGIN if problem.thermal_resistance is not None else 1)
-    tau = np.geomspace(low, high, int(np.ceil(per_decade * np.log10(high / low))) + 1)
+    R_th = problem.thermal_resistance
+    low = shortest / GRID_MARGIN
+    high = longest if R_th is None else longest * GRID_MARGIN
+    steps = int(np.ceil(per_decade * np.log10(high / low)))
+    tau = np.geomspace(low, high, steps + 1)
     phi = problem.columns(-np.log(tau))
     gain = problem.gains(phi)
-    kept = gain > 0
     misfit = (problem.target - phi @ gain)[: problem.weight.size]
-    training.check(gain, float(np.sqrt(np.mean(misfit**2))))
-    R = (gain * tau)[kept]
-    if problem.thermal_resistance is not None:
-        R = R * problem.thermal_resistance / R.sum()
-    count = R.size
-    names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
+    training.check(gain, rms(misfit))
+    R = gain * tau
+    tau = tau[gain > 0]
+    R = R[gain > 0]
+    if R_th is not None:
+        R = R * R_th / R.sum()
+    parameters = {f"R_{i}": value for i, value in enumerate(R.tolist(), 1)}
+    parameters |= {f"tau_{i}": value for i, value in enumerate(tau.tolist(), 1)}
+    count = len(parameters)
     return Fit(
-        model=Foster(R=R, tau=tau[kept], **training.parts),
-        parameters=dict(zip(names, [*R.tolist(), *tau[kept].tolist()], strict=True)),
-        standard_errors=dict.fromkeys(names, float("nan")),
-        correlations=np.full((2 * count, 2 * count), np.nan),
-        residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
-        relative_residual=float(np.sqrt(np.mean(misfit**2))),
+        model=Foster(R=R, tau=tau, **training.parts),
+        parameters=parameters,
+        standard_errors=dict.fromkeys(parameters, float("nan")),
+        correlations=np.full((count, count), np.nan),
+        residual=rms(misfit / problem.weight),
+        relative_residual=rms(misfit),
         training=training.names,
-        notes=(*training.doubts, *_beyond(R, tau[kept], longest)),
+        notes=(*training.doubts, *_beyond(R, tau, longest)),
         geometry=training.geometry,
     ).recorded()
 
 
 def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
     """A sentence where much of the thermal resistance lies in poles that data of length ``longest`` s cannot show."""
-    share = float(R[tau > SLOW * longest].sum() / R.sum())
+    slow = SLOW * longest
+    share = float(R[tau > slow].sum() / R.sum())
     if share <= BEYOND:
         return []
     return [
-        f"{share:.0%} of the thermal resistance lies in poles slower than {quantity.rounded(SLOW * longest, 's')}, "
+        f"{share:.0%} of the thermal resistance lies in poles slower than {quantity.rounded(slow, 's')}, "
         "which the data are too short to show: only the stated thermal_resistance says so"
     ]

@@ -31,11 +31,11 @@ from thermofem.ring_temperature import CORE
 
 from .fit_result import OUTSIDE, UNSEEN, Fit, check_explained, common, model_notes, undetermined
 from .optical_fit import fit_optical
-from .pole_projection import FitProblem, Optimum, optimum, polish
+from .pole_projection import FitProblem, Optimum, optimum, polish, rms
 
 METHODS = ("variable projection", "pso")
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
-ROUND_OFF = 1e-9  # of the swing: a misfit that more poles do not lower
+LEAST_MISFIT = 1e-9  # of the swing: one that more poles do not lower
 
 
 def fit_newton(
@@ -68,12 +68,13 @@ def fit_newton(
     """
     heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data)
-    found = training.search(1, method)
-    rate, gain = np.exp(found.log_rate[0]), found.gain[0]
+    best = training.search(1, method)
+    rate = np.exp(best.log_rate[0])
+    gain = best.gain[0]
     parameters = {"tau_th": 1 / rate, "heat_capacity": 1 / gain, "heat_capacity_ratio": 1 / (gain * heat_capacity)}
     jacobian = np.array([[-1 / rate, 0], [0, -1 / gain**2], [0, -1 / (gain**2 * heat_capacity)]])
     model = replace(newton(tau_th=1 / rate, heat_capacity=1 / gain), **training.parts)
-    return training.fit(model, parameters, jacobian, found)
+    return training.fit(model, parameters, jacobian, best)
 
 
 def fit_second_order(
@@ -108,16 +109,18 @@ def fit_second_order(
     """
     heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data, transfer=transfer)
-    found = training.search(2, method)
-    (slow, fast), (g_s, g_f) = np.exp(found.log_rate), found.gain
+    best = training.search(2, method)
+    slow, fast = np.exp(best.log_rate)
+    g_s, g_f = best.gain
     c_f = g_f * heat_capacity
     c_s = g_s * heat_capacity
     poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow], **training.parts)
     parameters = parameters_of(poles, heat_capacity)
     if min(c_f, c_s) < 0 and not training.transfer:
-        one = optimum(training.problem, 1)
+        single = optimum(training.problem, 1)
         # 1.02: ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
-        if one.gain[0] > 0 and one.relative_residual < found.relative_residual * 1.02 + 1e-6:
+        alike = single.relative_residual < best.relative_residual * 1.02 + 1e-6
+        if alike and single.gain[0] > 0:
             raise checks.InputError("delta_T shows one pole: a second one fits noise", "train fit_newton")
         raise checks.InputError(
             f"the best pair of poles cools when heated (kappa = {parameters['kappa']:.3g} 1/s, eta = "
@@ -133,7 +136,7 @@ def fit_second_order(
     )
     equation = second_order(**parameters, heat_capacity=heat_capacity) if not training.transfer else poles
     model = replace(equation, **training.parts)
-    return training.fit(model, parameters, jacobian, found)
+    return training.fit(model, parameters, jacobian, best)
 
 
 def fit_foster(
@@ -181,24 +184,25 @@ def fit_foster(
     InputError
         too few samples, an order out of range, data without power or rise, or that no heating pole fits.
     """
+    count = None if order == "auto" else checks.integer("order", order, 1, 12)
     if readout is not None:
-        return fit_optical(data, None if order == "auto" else checks.integer("order", order, 1, 12), readout)
+        return fit_optical(data, count, readout)
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
-    order = _smallest_order(training) if order == "auto" else checks.integer("order", order, 1, 12)
-    found = training.search(order, method)
-    kept = found.gain != 0 if training.transfer else found.gain > 0
-    rate, gain = np.exp(found.log_rate), found.gain
-    fastest_first = np.flatnonzero(kept)[::-1]
-    R = gain / rate
-    tau = 1 / rate
+    best = training.search(count or _smallest_order(training), method)
+    present = best.gain != 0 if training.transfer else best.gain > 0
+    fastest_first = np.flatnonzero(present)[::-1]
+    rate = np.exp(best.log_rate)
     n = rate.size
-    jacobian = np.block([[-np.diag(R), np.diag(1 / rate)], [-np.diag(tau), np.zeros((n, n))]])
-    numbers = range(1, fastest_first.size + 1)
-    names = [*(f"R_{k}" for k in numbers), *(f"tau_{k}" for k in numbers)]
-    order_of = np.append(fastest_first, n + fastest_first)
-    parameters = dict(zip(names, np.append(R, tau)[order_of].tolist(), strict=True))
-    model = Foster(R=R[fastest_first], tau=tau[fastest_first], **training.parts)
-    return training.fit(model, parameters, jacobian[order_of], found)
+    R = best.gain / rate
+    tau = 1 / rate
+    jacobian = np.block([[-np.diag(R), np.diag(tau)], [-np.diag(tau), np.zeros((n, n))]])
+    rows = np.append(fastest_first, n + fastest_first)
+    R = R[fastest_first]
+    tau = tau[fastest_first]
+    parameters = {f"R_{k}": value for k, value in enumerate(R.tolist(), 1)}
+    parameters |= {f"tau_{k}": value for k, value in enumerate(tau.tolist(), 1)}
+    model = Foster(R=R, tau=tau, **training.parts)
+    return training.fit(model, parameters, jacobian[rows], best)
 
 
 def _smallest_order(training: Training) -> int:
@@ -206,18 +210,21 @@ def _smallest_order(training: Training) -> int:
 
     n is the number of independent samples; noise that stays for several rows is not taken for poles.
     """
-    samples, before = training.problem.weight.size, np.inf
-    for order in range(1, min(12, samples // 3) + 1):
-        found = optimum(training.problem, order)
-        tau, (shortest, longest) = np.exp(-found.log_rate), training.problem.span
-        unseen = np.any(found.gain == 0) or found.deviation.max() > UNSEEN or tau.max() > OUTSIDE * longest
-        if order > 1 and (unseen or tau.min() < shortest / OUTSIDE):
+    problem = training.problem
+    shortest, longest = problem.span
+    highest = min(12, problem.weight.size // 3)
+    before = np.inf
+    for order in range(1, highest + 1):
+        best = optimum(problem, order)
+        tau = np.exp(-best.log_rate)
+        beyond = tau.max() > OUTSIDE * longest or tau.min() < shortest / OUTSIDE
+        unseen = np.any(best.gain == 0) or best.deviation.max() > UNSEEN
+        misfit = max(best.relative_residual, LEAST_MISFIT)
+        n = max(best.independent, math.e)
+        noise = n * np.log(before / misfit) < np.log(n)
+        if order > 1 and (beyond or unseen or noise):
             return order - 1
-        misfit = max(found.relative_residual, ROUND_OFF)
-        n = max(found.independent, math.e)
-        if order > 1 and n * np.log(before / misfit) < np.log(n):
-            return order - 1
-        if misfit == ROUND_OFF:
+        if misfit == LEAST_MISFIT:
             break
         before = misfit
     return order
@@ -261,27 +268,35 @@ class Training:
             thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)
         elif impose:
             thermal_resistance = common([d.thermal_resistance for d in responses])
-        geometry = common([d.attrs.get("geometry") for d in datasets])
-        heated = common([d.attrs.get("heated") for d in datasets])
-        read = common([d.attrs.get("read") for d in datasets])
-        known = bool(heated and read)
-        apart = known and heated != read and not (read == LIGHT and heated == _guide(geometry))
-        transfer = apart if transfer is None else checks.flag("transfer", transfer)
+
+        def shared(name: str) -> Any:
+            return common([d.attrs.get(name) for d in datasets])
+
+        geometry = shared("geometry")
+        heated = shared("heated")
+        read = shared("read")
+        named = bool(heated and read)
+        if transfer is None:
+            guided = read == LIGHT and heated == _guide(geometry)
+            transfer = named and heated != read and not guided
+        transfer = checks.flag("transfer", transfer)
         if transfer and any(d.attrs.get(START_FROM) == "rise" for d in datasets):
             raise checks.InputError(
                 "data: the start of the heating was found as if the heated part were read; another part rises late by "
                 "itself",
                 "read the table with start=",
             )
-        stated: dict[str, Any] = {key: common([d.attrs.get(key) for d in datasets]) for key in (MODE, WAVELENGTH)}
-        origin = stated if read == LIGHT and None not in stated.values() else None
-        parts = {
-            "inputs": (heated if known else "heater",),
-            "outputs": (read if known else "core",),
-            "origin": origin,
-        }
+        parts: dict[str, Any] = {}
+        if named:
+            parts = {"inputs": (heated,), "outputs": (read,)}
+        elif transfer:
+            parts = {"inputs": ("heater",), "outputs": ("core",)}
+        light = {MODE: shared(MODE), WAVELENGTH: shared(WAVELENGTH)}
+        if parts and read == LIGHT and None not in light.values():
+            parts["origin"] = light
         problem = FitProblem(responses, thermal_resistance, impose and not transfer)
-        return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer or known else {})
+        names = tuple(d.name for d in responses)
+        return cls(problem, names, geometry, transfer, parts)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -292,37 +307,39 @@ class Training:
         """Find the best poles, from starts on a grid or from the best particle of the swarm."""
         if checks.choice("method", method, METHODS) == "pso":
             start, residual = swarm(self.problem, order)
-            found = replace(polish(self.problem, start), swarm_residual=residual)
+            best = replace(polish(self.problem, start), swarm_residual=residual)
         else:
-            found = optimum(self.problem, order)
-        self.check(found.gain, found.relative_residual)
-        return found
+            best = optimum(self.problem, order)
+        self.check(best.gain, best.relative_residual)
+        return best
 
     def check(self, gain: Array, relative_residual: float) -> None:
         """Raise InputError if no pole heats, or if the best poles explain too little of the data."""
         if not np.any(gain > 0):
             raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
         spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.responses])
-        check_explained(relative_residual**2, float(np.mean(spread**2)), "the power", "delta_T")
+        variance = float(np.mean(spread**2))
+        check_explained(relative_residual**2, variance, "the power", "delta_T")
 
-    def fit(self, model: Foster, parameters: Mapping[str, float], jacobian: Array, found: Optimum) -> Fit:
+    def fit(self, model: Foster, parameters: Mapping[str, float], jacobian: Array, best: Optimum) -> Fit:
         """Make the Fit: named parameters, with standard errors and correlations by first-order propagation."""
-        covariance = jacobian @ found.covariance @ jacobian.T
+        covariance = jacobian @ best.covariance @ jacobian.T
         deviation = np.sqrt(np.maximum(covariance.diagonal(), 0))
         safe = np.maximum(deviation, np.finfo(float).tiny)
-        deviation = np.where(undetermined(found, self.problem.span, jacobian), np.inf, deviation)
+        deviation = np.where(undetermined(best, self.problem.span, jacobian), np.inf, deviation)
+        notes = model_notes(model, best, self.problem)
         return Fit(
             model=model,
             parameters={name: float(value) for name, value in parameters.items()},
             standard_errors=dict(zip(parameters, deviation.tolist(), strict=True)),
             correlations=covariance / np.outer(safe, safe),
-            residual=found.residual,
-            relative_residual=found.relative_residual,
+            residual=best.residual,
+            relative_residual=best.relative_residual,
             training=self.names,
-            notes=(*self.doubts, *model_notes(model, found, self.problem)),
+            notes=(*self.doubts, *notes),
             geometry=self.geometry,
-            swarm_residual=found.swarm_residual,
-            misfit_is_noise=found.noise,
+            swarm_residual=best.swarm_residual,
+            misfit_is_noise=best.noise,
             training_period=common([r.wave.period for r in self.problem.responses]),
         ).recorded()
 
@@ -338,16 +355,23 @@ def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
     from pymoo.problems.functional import FunctionalProblem
 
     shortest, longest = problem.span
-    slope = max(d.rise.max() / max(float(d.wave.mean(0.0, float(d.times[-1]))), 1e-300) for d in problem.responses)
-    low = np.log(np.concatenate([np.full(order, 1 / longest), np.full(order, 1e-2 * slope)]))
-    high = np.log(np.concatenate([np.full(order, 1 / shortest), np.full(order, 1e1 * slope)]))
+    slopes = []
+    for d in problem.responses:
+        power = float(d.wave.mean(0.0, float(d.times[-1])))
+        slopes.append(d.rise.max() / max(power, 1e-300))
+    slope = max(slopes)
+    low = np.log(np.repeat([1 / longest, 1e-2 * slope], order))
+    high = np.log(np.repeat([1 / shortest, 1e1 * slope], order))
 
     def misfit(particle: Array) -> Array:
         """Residuals of a particle (ln of the rates, then ln of R_i = g_i/lambda_i)."""
-        log_rate, log_R = particle[:order], particle[order:]
-        phi = problem.columns(log_rate)
-        return np.asarray(problem.target - phi @ np.exp(log_R + log_rate))[: problem.weight.size]
+        log_rate, log_R = np.split(particle, 2)
+        model = problem.columns(log_rate) @ np.exp(log_R + log_rate)
+        return np.asarray(problem.target - model)[: problem.weight.size]
 
-    search = FunctionalProblem(2 * order, lambda particle: float(np.sum(misfit(particle) ** 2)), xl=low, xu=high)
+    def square(particle: Array) -> float:
+        return float(np.sum(misfit(particle) ** 2))
+
+    search = FunctionalProblem(2 * order, square, xl=low, xu=high)
     best = minimize(search, PSO(pop_size=20), ("n_gen", 10), seed=1).X
-    return best[:order], float(np.sqrt(np.mean((misfit(best) / problem.weight) ** 2)))
+    return best[:order], rms(misfit(best) / problem.weight)

@@ -66,9 +66,12 @@ class Fit(HasModel):
         """HTML for notebooks."""
         from thermofem.data.display import card
 
-        rows = [(k, f"{v:.4g} ± {self.standard_errors[k]:.1g}") for k, v in self.parameters.items()]
+        rows = []
+        for name, value in self.parameters.items():
+            rows.append((name, f"{value:.4g} ± {self.standard_errors[name]:.1g}"))
         rows.append(("misfit", f"{self.residual:.3g} K rms, {self.relative_residual:.2%} of the swing"))
-        rows += [("trained on", text) for text in self.training] + [("note", text) for text in self.notes]
+        rows += [("trained on", text) for text in self.training]
+        rows += [("note", text) for text in self.notes]
         return card("Fit", rows, self.model._repr_html_())
 
     @property
@@ -98,26 +101,30 @@ UNSEEN = np.log(2)  # standard deviation of ln(tau) above which the data do not 
 
 def common(values: Sequence[Any]) -> Any:
     """The one value that all Datasets share, or None."""
-    return values[0] if all(v == values[0] for v in values) else None
+    first, *others = values
+    alike = all(value == first for value in others)
+    return first if alike else None
 
 
-def check_explained(left: float, variance: float, by: str, of: str) -> None:
-    """Raise InputError if the mean square ``left`` of the residuals is most of the variance of the data."""
-    explained = 1 - left / variance if variance else 1.0
+def check_explained(square: float, variance: float, by: str, of: str) -> None:
+    """Raise InputError if the mean ``square`` of the residuals is most of the variance of the data."""
+    explained = 1 - square / variance if variance else 1.0
     if explained < EXPLAINED:
+        share = max(explained, 0)
         raise checks.InputError(
-            f"{by} explains {max(explained, 0):.0%} of the variation of {of}: it is noise, or they are not of one run"
+            f"{by} explains {share:.0%} of the variation of {of}: it is noise, or they are not of one run"
         )
 
 
 def model_notes(model: Foster, found: Optimum, problem: FitProblem) -> tuple[str, ...]:
     """Sentences on what is doubtful in the model that was found."""
+    stated = common([r.thermal_resistance for r in problem.responses])
     return (
         *starts(found),
         *offsets(found, problem.responses),
         *unseen_times(found.log_rate, found.gain, found.deviation, problem.span),
         *cancelling(model.R),
-        *other_gain(model, common([r.thermal_resistance for r in problem.responses])),
+        *other_gain(model, stated),
     )
 
 
@@ -137,21 +144,23 @@ def starts(found: Optimum) -> list[str]:
 
 def offsets(found: Optimum, responses: Sequence[Response]) -> list[str]:
     """Sentences on baselines that were fitted with the poles, because no rows at rest show them."""
-    return [
-        f"the offset of the rows is fitted with the poles: {offset:.3g} +- {error:.2g} K beside what was subtracted"
-        for offset, error, response in zip(found.offset, found.offset_error, responses, strict=True)
-        if response.rest_rows < FEW
-    ]
+    notes = []
+    for offset, error, response in zip(found.offset, found.offset_error, responses, strict=True):
+        if response.rest_rows < FEW:
+            size = f"{offset:.3g} +- {error:.2g} K"
+            notes.append(f"the offset of the rows is fitted with the poles: {size} beside what was subtracted")
+    return notes
 
 
 def other_gain(model: Foster, stated: float | None) -> list[str]:
     """A sentence if the thermal resistance of the model differs from that of the data by more than 10 %."""
     # 0.1: relative difference of thermal resistances that is reported
-    if stated is None or abs(model.thermal_resistance - stated) <= 0.1 * abs(stated):
+    R_th = model.thermal_resistance
+    if stated is None or abs(R_th - stated) <= 0.1 * abs(stated):
         return []
-    own = quantity.rounded(model.thermal_resistance, "K/W")
+    fitted = quantity.rounded(R_th, "K/W")
     true = quantity.rounded(stated, "K/W")
-    return [f"R_th is {own} where the data state {true}: the model holds for heating like its training, not at rest"]
+    return [f"R_th is {fitted} where the data state {true}: the model holds for heating like its training, not at rest"]
 
 
 def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
@@ -175,11 +184,16 @@ def undetermined(found: Optimum, span: tuple[float, float], jacobian: Array) -> 
     A pole slower than the data is seen by its gain, a faster one by its R = gain/rate: those alone keep an error.
     jacobian [shape (parameters, 2n)]: derivatives of the parameters with respect to (log_rate, gain).
     """
-    tau, n = np.exp(-found.log_rate), found.gain.size
-    slow = tau > OUTSIDE * span[1]
-    fast = tau < span[0] / OUTSIDE
-    along = np.vstack([np.eye(n), np.diag(np.where(fast, found.gain, 0.0))])[:, (slow | fast) & (found.gain != 0)]
-    return np.asarray((np.abs(jacobian @ along) > 1e-9 * (np.abs(jacobian) @ np.abs(along))).any(axis=1))
+    shortest, longest = span
+    tau = np.exp(-found.log_rate)
+    slow = tau > OUTSIDE * longest
+    fast = tau < shortest / OUTSIDE
+    by_gain = np.diag(np.where(fast, found.gain, 0.0))
+    extrapolated = (slow | fast) & (found.gain != 0)
+    along = np.vstack([np.eye(tau.size), by_gain])[:, extrapolated]
+    change = np.abs(jacobian @ along)
+    scale = np.abs(jacobian) @ np.abs(along)
+    return np.asarray((change > 1e-9 * scale).any(axis=1))
 
 
 def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[float, float]) -> list[str]:
@@ -188,17 +202,19 @@ def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[floa
     rates, gains, deviations [shape (n,)]: logarithms of the rates, slowest first, and their standard deviations.
     """
     notes = []
-    for log_rate, gain, sd in zip(rates[::-1], gains[::-1], deviations[::-1], strict=True):
-        tau = np.exp(-log_rate)
-        said = f"tau = {quantity.rounded(tau, 's')}"
-        if gain == 0:
-            notes.append(f"{said} is one pole too many: its best gain is zero")
-        elif sd > UNSEEN:
-            size = f": its standard error is a factor of {np.exp(sd):.2g}" if sd < KNOWN else ""
-            notes.append(f"the data do not determine {said}{size}")
-        elif tau > OUTSIDE * span[1]:
-            notes.append(f"{said} is an extrapolation: the data last {quantity.rounded(span[1], 's')}")
-        elif tau < span[0] / OUTSIDE:
-            seen = quantity.rounded(span[0], "s")
-            notes.append(f"{said} is an extrapolation: the data begin to show times at {seen}")
+    shortest, longest = span
+    for k in reversed(range(len(rates))):
+        tau = np.exp(-rates[k])
+        text = f"tau = {quantity.rounded(tau, 's')}"
+        error = deviations[k]
+        if gains[k] == 0:
+            notes.append(f"{text} is one pole too many: its best gain is zero")
+        elif error > UNSEEN:
+            size = f": its standard error is a factor of {np.exp(error):.2g}" if error < KNOWN else ""
+            notes.append(f"the data do not determine {text}{size}")
+        elif tau > OUTSIDE * longest:
+            notes.append(f"{text} is an extrapolation: the data last {quantity.rounded(longest, 's')}")
+        elif tau < shortest / OUTSIDE:
+            begin = quantity.rounded(shortest, "s")
+            notes.append(f"{text} is an extrapolation: the data begin to show times at {begin}")
     return notes

@@ -11,6 +11,7 @@ heating was found in a measured trace, its share u of the range w is searched wi
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,12 @@ from thermofem.data import quantity
 from thermofem.data.dataset import START_FROM, Response, responses_of
 
 from .fit_result import UNSEEN, Fit
-from .pole_projection import covariance, late_responses
+from .pole_projection import covariance, late_responses, rms
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
 MOST_POLES = 5  # of an order that is found
-ROUND_OFF = 1e-6  # of the swing: a misfit that more poles do not lower
+LEAST_LIGHT_MISFIT = 1e-6  # of the swing: a misfit that more poles do not lower
 LIKELY = 0.9  # of the range of a start, at which its search begins: the light departs soon after
 EDGE = 1e-3  # of the range of a start, from its ends on which it counts as held there
 BOUND = 12.0  # of the natural logarithms from their start: five decades either way
@@ -49,7 +50,8 @@ class Optical:
     @property
     def ranges(self) -> Array:
         """How much later than t = 0 the heating of each trace may begin, in s, for those whose start is fitted."""
-        return np.array([one.start_within for one in self.responses if one.start_within > 0])
+        ranges = np.array([response.start_within for response in self.responses])
+        return ranges[ranges > 0]
 
     def phases(self, unknowns: Array) -> Array:
         """Phase phi(t) of the light in rad at all samples of all traces, one after the other; shape (samples,).
@@ -76,18 +78,20 @@ class Optical:
         """Best a, b and c of s = a + b cos(phi) + c sin(phi), shape (3,), and the residuals, shape (samples,)."""
         phi = self.phases(logs)
         columns = np.column_stack([np.ones_like(phi), np.cos(phi), np.sin(phi)])
-        found = np.linalg.lstsq(columns, self.target, rcond=1e-10)[0]
-        return found, columns @ found - self.target
+        abc, *_ = np.linalg.lstsq(columns, self.target, rcond=1e-10)
+        return abc, columns @ abc - self.target
 
     def misfit(self, logs: Array) -> Array:
         """Residuals of all samples, and one penalty that grows where V > 1 or P0 < 0, which no light can have."""
-        (a, b, c), left = self.linear(logs)
-        return np.append(left, np.sqrt(left.size) * max(float(np.hypot(b, c) - a), 0.0))
+        (a, b, c), residuals = self.linear(logs)
+        excess = max(float(np.hypot(b, c) - a), 0.0)
+        return np.append(residuals, np.sqrt(residuals.size) * excess)
 
     def model(self, parameters: Array) -> Array:
         """Light s at every sample, shape (samples,), for the parameters ln R_i, ln tau_i, V, phi_0 and a."""
-        logs, (V, bias, a) = parameters[:-3], parameters[-3:]
-        return np.asarray(a * (1 + V * np.cos(bias + self.phases(logs))))
+        *logs, V, bias, a = parameters
+        phase = bias + self.phases(np.array(logs))
+        return np.asarray(a * (1 + V * np.cos(phase)))
 
 
 def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, readout: MZI) -> Fit:
@@ -98,37 +102,41 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, read
     """
     if not readout.shift:
         raise checks.InputError("readout: shift = 0 rad/K turns no phase; give phi_T = 2 pi L (dn/dT)/wavelength")
-    each: Any = data if isinstance(data, list | tuple) else [data]
-    if any(one.attrs.get(START_FROM) == "rise" and "optical" not in one for one in each):
-        rule = "data: the start of the heating was found as if the light were a temperature"
-        raise checks.InputError(rule, "read the table with light=True, or with start=")
-    responses = responses_of([_light(one) for one in each])
-    problem = Optical(responses, [np.asarray(one.rise, dtype=float) for one in responses], readout.shift)
-    order, unknowns = _smallest(problem) if order is None else (order, _search(problem, order))
-    order_by_tau = np.argsort(unknowns[order : 2 * order])
-    R = unknowns[:order][order_by_tau]
-    tau = unknowns[order : 2 * order][order_by_tau]
-    unknowns = np.concatenate([R, tau, unknowns[2 * order :]])
-    (a, b, c), left = problem.linear(unknowns)
+    datasets: Any = data if isinstance(data, list | tuple) else [data]
+    for dataset in datasets:
+        if dataset.attrs.get(START_FROM) == "rise" and "optical" not in dataset:
+            rule = "data: the start of the heating was found as if the light were a temperature"
+            raise checks.InputError(rule, "read the table with light=True, or with start=")
+    responses = responses_of([_light(dataset) for dataset in datasets])
+    light = [np.asarray(response.rise, dtype=float) for response in responses]
+    problem = Optical(responses, light, readout.shift)
+    if order is None:
+        order, unknowns = _smallest(problem)
+    else:
+        unknowns = _search(problem, order)
+    log_R, log_tau, starts = np.split(unknowns, [order, 2 * order])
+    order_by_tau = np.argsort(log_tau)
+    unknowns = np.concatenate([log_R[order_by_tau], log_tau[order_by_tau], starts])
+    (a, b, c), residuals = problem.linear(unknowns)
     end = np.concatenate([unknowns, [np.hypot(b, c) / a, np.arctan2(-c, b), a]])
-    return _concluded(problem, end, left, order)
+    return _concluded(problem, end, residuals, order)
 
 
 def _smallest(problem: Optical) -> tuple[int, Array]:
     """The smallest number of poles that leaves only noise, and its unknowns, as `fit._smallest_order` has it."""
-    swing = float(np.ptp(problem.target))
+    least = LEAST_LIGHT_MISFIT * float(np.ptp(problem.target))
     before = np.inf
     unknowns = np.empty(0)
     for order in range(1, MOST_POLES + 1):
         further = _search(problem, order)
-        left = problem.linear(further)[1]
-        misfit = max(float(np.sqrt(np.mean(left**2))), ROUND_OFF * swing)
-        samples = max(independent(left), math.e)
+        _, residuals = problem.linear(further)
+        misfit = max(rms(residuals), least)
+        samples = max(independent(residuals), math.e)
         if samples * np.log(before / misfit) < np.log(samples):
             return order - 1, unknowns
         unknowns = further
         before = misfit
-        if misfit == ROUND_OFF * swing:
+        if misfit == least:
             break
     return order, unknowns
 
@@ -136,7 +144,8 @@ def _smallest(problem: Optical) -> tuple[int, Array]:
 def _light(data: xr.Dataset) -> xr.Dataset:
     """The Dataset with its light as ``delta_T``, and without a thermal resistance."""
     if "optical" in data:
-        data = data.assign(delta_T=data["optical"].assign_attrs(data["delta_T"].attrs))
+        light = data["optical"].assign_attrs(data["delta_T"].attrs)
+        data = data.assign(delta_T=light)
     data = data.copy()
     data.attrs.pop("thermal_resistance", None)
     return data
@@ -144,49 +153,55 @@ def _light(data: xr.Dataset) -> xr.Dataset:
 
 def _search(problem: Optical, order: int) -> Array:
     """ln R_i, ln tau_i and u of every start, of the smallest misfit from all starts; shape (2 order + starts,)."""
-    first = min(float(np.diff(np.unique(one.times)).min()) for one in problem.responses)
-    last = max(float(np.ptp(one.times)) for one in problem.responses)
+    times = [response.times for response in problem.responses]
+    first = min(float(np.diff(np.unique(t)).min()) for t in times)
+    last = max(float(np.ptp(t)) for t in times)
     late = np.full(problem.ranges.size, LIKELY)
     ends = []
     for phase in PHASES:
         for low, high in ((0.02, 0.3), (0.002, 0.1)):
-            tau = np.geomspace(max(low * last, first), high * last, order) if order > 1 else np.array([high * last])
+            shortest = max(low * last, first) if order > 1 else high * last
+            tau = np.geomspace(shortest, high * last, order)
             start = np.concatenate([np.full(order, 1.0), np.log(tau), late])
             largest = float(np.ptp(problem.phases(start)))
             start[:order] += np.log(phase / largest)
             logs = start[: 2 * order]
-            bounds = (np.append(logs - BOUND, 0.0 * late), np.append(logs + BOUND, late / LIKELY))
-            ends.append(least_squares(problem.misfit, start, bounds=bounds, max_nfev=60 * order))
-    return np.asarray(min(ends, key=lambda end: float(end.cost)).x)
+            least = np.append(logs - BOUND, 0.0 * late)
+            most = np.append(logs + BOUND, late / LIKELY)
+            ends.append(least_squares(problem.misfit, start, bounds=(least, most), max_nfev=60 * order))
+    best = min(ends, key=lambda end: float(end.cost))
+    return np.asarray(best.x)
 
 
-def _concluded(problem: Optical, end: Array, left: Array, order: int) -> Fit:
+def _concluded(problem: Optical, end: Array, residuals: Array, order: int) -> Fit:
     """Make the Fit from the optimum ``end``: parameters, errors, and what the trace cannot tell apart."""
     ranges = problem.ranges
     names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)]
-    names += [f"late_{k}" for k in range(1, ranges.size + 1)] + ["visibility", "bias", "half_power"]
-    traces = np.split(left, np.cumsum([one.size for one in problem.light])[:-1])
-    variance = float(left @ left) / max(left.size - end.size, 1)
+    names += [f"late_{k}" for k in range(1, ranges.size + 1)]
+    names += ["visibility", "bias", "half_power"]
+    sizes = [light.size for light in problem.light]
+    traces = np.split(residuals, np.cumsum(sizes)[:-1])
+    variance = float(residuals @ residuals) / max(residuals.size - end.size, 1)
     spread = covariance(approx_fprime(end, problem.model), traces, variance)
     deviation = np.sqrt(np.maximum(spread.diagonal(), 0))
     safe = np.maximum(deviation, np.finfo(float).tiny)
-    poles = np.exp(end[: 2 * order])
-    starts = end[2 * order : -3]
-    values = np.concatenate([poles, starts * ranges, end[-3:]])
+    logs, starts, of_light = np.split(end, [2 * order, end.size - 3])
+    poles = np.exp(logs)
+    values = np.concatenate([poles, starts * ranges, of_light])
     scale = np.concatenate([poles, ranges, [1.0, 1.0, 1.0]])
-    rms = float(np.sqrt(np.mean(left**2)))
-    size = np.append(np.ones(end.size - 1), abs(end[-1]))
     errors = scale * deviation
-    errors[: 2 * order][deviation[: 2 * order] > UNSEEN] = np.inf
-    notes = _start_notes(starts, values[2 * order : -3], errors[2 * order : -3]) + _apart(names, spread, size)
+    unseen = deviation[: 2 * order] > UNSEEN
+    errors[: 2 * order][unseen] = np.inf
+    size = np.append(np.ones(end.size - 1), abs(end[-1]))
+    notes = _start_notes(starts, starts * ranges, errors[2 * order : -3]) + _apart(names, spread, size)
     return Fit(
-        model=Foster(R=values[:order], tau=values[order : 2 * order]),
+        model=Foster(R=poles[:order], tau=poles[order:]),
         parameters=dict(zip(names, values.tolist(), strict=True)),
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),
         correlations=spread / np.outer(safe, safe),
-        residual=rms,
-        relative_residual=rms / float(np.ptp(problem.target)),
-        training=tuple(one.name for one in problem.responses),
+        residual=rms(residuals),
+        relative_residual=rms(residuals) / float(np.ptp(problem.target)),
+        training=tuple(response.name for response in problem.responses),
         notes=tuple(notes),
     ).recorded()
 
@@ -195,8 +210,9 @@ def _start_notes(shares: Array, late: Array, errors: Array) -> list[str]:
     """A sentence on every start that was fitted, by its share of the range, and in s."""
     notes = []
     for share, shift, error in zip(shares, late, errors, strict=True):
-        size = f"{quantity.rounded(float(shift), 's')} +- {quantity.rounded(float(error), 's', 2)}"
-        notes.append(f"the start is fitted with the poles: {size} after the earliest that the light allows")
+        size = quantity.rounded(float(shift), "s")
+        error = quantity.rounded(float(error), "s", 2)
+        notes.append(f"the start is fitted with the poles: {size} +- {error} after the earliest that the light allows")
         if share > 1 - EDGE:
             notes.append("the start is at the end of its range, and may be later: say it with --start")
     return notes
@@ -210,8 +226,8 @@ def _apart(names: Sequence[str], covariance: Array, size: Array) -> list[str]:
     notes = []
     squares, directions = np.linalg.eigh(covariance / np.outer(size, size))
     for square, direction in zip(squares[::-1], directions.T[::-1], strict=True):
-        open_by = np.sqrt(max(square, 0.0)) * np.abs(direction)
-        open_names = [name for name, size in zip(names, open_by, strict=True) if size > UNCERTAIN]
+        error = np.sqrt(max(square, 0.0)) * np.abs(direction)
+        open_names = list(compress(names, error > UNCERTAIN))
         if len(open_names) > 1:
             notes.append(f"the trace cannot tell {', '.join(open_names)} apart: drive it further, or at another bias")
         elif open_names:

@@ -28,6 +28,7 @@ traces, these are taken out of each before its variance and rho are read.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -50,8 +51,10 @@ def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, 
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0  # as of the rate of a pole without gain
     U, size, Vt = np.linalg.svd(jacobian / scale, full_matrices=False)
-    back = Vt.T / np.maximum(size, CUT * size[0]) / scale[:, None]
-    return np.asarray(back @ noise_along(residuals, U, variance, rest=rest) @ back.T)
+    size = np.maximum(size, CUT * size[0])
+    back = Vt.T / size / scale[:, None]
+    noise = noise_along(residuals, U, variance, rest=rest)
+    return np.asarray(back @ noise @ back.T)
 
 
 def noise_along(
@@ -65,46 +68,64 @@ def noise_along(
     alike: whether every trace has this variance.
     rest: the trace to which each of the rows after the samples belongs; rows beyond them belong to none.
     """
-    sizes = [left.size for left in residuals]
+    sizes = [trace.size for trace in residuals]
     *parts, _ = np.split(U, np.cumsum(sizes))
-    each = np.full(len(parts), variance)
+    variances = np.full(len(parts), variance)
     if len(parts) > 1:
-        residuals, shown, freedom = zip(*map(_own, residuals, parts), strict=True)
-        # 5 samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
-        least = np.where(np.array(freedom) < 5, variance, 0.0)
-        each = each if alike else np.maximum(shown, least)
+        noise = [_noise(trace, part) for trace, part in zip(residuals, parts, strict=True)]
+        residuals = [trace.residuals for trace in noise]
+        if not alike:
+            # 5 samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
+            least = [variance if trace.freedom < 5 else 0.0 for trace in noise]
+            variances = np.maximum([trace.variance for trace in noise], least)
+    samples = sum(sizes)
     of_row = np.full(len(U), variance)
-    of_row[: sum(sizes) + len(rest)] = np.append(np.repeat(each, sizes), each[list(rest)])
-    total = sum(own * _lags(left, part) for own, left, part in zip(each, residuals, parts, strict=True))
-    value, vector = np.linalg.eigh((total + total.T) / 2)
-    return np.asarray((U.T * of_row) @ U + (vector * np.maximum(value, 0)) @ vector.T)
+    of_row[:samples] = np.repeat(variances, sizes)
+    of_row[samples : samples + len(rest)] = variances[list(rest)]
+    lags = map(_lags, residuals, parts)
+    coloured = sum(of_trace * lag for of_trace, lag in zip(variances, lags, strict=True))
+    value, vector = np.linalg.eigh((coloured + coloured.T) / 2)
+    white = (U.T * of_row) @ U
+    return np.asarray(white + (vector * np.maximum(value, 0)) @ vector.T)
 
 
-def _own(left: Array, part: Array) -> tuple[Array, float, int]:
-    """Residuals of one trace after what ``part`` explains is subtracted; their variance and degrees of freedom."""
+class Noise(NamedTuple):
+    """Residuals of one trace without what the parameters explain of them, their variance and degrees of freedom."""
+
+    residuals: Array
+    variance: float
+    freedom: int
+
+
+def _noise(residuals: Array, part: Array) -> Noise:
+    """What is left of the residuals of a trace, without what the columns of ``part`` explain."""
     along, size, _ = np.linalg.svd(part, full_matrices=False)
     # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
     along = along[:, size > 1e-6]
-    left = left - along @ (along.T @ left)
-    free = left.size - along.shape[1]
-    return left, float(left @ left) / max(free, 1), free
+    residuals = residuals - along @ (along.T @ residuals)
+    freedom = residuals.size - along.shape[1]
+    variance = float(residuals @ residuals) / max(freedom, 1)
+    return Noise(residuals, variance, freedom)
 
 
-def _lags(left: Array, part: Array) -> Array:
+def _lags(residuals: Array, part: Array) -> Array:
     """U_k^T (R - 1) U_k, shape (p, p), with the correlations R between the samples of one trace."""
-    rho, n = autocorrelation(left), left.size
+    rho = autocorrelation(residuals)
+    n = residuals.size
     size = next_fast_len(2 * n, real=True)
     circle = np.zeros(size)  # R - 1, a Toeplitz matrix, as a circulant one of twice the size or a little more
-    circle[1 : rho.size + 1], circle[size - rho.size :] = rho, rho[::-1]
+    circle[1 : rho.size + 1] = rho
+    circle[size - rho.size :] = rho[::-1]
     spectrum = rfft(circle)
-    columns = [irfft(spectrum * rfft(column, size), size)[:n] for column in part.T]
-    return part.T @ np.stack(columns, axis=1)
+    products = [irfft(spectrum * rfft(column, size), size) for column in part.T]
+    return part.T @ np.stack(products, axis=1)[:n]
 
 
-STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
+RATE_STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
 CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
 AT_END = 0.999  # of the range of a shift, from which on it counts as held there
-ROUND_OFF, SIGMAS = 1e-9, 3.0  # of the swing; of the noise: below these a misfit counts as noise
+ROUND_OFF_MISFIT = 1e-9  # of the swing: a misfit below counts as noise
+SIGMAS = 3.0  # of the noise: a misfit below counts as noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,15 +182,18 @@ class FitProblem:
     def __post_init__(self) -> None:
         slowest = np.array([1 / self.span[1]])
         for d in self.responses:
-            off = d.wave.mean(*d.times[[0, -1]]) == d.wave.before(d.times[0]) == 0
-            if off or not np.ptp(pole_responses(slowest, d.wave, d.times, periodic=d.periodic)):
+            begin, end = d.times[[0, -1]]
+            off = d.wave.mean(begin, end) == d.wave.before(begin) == 0
+            if off or not np.ptp(late_responses(d, slowest, 0.0)):
                 raise checks.InputError(
                     f"the power of the {d.name} moves nothing that the samples show: is it zero throughout, or is a "
                     "time shifted or in another unit?"
                 )
-        weight = np.repeat([1 / d.swing for d in self.responses], [d.rise.size for d in self.responses])
+        sizes = [d.rise.size for d in self.responses]
+        weight = np.repeat([1 / d.swing for d in self.responses], sizes)
         object.__setattr__(self, "weight", weight)
-        object.__setattr__(self, "target", self._rows([d.rise[:, None] / d.swing for d in self.responses])[:, 0])
+        rises = [d.rise[:, None] / d.swing for d in self.responses]
+        object.__setattr__(self, "target", self._rows(rises)[:, 0])
 
     @property
     def within(self) -> Array:
@@ -185,9 +209,11 @@ class FitProblem:
         """
         rate = np.exp(log_rate)
         shifts = np.zeros(len(self.responses)) if shift is None else shift
-        answers = [late_responses(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
-        for d, answer in zip(self.responses, answers, strict=True):
+        answers = []
+        for d, late in zip(self.responses, shifts, strict=True):
+            answer = late_responses(d, rate, late)
             answer *= 1 / d.swing
+            answers.append(answer)
         return self._rows(answers, 1 / (rate * (self.thermal_resistance or 1.0)))
 
     def _rows(self, parts: Sequence[Array], gain: ArrayLike = 1.0) -> Array:
@@ -205,16 +231,20 @@ class FitProblem:
                 rest.append(-np.sqrt(d.rest_rows) * level)
         if self.thermal_resistance is not None:
             # 1e3: weight of the static-gain row over all samples together; the last 1e-6 are rescaled away
-            rest.append(1e3 * np.sqrt(self.weight.size + len(rest)) * np.broadcast_to(gain, parts[0].shape[1]))
+            weight = 1e3 * np.sqrt(self.weight.size + len(rest))
+            rest.append(weight * np.broadcast_to(gain, parts[0].shape[1]))
         return np.vstack([*parts, *rest])
 
     def gains(self, phi: Array) -> Array:
         """Gains of the poles by linear least squares, >= 0 where ``positive``; shape (poles,)."""
         norm = np.linalg.norm(phi, axis=0)
         norm[norm == 0] = 1.0  # a pole too fast for any sample
+        scaled = phi / norm
         if self.positive:
-            return np.asarray(nnls(phi / norm, self.target, maxiter=30 * norm.size)[0] / norm)
-        return np.asarray(np.linalg.lstsq(phi / norm, self.target, rcond=None)[0] / norm)
+            gain, _ = nnls(scaled, self.target, maxiter=30 * norm.size)
+        else:
+            gain, *_ = np.linalg.lstsq(scaled, self.target, rcond=None)
+        return np.asarray(gain / norm)
 
     @property
     def rested(self) -> list[int]:
@@ -227,10 +257,12 @@ class FitProblem:
         shortest = []
         for d in self.responses:
             edges = np.append(0.0, d.wave.breakpoints(0.0, float(d.times[-1])))
-            since = d.times - edges[np.searchsorted(edges, d.times, side="right") - 1]
+            latest = np.searchsorted(edges, d.times, side="right") - 1
+            since = d.times - edges[latest]
             steps = np.diff(np.unique(d.times))
-            shortest.append(max(float(steps.min()), float(since[since > 0].min())))
-        return min(shortest), max(float(np.ptp(d.times)) for d in self.responses)
+            shortest.append(max(steps.min(), since[since > 0].min()))
+        lengths = [np.ptp(d.times) for d in self.responses]
+        return float(min(shortest)), float(max(lengths))
 
 
 def optimum(problem: FitProblem, order: int) -> Optimum:
@@ -240,12 +272,14 @@ def optimum(problem: FitProblem, order: int) -> Optimum:
     """
     checks.enough("data", problem.weight.size, 2 * order, hint=f"or take fewer than {order} poles")
     ends = [_descend(problem, start) for start in _starts(problem, order)]
-    return _conclude(problem, min(ends, key=lambda end: end[1])[0])
+    best, _ = min(ends, key=lambda end: end[1])
+    return _conclude(problem, best)
 
 
 def polish(problem: FitProblem, log_rate: Array) -> Optimum:
     """The optimum that a search from the rates ``log_rate`` reaches."""
-    return _conclude(problem, _descend(problem, log_rate)[0])
+    end, _ = _descend(problem, log_rate)
+    return _conclude(problem, end)
 
 
 def late_responses(response: Response, rate: Array, late: float) -> Array:
@@ -253,8 +287,9 @@ def late_responses(response: Response, rate: Array, late: float) -> Array:
     if late == 0:
         return pole_responses(rate, response.wave, response.times, periodic=response.periodic)
     times = response.times - late
+    heated = times >= 0
     answers = np.zeros((times.size, rate.size))
-    answers[times >= 0] = pole_responses(rate, response.wave, times[times >= 0])
+    answers[heated] = pole_responses(rate, response.wave, times[heated])
     return answers
 
 
@@ -266,25 +301,31 @@ def _shift(problem: FitProblem, end: Array) -> Array:
     within = problem.within
     shift = np.zeros(within.size)
     free = within > 0
-    shift[free] = end[end.size - free.sum() :] * within[free]
+    shares = end[end.size - free.sum() :]
+    shift[free] = shares * within[free]
     return shift
 
 
 def _row_derivatives(problem: FitProblem, end: Array, phi: Array, gain: Array) -> Array:
     """Derivatives of the fitted rows with respect to the unknowns ``end`` at constant gains; (rows, unknowns)."""
-    n, shift = gain.size, _shift(problem, end)
-    by_rate = (problem.columns(end[:n] + STEP, shift) - phi) / STEP * gain
+    log_rate = end[: gain.size]
+    shift = _shift(problem, end)
+    faster = problem.columns(log_rate + RATE_STEP, shift)
+    by_rate = (faster - phi) / RATE_STEP * gain
     by_shift = []
     for k in np.flatnonzero(problem.within):
-        later = shift + STEP * problem.within * (np.arange(shift.size) == k)
-        by_shift.append((problem.columns(end[:n], later) - phi) @ gain / STEP)
+        later = shift.copy()
+        later[k] += RATE_STEP * problem.within[k]
+        change = problem.columns(log_rate, later) - phi
+        by_shift.append(change @ gain / RATE_STEP)
     return np.column_stack([by_rate, *by_shift])
 
 
 def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
     """Minimise over log rates and shifts; returns the unknowns at the end, and half the sum of squares there."""
     shortest, longest = problem.span
-    n, free = start.size, int(np.count_nonzero(problem.within))
+    n = start.size
+    free = int(np.count_nonzero(problem.within))
     low = np.repeat([np.log(1e-3 / longest), -1.0], [n, free])
     high = np.repeat([np.log(30 / shortest), 1.0], [n, free])
 
@@ -296,11 +337,12 @@ def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
         phi = problem.columns(p[:n], _shift(problem, p))
         gain = problem.gains(phi)
         active = gain != 0
-        moved = _row_derivatives(problem, p, phi, gain)
-        Q = np.linalg.qr(phi[:, active])[0]
-        return np.asarray(Q @ (Q.T @ moved) - moved)
+        slopes = _row_derivatives(problem, p, phi, gain)
+        Q, _ = np.linalg.qr(phi[:, active])
+        return np.asarray(Q @ (Q.T @ slopes) - slopes)
 
-    inside = np.clip(np.append(start, np.zeros(free)), low + 1e-6, high - 1e-6)
+    start = np.append(start, np.zeros(free))
+    inside = np.clip(start, low + 1e-6, high - 1e-6)
     end = least_squares(
         misfit, inside, jacobian, bounds=(low, high), x_scale=1.0, xtol=1e-10, ftol=1e-12, gtol=1e-14, max_nfev=200
     )
@@ -315,8 +357,8 @@ def _starts(problem: FitProblem, order: int) -> list[Array]:
         return [grid[_best_columns(problem.columns(grid), problem.target, order)]]
     slow = np.log(1 / longest)
     fast = np.log(1 / shortest)
-    spans = [(0.0, 0.0), (0.2, 0.2)]
-    return [np.linspace(slow + a * (fast - slow), fast - b * (fast - slow), order) for a, b in spans]
+    margin = 0.2 * (fast - slow)
+    return [np.linspace(slow, fast, order), np.linspace(slow + margin, fast - margin, order)]
 
 
 def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
@@ -327,9 +369,12 @@ def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
     right = columns.T @ target / norm
 
     def explained(pick: list[int]) -> float:
-        return float(right[pick] @ np.linalg.lstsq(gram[np.ix_(pick, pick)], right[pick], rcond=1e-12)[0])
+        chosen = gram[np.ix_(pick, pick)]
+        gain, *_ = np.linalg.lstsq(chosen, right[pick], rcond=1e-12)
+        return float(right[pick] @ gain)
 
-    return max((list(pick) for pick in combinations(range(norm.size), count)), key=explained)
+    sets = map(list, combinations(range(norm.size), count))
+    return max(sets, key=explained)
 
 
 def _conclude(problem: FitProblem, end: Array) -> Optimum:
@@ -341,34 +386,46 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
     end = np.append(log_rate, end[n:])
     phi = problem.columns(log_rate, shift)
     gain = problem.gains(phi)
-    if problem.thermal_resistance is not None and np.any(gain):
-        gain = gain * problem.thermal_resistance / np.sum(gain / np.exp(log_rate))
+    R_th = problem.thermal_resistance
+    if R_th is not None and np.any(gain):
+        gain = gain * R_th / np.sum(gain / np.exp(log_rate))
     misfit = (problem.target - phi @ gain)[: problem.weight.size]
-    parts = np.split(misfit, np.cumsum([d.rise.size for d in problem.responses])[:-1])
-    moved = _row_derivatives(problem, end, phi, gain)
-    seen = np.abs(end[n:]) < AT_END
-    jacobian = np.hstack([moved[:, :n], phi, moved[:, n:][:, seen]])
-    unknowns = jacobian.shape[1] - (problem.thermal_resistance is not None)
+    sizes = [d.rise.size for d in problem.responses]
+    traces = np.split(misfit, np.cumsum(sizes)[:-1])
+    by_rate, by_shift = np.split(_row_derivatives(problem, end, phi, gain), [n], axis=1)
+    inside = np.abs(end[n:]) < AT_END
+    jacobian = np.hstack([by_rate, phi, by_shift[:, inside]])
+    unknowns = jacobian.shape[1] - (R_th is not None)
     variance = float(misfit @ misfit) / max(misfit.size - unknowns, 1)
-    found = covariance(jacobian, parts, variance, rest=problem.rested)
-    of_poles = found[: 2 * n, : 2 * n]
+    of_all = covariance(jacobian, traces, variance, rest=problem.rested)
+    of_poles = of_all[: 2 * n, : 2 * n]
+    fitted = free[inside]
     shift_error = np.where(problem.within > 0, np.inf, 0.0)
-    shift_error[free[seen]] = np.sqrt(found.diagonal()[2 * n :]) * problem.within[free[seen]]
-    each = zip(problem.responses, shift, strict=True)
-    offset = np.array([_offset(d, log_rate, gain, late, of_poles) for d, late in each])
+    shift_error[fitted] = np.sqrt(of_all.diagonal()[2 * n :]) * problem.within[fitted]
+    offset = np.empty(shift.size)
+    offset_error = np.empty(shift.size)
+    noise = True
+    for k, d in enumerate(problem.responses):
+        offset[k], offset_error[k] = _offset(d, log_rate, gain, shift[k], of_poles)
+        noise = noise and is_noise(d, traces[k] * d.swing)
     return Optimum(
         log_rate=log_rate,
         gain=gain,
         covariance=of_poles,
-        residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
-        relative_residual=float(np.sqrt(np.mean(misfit**2))),
+        residual=rms(misfit / problem.weight),
+        relative_residual=rms(misfit),
         shift=shift,
         shift_error=shift_error,
-        offset=offset[:, 0],
-        offset_error=offset[:, 1],
-        noise=all(is_noise(d, left * d.swing) for d, left in zip(problem.responses, parts, strict=True)),
-        independent=sum(independent(left) for left in parts),
+        offset=offset,
+        offset_error=offset_error,
+        noise=noise,
+        independent=sum(map(independent, traces)),
     )
+
+
+def rms(x: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(x**2)))
 
 
 def _offset(response: Response, log_rate: Array, gain: Array, shift: float, covariance: Array) -> tuple[float, float]:
@@ -376,28 +433,39 @@ def _offset(response: Response, log_rate: Array, gain: Array, shift: float, cova
     rows = response.times.size + response.rest_rows
     if not np.isfinite(rows):
         return 0.0, 0.0
-    mean = late_responses(response, np.exp(log_rate + 0.0), shift).sum(axis=0) / rows
-    other = late_responses(response, np.exp(log_rate + STEP), shift).sum(axis=0) / rows
+    phi = late_responses(response, np.exp(log_rate), shift)
+    faster = late_responses(response, np.exp(log_rate + RATE_STEP), shift)
+    mean = phi.sum(axis=0) / rows
+    change = faster.sum(axis=0) / rows - mean
+    slope = np.concatenate([change / RATE_STEP * gain, mean])
     level = float(response.rise.sum() / rows - mean @ gain)
-    slope = np.concatenate([(other - mean) / STEP * gain, mean])
-    left = response.rise - late_responses(response, np.exp(log_rate), shift) @ gain - level
-    return level, float(np.sqrt(max(slope @ covariance @ slope, 0.0) + np.mean(left**2) / rows))
+    residuals = response.rise - phi @ gain - level
+    variance = max(slope @ covariance @ slope, 0.0) + np.mean(residuals**2) / rows
+    return level, float(np.sqrt(variance))
 
 
-def is_noise(response: Response, left: Array) -> bool:
+def is_noise(response: Response, residuals: Array) -> bool:
     """Whether a misfit in K is no larger than the rows at rest scatter; without such rows, whether it is white.
 
     The sum of n products of neighbouring rows of white noise, over that of the squares, is 0 +- 1/sqrt(n). Noise that
     stays for some rows, as behind a filter, is white in the means of more of them; a misfit of the model is not.
     """
-    n, square = left.size, float(left @ left)
-    if square <= n * (ROUND_OFF * response.swing) ** 2:
+    n = residuals.size
+    square = float(residuals @ residuals)
+    if square <= n * (ROUND_OFF_MISFIT * response.swing) ** 2:
         return True
     if np.isfinite(response.rest_noise):
         rows = min(n, max(response.rest_rows, 2.0))
-        return bool(np.sqrt(square / n) <= response.rest_noise * (1 + SIGMAS / np.sqrt(2 * rows)))
-    while abs(left[1:] @ left[:-1]) > SIGMAS / np.sqrt(left.size) * (left @ left):
-        if left.size < 2 * FEWEST:
+        slack = 1 + SIGMAS / np.sqrt(2 * rows)
+        return bool(np.sqrt(square / n) <= response.rest_noise * slack)
+    while not _is_white(residuals):
+        if residuals.size < 2 * FEWEST:
             return False
-        left = left[: left.size // 2 * 2].reshape(-1, 2).mean(axis=1)
+        pairs = residuals[: residuals.size // 2 * 2].reshape(-1, 2)
+        residuals = pairs.mean(axis=1)
     return True
+
+
+def _is_white(residuals: Array) -> bool:
+    product = abs(residuals[1:] @ residuals[:-1])
+    return bool(product <= SIGMAS / np.sqrt(residuals.size) * (residuals @ residuals))

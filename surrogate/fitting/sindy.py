@@ -28,6 +28,8 @@ from thermofem.data.dataset import response_of, warn_of
 from thermofem.models import HasModel, Network, gate
 from thermofem.waveforms import Waveform
 
+from .pole_projection import rms
+
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
 UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 
@@ -67,9 +69,14 @@ class SindyFit(HasModel):
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
         method = "SINDy, weak form, static gains imposed"
-        reach, error = self.model.largest_rise, self.residual
-        made = {"method": method, "equations": list(self.equations), "largest_rise_K": reach, "residual_K": error}
-        return {**made, "training": list(self.training), "geometry": self.geometry}
+        return {
+            "method": method,
+            "equations": list(self.equations),
+            "largest_rise_K": self.model.largest_rise,
+            "residual_K": self.residual,
+            "training": list(self.training),
+            "geometry": self.geometry,
+        }
 
 
 def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None) -> SindyFit:
@@ -98,8 +105,10 @@ def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window
         data; an identified network that does not pass the gate.
     """
     probed = read_probes(data)
-    names, rise = probed.names, probed.rise
-    gains = checks.array("static", data.attrs.get("thermal_resistances", ()) if static is None else static)
+    names = probed.names
+    rise = probed.rise[:, 0]
+    stated = data.attrs.get("thermal_resistances", ())
+    gains = checks.array("static", stated if static is None else static)
     checks.shape("static", gains, (len(names),))
     checks.positive("smallest static", gains.min())
     if gains.max() > gains[0]:
@@ -109,17 +118,19 @@ def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window
         )
     A, b = _regression(probed, gains, window)
     poles = gate(A, b, float(gains[0]), name=names[0])
-    misfit = poles.response(probed.wave, probed.times) - rise[:, 0]
-    numbers = {f"A_{i + 1}_{j + 1}": float(value) for (i, j), value in np.ndenumerate(A)}
-    numbers |= {f"b_{i + 1}": float(value) for i, value in enumerate(b)}
-    rms = float(np.sqrt(np.mean(misfit**2)))
+    residual = rms(poles.response(probed.wave, probed.times) - rise)
+    numbers = {}
+    for (i, j), value in np.ndenumerate(A):
+        numbers[f"A_{i + 1}_{j + 1}"] = float(value)
+    for i, value in enumerate(b):
+        numbers[f"b_{i + 1}"] = float(value)
     return SindyFit(
-        model=Network(A, b, names, poles, float(rise[:, 0].max())),
+        model=Network(A, b, names, poles, float(rise.max())),
         equations=_equations(names, A, b),
         parameters=numbers,
         standard_errors=dict.fromkeys(numbers, float("nan")),
-        residual=rms,
-        relative_residual=rms / float(np.ptp(rise[:, 0])),
+        residual=residual,
+        relative_residual=residual / float(np.ptp(rise)),
         training=(f"{type(probed.wave).__name__.lower()}, from rest",),
         geometry=data.attrs.get("geometry"),
     ).recorded()
@@ -148,9 +159,12 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
 
     from .ruled_least_squares import RuledLeastSquares
 
-    n, step, hint = gains.size, float(probed.times[1] - probed.times[0]), "from one sample to a third of the data"
-    given = WINDOW * step if window is None else window
-    half = checks.between("window", given, step * (1 - 1e-9), float(probed.times[-1]) / 3, unit="s", hint=hint)
+    n = gains.size
+    step = float(probed.times[1] - probed.times[0])
+    half = WINDOW * step if window is None else window
+    least = step * (1 - 1e-9)
+    most = float(probed.times[-1]) / 3
+    half = checks.between("window", half, least, most, unit="s", hint="from one sample to a third of the data")
     power = float(probed.rise[:, 0].max()) / gains[0]
     time = UNIT * step  # W, s
     rise = gains * power  # K, of each probe
@@ -194,7 +208,8 @@ def read_probes(data: xr.Dataset) -> Probed:
     if data.attrs.get("kind", "transient") != "transient" or "waveform" not in data.attrs:
         raise checks.InputError("data must be a transient from rest that carries its waveform")
     responses = [response_of(data.isel(probe=k)) for k in range(data.sizes["probe"])]
-    times, rise = responses[0].times, np.stack([response.rise for response in responses], axis=1)
+    times = responses[0].times
+    rise = np.stack([response.rise for response in responses], axis=1)
     warn_of(responses)
     checks.enough("data", times.size, 1000)
     steps = np.diff(times)
@@ -211,8 +226,10 @@ def read_probes(data: xr.Dataset) -> Probed:
 def _equations(names: tuple[str, ...], A: Array, b: Array) -> tuple[str, ...]:
     """The equations of a network as text; power enters the first only."""
     terms = [*(f"T[{name}]" for name in names), "P"]
-    rows = np.column_stack([A, np.where(np.arange(b.size) == 0, b, 0.0)])
-    return tuple(
-        f"dT[{name}]/dt = " + " ".join(f"{c:+.4g} {term}" for c, term in zip(row, terms, strict=True) if c)
-        for name, row in zip(names, rows, strict=True)
-    )
+    power = np.zeros_like(b)
+    power[0] = b[0]
+    equations = []
+    for name, row in zip(names, np.column_stack([A, power]), strict=True):
+        right = [f"{c:+.4g} {term}" for c, term in zip(row, terms, strict=True) if c]
+        equations.append(f"dT[{name}]/dt = {' '.join(right)}")
+    return tuple(equations)

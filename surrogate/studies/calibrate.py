@@ -16,14 +16,13 @@ from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
 from ..family.family import ChannelNames
-from ..fitting.pole_projection import noise_along
-from .inverse_search import family_over, inside
+from ..fitting.pole_projection import noise_along, rms
+from .inverse_search import at_edge, family_over, inside
 
 log = logging.getLogger("thermofem")
 
 BLIND = 0.3  # of a range: a combination whose standard error is larger is not determined by the data
-NOISE = 1e-15, 1e6  # K, of a sample
-ON_EDGE = 1e-6  # of a range
+NOISE_RANGE = 1e-15, 1e6  # K, of a sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,9 @@ def calibrate(
     from scipy.optimize import least_squares
 
     family = family_over(geometry, free, tolerance)
-    ranges = family.ranges | {name: inside(family, name, ends) for name, ends in (free or {}).items()}
+    ranges = family.ranges
+    for name, pair in (free or {}).items():
+        ranges[name] = inside(family, name, pair)
     low, high = np.array(list(ranges.values())).T
     responses = responses_of(data)
     channel = family.channel(heated, read)
@@ -132,7 +133,9 @@ def calibrate(
     measured = np.concatenate([response.rise for response in responses])
     checks.enough("data", measured.size, len(low) + 1)
     span = replace(family.box, low=low, high=high)
-    scale = checks.between("noise", noise, *NOISE, unit="K") if noise is not None else float(np.std(measured)) or 1.0
+    scale = float(np.std(measured)) or 1.0
+    if noise is not None:
+        scale = checks.between("noise", noise, *NOISE_RANGE, unit="K")
 
     def values_of(x: Array) -> dict[str, float]:
         return dict(zip(family.names, span.at(x).tolist(), strict=True))
@@ -142,43 +145,46 @@ def calibrate(
 
     def misfit(x: Array) -> Array:
         model = member(x)
-        return (np.concatenate([_rise(model, d) for d in responses]) - measured) / scale
+        rise = np.concatenate([_rise(model, d) for d in responses])
+        return (rise - measured) / scale
 
     def jacobian(x: Array) -> Array:
         row = span.at(x)
         model = member(x)
         modal = family.modal_derivative(row, channel)
-        each = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
+        slopes = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
         if isinstance(model, OutputMap) and family.output_maps is not None:  # dT = z + a z^2
             z = np.concatenate([_rise(model.linear, d) for d in responses])
-            each = (1 + 2 * model.coefficient * z) * each + np.outer(family.output_maps.slopes(family.box, row), z**2)
-        return np.asarray(each.T * (span.slope(x) / scale))
+            of_a = family.output_maps.slopes(family.box, row)
+            slopes = (1 + 2 * model.coefficient * z) * slopes + np.outer(of_a, z**2)
+        return np.asarray(slopes.T * (span.slope(x) / scale))
 
     shares = np.random.default_rng(0).uniform(0.15, 0.85, (3, len(low)))  # 4 starts of Gauss-Newton, with the middle
     starts = np.vstack([np.full(len(low), 0.5), shares])
-    ends = [
-        least_squares(misfit, start, jacobian, bounds=(0, 1), xtol=1e-12, ftol=1e-14, gtol=1e-12) for start in starts
-    ]
+    tolerances = {"xtol": 1e-12, "ftol": 1e-14, "gtol": 1e-12}
+    ends = [least_squares(misfit, start, jacobian, bounds=(0, 1), **tolerances) for start in starts]
     best = min(ends, key=lambda end: float(end.cost))
     x = np.asarray(best.x)
-    left = np.asarray(best.fun)
-    freedom = measured.size - len(low)
-    variance = 1.0 if noise is not None else float(left @ left) / freedom
-    parts = np.split(left, np.cumsum([d.rise.size for d in responses])[:-1])
-    covariance, unseen = _covariance(jacobian(x), parts, variance, noise is not None, family.names)
-    found = values_of(x)
+    residuals = np.asarray(best.fun)
+    square = float(residuals @ residuals)
+    per_freedom = square / (measured.size - len(low))
+    variance = 1.0 if noise is not None else per_freedom
+    sizes = [d.rise.size for d in responses]
+    traces = np.split(residuals, np.cumsum(sizes)[:-1])
+    covariance, unseen = _covariance(jacobian(x), traces, variance, noise is not None, family.names)
+    values = values_of(x)
     slope = span.slope(x)
     errors = np.sqrt(np.diag(covariance)) * slope
     return Calibration(
-        values=found,
+        values=values,
         standard_errors=dict(zip(family.names, errors.tolist(), strict=True)),
         covariance=covariance * np.outer(slope, slope),
-        residual=float(np.sqrt(np.mean((left * scale) ** 2))),
-        reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
-        correlation=float(left[1:] @ left[:-1] / max(left @ left, 1e-300)),
+        residual=rms(residuals * scale),
+        reduced_chi_square=per_freedom if noise is not None else np.nan,
+        correlation=float(residuals[1:] @ residuals[:-1] / max(square, 1e-300)),
         unseen=(*unseen, *family.doubts(span.at(x), channel)),
-        active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
-        certified=family.certify(**found),
+        active=at_edge(family.names, x),
+        certified=family.certify(**values),
         family=family,
         channel=names,
     )
@@ -189,7 +195,8 @@ def _rise(model: Foster | OutputMap, response: Response) -> Array:
     if isinstance(model, OutputMap):
         return warn_beyond(model.of(_rise(model.linear, response)), model.largest_rise)
     rate = 1 / np.asarray(model.tau)
-    return pole_responses(rate, response.wave, response.times, periodic=response.periodic) @ model.gain
+    phi = pole_responses(rate, response.wave, response.times, periodic=response.periodic)
+    return phi @ model.gain
 
 
 def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
@@ -197,16 +204,20 @@ def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
 
     A measured table states only the name of its column, which counts as a part only where the geometry has such a part.
     """
-    every, parts = data if isinstance(data, list | tuple) else [data], family.box.base.region_names
-    if len({one.attrs["geometry"] for one in every if "geometry" in one.attrs}) > 1:
+    datasets = data if isinstance(data, list | tuple) else [data]
+    regions = family.box.base.region_names
+    geometries = {dataset.attrs["geometry"] for dataset in datasets if "geometry" in dataset.attrs}
+    if len(geometries) > 1:
         log.warning("data were solved for different geometries, and one set of parameters is fitted to all of them")
-    for one in map(at_probe, every):
+    for dataset in map(at_probe, datasets):
         for what, port in zip(("heated", "read"), channel, strict=True):
-            given, wanted = str(one.attrs.get(what) or family.ports[port]), family.ports[port]
-            if given != wanted and ("heated" in one.attrs or given in parts):
+            of_members = family.ports[port]
+            part = str(dataset.attrs.get(what) or of_members)
+            named = "heated" in dataset.attrs or part in regions
+            if named and part != of_members:
                 raise checks.InputError(
-                    f"data was {what} in {checks.shown(given)}, and the members are in {wanted!r}; solve for that, or, "
-                    f"if it is the same part, set its attribute {what!r}"
+                    f"data was {what} in {checks.shown(part)}, and the members are in {of_members!r}; solve for that, "
+                    f"or, if it is the same part, set its attribute {what!r}"
                 )
 
 
@@ -215,13 +226,15 @@ def _covariance(
 ) -> tuple[Array, tuple[str, ...]]:
     """Covariance of parameters as fractions of their ranges, and combinations with a standard error above `BLIND`."""
     u, s, vt = np.linalg.svd(J, full_matrices=False)
-    size = 1 / np.maximum(s, 1e-12 * s[0] if s[0] > 0 else 1e-300)
+    least = 1e-12 * s[0] if s[0] > 0 else 1e-300
+    size = 1 / np.maximum(s, least)
     noise = noise_along(residuals, u, variance, alike=alike)
-    covariance = (vt.T * size) @ noise @ (vt.T * size).T
+    back = vt.T * size
     unseen = []
     for error, direction in zip(size * np.sqrt(noise.diagonal()), vt, strict=True):
         if error > BLIND:
-            direction = direction * np.sign(direction[np.abs(direction).argmax()])
-            terms = [f"{value:+.2f} {name}" for name, value in zip(names, direction, strict=True) if abs(value) > 0.1]
-            unseen.append(f"{' '.join(terms)} (shares of the ranges): known to {error:.1g} of the range only")
-    return covariance, tuple(unseen)
+            largest = np.abs(direction).argmax()
+            shares = zip(direction * np.sign(direction[largest]), names, strict=True)
+            terms = " ".join(f"{share:+.2f} {name}" for share, name in shares if abs(share) > 0.1)
+            unseen.append(f"{terms} (shares of the ranges): known to {error:.1g} of the range only")
+    return back @ noise @ back.T, tuple(unseen)

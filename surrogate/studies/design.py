@@ -1,6 +1,6 @@
 """Design: the member of a family with wanted properties, and members that no other beats in all of them at once."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
@@ -12,12 +12,22 @@ from thermofem.arrays import Array
 
 from ..family import Certified, Family
 from ..family.family import ChannelNames
-from .inverse_search import LACKING, QUANTITIES, Follows, Quantity, Ranges, Search, family_over, search_of, wanted_of
+from .inverse_search import (
+    LACKING,
+    QUANTITIES,
+    Follows,
+    Quantity,
+    Ranges,
+    Search,
+    at_edge,
+    family_over,
+    search_of,
+    wanted_of,
+)
 
 CANDIDATES = 64  # members looked at before the search; the best of them begins it
 REACHED = 2e-3  # relative misfit of every target below which it counts as reached
-ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an active constraint
-STEP = 1e-4  # of a range, of the differences behind the search
+SEARCH_STEP = 1e-4  # of a range, of the differences behind the search
 NEAR = 1e-3  # relative misfit that weighs as much as a whole range of distance from the nominal member
 LOOKED_AT = 1024  # members, for the front
 
@@ -136,18 +146,19 @@ def design(
         raise checks.InputError(f"no member of the {CANDIDATES} looked at has {search.missing}")
     reached = search.reached(x, REACHED)
     front = None if reached or len(got) == 1 else _front(search, seed, executor)
-    at = [family.names[k] for k, y in zip(search.moving, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE]
-    found = search.values(x)
-    slopes = _sensitivity(search, found)
+    active = at_edge([family.names[k] for k in search.moving], x)
+    values = search.values(x)
+    slopes = _sensitivity(search, values)
+    message = _message(search, reached, got, active, slopes)
     return Design(
-        values=found,
+        values=values,
         achieved=got,
         target=search.wanted,
         reached=reached,
-        active=tuple(at),
+        active=active,
         sensitivity=slopes,
-        certified=family.certify(**found),
-        message=f"{channel}: {_message(search, reached, got, at, slopes)}",
+        certified=family.certify(**values),
+        message=f"{channel}: {message}",
         family=family,
         channel=channel,
         front=front,
@@ -164,64 +175,80 @@ def _nearest(search: Search, seed: int, executor: Executor | None) -> Array:
     from scipy.optimize import least_squares
     from scipy.stats import qmc
 
-    starts = qmc.Sobol(len(search.moving), seed=np.random.default_rng(checks.seed(seed))).random(CANDIDATES)
-    costs, nominal = np.sum(search.misfits(starts, executor) ** 2, axis=1), search.nominal
+    random = np.random.default_rng(checks.seed(seed))
+    candidates = qmc.Sobol(len(search.moving), seed=random).random(CANDIDATES)
+    costs = np.sum(search.misfits(candidates, executor) ** 2, axis=1)
+    cheapest = np.argsort(costs)[:2]
+    nominal = search.nominal
 
     def residual(x: Array) -> Array:
         return np.append(search.misfit(x), NEAR * (x - nominal))
 
-    options = {"diff_step": STEP, "xtol": 1e-10, "ftol": 1e-12, "max_nfev": 40, "bounds": (0, 1)}
-    begins = np.clip([nominal, *starts[np.argsort(costs)[:2]]], 1e-3, 1 - 1e-3)
-    ends = [least_squares(residual, begin, **options) for begin in begins]
-    return np.asarray(min(ends, key=lambda end: float(end.cost)).x)
+    options = {"diff_step": SEARCH_STEP, "xtol": 1e-10, "ftol": 1e-12, "max_nfev": 40, "bounds": (0, 1)}
+    starts = np.clip([nominal, *candidates[cheapest]], 1e-3, 1 - 1e-3)
+    ends = [least_squares(residual, start, **options) for start in starts]
+    best = min(ends, key=lambda end: float(end.cost))
+    return np.asarray(best.x)
 
 
 def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """d(quantity)/d(parameter) by differences that stay inside the box."""
-    family = search.family
-    found: dict[str, dict[str, float]] = {name: {} for name in search.properties}
+    box = search.family.box
+    slopes: dict[str, dict[str, float]] = {quantity: {} for quantity in search.properties}
     for k in search.moving:
-        name, h = family.names[k], 10 * STEP * (search.high[k] - search.low[k])
-        ends = max(values[name] - h, family.box.low[k]), min(values[name] + h, family.box.high[k])
-        for quantity, one in search.properties.items():
-            down, up = (float(one({**values, name: end})) for end in ends)
-            found[quantity][name] = (up - down) / (ends[1] - ends[0])
-    return found
+        name = box.names[k]
+        h = 10 * SEARCH_STEP * (search.high[k] - search.low[k])
+        below = max(values[name] - h, box.low[k])
+        above = min(values[name] + h, box.high[k])
+        for quantity, of_member in search.properties.items():
+            down = float(of_member({**values, name: below}))
+            up = float(of_member({**values, name: above}))
+            slopes[quantity][name] = (up - down) / (above - below)
+    return slopes
 
 
 def _message(
     search: Search,
     reached: bool,
     got: Mapping[str, float],
-    active: list[str],
+    active: Sequence[str],
     slopes: Mapping[str, Mapping[str, float]],
 ) -> str:
     """Text: whether the targets are reached, by one member of many, and which sensitivities are not known and why."""
     values = ", ".join(f"{name} = {value:.6g} (wanted {search.wanted[name]:.6g})" for name, value in got.items())
-    found = f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
+    text = f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
     if active:
-        found += f"; at the end of its range: {', '.join(active)}"
-    wanted = len(search.wanted)
+        text += f"; at the end of its range: {', '.join(active)}"
+    targets = len(search.wanted)
     free = len(search.moving)
-    if reached and wanted < free:
-        at = ", ".join(f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items())
-        found += f"; {wanted} wanted and {free} free: one solution of many, the nearest to {at} in units of the ranges"
-    for quantity, each in slopes.items():
-        if names := [name for name, slope in each.items() if np.isnan(slope)]:
-            why = search.properties[quantity].reason
-            found += f"; no sensitivity of {quantity} to {', '.join(names)}: a member beside it has none ({why})"
-    return found
+    if reached and targets < free:
+        nominal = ", ".join(f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items())
+        text += f"; {targets} wanted and {free} free: one solution of many, the nearest to {nominal} in units of the "
+        text += "ranges"
+    for quantity, by_name in slopes.items():
+        names = ", ".join(name for name, slope in by_name.items() if np.isnan(slope))
+        if names:
+            reason = search.properties[quantity].reason
+            text += f"; no sensitivity of {quantity} to {names}: a member beside it has none ({reason})"
+    return text
 
 
 def _front(search: Search, seed: int, executor: Executor | None) -> xr.Dataset | None:
     """Members, of `LOOKED_AT` random ones, that no other beats in all targets at once, sorted by the first quantity."""
     from scipy.stats import qmc
 
-    points = qmc.Sobol(len(search.moving), seed=np.random.default_rng(seed)).random(LOOKED_AT)
-    off = np.abs(search.misfits(points, executor))
-    beaten = np.array([((off <= one).all(axis=1) & (off < one).any(axis=1)).any() for one in off])
-    kept = points[~beaten & (off < LACKING).all(axis=1)]
-    if not kept.size:
+    sobol = qmc.Sobol(len(search.moving), seed=np.random.default_rng(seed))
+    points = sobol.random(LOOKED_AT)
+    misfits = np.abs(search.misfits(points, executor))
+    front = []
+    for x, misfit in zip(points, misfits, strict=True):
+        no_worse = (misfits <= misfit).all(axis=1)
+        better = (misfits < misfit).any(axis=1)
+        beaten = np.any(no_worse & better)
+        if not beaten and np.all(misfit < LACKING):
+            front.append(search.achieved(x) | search.values(x))
+    if not front:
         return None
-    rows = sorted((search.achieved(x) | search.values(x) for x in kept), key=lambda row: next(iter(row.values())))
-    return xr.Dataset({name: ("member", [row[name] for row in rows]) for name in rows[0]})
+    first = next(iter(search.properties))
+    front.sort(key=lambda member: member[first])
+    return xr.Dataset({name: ("member", [member[name] for member in front]) for name in front[0]})

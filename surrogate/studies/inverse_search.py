@@ -23,6 +23,7 @@ log = logging.getLogger("thermofem")
 Model = Foster | OutputMap
 
 PIECES = 64  # of many members, one task of an executor each
+ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an active constraint
 LACKING = 1e6  # relative misfit of a member that has no such property, such as a ring that does not pulse
 
 Quantity = str | Callable[..., Any]
@@ -57,11 +58,13 @@ class Optics:
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every optical number, by name in SI, at the member with the parameters ``values``."""
-        start = dict(zip(family.names, family.box.middle.tolist(), strict=True)) | dict(self.at)
-        return {
-            number: sum(slope * (values[name] - start[name]) for name, slope in each.items())
-            for number, each in self.slopes.items()
-        }
+        middle = zip(family.names, family.box.middle.tolist(), strict=True)
+        start = dict(middle) | dict(self.at)
+        changes = {}
+        for number, slopes in self.slopes.items():
+            terms = [slope * (values[name] - start[name]) for name, slope in slopes.items()]
+            changes[number] = sum(terms)
+        return changes
 
 
 class Follows(Protocol):
@@ -95,16 +98,16 @@ def channel_steps(model: Any) -> list[dict[str, Any]] | None:
     first output, then those of the next. None where the model cannot be written as a sum of poles.
     """
     try:
-        found = poles_of(getattr(model, "linear", model))
+        poles = poles_of(getattr(model, "linear", model))
     except checks.InputError:
         return None
-    rows = []
-    for read, C in zip(model.outputs, found.C, strict=True):
-        for heated, B in zip(model.inputs, found.B.T, strict=True):
-            R = C * B / found.rate
-            step = {"thermal_resistance": float(R.sum()), "rise_time": _rise_time(R, 1 / found.rate)}
-            rows.append({"heated": heated, "read": read, **step})
-    return rows
+    channels = []
+    for read, C in zip(model.outputs, poles.C, strict=True):
+        for heated, B in zip(model.inputs, poles.B.T, strict=True):
+            R = C * B / poles.rate
+            step = {"thermal_resistance": float(R.sum()), "rise_time": _rise_time(R, 1 / poles.rate)}
+            channels.append({"heated": heated, "read": read, **step})
+    return channels
 
 
 def _poles(model: Model) -> tuple[Array, Array]:
@@ -121,9 +124,12 @@ def _after(share: float, R: Array, tau: Array) -> float:
     from scipy.optimize import brentq
 
     def missing(t: float) -> float:
-        return float(-np.expm1(-t / tau) @ R / R.sum() - share)
+        rise = -np.expm1(-t / tau) @ R
+        return float(rise / R.sum() - share)
 
-    return float(brentq(missing, 1e-4 * tau.min(), 50 * tau.max(), xtol=1e-16, rtol=1e-12))
+    low = 1e-4 * tau.min()
+    high = 50 * tau.max()
+    return float(brentq(missing, low, high, xtol=1e-16, rtol=1e-12))
 
 
 QUANTITIES: dict[str, Callable[[Model], float]] = {
@@ -172,14 +178,14 @@ class Property:
             return [self(values) for values in members]
         size = max(1, len(members) // PIECES)
         chunks = {k: members[k : k + size] for k in range(0, len(members), size)}
-        found: dict[int, list[tuple[Any, str]]] = {}
+        results: dict[int, list[tuple[Any, str]]] = {}
         for (k, chunk), done in completed(self._of_chunk, chunks.items(), executor=executor):
             try:
-                found[k] = done.result()
+                results[k] = done.result()
             except WorkerDiedError as error:
                 log.warning("members without %s (%d): %s", word(self.quantity), len(chunk), error)
-                found[k] = [(np.nan, str(error))] * len(chunk)
-        pairs = [pair for k in chunks for pair in found[k]]
+                results[k] = [(np.nan, str(error))] * len(chunk)
+        pairs = [pair for k in chunks for pair in results[k]]
         self.reason = next((reason for _, reason in pairs[::-1] if reason), self.reason)
         return [value for value, _ in pairs]
 
@@ -228,20 +234,22 @@ class Search:
 
     def values(self, x: Array) -> dict[str, float]:
         """Parameters by name in SI at a point of the unit cube, shape (free,)."""
-        row, k = self.held.copy(), self.moving
-        row[k] = self.low[k] + np.clip(x, 0, 1) * (self.high - self.low)[k]
-        return {name: float(value) for name, value in zip(self.family.names, row, strict=True)}
+        k = self.moving
+        width = self.high[k] - self.low[k]
+        row = self.held.copy()
+        row[k] = self.low[k] + np.clip(x, 0, 1) * width
+        return dict(zip(self.family.names, row.tolist(), strict=True))
 
     @property
     def missing(self) -> str:
         """Text that says why members lack the properties."""
-        return f"{' and '.join(self.properties)}; the last said: {next(iter(self.properties.values())).reason}"
+        first, *_ = self.properties.values()
+        return f"{' and '.join(self.properties)}; the last said: {first.reason}"
 
     def achieved(self, x: Array) -> dict[str, float]:
         """Properties by name of the member at a point of the unit cube."""
         values = self.values(x)
-        found = {name: one(values) for name, one in self.properties.items()}
-        return {name: float(value) for name, value in found.items()}
+        return {name: float(of_member(values)) for name, of_member in self.properties.items()}
 
     def misfit(self, x: Array) -> Array:
         """value/target - 1 of each property at a point of the unit cube, shape (targets,); `LACKING` for nan."""
@@ -250,11 +258,12 @@ class Search:
     def misfits(self, points: Array, executor: Executor | None = None) -> Array:
         """`misfit` at many points of the unit cube, shape (n, targets)."""
         members = [self.values(x) for x in points]
-        columns = [one.many(members, executor) for one in self.properties.values()]
+        columns = [of_members.many(members, executor) for of_members in self.properties.values()]
         return np.array([self._misfit(row) for row in zip(*columns, strict=True)])
 
     def _misfit(self, got: Sequence[float]) -> Array:
-        off = np.array(got, dtype=float) / list(self.wanted.values()) - 1
+        targets = list(self.wanted.values())
+        off = np.array(got, dtype=float) / targets - 1
         return np.where(np.isnan(off), LACKING, off)
 
     def reached(self, x: Array, within: float) -> bool:
@@ -264,8 +273,16 @@ class Search:
     @property
     def nominal(self) -> Array:
         """Point of the unit cube, shape (free,), of the geometry that the family was made of, or the nearest to it."""
-        k, own = self.moving, np.array(list(self.family.box.nominal.values()))
-        return np.asarray(np.clip((own - self.low)[k] / (self.high - self.low)[k], 0, 1))
+        k = self.moving
+        row = np.array(list(self.family.box.nominal.values()))
+        shares = (row - self.low)[k] / (self.high - self.low)[k]
+        return np.asarray(np.clip(shares, 0, 1))
+
+
+def at_edge(names: Sequence[str], shares: Array) -> tuple[str, ...]:
+    """Names of the parameters whose share of their range, 0 to 1, lies at one of its ends."""
+    inside = np.minimum(shares, 1 - shares)
+    return tuple(name for name, distance in zip(names, inside, strict=True) if distance <= ON_EDGE)
 
 
 def search_of(
@@ -288,8 +305,10 @@ def search_of(
         if free is not None and name in free:
             low[k], high[k] = inside(family, name, free[name])
         elif free is not None or name in fixed:
-            held[k] = checks.between(name, fixed.get(name, held[k]), low[k], high[k], unit=family.box.units[k])
-            low[k] = high[k] = held[k]
+            value = fixed.get(name, held[k])
+            held[k] = checks.between(name, value, low[k], high[k], unit=family.box.units[k])
+            low[k] = held[k]
+            high[k] = held[k]
     if not np.any(high > low):
         raise checks.InputError("nothing is free; name a parameter in free, or fix fewer")
     properties = {word(quantity): Property(family, quantity, optics, channel) for quantity in target}
@@ -299,10 +318,13 @@ def search_of(
 def wanted_of(target: Mapping[Quantity, float]) -> dict[str, float]:
     """Target values by the name of their quantity; InputError for a quantity or a value that cannot be a target."""
     checks.unique("target", list(map(word, target)), hint="name the functions")
-    wanted = {word(quantity): checks.finite(f"target {word(quantity)}", value) for quantity, value in target.items()}
-    if 0 in wanted.values():
+    targets = {}
+    for quantity, value in target.items():
+        name = word(quantity)
+        targets[name] = checks.finite(f"target {name}", value)
+    if 0 in targets.values():
         raise checks.InputError("a target of 0 has no relative misfit; give another value")
-    return wanted
+    return targets
 
 
 def family_over(
@@ -311,11 +333,12 @@ def family_over(
     """The given family, or one trained over the ranges ``free`` of the parameters of a cross-section."""
     if isinstance(given, Family):
         return given
-    variations = tuple(
-        Variation(path, (path,), change(given, path).unit, low=low, high=high)
-        for path, (low, high) in checks.mapping("free", free).items()
-    )
-    return train_family(Campaign(given.to_toml(), variations, samples=1), tolerance, executor=executor)
+    variations = []
+    for path, (low, high) in checks.mapping("free", free).items():
+        unit = change(given, path).unit
+        variations.append(Variation(path, (path,), unit, low=low, high=high))
+    campaign = Campaign(given.to_toml(), tuple(variations), samples=1)
+    return train_family(campaign, tolerance, executor=executor)
 
 
 def inside(family: Family, name: str, pair: tuple[float, float]) -> tuple[float, float]:

@@ -17,10 +17,10 @@ from ..family import Family
 from ..family.interpolation import TAIL_PROBABILITY, interpolate_members
 from .inverse_search import Follows, Property, Quantity, word
 
-MOST = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
+MOST_SAMPLES = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
 RESAMPLES = 200  # of the members, for the intervals of the indices
 ONE_DEVIATION = 0.158655, 0.841345  # shares of a normal distribution below its mean minus and plus one deviation
-KINDS = "first_order", "total_order"
+INDICES = "first_order", "total_order"
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
@@ -95,25 +95,29 @@ def uncertainty(
     values: Callable[[Array], Any] = study.values
     if interpolate is not None:
         tails = np.tile([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY], (len(distributions), 1))
-        span = np.clip(study.quantiles(tails), *(ends[:, None] for ends in study.box))
+        low, high = study.box
+        span = np.clip(study.quantiles(tails), low[:, None], high[:, None])
         values, rms = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
         attrs |= {"interpolate": interpolate, "interpolation_error": rms}
-    found: list[Any] = []
+    results: list[Any] = []
     for x in study.sets(samples, seed):
-        found.extend(values(x))
-        if all(np.isnan(value).all() for value in found):
+        results.extend(values(x))
+        if all(np.isnan(value).all() for value in results):
             raise checks.InputError(f"no sample has the property: {study.one.reason}")
-    like = next((value for value in found if np.ndim(value)), None)
+    names = list(distributions)
+    like = next((value for value in results if np.ndim(value)), None)
     if like is None:
-        data = _of_numbers(np.reshape(found, (-1, samples)), list(distributions), attrs)
-        per = {"per_deviation": study.per_deviation()}
+        data = _of_numbers(np.reshape(results, (-1, samples)), names, attrs)
+        data["per_deviation"] = ("parameter", study.per_deviation())
         if optics is not None and callable(quantity):
-            rest = optics.changes(family, study.medians)
-            still = Property(family, lambda model: quantity(model, rest), channel=channel)
-            per["per_deviation_heat"] = replace(study, one=still).per_deviation()
-        return data.assign({name: ("parameter", change) for name, change in per.items()})
-    table = [np.ravel(value) if np.ndim(value) else np.full(np.size(like), np.nan) for value in found]
-    return _of_maps(np.reshape(table, (-1, samples, np.size(like))), xr.DataArray(like), list(distributions), attrs)
+            changes = optics.changes(family, study.medians)
+            still = Property(family, lambda model: quantity(model, changes), channel=channel)
+            data["per_deviation_heat"] = ("parameter", replace(study, one=still).per_deviation())
+        return data
+    points = np.size(like)
+    missing = np.full(points, np.nan)
+    table = [np.ravel(value) if np.ndim(value) else missing for value in results]
+    return _of_maps(np.reshape(table, (-1, samples, points)), xr.DataArray(like), names, attrs)
 
 
 def _check(family: Family, distributions: Mapping[str, Any], fixed: Mapping[str, float], samples: int) -> None:
@@ -122,8 +126,9 @@ def _check(family: Family, distributions: Mapping[str, Any], fixed: Mapping[str,
     checks.unique("distributions and fixed", [*distributions, *fixed], hint="a parameter varies or is fixed")
     for name, one in distributions.items():
         checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
-    if not isinstance(samples, int) or not 2 <= samples <= MOST or samples & (samples - 1):
-        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
+    countable = isinstance(samples, int) and 2 <= samples <= MOST_SAMPLES
+    if not countable or samples & (samples - 1):
+        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST_SAMPLES}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,74 +143,96 @@ class _Study:
     @property
     def box(self) -> tuple[Array, Array]:
         """Both ends of the family's ranges, shape (p,)."""
-        low, high = np.array([self.one.family.ranges[name] for name in self.distributions]).T
+        ranges = self.one.family.ranges
+        low, high = np.array([ranges[name] for name in self.distributions]).T
         return low, high
 
     @property
     def held(self) -> dict[str, float]:
         """Values by name of the parameters that do not vary."""
         family = self.one.family
-        middle = dict(zip(family.names, family.box.middle.tolist(), strict=True)) | dict(self.fixed)
-        return {name: checks.finite(name, x) for name, x in middle.items() if name not in self.distributions}
+        middle = zip(family.names, family.box.middle.tolist(), strict=True)
+        values = dict(middle) | dict(self.fixed)
+        return {name: checks.finite(name, x) for name, x in values.items() if name not in self.distributions}
 
     @property
     def medians(self) -> dict[str, float]:
         """Parameters by name at the medians of the distributions."""
-        halves = self.quantiles(np.full((len(self.distributions), 1), 0.5))
-        return self.held | dict(zip(self.distributions, halves[:, 0].tolist(), strict=True))
+        halves = np.full((len(self.distributions), 1), 0.5)
+        medians = self.quantiles(halves)[:, 0].tolist()
+        return self.held | dict(zip(self.distributions, medians, strict=True))
 
     def quantiles(self, shares: Array) -> Array:
         """Quantiles of the p distributions at the probabilities ``shares``, shape (p, n)."""
-        pairs = zip(self.distributions.items(), shares, strict=True)
-        found = [(name, one.ppf(q)) for (name, one), q in pairs]
-        each = [checks.numbers(f"{name}: the distribution", x, hint="are its numbers in range?") for name, x in found]
-        return np.array([np.broadcast_to(x, shares.shape[1:]) for x in each])
+        quantiles = []
+        for (name, distribution), q in zip(self.distributions.items(), shares, strict=True):
+            hint = "are its numbers in range?"
+            x = checks.numbers(f"{name}: the distribution", distribution.ppf(q), hint=hint)
+            quantiles.append(np.broadcast_to(x, q.shape))
+        return np.array(quantiles)
 
     def sets(self, samples: int, seed: int) -> list[Array]:
         """Two independent sets of members A and B, and A with one parameter of B for each; shape (p, samples).
 
         InputError where more than a few leave the box; those are held at its edge.
         """
-        p, (low, high) = len(self.distributions), self.box
-        random = qmc.Sobol(2 * p, bits=64, seed=np.random.default_rng(checks.seed(seed))).random(samples)
-        A, B = map(self.quantiles, random.T.reshape(2, p, samples))
-        for name, a, b, *ends in zip(self.distributions, A, B, low, high, strict=True):
-            out = max(float(((x < ends[0]) | (x > ends[1])).mean()) for x in (a, b))
-            if out > OUTSIDE:
-                unit = self.one.family.box.units[self.one.family.names.index(name)]
+        p = len(self.distributions)
+        low, high = np.array(self.box)[..., None]
+        sobol = qmc.Sobol(2 * p, bits=64, seed=np.random.default_rng(checks.seed(seed)))
+        A, B = map(self.quantiles, sobol.random(samples).T.reshape(2, p, samples))
+        outside = [((x < low) | (x > high)).mean(axis=1) for x in (A, B)]
+        self._check_shares(np.max(outside, axis=0))
+        A = np.clip(A, low, high)
+        B = np.clip(B, low, high)
+        sets = [A, B]
+        for k in range(p):
+            AB = A.copy()
+            AB[k] = B[k]
+            sets.append(AB)
+        return sets
+
+    def _check_shares(self, outside: Array) -> None:
+        """Raise InputError where more than a few samples leave the box; ``outside``: their share, shape (p,)."""
+        box = self.one.family.box
+        for k, name in enumerate(self.distributions):
+            if outside[k] > OUTSIDE:
+                unit = box.units[box.names.index(name)]
+                ends = " to ".join(quantities.rounded(end[k], unit, 6) for end in self.box)
                 raise checks.InputError(
-                    f"{name}: {out:.1%} of the samples lie outside the family's "
-                    f"{' to '.join(quantities.rounded(end, unit, 6) for end in ends)}; "
+                    f"{name}: {outside[k]:.1%} of the samples lie outside the family's {ends}; "
                     "train one that reaches four standard deviations beyond the mean"
                 )
-        A = np.clip(A, low[:, None], high[:, None])
-        B = np.clip(B, low[:, None], high[:, None])
-        return [A, B, *(np.where(np.arange(p)[:, None] == k, B, A) for k in range(p))]
 
     def values(self, x: Array) -> Any:
         """The property of n members with varied parameters x, shape (p, n); R_th of all of them in one call."""
+        held: dict[str, Any] = self.held
         if self.one.quantity == "thermal_resistance":
-            columns: dict[str, Any] = {**self.held, **dict(zip(self.distributions, x, strict=True))}
+            columns = held | dict(zip(self.distributions, x, strict=True))
             channel = self.one.channel
             return self.one.family.thermal_resistance(heated=channel.heated, read=channel.read, **columns)
-        held = self.held
-        members = [{**held, **dict(zip(self.distributions, row, strict=True))} for row in x.T.tolist()]
+        members = [held | dict(zip(self.distributions, row, strict=True)) for row in x.T.tolist()]
         return self.one.many(members, self.executor)
 
     def per_deviation(self) -> Array:
         """Half the change of the property from the 16 to the 84 % quantile of one parameter at a time, shape (p,)."""
         ends = self.quantiles(np.tile(ONE_DEVIATION, (len(self.distributions), 1)))
-        found = []
+        medians = self.medians
+        changes = []
         for name, (low, high) in zip(self.distributions, ends.tolist(), strict=True):
-            found.append((self.one(self.medians | {name: high}) - self.one(self.medians | {name: low})) / 2)
-        return np.array(found, dtype=float)
+            up = self.one(medians | {name: high})
+            down = self.one(medians | {name: low})
+            changes.append((up - down) / 2)
+        return np.array(changes, dtype=float)
 
 
 def _centred(f: Array) -> Array:
     """Values (p + 2, n, ...) minus the mean of sets A and B; nan first becomes the mean of A, B or the other sets."""
-    parts = (np.where(np.isnan(x), np.nanmean(x, axis=(0, 1)), x) for x in (f[:1], f[1:2], f[2:]))
-    filled = np.concatenate(list(parts))
-    return np.asarray(filled - filled[:2].mean(axis=(0, 1)))
+    filled = []
+    for part in (f[:1], f[1:2], f[2:]):
+        mean = np.nanmean(part, axis=(0, 1))
+        filled.append(np.where(np.isnan(part), mean, part))
+    whole = np.concatenate(filled)
+    return np.asarray(whole - whole[:2].mean(axis=(0, 1)))
 
 
 def _indices(f: Array) -> Array:
@@ -217,8 +244,12 @@ def _indices(f: Array) -> Array:
 
     Source: Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), Table 2 (b) and (f).
     """
-    (A, B), AB, V = f[:2], f[2:], f[:2].var(axis=(0, 1))
-    both = np.array([(B * (AB - A)).mean(axis=1), ((A - AB) ** 2).mean(axis=1) / 2])
+    A, B, *_ = f
+    AB = f[2:]
+    V = f[:2].var(axis=(0, 1))
+    first = (B * (AB - A)).mean(axis=1)
+    total = ((A - AB) ** 2).mean(axis=1) / 2
+    both = np.array([first, total])
     return np.divide(both, V, out=np.zeros_like(both), where=V > 0)
 
 
@@ -226,18 +257,24 @@ def _of_numbers(f: Array, names: list[str], attrs: dict[str, Any]) -> xr.Dataset
     """Statistics of a scalar property with values f (p + 2, n); intervals of the Sobol indices by bootstrap."""
     every = f[:2].ravel()
     centred = _centred(f)
-    there, rng = every[~np.isnan(every)], np.random.default_rng(0)
+    missing = np.isnan(every)
+    present = every[~missing]
+    random = np.random.default_rng(0)
     n = f.shape[1]
-    again = [_indices(centred[:, rng.integers(n, size=n)]) for _ in range(RESAMPLES)]
-    low, high = np.quantile(again, (0.025, 0.975), axis=0)
+    resampled = []
+    for _ in range(RESAMPLES):
+        members = random.integers(n, size=n)
+        resampled.append(_indices(centred[:, members]))
+    low, high = np.quantile(resampled, (0.025, 0.975), axis=0)
     data = {}
     for suffix, pair in (("", _indices(centred)), ("_low", low), ("_high", high)):
-        for kind, column in zip(KINDS, pair, strict=True):
-            data[kind + suffix] = ("parameter", column, {"long_name": f"Sobol index, {kind}", "units": "1"})
-    quantiles = np.quantile(there, (0.05, 0.5, 0.95)).tolist()
-    attrs |= {"mean": float(there.mean()), "standard_deviation": float(there.std(ddof=1))}
-    attrs |= dict(zip(("quantile_05", "quantile_50", "quantile_95"), quantiles, strict=True))
-    attrs["missing"] = float(np.isnan(every).mean())
+        for kind, column in zip(INDICES, pair, strict=True):
+            about = {"long_name": f"Sobol index, {kind}", "units": "1"}
+            data[kind + suffix] = ("parameter", column, about)
+    attrs |= {"mean": float(present.mean()), "standard_deviation": float(present.std(ddof=1))}
+    for percent in (5, 50, 95):
+        attrs[f"quantile_{percent:02d}"] = float(np.quantile(present, percent / 100))
+    attrs["missing"] = float(missing.mean())
     value = ("sample", every, {"long_name": attrs["quantity"]})
     return xr.Dataset({**data, "value": value}, coords={"parameter": names}, attrs=attrs)
 
@@ -246,14 +283,17 @@ def _of_maps(f: Array, like: xr.DataArray, names: list[str], attrs: dict[str, An
     """Statistics of a map with values f (p + 2, n, points), at each of its points."""
     every = f[:2].reshape(-1, f.shape[2])
     spread = np.nanstd(every, axis=0, ddof=1)
+    mean = np.nanmean(every, axis=0)
     words = "probability" if like.dtype == bool else f"mean of {attrs['quantity']}"
     data: dict[str, Any] = {
-        "mean": (like.dims, np.nanmean(every, axis=0).reshape(like.shape), {"long_name": words}),
+        "mean": (like.dims, mean.reshape(like.shape), {"long_name": words}),
         "standard_deviation": (like.dims, spread.reshape(like.shape), {"long_name": "standard deviation"}),
     }
-    for kind, table in zip(KINDS, np.where(spread == 0, np.nan, _indices(_centred(f))), strict=True):
+    indices = np.where(spread == 0, np.nan, _indices(_centred(f)))
+    for kind, table in zip(INDICES, indices, strict=True):
         about = {"long_name": f"Sobol index, {kind}", "units": "1"}
         data[kind] = (("parameter", *like.dims), table.reshape(-1, *like.shape), about)
-    coords = {name: one for name, one in like.coords.items() if set(one.dims) <= set(like.dims)}
-    attrs |= {"missing": float(np.isnan(every).any(axis=1).mean())}
+    coords = {name: values for name, values in like.coords.items() if set(values.dims) <= set(like.dims)}
+    lacking = np.isnan(every).any(axis=1)
+    attrs["missing"] = float(lacking.mean())
     return xr.Dataset(data, coords={"parameter": names, **coords}, attrs=attrs)
