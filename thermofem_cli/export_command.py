@@ -26,7 +26,7 @@ PLATFORMS = "Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm';
 def export(
     context: typer.Context,
     model: options.Model,
-    to: Annotated[str, typer.Option(help="spice, verilog-a, fmu, mat or csv.")],
+    to: Annotated[str | None, typer.Option(help="spice, verilog-a, fmu, mat or csv.")] = None,
     ring: Annotated[str | None, typer.Option(help=f"{options.RING}: write its light and carriers, too.")] = None,
     circuit: Annotated[Path | None, typer.Option(help="Circuit file (TOML) in place of --ring, for spice.")] = None,
     power: Annotated[str | None, typer.Option(help="Also write a run from cold with this power in the bus.")] = None,
@@ -36,6 +36,8 @@ def export(
     output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
 ) -> dict[str, Any]:
     """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers."""
+    if to is None:
+        raise InputError(f"--to is missing: the format, one of {', '.join(FORMATS)}")
     ending = FORMATS[checks.choice("--to", to, FORMATS)].ending
     expect(model, "model")
     if ring and circuit:
@@ -79,5 +81,8 @@ def _period(ring: Any, model: Any, power: float, detuning: float) -> float | Non
     try:
         return float(coupled.limit_cycle(ring, channel, power=power, detuning=detuning).attrs["period"])
     except InputError as error:
-        note(f"the largest step follows from the carriers' lifetime, because no settled period is known: {error}")
+        note(
+            "the ring is quiet at this power and detuning, which is normal; the largest step then follows from the "
+            f"carriers' lifetime ({error})"
+        )
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from functools import partial
@@ -152,6 +153,21 @@ def test_validate_trains_every_model_on_a_geometry(folder):
     curve = th.load(folder / "ring.nc")["relative_error"].sel(model="second order").interp(period=1e-6)
     assert curve.item() == pytest.approx(0.04, abs=0.015)  # as in test_validate_states_the_range
     assert sorted(th.load(folder / "ring.nc")["model"].values) == sorted(rows)
+
+
+def test_stability_says_where_the_hopf_curve_begins_outside_its_plane(folder):
+    """The plane that it names has the threshold of the eigenvalues on a grid."""
+    above = "stability", "second.json", "--power", "8 dBm, 10 dBm", "--points", "3, 10", "-o", "above.nc"
+    hint = thermofem(*above, cwd=folder).stderr
+    assert "the Hopf curve begins at" in hint
+    (plane,) = re.findall(r'--power "([^"]*)" --detuning "([^"]*)"', hint)
+    axes = "--power", plane[0], "--detuning", plane[1], "--points", "40, 200", "--json", "-o", "plane.nc"
+    done = thermofem("stability", "second.json", *axes, cwd=folder)
+    threshold = json.loads(done.stdout)["thresholds"]["self-pulsing"]
+    least = quantity.parse(plane[0].split(",")[0], "W")
+    assert threshold == pytest.approx(least, rel=0.05)  # the powers are 4 % apart
+    below = "--power", "1 uW, 2 uW", "--points", "2, 10", "-o", "below.nc"
+    assert "the Hopf curve begins at" in thermofem("stability", "second.json", *below, cwd=folder).stderr
 
 
 def test_simulate_pulses_with_the_period_of_the_fem(folder):

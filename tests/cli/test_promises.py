@@ -179,6 +179,7 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         (["fit", "data.nc", "--kind", "sindy"], "[[probe]] in the geometry and solve"),
         (["fit", "data.nc", "data.nc", "--kind", "sindy"], "takes one transient from rest, not 2 files"),
         (["validate", "model.json"], "judged by a --reference"),
+        (["export", "model.json"], "--to is missing: the format, one of spice, verilog-a, fmu, mat, csv"),
         (["validate", "strip.toml", "model.json"], "one geometry alone"),
         (["validate", "model.json", "model.json", "--reference", "heated.json"], "MODELS holds 'model' twice"),
         (["validate", "model.json", "--reference", "model.json", "--shortest", "20 us"], "must be below --longest"),

@@ -12,13 +12,14 @@ import coupled
 import thermofem as th
 from coupled import RingResonator
 from coupled.heaters import constant
+from coupled.maps.hopf_plane import hopf_plane
 from coupled.ring_from import tuning
 from coupled.thermal import as_read, without_origin
 from thermofem.data import quantity
 
 from .. import options
 from ..command_files import check_outputs, model_of, note_ring, ring_of
-from ..console import say, watched, working, written, wrote
+from ..console import note, say, watched, working, written, wrote
 from ..drive_texts import grid, steady_heaters
 
 
@@ -80,9 +81,28 @@ def _written(
     names, counts = np.unique(found["regime"].values, return_counts=True)
     points = dict(zip(map(str, names), map(int, counts), strict=True))
     say(", ".join(f"{count} {name}" for name, count in points.items()))
-    numbers = {"thresholds": say_thresholds(found), **say_tuning(ring, model, **parts)}
+    thresholds = say_thresholds(found)
+    lowest = found["power"].values[0]
+    if thresholds["self-pulsing"] in (None, lowest) and "heater_rise" not in found.attrs:
+        _note_lowest_hopf(ring, model, parts)
+    numbers = {"thresholds": thresholds, **say_tuning(ring, model, **parts)}
     wrote(output, figure)
     return {"points": points, **numbers, "map": output, "figure": figure}
+
+
+def _note_lowest_hopf(ring: RingResonator, model: th.models.ThermalModel, parts: dict[str, Any]) -> None:
+    """Print where the Hopf curve of a ring begins, and the options of a map of the plane about it."""
+    warmed = constant(model, ring.read, None, **parts)
+    plane = hopf_plane(as_read(ring, warmed.model), without_origin(warmed.model))
+    if plane is None:
+        note("the ring has no Hopf curve with this model, at any power up to 1 W")
+        return
+    low, high = plane.powers
+    first, last = plane.detunings
+    start = f"the Hopf curve begins at {quantity.rounded(low, 'W')} ({10 * math.log10(low / 1e-3):.2f} dBm)"
+    powers = f'--power "{quantity.rounded(low, "W")}, {quantity.rounded(high, "W")}"'
+    detunings = f'--detuning "{quantity.rounded(first, "Hz")}, {quantity.rounded(last, "Hz")}"'
+    note(f"{start}; {powers} {detunings} maps the plane about it")
 
 
 def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str | None) -> dict[str, float]:
