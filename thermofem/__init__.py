@@ -1,6 +1,6 @@
 """Heat and light on the cross-section of a silicon microring resonator."""
 
-__version__ = "0.3.0"  # stored in every file, and part of the hash of every campaign result
+__version__ = "0.4.0"  # stored in every file, and part of the hash of every campaign result
 
 from . import checks as checks, materials, waveforms as waveforms
 from .campaign import Campaign
