@@ -1,7 +1,7 @@
 """A whole ring, and a heater with a Foster network, as components of circulax (JAX; Python 3.12, circulax 0.2.5).
 
 A component is a function of its signals that returns f and q with f + dq/dt = 0, a row for each port and state. The
-numbers of light and carriers come from `coupled.export.ring_rates`, in ns, fJ and 1e23/m^3.
+numbers of light and carriers come from `coupled.export.ring_ports`, in ns, fJ and 1e23/m^3.
 Prints the period of the ring at 8 dBm and 0 GHz, and the phase of a heater against its step response.
 """
 
@@ -16,14 +16,17 @@ from circulax.solvers.transient import BDF2VectorizedTransientSolver
 
 import coupled
 import surrogate
-from coupled.export.ring_rates import ring_rates
+from coupled.export.ring_ports import ring_ports
 
 jax.config.update("jax_enable_x64", True)
 
 
 def ring_component(ring, model):
     """The ring with the poles of a Foster network; fields in sqrt(W), detuning in GHz."""
-    r, R, tau = ring_rates(ring), model.R, model.tau * 1e9
+    ports = ring_ports(ring)
+    r = ports.rates
+    R = model.R
+    tau = model.tau * 1e9
     poles = tuple(f"x{k}" for k in range(len(R)))
     states = ("a_re", "a_im", "n", "o_re", "o_im", *poles)
 
@@ -32,14 +35,14 @@ def ring_component(ring, model):
         s = signals
         x = jnp.stack([getattr(s, name) for name in poles])
         u = s.a_re**2 + s.a_im**2
-        shift = sum(c * s.n * (s.n**2 + 1e-12) ** ((p - 1) / 2) for c, p in r.dispersion)
+        shift = sum(c * s.n * (s.n**2 + 1e-12) ** ((p - 1) / 2) for c, p in ports.dispersion)
         d = -r.thermal_shift * x.sum() - shift - r.kerr * u - 2 * jnp.pi * s.detuning
         g = r.fca * s.n + r.tpa * u
         heat = 2e-6 * (r.absorbed + g) * u
         f = {"in_re": 0.0, "in_im": 0.0, "detuning": 0.0, "drop_re": s.o_re, "drop_im": s.o_im}
-        f |= {"o_re": s.drop_re + r.drop * s.a_im, "o_im": s.drop_im - r.drop * s.a_re}
-        f["a_re"] = (r.loss + g) * s.a_re + d * s.a_im + r.pump * s.in_im
-        f["a_im"] = (r.loss + g) * s.a_im - d * s.a_re - r.pump * s.in_re
+        f |= {"o_re": s.drop_re + ports.drop * s.a_im, "o_im": s.drop_im - ports.drop * s.a_re}
+        f["a_re"] = (r.loss + g) * s.a_re + d * s.a_im + ports.pump * s.in_im
+        f["a_im"] = (r.loss + g) * s.a_im - d * s.a_re - ports.pump * s.in_re
         f["n"] = s.n * (1 + r.b * s.n) / (r.tau0 * (1 + r.a * s.n)) - r.g * u**2
         f |= {name: (x[k] - R[k] * heat) / tau[k] for k, name in enumerate(poles)}
         return f, {name: 1e-9 * getattr(s, name) for name in ("a_re", "a_im", "n", *poles)}

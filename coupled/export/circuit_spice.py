@@ -17,8 +17,9 @@ from thermofem.export.poles import RCNetwork, rc_network
 from thermofem.export.spice_heat import WORDS, heat_subcircuit
 
 from ..circuit import Circuit
+from ..kernel.units import NS
 from .lit_part import lit_part
-from .ring_rates import NS, Demonstration, RingRates, ring_rates
+from .ring_ports import Demonstration, RingPorts, ring_ports
 from .spice_light import RING_USAGE, Netlist, deck, heated_by_light, light_subcircuit
 
 
@@ -37,25 +38,25 @@ def netlist(name: str, circuit: Circuit, model: Any, target: Target, run: Demons
     ports = identifiers([laser.name, *circuit.outputs], taken=(*WORDS, "detuning"))
     heat, heat_pins, lit = _heat_of_rings(name, circuit, model, net, taken=(*WORDS, "detuning", *ports))
     reference = float(circuit.frequency or 0.0) + laser.offset
-    kinds: dict[RingRates, str] = {}
+    kinds: dict[RingPorts, str] = {}
     rings = []
     for k, ring in enumerate(circuit.resonators):
-        kind = kinds.setdefault(ring_rates(ring), f"{name}_light_{len(kinds) + 1}")
+        kind = kinds.setdefault(ring_ports(ring), f"{name}_light_{len(kinds) + 1}")
         nodes = f"e__{2 * k}", f"e__{2 * k + 1}", f"x__{2 * k}", f"x__{2 * k + 1}"
         waves = " ".join(f"{node}_{part}" for node in nodes for part in ("re", "im"))
         shift = (reference - ring.frequency) / 1e9
         rings += [f"Bdet__{k} det__{k} 0 V = V(detuning)+({shift!r})"]
         rings += heated_by_light(f"Xring__{k} {waves} det__{k} {{}} ambient {kind}", f"__{k}", *lit[k])
     body = []
-    for rates, kind in kinds.items():
-        body += [*light_subcircuit(kind, rates), ""]
+    for kind_ports, kind in kinds.items():
+        body += [*light_subcircuit(kind, kind_ports), ""]
     pins = " ".join([f"{port}_{part}" for port in ports for part in ("re", "im")] + ["detuning", *heat_pins])
     body += [*heat_subcircuit(f"{name}_heat", net), "", f".subckt {name} {pins} ambient", *rings, *heat]
     body += [*_waves(circuit, ports), f".ends {name}"]
     lines = [*RING_USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", f"circuit: {circuit.name}"]
     demonstration = ""
     if run is not None:
-        step = min(run.largest_step(rates) for rates in kinds)
+        step = min(run.largest_step(each.rates) for each in kinds)
         outputs = dict(zip(ports[1:], ports[1:], strict=True))
         demonstration = deck(target.path, run, step, [f"X1 {pins} 0 {name}"], ports[0], outputs)
     return Netlist([*lines, "", *target.header], body, demonstration)

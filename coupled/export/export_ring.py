@@ -16,7 +16,7 @@ from ..circuit import Circuit
 from ..resonator import RingResonator
 from . import ring_fmu, ring_spice, ring_verilog_a
 from .lit_part import LitPart, lit_part
-from .ring_rates import demonstration
+from .ring_ports import demonstration
 
 FORMATS = {
     "spice": Format(".cir", ring_spice.write, ".cir"),

@@ -1,9 +1,13 @@
 """FMI unit of a ring whole, with its light, carriers and heat, and a script that runs it in FMPy.
 
-Co-simulation integrates with Rodas4 at the tolerance of the experiment, by default 1e-6.
+The unit compiles the headers of `coupled.kernel`: co-simulation takes its steps of Rodas4, at the tolerance of the
+experiment, by default 1e-6. The size below which errors are absolute is that of 1 mW on resonance (`units.floor_of`).
 """
 
+from importlib.resources import files
 from pathlib import Path
+
+import numpy as np
 
 from thermofem.data.files import write_whole
 from thermofem.export.export_header import plain_name
@@ -15,16 +19,18 @@ from thermofem.export.fmi_unit import (
     Source,
     pole_numbers,
     row,
-    shared_source,
     write_unit,
 )
 from thermofem.export.formats import Target
 from thermofem.export.poles import poles_of
 from thermofem.models import ThermalModel
 
+from ..kernel.library import FLAGS, SOURCES, compiler
+from ..kernel.tableaus import Method, tableau
+from ..kernel.units import UW, internal_pump, internal_rings
 from ..resonator import RingResonator
 from .lit_part import lit_part
-from .ring_rates import EPSILON, Demonstration, RingRates, ring_rates
+from .ring_ports import Demonstration, RingPorts, ring_ports
 
 
 def _field(name: str, words: str) -> tuple[Quantity, ...]:
@@ -54,29 +60,62 @@ LIGHT_STATES = (
 )
 
 
+MILLIWATT = 1e-3  # W
+HEADERS = ("dual.hpp", "equations.hpp", "step.hpp", "loop.hpp", "slopes.hpp")  # of the kernel
+BEGIN = """#include "loop.hpp"
+#include "slopes.hpp"
+#define FIRST 3
+#define HEAT 6"""
+
+
 def write(ring: RingResonator, model: ThermalModel, target: Target, run: Demonstration | None) -> Path:
     """Write the unit, and a script that runs it in FMPy beside it; see `coupled.export_ring`."""
-    rates = ring_rates(ring)
+    ports = ring_ports(ring)
     poles = poles_of(model)
     channel = lit_part(model, ring.read)
-    numbers = pole_numbers(poles, channel.heated, channel.read)
-    text = "\n".join(["#define LIGHT 1", _light_numbers(rates), numbers, shared_source("unit.c")])
-    light = Light(LIGHT_INPUTS, LIGHT_OUTPUTS, LIGHT_STATES)
+    gain = poles.B[:, poles.inputs.index(channel.heated)] * poles.C[poles.outputs.index(channel.read)]
+    thermal_resistance = float((gain / poles.rate).sum())
+    of_poles = pole_numbers(poles, channel.heated, channel.read)
+    of_light = _light_numbers(ring, ports, thermal_resistance)
+    numbers = "\n".join([BEGIN, of_poles, of_light, _method_numbers(Method.RODAS4)])
+    headers = {name: (SOURCES / name).read_text(encoding="utf-8") for name in HEADERS}
+    law = files(__package__).joinpath("ring_unit.cpp").read_text(encoding="utf-8")
+    source = Source(numbers, law, _compiler(), ("-O3", *FLAGS), ".cpp", "C++17", headers)
     if run is not None:
         demo = target.path.with_name(f"{target.path.stem}_demo.py")
-        script = _script(target.path, run, rates.output_port)
+        script = _script(target.path, run, ports.output_port)
         write_whole(demo, lambda p: p.write_text(script, encoding="utf-8"))
-    return write_unit(target, poles, Source(text), light, f"ring: {ring.name}")
+    return write_unit(target, poles, source, Light(LIGHT_INPUTS, LIGHT_OUTPUTS, LIGHT_STATES), f"ring: {ring.name}")
 
 
-def _light_numbers(rates: RingRates) -> str:
-    """C source with the numbers of `RingRates`."""
-    scalars = {name.upper(): value for name, value in vars(rates).items() if name != "dispersion"}
-    scalars["EPSILON"] = EPSILON
-    lines = [f"#define TERMS {len(rates.dispersion)}"]
-    lines += [f"#define {name} ({float(value)!r})" for name, value in scalars.items()]
-    lines.append(f"static const double DISPERSION[TERMS] = {row(c for c, _ in rates.dispersion)};")
-    lines.append(f"static const double EXPONENT[TERMS] = {row(p for _, p in rates.dispersion)};")
+def _compiler() -> list[str]:
+    """Command of the C++ compiler of the kernel; empty where there is none."""
+    try:
+        return compiler()
+    except RuntimeError:
+        return []
+
+
+def _light_numbers(ring: RingResonator, ports: RingPorts, thermal_resistance: float) -> str:
+    """C++ source with the constants of light and carriers, as the kernel has them."""
+    rings = internal_rings([ring], internal_pump(ring, MILLIWATT), thermal_resistance * UW)
+    terms = rings.dispersion[0] if rings.dispersion.size else np.array([[0.0, 1.0]])  # (0, 1): none
+    scalars = {"PUMP": ports.pump, "ADD": ports.add, "THROUGH": ports.through, "DROP": ports.drop}
+    lines = [f"#define {name} ({value!r})" for name, value in scalars.items()]
+    lines.append(f"static const Mode MODE = {row(rings.modes[0, 0])};")
+    lines.append(f"static const Carriers CARRIERS = {row(rings.carriers[0])};")
+    lines.append(f"static const Term DISPERSION[] = {{{', '.join(map(row, terms))}}};")
+    lines.append(f"static const double FLOOR[] = {row(rings.floor[0])};")
+    return "\n".join(lines)
+
+
+def _method_numbers(method: Method) -> str:
+    """C++ source with the coefficients of a Rosenbrock method."""
+    table = tableau(method)
+    arrays = ("a", "c", "dense", "at", "slope")
+    lines = [f"static const double METHOD_{name}[] = {row(getattr(table, name).ravel())};" for name in arrays]
+    addresses = ", ".join(f"METHOD_{name}" for name in arrays)
+    lines.append(f"static constexpr Method METHOD = {{{len(table.a)}, {table.order}, {table.gamma!r}, {addresses}}};")
     return "\n".join(lines)
 
 

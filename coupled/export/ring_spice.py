@@ -11,7 +11,7 @@ from ..circuit import Circuit
 from ..resonator import RingResonator
 from . import circuit_spice
 from .lit_part import ring_network
-from .ring_rates import Demonstration, ring_rates
+from .ring_ports import Demonstration, ring_ports
 from .spice_light import LIGHT, RING_USAGE, Netlist, deck, heated_by_light, light_subcircuit
 
 
@@ -28,7 +28,7 @@ def write(ring: RingResonator | Circuit, model: ThermalModel, target: Target, ru
 
 def _netlist(name: str, ring: RingResonator, model: ThermalModel, target: Target, run: Demonstration | None) -> Netlist:
     """Netlist of one ring with its heat."""
-    rates = ring_rates(ring)
+    ports = ring_ports(ring)
     net, read = ring_network(model, ring.read, taken=(*WORDS, *LIGHT.split()))
     others = [pin for pin in net.pins if pin != "heat"]
     pins = " ".join([LIGHT, "heat", *others])
@@ -36,7 +36,7 @@ def _netlist(name: str, ring: RingResonator, model: ThermalModel, target: Target
     usage = f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient"
     lines = [*RING_USAGE, *noise, usage, f"ring: {ring.name}", ""]
     body = [
-        *light_subcircuit(f"{name}_light", rates),
+        *light_subcircuit(f"{name}_light", ports),
         "",
         *heat_subcircuit(f"{name}_heat", net),
         "",
@@ -47,7 +47,7 @@ def _netlist(name: str, ring: RingResonator, model: ThermalModel, target: Target
     ]
     demonstration = ""
     if run is not None:
-        outputs = {rates.output_port: rates.output_port}
+        outputs = {ports.output_port: ports.output_port}
         dark = f"X1 in_re in_im 0 0 {LIGHT.split(' ', 4)[4]} {' '.join(['heat', *others])} 0 {name}"
-        demonstration = deck(target.path, run, run.largest_step(rates), [dark], "in", outputs)
+        demonstration = deck(target.path, run, run.largest_step(ports.rates), [dark], "in", outputs)
     return Netlist([*lines, *target.header], body, demonstration)

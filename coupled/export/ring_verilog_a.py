@@ -14,9 +14,10 @@ from thermofem.export.formats import Target
 from thermofem.export.verilog_a_heat import KEYWORDS, heat_statements
 from thermofem.models import ThermalModel
 
+from ..kernel.rates import EPSILON
 from ..resonator import RingResonator
 from .lit_part import ring_network
-from .ring_rates import EPSILON, Demonstration, RingRates, ring_rates
+from .ring_ports import Demonstration, RingPorts, ring_ports
 
 LIGHT = ("in_re", "in_im", "add_re", "add_im", "through_re", "through_im", "drop_re", "drop_im", "detuning")
 NAMES = ("ar", "ai", "n", "u", "d", "g", "a_re", "a_im", "carriers", "lit")  # of a ring's module
@@ -63,7 +64,7 @@ def write(ring: RingResonator, model: ThermalModel, target: Target, run: Demonst
     """Write the module named after the file, and a netlist of VACASK beside it; see `coupled.export_ring`."""
     name = identifiers([target.path.stem], taken=KEYWORDS)[0]
     net, read = ring_network(model, ring.read, taken=(*KEYWORDS, *LIGHT, *NAMES, name))
-    rates = ring_rates(ring)
+    ports = ring_ports(ring)
     heat = heat_statements(net)
     listed = ", ".join([*LIGHT, *net.pins, "ambient"])
     module = [
@@ -80,7 +81,7 @@ def write(ring: RingResonator, model: ThermalModel, target: Target, run: Demonst
         "  branch (heat, ambient) lit;",
         "  real ar, ai, n, u, d, g;",
         "  analog begin",
-        *(f"    {line}" for line in [*_light(rates, read), *heat.analog]),
+        *(f"    {line}" for line in [*_light(ports, read), *heat.analog]),
         "  end",
         "endmodule",
     ]
@@ -89,15 +90,16 @@ def write(ring: RingResonator, model: ThermalModel, target: Target, run: Demonst
     if run is not None:
         wires = {"in_re": "re", "in_im": "im", "add_re": "0", "add_im": "0"}
         pins = [wires.get(pin, pin) for pin in (*LIGHT, *net.pins)]
-        deck = _netlist(name, target.path, run, rates, pins)
+        deck = _netlist(name, target.path, run, ports, pins)
     return write_texts(target.path, comment(lines, "//") + "\n" + "\n".join(module) + "\n", deck, ".sim")
 
 
-def _light(r: RingRates, read: str) -> list[str]:
-    """Statements of light and carriers; the equations stand in `ring_rates`."""
+def _light(ring: RingPorts, read: str) -> list[str]:
+    """Statements of light and carriers; the equations stand in `kernel.rates`."""
+    r = ring.rates
     dispersion = "".join(
         f" - ({c!r}) * n" + ("" if p == 1 else f" * pow(n * n + {EPSILON**2!r}, {(p - 1) / 2!r})")
-        for c, p in r.dispersion
+        for c, p in ring.dispersion
     )
     turn = f"{2 * math.pi!r} * V(detuning)"
     return [
@@ -107,21 +109,21 @@ def _light(r: RingRates, read: str) -> list[str]:
         "u = ar * ar + ai * ai;",
         f"d = -({r.thermal_shift!r}) * Temp({read}, ambient){dispersion} - ({r.kerr!r}) * u - {turn};",
         f"g = {r.loss!r} + {r.fca!r} * n + {r.tpa!r} * u;",
-        f"Amprate(a_re) <+ ddt(1e-9 * ar) + g * ar + d * ai + {r.pump!r} * V(in_im) + {r.add!r} * V(add_im);",
-        f"Amprate(a_im) <+ ddt(1e-9 * ai) + g * ai - d * ar - {r.pump!r} * V(in_re) - {r.add!r} * V(add_re);",
+        f"Amprate(a_re) <+ ddt(1e-9 * ar) + g * ar + d * ai + {ring.pump!r} * V(in_im) + {ring.add!r} * V(add_im);",
+        f"Amprate(a_im) <+ ddt(1e-9 * ai) + g * ai - d * ar - {ring.pump!r} * V(in_re) - {ring.add!r} * V(add_re);",
         f"Densrate(carriers) <+ ddt(1e-9 * n) + n * (1.0 + {r.b!r} * n) / ({r.tau0!r} * (1.0 + {r.a!r} * n))"
         f" - {r.g!r} * u * u;",
         f"Pwr(lit) <+ -2e-6 * ({r.absorbed!r} + {r.fca!r} * n + {r.tpa!r} * u) * u;",
-        f"V(through_re) <+ V(in_re) - {r.through!r} * ai;",
-        f"V(through_im) <+ V(in_im) + {r.through!r} * ar;",
-        f"V(drop_re) <+ V(add_re) - {r.drop!r} * ai;",
-        f"V(drop_im) <+ V(add_im) + {r.drop!r} * ar;",
+        f"V(through_re) <+ V(in_re) - {ring.through!r} * ai;",
+        f"V(through_im) <+ V(in_im) + {ring.through!r} * ar;",
+        f"V(drop_re) <+ V(add_re) - {ring.drop!r} * ai;",
+        f"V(drop_im) <+ V(add_im) + {ring.drop!r} * ar;",
     ]
 
 
-def _netlist(name: str, path: Path, run: Demonstration, rates: RingRates, pins: list[str]) -> str:
+def _netlist(name: str, path: Path, run: Demonstration, ports: RingPorts, pins: list[str]) -> str:
     """A netlist of VACASK that runs the module from cold."""
-    step, port = run.largest_step(rates), rates.output_port
+    step, port = run.largest_step(ports.rates), ports.output_port
     file = plain_name(path.name)
     demo = f"{path.stem}_demo"
     return "\n".join(

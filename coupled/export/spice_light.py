@@ -12,7 +12,8 @@ from typing import NamedTuple
 from thermofem.export.export_header import comment, plain_name
 from thermofem.export.fmi_unit import DURATION
 
-from .ring_rates import EPSILON, Demonstration, RingRates
+from ..kernel.rates import EPSILON
+from .ring_ports import Demonstration, RingPorts
 
 RING_USAGE = (
     "SPICE subcircuits of a ring, for ngspice (LTspice and Xyce: not tested)",
@@ -49,12 +50,12 @@ def heated_by_light(light: str, mark: str, heated: str, read: str) -> list[str]:
     ]
 
 
-def light_subcircuit(name: str, rates: RingRates) -> list[str]:
-    """Subcircuit of light and carriers with the pins `LIGHT`, heat and ambient; the equations stand in `ring_rates`."""
-    r = rates
+def light_subcircuit(name: str, ring: RingPorts) -> list[str]:
+    """Subcircuit of light and carriers, as in `kernel.rates`, with the pins `LIGHT`, heat and ambient."""
+    r = ring.rates
     square = f"(V(n)*V(n)+{EPSILON**2!r})"
     dispersion = "".join(
-        f"-({c!r})*V(n)" + ("" if p == 1 else f"*pow({square},{(p - 1) / 2!r})") for c, p in r.dispersion
+        f"-({c!r})*V(n)" + ("" if p == 1 else f"*pow({square},{(p - 1) / 2!r})") for c, p in ring.dispersion
     )
     recombination = f"{(r.b - r.a) / r.tau0!r}*V(n)*V(n)/(1+{r.a!r}*V(n))"  # besides n/tau0, which is Rn
     return [
@@ -65,14 +66,14 @@ def light_subcircuit(name: str, rates: RingRates) -> list[str]:
         "Bu u 0 V = V(ar)*V(ar)+V(ai)*V(ai)",
         f"Bd d 0 V = -({r.thermal_shift!r})*V(heat,ambient){dispersion}-({r.kerr!r})*V(u)-{2 * math.pi!r}*V(detuning)",
         f"Bg g 0 V = {r.fca!r}*V(n)+{r.tpa!r}*V(u)",
-        f"Bar 0 ar I = -V(d)*V(ai)-V(g)*V(ar)-{r.pump!r}*V(in_im)-{r.add!r}*V(add_im)",
-        f"Bai 0 ai I = V(d)*V(ar)-V(g)*V(ai)+{r.pump!r}*V(in_re)+{r.add!r}*V(add_re)",
+        f"Bar 0 ar I = -V(d)*V(ai)-V(g)*V(ar)-{ring.pump!r}*V(in_im)-{ring.add!r}*V(add_im)",
+        f"Bai 0 ai I = V(d)*V(ar)-V(g)*V(ai)+{ring.pump!r}*V(in_re)+{ring.add!r}*V(add_re)",
         f"Bn 0 n I = {r.g!r}*V(u)*V(u)-({recombination})",
         f"Bheat ambient heat I = 2e-6*({r.absorbed!r}+V(g))*V(u)",
-        f"Btr through_re 0 V = V(in_re)-{r.through!r}*V(ai)",
-        f"Bti through_im 0 V = V(in_im)+{r.through!r}*V(ar)",
-        f"Bdr drop_re 0 V = V(add_re)-{r.drop!r}*V(ai)",
-        f"Bdi drop_im 0 V = V(add_im)+{r.drop!r}*V(ar)",
+        f"Btr through_re 0 V = V(in_re)-{ring.through!r}*V(ai)",
+        f"Bti through_im 0 V = V(in_im)+{ring.through!r}*V(ar)",
+        f"Bdr drop_re 0 V = V(add_re)-{ring.drop!r}*V(ai)",
+        f"Bdi drop_im 0 V = V(add_im)+{ring.drop!r}*V(ar)",
         f".ends {name}",
     ]
 

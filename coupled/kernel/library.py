@@ -79,8 +79,9 @@ def path() -> Path:
 
 
 def is_current(file: Path) -> bool:
-    """Whether a library exists and is not older than a source."""
-    sources = [*SOURCES.glob("*.cpp"), *SOURCES.glob("*.hpp")]
+    """Whether a library exists and is not older than a source; a wheel has headers alone, which exports need."""
+    units = [*SOURCES.glob("*.cpp")]
+    sources = [*units, *SOURCES.glob("*.hpp")] if units else []
     newest = max((source.stat().st_mtime for source in sources), default=0.0)
     return file.exists() and file.stat().st_mtime >= newest
 

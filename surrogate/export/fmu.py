@@ -1,9 +1,10 @@
 """FMI unit of the heat of a ring, in C; co-simulation advances its poles exactly."""
 
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from thermofem.export.fmi_unit import Source, pole_numbers, shared_source, write_unit
+from thermofem.export.fmi_unit import Source, c_compiler, pole_numbers, write_unit
 from thermofem.export.formats import Target
 from thermofem.export.poles import poles_of
 
@@ -12,5 +13,6 @@ def write(model: Any, target: Target) -> Path:
     """Write the unit; see `surrogate.export_model`."""
     poles = poles_of(model)
     numbers = pole_numbers(poles, poles.inputs[0], poles.outputs[0])
-    text = "\n".join(["#define LIGHT 0", numbers, shared_source("unit.c")])
-    return write_unit(target, poles, Source(text))
+    law = files(__package__).joinpath("heat_unit.c").read_text(encoding="utf-8")
+    constants = f"#define FIRST 0\n#define HEAT 0\n{numbers}"
+    return write_unit(target, poles, Source(constants, law, c_compiler()))

@@ -127,6 +127,52 @@ def test_model_exchange_has_the_same_pulses(tmp_path):
     assert period(found["time"], found["drop"]) == pytest.approx(exact, rel=5e-5)  # CVODE at rtol 1e-6
 
 
+HEATED = th.StateSpace(
+    np.diag([8e-12, 2e-10]),
+    -np.array([[3e-4, -1e-4], [-1e-4, 4e-4]]),
+    np.eye(2),
+    np.eye(2)[:1],
+    inputs=("core", "heater"),
+    outputs=("core",),
+)
+
+
+def cosimulated(path, duration, start):
+    """Last values of a unit after co-simulation steps of 10 ns, and its whole table."""
+    fmpy = pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
+    drive = {"stop_time": duration, "output_interval": 1e-8, "start_values": start}
+    return fmpy.simulate_fmu(str(path), fmi_type="CoSimulation", **drive)
+
+
+def test_a_heater_moves_the_resonance_of_the_unit(tmp_path):
+    """The unit takes the heat of a heater into the poles of the kernel; simulate adds its rise in closed form."""
+    light = {"power": 0.5e-3, "detuning": -30e9}
+    found = cosimulated(coupled.export_ring(RING, HEATED, tmp_path / "ring.fmu"), 5e-6, light | {"power_heater": 2e-3})
+    run = coupled.simulate(RING, HEATED, **light, heaters={"heater": 2e-3}, duration=5e-6, rtol=1e-9)
+    times = found["time"][[20, 100, 300, 499]]
+    for name, column in (("drop", "drop"), ("delta_T", "delta_T_core")):
+        exact = np.interp(times, run["time"], run[name])
+        assert np.interp(times, found["time"], found[column]) == pytest.approx(exact, rel=2e-5)  # rtol 1e-6, 5 us
+
+
+def test_an_output_map_bends_the_heat_of_light_and_heater_in_the_unit(tmp_path):
+    """At rest, by the printed equations: the rise of both heats, and the field on that detuning."""
+    model = th.OutputMap(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), 2e-3)
+    power, detuning, heater = 0.5e-3, -20e9, 1.5e-3
+    start = {"power": power, "detuning": detuning, "power_core": heater}
+    last = cosimulated(coupled.export_ring(UNEQUAL, model, tmp_path / "ring.fmu"), 20e-6, start)[-1]
+    U, N, dT = last["energy"], last["carriers"], last["delta_T_core"]
+    z = 7e3 * (last["absorbed"] + heater)
+    assert dT == pytest.approx(z + 2e-3 * z**2, rel=1e-6)  # exp(-20) of the start is left: 2e-9; rtol 1e-6
+    gamma = UNEQUAL.linear_rate + UNEQUAL.eta_fca * N + UNEQUAL.eta_tpa * U
+    shift = UNEQUAL.index_rate * sum(c * N**p for c, p in UNEQUAL.fcd)
+    D = -UNEQUAL.thermal_shift * dT - shift - UNEQUAL.kerr_shift * U - 2 * np.pi * detuning
+    resonant = 2 * UNEQUAL.bus_rate * power / (gamma**2 + D**2)
+    assert last["energy"] == pytest.approx(resonant, rel=1e-5)
+    heat = 2 * (UNEQUAL.loss_rate + UNEQUAL.eta_fca * N + UNEQUAL.eta_tpa * U) * U
+    assert last["absorbed"] == pytest.approx(heat, rel=1e-9)
+
+
 def test_a_ring_of_high_q_on_one_bus(tmp_path, ngspice):
     """79.036 ns: constant lifetime, Newton's law, no drop port."""
     ring, model = HIGH_Q

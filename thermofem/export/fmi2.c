@@ -1,5 +1,5 @@
 /* FMI 2.0 for model exchange and co-simulation around unit.c */
-typedef void *Instance, *State;
+typedef Unit *Instance, *State;
 typedef unsigned int Reference;
 typedef int Bool, Status;
 typedef const char *Text;
@@ -12,14 +12,14 @@ enum { OK, WARNING, DISCARD, ERROR };
 API Text fmi2GetTypesPlatform(void) { return "default"; }
 API Text fmi2GetVersion(void) { return "2.0"; }
 API Instance fmi2Instantiate(Text name, int type, Text guid, Text folder, const void *host, Bool visible, Bool log) {
-  Unit *u = guid && !strcmp(guid, GUID) ? malloc(sizeof *u) : NULL;
+  Unit *u = guid && !strcmp(guid, GUID) ? (Unit *)malloc(sizeof *u) : NULL;
   if (u) cold(u);
   return u;
 }
 API void fmi2FreeInstance(Instance u) { free(u); }
 API Status fmi2SetDebugLogging(Instance u, Bool on, size_t n, const Text names[]) { return OK; }
 API Status fmi2SetupExperiment(Instance u, Bool defined, double rtol, double start, Bool stops, double stop) {
-  if (defined && rtol > 0) ((Unit *)u)->rtol = rtol;
+  if (defined && rtol > 0) u->rtol = rtol;
   return OK;
 }
 API Status fmi2Reset(Instance u) { cold(u); return OK; }
@@ -46,7 +46,7 @@ ABSENT(Integer, int)
 ABSENT(Boolean, Bool)
 ABSENT(String, Text)
 API Status fmi2GetFMUstate(Instance u, State *s) {
-  if (!*s) *s = malloc(sizeof(Unit));
+  if (!*s) *s = (Unit *)malloc(sizeof(Unit));
   if (!*s) return ERROR;
   memcpy(*s, u, sizeof(Unit));
   return OK;
@@ -56,7 +56,7 @@ API Status fmi2FreeFMUstate(Instance u, State *s) { free(*s); *s = NULL; return 
 API Status fmi2SerializedFMUstateSize(Instance u, State s, size_t *n) { *n = sizeof(Unit); return OK; }
 API Status fmi2SerializeFMUstate(Instance u, State s, char b[], size_t n) { memcpy(b, s, sizeof(Unit)); return OK; }
 API Status fmi2DeSerializeFMUstate(Instance u, const char b[], size_t n, State *s) {
-  return n == sizeof(Unit) ? fmi2GetFMUstate((Instance)b, s) : ERROR;
+  return n == sizeof(Unit) ? fmi2GetFMUstate((Instance)(void *)b, s) : ERROR;
 }
 API Status fmi2GetDirectionalDerivative(Instance u, const Reference f[], size_t nf, const Reference x[], size_t nx,
                                         const double dx[], double df[]) { return ERROR; }
@@ -80,7 +80,7 @@ API Status fmi2SetRealInputDerivatives(Instance u, const Reference v[], size_t n
 API Status fmi2GetRealOutputDerivatives(Instance u, const Reference v[], size_t n, const int o[], double x[]) {
   return ERROR;
 }
-API Status fmi2DoStep(Instance u, double t, double h, Bool keep) { return advance(u, h * 1e9) ? ERROR : OK; }
+API Status fmi2DoStep(Instance u, double t, double h, Bool keep) { return advance_unit(u, h * 1e9) ? ERROR : OK; }
 #define STATUS(name, type) API Status fmi2Get##name##Status(Instance u, int kind, type *s) { return DISCARD; }
 API Status fmi2GetStatus(Instance u, int kind, Status *s) { return DISCARD; }
 STATUS(Real, double)

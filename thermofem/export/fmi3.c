@@ -1,7 +1,7 @@
 /* FMI 3.0 for model exchange and co-simulation around unit.c */
 #include <stdbool.h>
 #include <stdint.h>
-typedef void *Instance, *State;
+typedef Unit *Instance, *State;
 typedef uint32_t Reference;
 typedef int Status;
 typedef const char *Text;
@@ -9,7 +9,7 @@ enum { OK, WARNING, DISCARD, ERROR };
 
 API Text fmi3GetVersion(void) { return "3.0"; }
 static Instance instantiate(Text token) {
-  Unit *u = token && !strcmp(token, GUID) ? malloc(sizeof *u) : NULL;
+  Unit *u = token && !strcmp(token, GUID) ? (Unit *)malloc(sizeof *u) : NULL;
   if (u) cold(u);
   return u;
 }
@@ -23,7 +23,7 @@ API Instance fmi3InstantiateScheduledExecution(Text name, Text token, Text folde
 API void fmi3FreeInstance(Instance u) { free(u); }
 API Status fmi3SetDebugLogging(Instance u, bool on, size_t n, const Text names[]) { return OK; }
 API Status fmi3EnterInitializationMode(Instance u, bool defined, double rtol, double start, bool stops, double stop) {
-  if (defined && rtol > 0) ((Unit *)u)->rtol = rtol;
+  if (defined && rtol > 0) u->rtol = rtol;
   return OK;
 }
 API Status fmi3Reset(Instance u) { cold(u); return OK; }
@@ -80,7 +80,7 @@ API Status fmi3GetNumberOfVariableDependencies(Instance u, Reference v, size_t *
 API Status fmi3GetVariableDependencies(Instance u, Reference v, size_t e[], Reference d[], size_t de[], int kind[],
                                        size_t n) { return ERROR; }
 API Status fmi3GetFMUState(Instance u, State *s) {
-  if (!*s) *s = malloc(sizeof(Unit));
+  if (!*s) *s = (Unit *)malloc(sizeof(Unit));
   if (!*s) return ERROR;
   memcpy(*s, u, sizeof(Unit));
   return OK;
@@ -90,7 +90,7 @@ API Status fmi3FreeFMUState(Instance u, State *s) { free(*s); *s = NULL; return 
 API Status fmi3SerializedFMUStateSize(Instance u, State s, size_t *n) { *n = sizeof(Unit); return OK; }
 API Status fmi3SerializeFMUState(Instance u, State s, uint8_t b[], size_t n) { memcpy(b, s, sizeof(Unit)); return OK; }
 API Status fmi3DeserializeFMUState(Instance u, const uint8_t b[], size_t n, State *s) {
-  return n == sizeof(Unit) ? fmi3GetFMUState((Instance)b, s) : ERROR;
+  return n == sizeof(Unit) ? fmi3GetFMUState((Instance)(void *)b, s) : ERROR;
 }
 API Status fmi3GetDirectionalDerivative(Instance u, const Reference f[], size_t nf, const Reference x[], size_t nx,
                                         const double dx[], size_t mx, double df[], size_t mf) { return ERROR; }
@@ -125,6 +125,6 @@ API Status fmi3GetOutputDerivatives(Instance u, const Reference v[], size_t n, c
 API Status fmi3DoStep(Instance u, double t, double h, bool keep, bool *event, bool *stop, bool *early, double *last) {
   *event = *stop = *early = false;
   *last = t + h;
-  return advance(u, h * 1e9) ? ERROR : OK;
+  return advance_unit(u, h * 1e9) ? ERROR : OK;
 }
 API Status fmi3ActivateModelPartition(Instance u, Reference clock, double t) { return ERROR; }

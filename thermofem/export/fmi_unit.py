@@ -77,11 +77,25 @@ class Light(NamedTuple):
 
 
 class Source(NamedTuple):
-    """Source of a unit: its text, C or C++ (``language``), and the headers beside it by name."""
+    """Source of a unit.
 
-    text: str
+    numbers: constants of the model. law: functions that `unit.c` calls. Both may need ``headers``, texts by file name.
+    ending, language: of the source file, as FMI 3.0 calls the language.
+    command, flags: of the compiler for this platform; no command: none is found.
+    """
+
+    numbers: str
+    law: str
+    command: list[str]
+    flags: tuple[str, ...] = ("-O2", "-std=c99", "-fvisibility=hidden")
+    ending: str = ".c"
     language: str = "C99"
     headers: Mapping[str, str] = {}
+
+    def text(self, fmi: int) -> str:
+        """The whole source, without the headers."""
+        pieces = [_file("unit_poles.c"), self.law, _file("unit.c"), _file(f"fmi{fmi}.c")]
+        return "\n".join([self.numbers, *pieces])
 
 
 def write_unit(target: Target, poles: Poles, source: Source, light: Light | None = None, note: str = "") -> Path:
@@ -92,24 +106,27 @@ def write_unit(target: Target, poles: Poles, source: Source, light: Light | None
     for platform_name in target.platforms:
         checks.choice("platforms", platform_name, PLATFORMS)
     name = identifiers([target.path.stem])[0]
-    glue = shared_source(f"fmi{target.fmi}.c")
-    token = "{" + hashlib.sha256(f"{source.text}\n{glue}".encode()).hexdigest()[:32] + "}"
+    text = source.text(target.fmi)
+    digest = hashlib.sha256("\n".join([text, *source.headers.values()]).encode()).hexdigest()
+    token = f"{{{digest[:32]}}}"
     variables = _variables(poles, light)
     about = " | ".join([*([note] if note else []), *target.header])
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        (root / "sources").mkdir()
-        text = f'#define GUID "{token}"\n{source.text}\n{glue}'
-        (root / "sources" / f"{name}.c").write_text(text, encoding="utf-8")
-        description = _description(target.fmi, name, token, about, variables, light is not None)
+        sources = root / "sources"
+        sources.mkdir()
+        (sources / f"{name}{source.ending}").write_text(f'#define GUID "{token}"\n{text}', encoding="utf-8")
+        for file, content in source.headers.items():
+            (sources / file).write_text(content, encoding="utf-8")
+        description = _description(target.fmi, name, token, about, variables, source)
         (root / "modelDescription.xml").write_bytes(_xml(description))
         if target.fmi == 3:
-            (root / "sources" / "buildDescription.xml").write_bytes(_xml(_build_description(name)))
-        _compile(root, name, target.fmi, target.platforms)
+            (sources / "buildDescription.xml").write_bytes(_xml(_build_description(name, source)))
+        _compile(root, name, source, target)
         return write_whole(target.path, lambda p: _pack(root, p))
 
 
-def shared_source(file: str) -> str:
+def _file(file: str) -> str:
     """Text of a C file of this folder."""
     return files(__package__).joinpath(file).read_text(encoding="utf-8")
 
@@ -124,7 +141,7 @@ def _pack(root: Path, path: Path) -> None:
 def pole_numbers(poles: Poles, heated: str, read: str) -> str:
     """C source with the constants of the poles: sizes, rates, gains, and the indices of the channel of the light."""
     counts = {
-        "POLES": poles.rate.size,
+        "ORDER": poles.rate.size,
         "HEATED": len(poles.inputs),
         "PARTS": len(poles.outputs),
         "LIT": poles.inputs.index(heated),
@@ -134,9 +151,9 @@ def pole_numbers(poles: Poles, heated: str, read: str) -> str:
     reads = ", ".join(map(row, poles.C))
     lines = [f"#define {name} {value}" for name, value in counts.items()]
     lines.append(f"#define COEFFICIENT ({float(poles.coefficient)!r})")
-    lines.append(f"static const double RATE[POLES] = {row(poles.rate * 1e-9)};")
-    lines.append(f"static const double GAIN[POLES][HEATED] = {{{gains}}};")
-    lines.append(f"static const double READ[PARTS][POLES] = {{{reads}}};")
+    lines.append(f"static const double RATE[ORDER] = {row(poles.rate * 1e-9)};")
+    lines.append(f"static const double GAIN[ORDER][HEATED] = {{{gains}}};")
+    lines.append(f"static const double READ[PARTS][ORDER] = {{{reads}}};")
     return "\n".join(lines)
 
 
@@ -172,8 +189,8 @@ def _variables(poles: Poles, light: Light | None) -> list[Variable]:
     return variables
 
 
-def _description(fmi: int, name: str, token: str, about: str, variables: list[Variable], integrates: bool) -> Element:
-    """The model description of FMI 2.0 or 3.0; a unit that ``integrates`` proposes a tolerance and a step."""
+def _description(fmi: int, name: str, token: str, about: str, variables: list[Variable], source: Source) -> Element:
+    """The model description of FMI 2.0 or 3.0; a unit with a tolerance proposes one, and a step."""
     guid = "guid" if fmi == 2 else "instantiationToken"
     root = Element("fmiModelDescription", {"fmiVersion": f"{fmi}.0", "modelName": name, guid: token,
         "description": about, "generationTool": "thermofem"})  # fmt: skip
@@ -187,7 +204,7 @@ def _description(fmi: int, name: str, token: str, about: str, variables: list[Va
         root.set("numberOfEventIndicators", "0")
         exchange.attrib |= every | {"completedIntegratorStepNotNeeded": "true"} | keep
         cosimulation.attrib |= every | held | keep
-        for kind in (exchange, cosimulation):
+        for kind in (exchange, cosimulation) if source.ending == ".c" else ():  # hosts of FMI 2.0 compile C alone
             SubElement(SubElement(kind, "SourceFiles"), "File", name=f"{name}.c")
     else:
         exchange.attrib |= keep | every | {"needsCompletedIntegratorStep": "false"}
@@ -197,7 +214,7 @@ def _description(fmi: int, name: str, token: str, about: str, variables: list[Va
         unit = SubElement(definitions, "Unit", name=word)
         if base := UNITS[word]:
             SubElement(unit, "BaseUnit", {key: str(value) for key, value in base.items()})
-    step = {"tolerance": "1e-6", "stepSize": repr(STEP)} if integrates else {}
+    step = {"tolerance": "1e-6", "stepSize": repr(STEP)} if any(v.name == "rtol" for v in variables) else {}
     SubElement(root, "DefaultExperiment", {"startTime": "0", "stopTime": repr(DURATION)} | step)
     _list(root, fmi, variables)
     return root
@@ -238,11 +255,12 @@ def _list(root: Element, fmi: int, variables: list[Variable]) -> None:
                 SubElement(element, tags[1], valueReference=str(reference))
 
 
-def _build_description(name: str) -> Element:
+def _build_description(name: str, source: Source) -> Element:
     """The build description of FMI 3.0: language and source file of the FMU."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
-    files = SubElement(SubElement(root, "BuildConfiguration", modelIdentifier=name), "SourceFileSet", language="C99")
-    SubElement(files, "SourceFile", name=f"{name}.c")
+    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=name)
+    files = SubElement(configuration, "SourceFileSet", language=source.language)
+    SubElement(files, "SourceFile", name=f"{name}{source.ending}")
     return root
 
 
@@ -257,33 +275,52 @@ def _host() -> str:
     return f"{system}-arm" if platform.machine() in ("arm64", "aarch64") and system != "windows" else system
 
 
-def _compile(root: Path, name: str, fmi: int, platforms: Sequence[str]) -> None:
-    """Compile the library of each platform, by default this one.
+def c_compiler() -> list[str]:
+    """Command of the C compiler for this platform: $CC, cc, gcc, clang or zig; empty where there is none."""
+    if os.environ.get("CC"):
+        return shlex.split(os.environ["CC"])
+    installed = [name for name in ("cc", "gcc", "clang") if shutil.which(name)]
+    return installed[:1] or (_zig(".c") if _has_zig() else [])
 
-    This platform takes $CC or the system's compiler, others ziglang; without a compiler the FMU holds its source only.
+
+def _has_zig() -> bool:
+    return importlib.util.find_spec("ziglang") is not None
+
+
+def _zig(ending: str) -> list[str]:
+    return [sys.executable, "-m", "ziglang", "cc" if ending == ".c" else "c++"]
+
+
+def _compile(root: Path, name: str, source: Source, target: Target) -> None:
+    """Compile the library of each platform, by default this one; without a compiler the FMU holds its source only.
+
+    Raises MissingLibraryError: another platform, and no ziglang. InputError: the compiler fails.
     """
-    zig = [sys.executable, "-m", "ziglang", "cc"] if importlib.util.find_spec("ziglang") else None
-    found = [name for name in ("cc", "gcc", "clang") if shutil.which(name)]
-    native = shlex.split(os.environ.get("CC", "")) or found[:1]
-    for target in platforms or (_host(),):
-        triple, ending, *folders = PLATFORMS[target]
-        if target == _host() and native:
-            command = native
-        elif zig:
-            command = [*zig, "-target", triple]
-        elif not platforms:
-            log.warning("no C compiler is found ($CC, cc, or pip install ziglang): the unit holds its source only")
+    for platform_name in target.platforms or (_host(),):
+        triple, ending, *folders = PLATFORMS[platform_name]
+        if platform_name == _host() and source.command:
+            command = source.command
+        elif _has_zig():
+            command = _zig(source.ending)
+        elif not target.platforms:
+            log.warning("no compiler is found ($CC, $CXX, or pip install ziglang): the unit holds its source only")
             continue
         else:
-            raise checks.MissingLibraryError(f"a unit for {target} is compiled by ziglang: pip install ziglang")
-        library = root / "binaries" / folders[fmi - 2] / f"{name}{ending}"
+            raise checks.MissingLibraryError(f"a unit for {platform_name} is compiled by ziglang: pip install ziglang")
+        library = root / "binaries" / folders[target.fmi - 2] / f"{name}{ending}"
         library.parent.mkdir(parents=True)
-        flags = ["-O2", "-std=c99", "-shared", "-w"] + (["-fPIC", "-fvisibility=hidden"] if ending != ".dll" else [])
-        command = [*command, *flags, str(root / "sources" / f"{name}.c"), "-o", str(library)]
-        done = subprocess.run([*command, *(["-lm"] if ending == ".so" else [])], capture_output=True, check=False)
+        flags = [*source.flags, "-shared", "-w"]
+        if "ziglang" in command:
+            flags += ["-target", triple, "-nostdlib++"]
+        if ending != ".dll":
+            flags.append("-fPIC")
+        file = str(root / "sources" / f"{name}{source.ending}")
+        last = ["-lm"] if ending == ".so" else []
+        done = subprocess.run([*command, *flags, file, "-o", str(library), *last], capture_output=True, check=False)
         if done.returncode:
             lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
-            raise checks.InputError(f"{command[0]} cannot compile the unit for {target}: {lines[-1][-300:]}")
+            reason = next((line for line in lines if "error" in line), lines[-1])
+            raise checks.InputError(f"{command[0]} cannot compile the unit for {platform_name}: {reason[-300:]}")
         for extra in library.parent.iterdir():  # ziglang leaves an import library and debug information for Windows
             if extra != library:
                 extra.unlink()

@@ -1,15 +1,10 @@
-"""Light and carriers of a ring as numbers of order one: ns, fJ, 1e23 carriers per m^3, fields in sqrt(fJ) and sqrt(W).
+"""A ring in the kernel's units, its ports with fields in sqrt(W), and the run that is written beside an export.
 
-    da/dt = (i D - gamma) a + i (pump s_in + add s_add),     |a|^2 = U
-    D     = -thermal_shift dT - sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) - kerr U - 2 pi detuning
-    gamma = loss + fca N + tpa U
-    dN/dt = -N (1 + b N)/(tau0 (1 + a N)) + g U^2
-    P_abs = 2e-6 (absorbed + fca N + tpa U) U in W
+    da/dt = ... + i (pump s_in + add s_add)
     s_through = s_in + i through a,    s_drop = s_add + i drop a
+    P_abs in W = 1e-6 (absorbed power of `kernel.rates` in uW)
 
-N (N^2 + eps^2)^((p - 1)/2) stands for N^p, whose slope is infinite at N = 0 for p < 1.
-
-Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, as `coupled.RingResonator` reads them.
+The equations of light and carriers, and the units ns, fJ and 1e23 carriers per m^3, are those of `kernel.rates`.
 """
 
 import math
@@ -19,31 +14,28 @@ from typing import Any
 
 from thermofem import checks
 
-NS, FJ, DENSITY = 1e-9, 1e-15, 1e23  # the units in s, J, 1/m^3
-EPSILON = 1e-8  # eps in 1e23/m^3: 1e15 per m^3 is six orders below the densities that matter
+from ..kernel.units import FJ, NS, Rates, internal_pump, internal_rates
+from ..resonator import RingResonator
+
 STEPS_A_PERIOD = 400  # ngspice is within 3e-4 of the period with it, within 1e-3 with half as many
 STEPS_A_LIFETIME = 20  # where the period is not known; a pulse lasts some carrier lifetimes
 
 
 @dataclass(frozen=True)
-class RingRates:
-    """Coefficients of the equations of this module; ``dispersion`` holds the pairs (c_k, p_k), c_k in rad/ns."""
+class RingPorts:
+    """Rates of a ring in the kernel's units, and how its field is joined to those at its ports.
 
+    dispersion: the pairs (c_k, p_k) of S(N), c_k in rad/ns.
+    pump, add [sqrt(fJ)/ns for each sqrt(W)]: what the fields into the bus and the add port drive.
+    through, drop [sqrt(W) for each sqrt(fJ)]: what the ring's field adds at the ports.
+    """
+
+    rates: Rates
+    dispersion: tuple[tuple[float, float], ...]
     pump: float
     add: float
     through: float
     drop: float
-    loss: float
-    absorbed: float
-    fca: float
-    tpa: float
-    g: float
-    tau0: float
-    a: float
-    b: float
-    thermal_shift: float
-    kerr: float
-    dispersion: tuple[tuple[float, float], ...]
 
     @property
     def output_port(self) -> str:
@@ -51,30 +43,17 @@ class RingRates:
         return "drop" if self.drop else "through"
 
 
-def ring_rates(ring: Any) -> RingRates:
-    """Coefficients of a ring from its fields and derived rates in SI, such as those of `coupled.RingResonator`.
-
-    Raises InputError: something that has no such rates.
-    """
-    hint = "coupled.borghi2021() is one, coupled.Circuit holds several"
-    checks.has("ring", ring, "bus_rate", "linear_rate", "thermal_shift", "carriers", hint=hint)
-    bus, drop, carriers = ring.bus_rate, ring.drop_bus_rate, ring.carriers
-    return RingRates(
-        pump=math.sqrt(2 * bus / FJ) * NS,
-        add=math.sqrt(2 * drop / FJ) * NS,
-        through=math.sqrt(2 * bus * FJ),
-        drop=math.sqrt(2 * drop * FJ),
-        loss=ring.linear_rate * NS,
-        absorbed=ring.loss_rate * NS,
-        fca=ring.eta_fca * DENSITY * NS,
-        tpa=ring.eta_tpa * FJ * NS,
-        g=ring.g_tpa * FJ**2 * NS / DENSITY,
-        tau0=carriers.tau0 / NS,
-        a=carriers.a * DENSITY,
-        b=carriers.b * DENSITY,
-        thermal_shift=ring.thermal_shift * NS,
-        kerr=ring.kerr_shift * FJ * NS,
-        dispersion=tuple((ring.index_rate * c * DENSITY**p * NS, float(p)) for c, p in ring.fcd),
+def ring_ports(ring: RingResonator) -> RingPorts:
+    """`RingPorts` of a ring: pump = sqrt(2 gamma_bus), through = sqrt(2 gamma_bus), and those of the drop bus."""
+    rates, fcd = internal_rates(ring)
+    to_drop = math.sqrt(2 * ring.drop_bus_rate)
+    return RingPorts(
+        rates=rates,
+        dispersion=tuple((float(c), float(p)) for c, p in fcd),
+        pump=internal_pump(ring, 1.0),
+        add=to_drop * NS / math.sqrt(FJ),
+        through=math.sqrt(2 * ring.bus_rate * FJ),
+        drop=to_drop * math.sqrt(FJ),
     )
 
 
@@ -90,7 +69,7 @@ class Demonstration:
     detuning: float
     period: float | None
 
-    def largest_step(self, rates: RingRates) -> float:
+    def largest_step(self, rates: Rates) -> float:
         """Largest step in s that the simulator may take."""
         return self.period / STEPS_A_PERIOD if self.period else rates.tau0 * NS / STEPS_A_LIFETIME
 
