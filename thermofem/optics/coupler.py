@@ -65,8 +65,13 @@ class Coupling:
     def _at(self) -> dict[str, Any]:
         """Arguments of `_phase`."""
         splits = np.array([even.n_eff - odd.n_eff for even, odd in self.supermodes])
-        own = {"straight": self.straight, "bend": self.bend}
-        return {"splits": splits, "n_eff": self.mode.n_eff, "wavelength": self.mode.wavelength, **own}
+        return {
+            "splits": splits,
+            "n_eff": self.mode.n_eff,
+            "wavelength": self.mode.wavelength,
+            "straight": self.straight,
+            "bend": self.bend,
+        }
 
     @property
     def split(self) -> float:
@@ -87,7 +92,9 @@ class Coupling:
     def by_gap(self) -> float:
         """Derivative d ln(kappa^2)/d(gap) in 1/m at fixed guides."""
         change = Change("gap", self.gap, "m", optical={("", "gap"): 1.0})
-        return self.derivative(Variation(self.mode.light, change, 0.0 * self.mode.light.mesh.points.T)) / self.power
+        at_rest = 0.0 * self.mode.light.mesh.points.T
+        variation = Variation(self.mode.light, change, at_rest)
+        return self.derivative(variation) / self.power
 
     @cached_property
     def by_width(self) -> float:
@@ -95,8 +102,8 @@ class Coupling:
         light = self.mode.light
         inner, outer = light.surroundings.outermost
         key = "width" if inner is outer and outer.inner_radius else "outer_radius"
-        (one,) = variations(light, [f"part.{outer.name}.{key}"])
-        return self.derivative(one) / self.power
+        (variation,) = variations(light, [f"part.{outer.name}.{key}"])
+        return self.derivative(variation) / self.power
 
     def derivative(self, one: Variation, bus: str = "") -> float:
         """Derivative of kappa^2 with respect to a parameter of the section; the gap stays fixed where the guide moves.
@@ -105,19 +112,28 @@ class Coupling:
         """
         gap = one.change.optical.get((bus, "gap"), 0.0)
         straight = one.change.optical.get((bus, "straight"), 0.0)
-        corners = one.change.outlines.get(self.mode.light.surroundings.outermost[1].name)
-        wall = 0.0 if corners is None else float(corners[1:3, 0].mean()) - one.centre
-        velocity = one.on(self.window)  # the middle of the gap follows the wall
-        velocity[0] += (wall + gap / 2 - velocity[0]) * self.beyond
-        of_pairs = ([index_slope(m, one, velocity) for m in pair] for pair in self.supermodes)
+        outer = self.mode.light.surroundings.outermost[1]
+        wall = 0.0
+        if outer.name in one.change.outlines:
+            corners = one.change.outlines[outer.name]
+            wall = float(corners[1:3, 0].mean()) - one.centre
+        middle = wall + gap / 2  # the middle of the gap follows the wall
+        velocity = one.on(self.window)
+        velocity[0] += (middle - velocity[0]) * self.beyond
+        splits = []
+        for even, odd in self.supermodes:
+            even_slope = index_slope(even, one, velocity)
+            odd_slope = index_slope(odd, one, velocity)
+            splits.append(even_slope - odd_slope)
         slopes: dict[str, Any] = {
-            "splits": np.array([even - odd for even, odd in of_pairs]),
+            "splits": np.array(splits),
             "n_eff": index_slope(self.mode, one, one.on(self.mode.window)),
             "wavelength": one.wavelength,
             "straight": straight,
             "bend": one.centre - straight / math.pi,
         }
-        moved = _phase(**{name: at + 1j * STEP * slopes[name] for name, at in self._at.items()})
+        arguments = {name: value + 1j * STEP * slopes[name] for name, value in self._at.items()}
+        moved = _phase(**arguments)
         return math.sin(2 * self.phase) * moved.imag / STEP
 
 
@@ -128,32 +144,37 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
     """
     light = mode.light
     outer = light.outline[1:3, 0] - light.centre
-    least = 2 * (SMALLEST + float(outer.max() - outer.mean()))
+    slant = float(outer.max() - outer.mean())
+    least = 2 * (SMALLEST + slant)
     gap = checks.between("gap", gap, least, LARGEST, unit="m", hint="did you mean 250e-9? It is that at half height")
     straight = checks.between("straight", straight, 0, 1e-2, unit="m", hint="did you mean 3e-6?")
-    bend = checks.positive("radius of the bends", mode.radius if radius is None else radius, unit="m")
+    radius = mode.radius if radius is None else radius
+    bend = checks.positive("radius of the bends", radius, unit="m")
     foot = float(outer.max()) * UM
-    middle = float(outer.mean()) * UM + gap * UM / 2
-    room = light.surroundings.reaches(mode.n_eff, TAIL)
-    low, _, bottom, top = light.box(room[0], 0.0, room[2], room[3])
-    left = max(low, light.centre - foot / UM - room[0])
-    window = drawn(light.geometry, (left, light.centre + middle / UM, bottom, top), light.centre, SIZES)
-    beyond = np.clip((window.mesh.p[0] - foot) / (middle - foot), 0, 1)
-    found = supermodes(mode, gap, straight, bend, window, beyond)
-    if found.phase > math.pi / 4:
+    wall = float(outer.mean()) * UM
+    middle = wall + gap * UM / 2
+    inward, _, below, above = light.surroundings.reaches(mode.n_eff, TAIL)
+    low, _, bottom, top = light.box(inward, 0.0, below, above)
+    left = max(low, light.centre - foot / UM - inward)
+    right = light.centre + middle / UM
+    window = drawn(light.geometry, (left, right, bottom, top), light.centre, SIZES)
+    outside = window.mesh.p[0] - foot
+    beyond = np.clip(outside / (middle - foot), 0, 1)
+    coupler = supermodes(mode, gap, straight, bend, window, beyond)
+    if coupler.phase > math.pi / 4:
         raise checks.InputError(
-            f"gap = {gap * 1e9:g} nm couples {found.power:.2f} of the power in one pass (phase {found.phase:.2f}); "
+            f"gap = {gap * 1e9:g} nm couples {coupler.power:.2f} of the power in one pass (phase {coupler.phase:.2f}); "
             f"above {MOST} a ring is no resonator of slow rates",
             "take a wider gap or a shorter straight section",
         )
-    return found
+    return coupler
 
 
 def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
     """The couplings of [[bus]] tables; InputError where one has another width than the ring."""
     inner, outer = mode.light.walls
     width = outer - inner
-    found = {}
+    couplers = {}
     for bus in buses:
         if bus.width is not None and not math.isclose(bus.width, width, rel_tol=1e-6):
             raise checks.InputError(
@@ -161,10 +182,11 @@ def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
                 "guides are not computed",
                 "give coupling, the power that the bus takes in one pass",
             )
-        if (bus.gap, bus.straight) not in found:
+        lengths = bus.gap, bus.straight
+        if lengths not in couplers:
             bend = mode.radius - bus.straight / math.pi
-            found[bus.gap, bus.straight] = coupling(mode, bus.gap, bus.straight, radius=bend)
-    return [found[bus.gap, bus.straight] for bus in buses]
+            couplers[lengths] = coupling(mode, *lengths, radius=bend)
+    return [couplers[bus.gap, bus.straight] for bus in buses]
 
 
 def supermodes(mode: Mode, gap: float, straight: float, bend: float, window: Window, beyond: Array) -> Coupling:
@@ -172,14 +194,20 @@ def supermodes(mode: Mode, gap: float, straight: float, bend: float, window: Win
 
     def supermode(wider: float, electric: bool) -> Mode:
         x, y = window.mesh.p
-        grid = replace(window.mesh, doflocs=np.stack([x + beyond * wider / 2, y]))
-        end = float(grid.p[0].max())
-        held = (lambda x: np.abs(x[0] - end) < 1e-6) if electric else None
-        own = replace(mode, window=replace(window, mesh=grid), space=Space(grid, 2, wall=held))
-        return own.solved(1)[0]
+        stretched = x + beyond * wider / 2
+        grid = replace(window.mesh, doflocs=np.stack([stretched, y]))
+        middle = float(stretched.max())
+        wall = (lambda x: np.abs(x[0] - middle) < 1e-6) if electric else None
+        space = Space(grid, 2, wall=wall)
+        half = replace(mode, window=replace(window, mesh=grid), space=space)
+        return half.solved(1)[0]
 
-    pairs = [sorted((supermode(wider, wall) for wall in (True, False)), key=lambda m: -m.n_eff) for wider in WIDER]
-    return Coupling(mode, gap, straight, bend, window, beyond, tuple((even, odd) for even, odd in pairs))
+    pairs = []
+    for wider in WIDER:
+        modes = [supermode(wider, electric=True), supermode(wider, electric=False)]
+        odd, even = sorted(modes, key=lambda mode: mode.n_eff)
+        pairs.append((even, odd))
+    return Coupling(mode, gap, straight, bend, window, beyond, tuple(pairs))
 
 
 def _phase(*, splits: Array, n_eff: Any, wavelength: Any, straight: Any, bend: Any) -> Any:
@@ -187,16 +215,22 @@ def _phase(*, splits: Array, n_eff: Any, wavelength: Any, straight: Any, bend: A
 
     splits: n_s - n_a at the gaps of `WIDER`; beyond the widest ln(n_s - n_a) continues along its tangent.
     """
-    logs = np.polynomial.Polynomial(np.linalg.solve(np.vander(WIDER, increasing=True), np.log(splits)))
-    k, last = math.pi / (wavelength * UM), WIDER[-1]
+    powers = np.vander(WIDER, increasing=True)
+    logs = np.polynomial.Polynomial(np.linalg.solve(powers, np.log(splits)))
+    k = math.pi / (wavelength * UM)
+    last = WIDER[-1]
     tangent = logs.deriv()(last)
+    decay = tangent if tangent.real < 0 else 0.0
     on_line = k * splits[0] * straight * UM
     if math.isinf(bend.real):
         return on_line
     R = bend * UM
-    z = np.linspace(0, 1, POINTS) * min(0.7 * R, 4 * R**0.5, key=lambda end: end.real)
+    end = min(0.7 * R, 4 * R**0.5, key=lambda length: length.real)
+    z = np.linspace(0, 1, POINTS) * end
     wider = R - np.sqrt(R**2 - z**2)
     inside = np.where(wider.real < last, wider, last)
-    rate = k * np.exp(logs(inside) + (wider - inside) * (tangent if tangent.real < 0 else 0.0))
-    slip = 2 * k * n_eff * (R * np.arcsin(z / R) - z)
+    beyond = wider - inside
+    rate = k * np.exp(logs(inside) + beyond * decay)
+    longer = R * np.arcsin(z / R) - z
+    slip = 2 * k * n_eff * longer
     return on_line + 2 * np.trapezoid(rate * np.cos(slip), z)

@@ -116,12 +116,15 @@ class Mode:
     def bordered(self) -> Callable[[Array], Array]:
         """Solver of the singular system (A + beta^2 B) y = b; y is determined up to a multiple of x."""
         A, B = self.matrices
-        kept = np.delete(self.space.free, np.argmax(np.abs(self.x[self.space.free])))
-        solve = factorize((A + self.square * B)[kept][:, kept])
+        free = self.space.free
+        largest = np.argmax(np.abs(self.x[free]))
+        others = np.delete(free, largest)
+        singular = A + self.square * B
+        solve = factorize(singular[others][:, others])
 
         def solved(b: Array) -> Array:
             y = np.zeros(self.space.size)
-            y[kept] = solve(np.ascontiguousarray(b[kept]))
+            y[others] = solve(np.ascontiguousarray(b[others]))
             return y
 
         return solved
@@ -130,20 +133,22 @@ class Mode:
     def fields(self) -> tuple[Array, Array, Array]:
         """E_r, E_z and E_phi/i at the quadrature points, shape (triangles, points); the power flow is 1."""
         e, _, p, _ = self.space.functions
-        own = self.x[self.space.dofs].T
-        e_r, e_z = np.einsum("it,ictq->ctq", own[: len(e)], e)
-        axial = np.einsum("it,itq->tq", own[len(e) :], p)
+        unknowns = self.x[self.space.dofs].T
+        e_r, e_z = np.einsum("it,ictq->ctq", unknowns[: len(e)], e)
+        axial = np.einsum("it,itq->tq", unknowns[len(e) :], p)
         return e_r, e_z, np.sqrt(self.square) * axial / self.space.arc
 
     @cached_property
     def intensity(self) -> Array:
         """|E|^2 at the quadrature points, shape (triangles, points)."""
-        return np.asarray(sum(np.abs(f) ** 2 for f in self.fields))
+        squares = [np.abs(component) ** 2 for component in self.fields]
+        return np.asarray(sum(squares))
 
     def integral(self, values: Array, *within: str) -> float:
         """int values s dA in um^2 over regions or materials, or all; values of shape (triangles, points or 1)."""
-        kept = values * self.window.inside(*within) if within else values
-        return float((kept * self.space.arc * self.space.dx).sum())
+        if within:
+            values = values * self.window.inside(*within)
+        return float((values * self.space.arc * self.space.dx).sum())
 
     @cached_property
     def n_g(self) -> float:
@@ -172,14 +177,15 @@ class Mode:
     @property
     def core_material(self) -> str:
         """Names of the materials of `guiding`, that of the core first."""
-        of = dict(zip(self.window.names, self.window.materials, strict=True))
-        names = [of[self.core].name, *(of[name].name for name in self.guiding)]
+        materials = dict(zip(self.window.names, self.window.materials, strict=True))
+        names = [materials[region].name for region in (self.core, *self.guiding)]
         return " and ".join(dict.fromkeys(names))
 
     @property
     def index(self) -> float:
         """Refractive index of the core."""
-        return math.sqrt(self._indices[0][self.window.inside(self.core)][0])
+        eps, _ = self._indices
+        return math.sqrt(eps[self.window.inside(self.core)][0])
 
     @cached_property
     def _energy(self) -> Array:
@@ -189,35 +195,39 @@ class Mode:
     @cached_property
     def share(self) -> float:
         """Fraction of the mode's n^2 |E|^2 that lies in what guides, over the width of the core."""
-        x = self.space.mesh.p[0][self.space.mesh.t].mean(axis=0)
+        mesh = self.space.mesh
+        x = mesh.p[0][mesh.t].mean(axis=0)
         walls = (self.light.outline[:, 0] - self.light.centre) * UM
         column = (x > walls.min()) & (x < walls.max())
-        return self.integral(self._energy * column[:, None], *self.guiding) / self.integral(self._energy)
+        inside = self.integral(self._energy * column[:, None], *self.guiding)
+        return inside / self.integral(self._energy)
 
     @cached_property
     def held(self) -> float:
         """Fraction of the mode's n^2 |E|^2 within the core and as far around it as its power decays to 1/10."""
         light = self.light
         around = light.surroundings
-        floor = around.floor
-        decay = 2 * math.pi / self.wavelength * math.sqrt(max(self.n_eff**2 - floor**2, 1e-6))
+        excess = max(self.n_eff**2 - around.floor**2, 1e-6)
+        decay = around.k0 * math.sqrt(excess)
         least = math.log(10) / (2 * decay)
         aside = {"left": least, "right": least}
         for side in aside:
             beside = around.steps(side)[0][1]
             if self.n_eff > beside:
                 aside[side] = around.reach(side, self.n_eff, 0.1)
-        box = light.box(aside["left"], aside["right"], least, least)
+        left, right, bottom, top = light.box(aside["left"], aside["right"], least, least)
         x, y = self.space.points / UM
-        inside = (x > box[0] - light.centre) & (x < box[1] - light.centre) & (y > box[2]) & (y < box[3])
+        between = (x > left - light.centre) & (x < right - light.centre)
+        inside = between & (y > bottom) & (y < top)
         return self.integral(self._energy * inside) / self.integral(self._energy)
 
     @cached_property
     def confinement(self) -> dict[str, float]:
         """G = dn_eff/dn of every region and of every material in reach; above 1 where light is slow."""
         density = np.sqrt(self._indices[0]) * self.intensity
-        names = {material.name for material in self.window.materials} | set(self.window.names)
-        return {name: self.integral(density, name) / self.n_eff for name in sorted(names)}
+        materials = {material.name for material in self.window.materials}
+        names = sorted(materials.union(self.window.names))
+        return {name: self.integral(density, name) / self.n_eff for name in names}
 
     @cached_property
     def index_confinement(self) -> float:
@@ -228,14 +238,16 @@ class Mode:
     def lacking(self) -> tuple[str, ...]:
         """Materials without dn/dT that carry more than `FELT` of n^2 |E|^2."""
         lacking = {material.name for material in self.window.materials if material.thermo_optic is None}
-        whole = self.integral(self._energy)
-        return tuple(name for name in sorted(lacking) if self.integral(self._energy, name) > FELT * whole)
+        felt = FELT * self.integral(self._energy)
+        return tuple(name for name in sorted(lacking) if self.integral(self._energy, name) > felt)
 
     @property
     def lacking_in_core(self) -> tuple[str, ...]:
         """Materials of what guides without dn/dT."""
-        pairs = zip(self.window.names, self.window.materials, strict=True)
-        lacking = {material.name for name, material in pairs if name in self.guiding and material.thermo_optic is None}
+        lacking = set()
+        for region, material in zip(self.window.names, self.window.materials, strict=True):
+            if region in self.guiding and material.thermo_optic is None:
+                lacking.add(material.name)
         return tuple(sorted(lacking))
 
     @cached_property
@@ -248,7 +260,8 @@ class Mode:
                 f'give it in [material.{name}], such as thermo_optic = "3e-5 1/K"',
             )
         slopes = self.window.of_materials(lambda m: m.thermo_optic or 0.0)
-        return np.asarray(np.sqrt(self._indices[0]) * slopes * self.intensity)
+        n = np.sqrt(self._indices[0])
+        return np.asarray(n * slopes * self.intensity)
 
     @property
     def thermo_optic(self) -> float:
@@ -272,7 +285,9 @@ class Mode:
         hot = np.flatnonzero(weight.any(axis=1))  # air has no heat and no triangles
         r, z = self.space.points[:, hot].reshape(2, -1) / UM
         r = r + (self.light.centre + shift)
-        points = np.stack([np.abs(r) if self.light.geometry.mirrored else r, z], axis=1)
+        if self.light.geometry.mirrored:
+            r = np.abs(r)
+        points = np.stack([r, z], axis=1)
         return sampled(basis, points, weight[hot].ravel(), mesh)
 
     def volume(
@@ -296,22 +311,27 @@ class Mode:
         Source: P. E. Barclay, K. Srinivasan, O. Painter, Opt. Express 13, 801 (2005); the dispersion is derived.
         """
         checks.integer("power", power, 2, 3)
-        own = self.light.geometry.length or 2 * math.pi * self.radius
-        length = own if length is None else checks.positive("length", length, unit="m")
+        if length is None:
+            length = self.light.geometry.length or 2 * math.pi * self.radius
+        else:
+            length = checks.positive("length", length, unit="m")
         if power == 3 and spread_carriers:
-            core = self.integral(np.ones_like(self.intensity), *self.guiding) / UM**2 * length
-            return math.sqrt(core * self.volume(2, length=length, dispersion=dispersion) / self.core_fraction(2))
+            area = self.integral(np.ones_like(self.intensity), *self.guiding) / UM**2
+            absorbing = self.volume(2, length=length, dispersion=dispersion)
+            return math.sqrt(area * length * absorbing / self.core_fraction(2))
         eps, group = self._indices
-        stored = self.integral((group if dispersion else eps) * self.intensity)
-        dense = self.integral((eps * self.intensity) ** power)
-        return float((stored**power / dense) ** (1 / (power - 1))) / UM**2 * length
+        energy = (group if dispersion else eps) * self.intensity
+        stored = self.integral(energy)
+        dense = self.integral(self._energy**power)
+        area = (stored**power / dense) ** (1 / (power - 1))
+        return area / UM**2 * length
 
     def core_fraction(self, power: int, *, spread_carriers: bool = False) -> float:
         """Fraction of int n^(2 power) I^power in what guides: Gamma_TPA (2) and Gamma_FC (3; 1 when spread)."""
         checks.integer("power", power, 2, 3)
         if power == 3 and spread_carriers:
             return 1.0
-        dense = (self._indices[0] * self.intensity) ** power
+        dense = self._energy**power
         return self.integral(dense, *self.guiding) / self.integral(dense)
 
     def derivatives(self, parameters: Sequence[str | Sequence[str]], **rules: bool) -> xr.Dataset:
@@ -323,11 +343,13 @@ class Mode:
     @cached_property
     def error(self) -> float:
         """Estimated error of n_eff: the difference to elements of order 3 (of those of order 3, to order 2)."""
-        return abs(self.nearest(replace(self.space, order=5 - self.space.order)).n_eff - self.n_eff)
+        other = replace(self.space, order=5 - self.space.order)
+        return abs(self.nearest(other).n_eff - self.n_eff)
 
     def solved(self, count: int, index: float | None = None) -> list[Mode]:
         """The modes on the same space with n_eff nearest to ``index``, by default to that of this one."""
-        pairs = eigenpairs(self.space, *self.matrices, (self.k0 * (index or self.n_eff)) ** 2, count)
+        beta = self.k0 * (index or self.n_eff)
+        pairs = eigenpairs(self.space, *self.matrices, beta**2, count)
         return [replace(self, square=square, x=x) for square, x in pairs]
 
     def nearest(self, space: Space, window: Window | None = None) -> Mode:
@@ -336,14 +358,16 @@ class Mode:
         Radiation modes of a bend may have a nearer n_eff: of several modes the most similar one is then taken.
         """
         start = replace(self, space=space, window=window or self.window)
-        found = start.solved(1)
-        if not found or found[0]._likeness(self) < 0.9 * self._likeness(self):
-            found = start.solved(6)
-        return max(found, key=lambda mode: mode._likeness(self))
+        likeness = 0.9 * self._likeness(self)
+        modes = start.solved(1)
+        if not modes or modes[0]._likeness(self) < likeness:
+            modes = start.solved(6)
+        return max(modes, key=lambda mode: mode._likeness(self))
 
     def _likeness(self, like: Mode) -> float:
         """Similarity to another mode: fraction of the energy in the core times fraction of the same polarisation."""
-        return self.share * (self.te_fraction if like.te_fraction > 0.5 else 1 - self.te_fraction)
+        same = self.te_fraction if like.te_fraction > 0.5 else 1 - self.te_fraction
+        return self.share * same
 
     @cached_property
     def q_radiation(self) -> float:
@@ -356,7 +380,8 @@ class Mode:
             return math.inf
         inner, _, below, above = self._asides
         caustic = 2 * (self.n_eff / light.surroundings.continuum - 1)  # twice as far as where the field radiates
-        outer = max(2e-6, min(0.15, max(caustic, 0.0)) * self.radius + ASIDE)
+        caustic = min(0.15, max(caustic, 0.0))
+        outer = max(2e-6, caustic * self.radius + ASIDE)
         _, foot = light.outline.min(axis=0)
         _, top = light.outline.max(axis=0)
         box = light.box(inner, outer + DEPTH, below + DEPTH, above + DEPTH)
@@ -364,7 +389,9 @@ class Mode:
             box = (*box[:3], min(box[3], light.geometry.top_z))
         ends = foot - below - DEPTH, top + above + DEPTH
         damping = self._damping(box, (0.0, DEPTH, DEPTH, DEPTH), self.radius, ends)
-        q = self.k0 * self.n_g / (2 * damping) if damping > 0 else math.inf
+        if damping <= 0:
+            return math.inf
+        q = self.k0 * self.n_g / (2 * damping)
         return q if q < LARGEST_Q else math.inf
 
     @cached_property
@@ -393,8 +420,9 @@ class Mode:
 
         Source: D. Marcuse, Bell Syst. Tech. J. 50, 2551 (1971).
         """
-        decay = self.k0 * math.sqrt(max(self.n_eff**2 - cladding**2, 0.0))
-        return float(2 / 3 * self.radius * UM * decay**3 / self.square.real)
+        excess = max(self.n_eff**2 - cladding**2, 0.0)
+        gamma = self.k0 * math.sqrt(excess)
+        return float(2 / 3 * self.radius * UM * gamma**3 / self.square.real)
 
     @property
     def _tunnelling(self) -> float:
@@ -405,17 +433,19 @@ class Mode:
     def _asides(self) -> tuple[float, float, float, float]:
         """Distances in m from the core to the ends of a window or to its layers, at the left, right, bottom and top."""
         left, right, below, above = self.light.surroundings.reaches(self.n_eff, TAIL)
-        return max(ASIDE, min(left, WIDEST)), max(ASIDE, min(right, WIDEST)), max(ASIDE, below), max(ASIDE, above)
+        left = min(left, WIDEST)
+        right = min(right, WIDEST)
+        return max(ASIDE, left), max(ASIDE, right), max(ASIDE, below), max(ASIDE, above)
 
     @cached_property
     def _bulk(self) -> dict[str, tuple[str, float]]:
         """Layers that guide by themselves within the reach of the mode: side and distance in m, by name."""
         around = self.light.surroundings
-        return {
-            name: (side, away)
-            for name, (side, away) in around.limits[1].items()
-            if name in around.bulk and away < around.reach(side, self.n_eff, LEAKS)
-        }
+        layers = {}
+        for name, (side, away) in around.limits[1].items():
+            if name in around.bulk and away < around.reach(side, self.n_eff, LEAKS):
+                layers[name] = (side, away)
+        return layers
 
     @property
     def leaky(self) -> bool:
@@ -425,9 +455,10 @@ class Mode:
     @property
     def drains(self) -> tuple[str, ...]:
         """What the mode leaks into: names of layers in quotation marks, or the slabs at the sides."""
-        named = [f"{name!r}, {away * UM:.3g} um away" for name, (_, away) in self._bulk.items()]
-        slab = f"a slab mode of index {self.light.surroundings.continuum:.4f} at its side"
-        return (*named, slab) if self.leaky else tuple(named)
+        drains = [f"{name!r}, {away * UM:.3g} um away" for name, (_, away) in self._bulk.items()]
+        if self.leaky:
+            drains.append(f"a slab mode of index {self.light.surroundings.continuum:.4f} at its side")
+        return tuple(drains)
 
     @cached_property
     def substrate_loss(self) -> float:
@@ -442,9 +473,11 @@ class Mode:
         low, high = light.surroundings.far_span
         foot = float(light.outline[:, 1].min())
         top = float(light.outline[:, 1].max())
+        if self.leaky and low > light.geometry.bottom_z:
+            below = max(below, foot - low)
         if self.leaky:
-            below = max(below, foot - low if low > light.geometry.bottom_z else 0.0)
-            above = max(above, min(high, light.geometry.top_z + ASIDE) - top)
+            high = min(high, light.geometry.top_z + ASIDE)
+            above = max(above, high - top)
         box = light.box(left + DEPTH, right + DEPTH, below, above)
         ends = [box[2], box[3]]
         depths = [DEPTH, DEPTH, 0.0, 0.0]
@@ -462,7 +495,8 @@ class Mode:
         if light.at_edge:  # a disc has no straight guide; its rim radiates into the substrate alone here
             radius = self.radius
             depths[:2] = [0.0, 0.0]
-        return DECIBEL * self._damping(drawn_box, tuple(depths), radius, (ends[0], ends[1])) * 1e4
+        damping = self._damping(drawn_box, tuple(depths), radius, (ends[0], ends[1]))
+        return DECIBEL * damping * 1e4
 
     def _damping(self, box: Box, depths: tuple[float, ...], radius: float, beyond: tuple[float, float]) -> float:
         """Im beta in 1/um of the mode in a window with matched layers of the given depths in m."""
@@ -471,9 +505,10 @@ class Mode:
         _, _, lowest, highest = around.limits[0]
 
         def largest(z: float) -> float:
-            outside = z < lowest or z > highest
-            return self.wavelength / (2 * (around.core_index if outside else around.continuum))
+            index = around.continuum if lowest <= z <= highest else around.core_index
+            return self.wavelength / (2 * index)
 
         window = drawn(light.geometry, box, light.centre, 1e-3, largest, beyond)
         space = Space(window.mesh, 3, radius * UM, tuple(depth * UM for depth in depths))
-        return float(np.sqrt(self.nearest(space, window).square).imag)
+        mode = self.nearest(space, window)
+        return float(np.sqrt(mode.square).imag)

@@ -96,8 +96,9 @@ def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]], **ru
             mode.light.geometry.name, mode.name, 100 * mode.te_fraction,
         )  # fmt: skip
     each = variations(mode.light, parameters)
-    found = over_parameters(each, [slopes(mode, one, **rules) for one in each], ABOUT)
-    return found.assign_attrs(mode=mode.name, **numbers(mode, **rules))
+    rows = [slopes(mode, variation, **rules) for variation in each]
+    derivatives = over_parameters(each, rows, ABOUT)
+    return derivatives.assign_attrs(mode=mode.name, **numbers(mode, **rules))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,18 +121,26 @@ class Variation:
     def centre(self) -> float:
         """Velocity in m per unit of r = R, the origin of windows."""
         inner, outer = self.light.surroundings.outermost
-        moved = self.change.outlines
-        outer_wall = moved.get(outer.name, np.zeros((4, 2)))[1:3, 0].mean()
-        inner_wall = moved.get(inner.name, np.zeros((4, 2)))[[0, 3], 0].mean()
-        return float(outer_wall if self.light.at_edge else (inner_wall + outer_wall) / 2)
+        at_rest = np.zeros((4, 2))
+        outer_corners = self.change.outlines.get(outer.name, at_rest)
+        inner_corners = self.change.outlines.get(inner.name, at_rest)
+        outer_wall = outer_corners[1:3, 0].mean()
+        inner_wall = inner_corners[[0, 3], 0].mean()
+        if self.light.at_edge:
+            return float(outer_wall)
+        return float((inner_wall + outer_wall) / 2)
 
     def on(self, window: Window) -> Array:
         """Velocity of a window's vertices relative to its origin, m per unit, (2, vertices); air does not move."""
-        grid, places = self.light.mesh.skfem, window.mesh.p / UM + np.array([[self.light.centre], [0.0]])
-        turn = np.where(self.light.geometry.mirrored & (places[0] < 0), -1.0, 1.0)
-        cells, (x, y) = locate(grid, np.stack([turn * places[0], places[1]], axis=1))
-        moved = np.einsum("cn,xcn->xn", np.array([1 - x - y, x, y]), self.heat[:, grid.t[:, cells]]) * (cells >= 0)
-        return np.stack([turn * moved[0] - self.centre, moved[1]])
+        grid = self.light.mesh.skfem
+        r, z = window.mesh.p / UM
+        r = r + self.light.centre
+        turn = np.where(self.light.geometry.mirrored & (r < 0), -1.0, 1.0)
+        cells, (x, y) = locate(grid, np.stack([turn * r, z], axis=1))
+        weights = np.array([1 - x - y, x, y])
+        corners = self.heat[:, grid.t[:, cells]]
+        velocity = np.einsum("cn,xcn->xn", weights, corners) * (cells >= 0)
+        return np.stack([turn * velocity[0] - self.centre, velocity[1]])
 
     def window(self, window: Window, velocity: Array, h: float) -> Window:
         """Window after a step ``h`` of the parameter."""
@@ -139,58 +148,83 @@ class Variation:
         def after(material: Material) -> Material:
             n = h * self.change.optical.get((material.name, "index"), 0.0)
             slope = h * self.change.optical.get((material.name, "thermo_optic"), 0.0)
-            index = constant_index((fixed_index(material.index) or 1.0) + n) if n else material.index
-            thermo_optic = (material.thermo_optic or 0.0) + slope if slope else material.thermo_optic
-            return replace(material, index=index, thermo_optic=thermo_optic)
+            if n:
+                before = fixed_index(material.index) or 1.0
+                material = replace(material, index=constant_index(before + n))
+            if slope:
+                before = material.thermo_optic or 0.0
+                material = replace(material, thermo_optic=before + slope)
+            return material
 
-        mesh = replace(window.mesh, doflocs=window.mesh.doflocs + h * UM * velocity)
-        return replace(window, mesh=mesh, materials=tuple(map(after, window.materials)))
+        points = window.mesh.doflocs + h * UM * velocity
+        mesh = replace(window.mesh, doflocs=points)
+        materials = tuple(map(after, window.materials))
+        return replace(window, mesh=mesh, materials=materials)
 
     def ends(self, mode: Mode, velocity: Array) -> tuple[float, tuple[Mode, Mode]]:
         """Step h of the parameter for central differences, and the mode's field x on the windows moved by +h and -h.
 
         Where nothing changes h is 1 and both are the mode itself.
         """
-        corners, moved = mode.window.mesh.p[:, mode.window.mesh.t], velocity[:, mode.window.mesh.t]
-        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0)
-        strains = np.linalg.norm(moved - np.roll(moved, 1, axis=1), axis=0)
-        relative = [(strains * UM / sides).max(), self.centre / mode.radius, self.wavelength / mode.wavelength]
-        relative += [slope for (_, key), slope in self.change.optical.items() if key in ("index", "thermo_optic")]
+        mesh = mode.window.mesh
+        sides = _sides(mesh.p[:, mesh.t])
+        longer = _sides(velocity[:, mesh.t])
+        strains = longer * UM / sides
+        relative = [strains.max(), self.centre / mode.radius, self.wavelength / mode.wavelength]
+        for (_, key), slope in self.change.optical.items():
+            if key in ("index", "thermo_optic"):
+                relative.append(slope)
         largest = float(np.abs(relative).max())
         if not largest:
             return 1.0, (mode, mode)
 
         def at(h: float) -> Mode:
             window = self.window(mode.window, velocity, h)
-            space = replace(mode.space, mesh=window.mesh, radius=mode.space.radius + h * self.centre * UM)
-            return replace(mode, wavelength=mode.wavelength + h * self.wavelength, window=window, space=space)
+            radius = mode.space.radius + h * self.centre * UM
+            space = replace(mode.space, mesh=window.mesh, radius=radius)
+            wavelength = mode.wavelength + h * self.wavelength
+            return replace(mode, wavelength=wavelength, window=window, space=space)
 
-        return STEP / largest, (at(STEP / largest), at(-STEP / largest))
+        h = STEP / largest
+        return h, (at(h), at(-h))
+
+
+def _sides(corners: Array) -> Array:
+    """Lengths of the three sides of triangles, for corners of shape (2, 3, triangles)."""
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0))
 
 
 def variations(light: Light, parameters: Sequence[str | Sequence[str]]) -> list[Variation]:
     """Changes of a mode's geometry with parameters given by paths; the paths in a tuple change together."""
-    each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
-    return _variations(light, [change(light.geometry, one) for one in each])
+    if isinstance(parameters, str):
+        parameters = [parameters]
+    paths = checks.instances("parameters", parameters, str, tuple, list)
+    return _variations(light, [change(light.geometry, path) for path in paths])
 
 
 def _variations(light: Light, changes: Sequence[Change]) -> list[Variation]:
     roles = (*light.geometry.heated, light.part)
     velocities = vertex_velocities(light.geometry, light.mesh, changes, roles=roles)
-    return [Variation(light, one, velocity.T) for one, velocity in zip(changes, velocities, strict=True)]
+    pairs = zip(changes, velocities, strict=True)
+    return [Variation(light, change, velocity.T) for change, velocity in pairs]
 
 
 def _pull(mode: Mode, h: float, ends: tuple[Mode, Mode]) -> tuple[float, Array]:
     """d(beta^2) per unit of the parameter, and the vector (dA + beta^2 dB) x."""
-    ahead, behind = (A @ mode.x + mode.square * (B @ mode.x) for A, B in (each.matrices for each in ends))
+    residuals = []
+    for end in ends:
+        A, B = end.matrices
+        residuals.append(A @ mode.x + mode.square * (B @ mode.x))
+    ahead, behind = residuals
     pull = (ahead - behind) / (2 * h)
     return -float(mode.x @ pull), pull
 
 
 def index_slope(mode: Mode, one: Variation, velocity: Array) -> float:
     """dn_eff per unit of a parameter, without a solve; ``velocity`` of the mode's window is that of `Variation.on`."""
-    slope = _pull(mode, *one.ends(mode, velocity))[0]
-    return (one.wavelength / mode.wavelength + slope / (2 * mode.square)) * mode.n_eff
+    slope, _ = _pull(mode, *one.ends(mode, velocity))
+    relative = one.wavelength / mode.wavelength + slope / (2 * mode.square)
+    return relative * mode.n_eff
 
 
 def varied(mode: Mode, one: Variation) -> tuple[float, Mode, Mode]:
@@ -199,11 +233,14 @@ def varied(mode: Mode, one: Variation) -> tuple[float, Mode, Mode]:
     if mode in ends:
         return h, *ends
     slope, pull = _pull(mode, h, ends)
-    dx = mode.bordered(-(pull + slope * (mode.matrices[1] @ mode.x)))
+    _, B = mode.matrices
+    dx = mode.bordered(-(pull + slope * (B @ mode.x)))
 
-    def along(each: Mode, step: float) -> Mode:
+    def along(end: Mode, step: float) -> Mode:
         x = mode.x + step * dx
-        return replace(each, square=mode.square + step * slope, x=x / np.sqrt(x @ (each.matrices[1] @ x)))
+        _, B = end.matrices
+        flow = x @ (B @ x)
+        return replace(end, square=mode.square + step * slope, x=x / np.sqrt(flow))
 
     return h, along(ends[0], h), along(ends[1], -h)
 
@@ -212,9 +249,12 @@ def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:
     """Derivatives of the `numbers` of a mode and of its resonance with respect to one parameter."""
     h, ahead, behind = varied(mode, one)
     before = numbers(behind, **rules)
-    row = {name: (value - before[name]) / (2 * h) for name, value in numbers(ahead, **rules).items()}
-    resonance = mode.wavelength * (row["n_eff"] + mode.n_eff * one.centre / mode.radius) / mode.n_g
-    return row | {"radius": one.centre, "resonance_wavelength": 0.0 if one.wavelength else resonance}
+    after = numbers(ahead, **rules)
+    row = {name: (value - before[name]) / (2 * h) for name, value in after.items()}
+    longer = row["n_eff"] + mode.n_eff * one.centre / mode.radius
+    row["radius"] = one.centre
+    row["resonance_wavelength"] = 0.0 if one.wavelength else mode.wavelength * longer / mode.n_g
+    return row
 
 
 def over_parameters(
@@ -223,18 +263,16 @@ def over_parameters(
     """Dataset of derivatives over parameters: one mapping in ``rows`` for each; about: unit and description by name."""
     import xarray as xr
 
-    variables = {
-        name: (
-            "parameter",
-            [row[name] for row in rows],
-            {"long_name": f"derivative of the {words}", "units": f"{unit} per unit"},
-        )
-        for name, (unit, words) in about.items()
-    }
+    variables = {}
+    for name, (unit, words) in about.items():
+        values = [row[name] for row in rows]
+        attrs = {"long_name": f"derivative of the {words}", "units": f"{unit} per unit"}
+        variables[name] = ("parameter", values, attrs)
+    changes = [variation.change for variation in each]
     coords: dict[str, Any] = {
-        "parameter": [one.change.name for one in each],
-        "value": ("parameter", [one.change.value for one in each]),
-        "unit": ("parameter", [one.change.unit for one in each]),
+        "parameter": [change.name for change in changes],
+        "value": ("parameter", [change.value for change in changes]),
+        "unit": ("parameter", [change.unit for change in changes]),
     }
     return xr.Dataset(variables, coords=coords)
 
@@ -246,8 +284,9 @@ def light_slope(mode: Mode, basis: Any, one: Change) -> Array:
     if ahead is behind:
         return np.zeros(basis.N)
     means = []
-    for step, each in ((h, ahead), (-h, behind)):
-        mesh = replace(basis.mesh, doflocs=basis.mesh.doflocs + step * variation.heat)
-        integral = each.light_integral(basis, mesh, step * variation.centre)
+    for step, end in ((h, ahead), (-h, behind)):
+        points = basis.mesh.doflocs + step * variation.heat
+        mesh = replace(basis.mesh, doflocs=points)
+        integral = end.light_integral(basis, mesh, step * variation.centre)
         means.append(integral / integral.sum())
     return np.asarray((means[0] - means[1]) / (2 * h))

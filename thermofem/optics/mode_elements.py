@@ -51,25 +51,30 @@ class Space:
     @cached_property
     def bases(self) -> tuple[Any, Any]:
         """scikit-fem's bases of e and of p, on the same quadrature points."""
-        order = 2 * self.order + (2 if np.isfinite(self.radius) or self.layers else 0)
-        elements = (getattr(skfem, f"ElementTri{kind}{self.order}")() for kind in "NP")
-        e, p = (skfem.Basis(self.mesh, element, intorder=order) for element in elements)
+        order = 2 * self.order
+        if np.isfinite(self.radius) or self.layers:
+            order += 2
+        bases = []
+        for kind in "NP":
+            element = getattr(skfem, f"ElementTri{kind}{self.order}")()
+            bases.append(skfem.Basis(self.mesh, element, intorder=order))
+        e, p = bases
         return e, p
 
     @cached_property
     def functions(self) -> tuple[Array, Array, Array, Array]:
         """Functions e, shape (functions, 2, triangles, points), curl e, p and grad p at the quadrature points."""
-        e, p = (basis.basis for basis in self.bases)
+        of_e, of_p = self.bases
         shape = self.dx.shape
 
         def full(values: Any, *first: int) -> Array:
             return np.broadcast_to(np.asarray(values), (*first, *shape))
 
         return (
-            np.stack([full(f[0], 2) for f in e]),
-            np.stack([full(f[0].curl) for f in e]),
-            np.stack([full(f[0]) for f in p]),
-            np.stack([full(f[0].grad, 2) for f in p]),
+            np.stack([full(f, 2) for (f,) in of_e.basis]),
+            np.stack([full(f.curl) for (f,) in of_e.basis]),
+            np.stack([full(f) for (f,) in of_p.basis]),
+            np.stack([full(f.grad, 2) for (f,) in of_p.basis]),
         )
 
     @cached_property
@@ -100,8 +105,9 @@ class Space:
             return np.arange(self.size)
         e, p = self.bases
         facets = self.mesh.facets_satisfying(self.wall, boundaries_only=True)
-        held = np.concatenate([e.get_dofs(facets).all(), p.get_dofs(facets).all() + e.N])
-        return np.setdiff1d(np.arange(self.size), held)
+        of_e = e.get_dofs(facets).all()
+        of_p = p.get_dofs(facets).all()
+        return np.setdiff1d(np.arange(self.size), np.concatenate([of_e, of_p + e.N]))
 
     @cached_property
     def arc(self) -> Array:
@@ -116,15 +122,13 @@ class Space:
             return self.arc, np.ones_like(x), np.ones_like(x)
         left, bottom = self.mesh.p.min(axis=1)
         right, top = self.mesh.p.max(axis=1)
-        factors = []
-        longer = []
-        ends = zip((x, x, y, y), (left, right, bottom, top), self.layers, (-1, 1, -1, 1), strict=True)
-        for u, end, depth, sign in ends:
-            t = np.clip(1 - sign * (end - u) / depth, 0, None) if depth else 0 * u
-            factors.append(1j * STRENGTH * t**2)
-            longer.append(sign * 1j * STRENGTH * depth * t**3 / 3)
-        s = 1 + (x + longer[0] + longer[1]) / self.radius
-        return s, 1 + factors[0] + factors[1], 1 + factors[2] + factors[3]
+        inner, outer, lower, upper = self.layers
+        s_left, r_left = _layer(left - x, inner, -1)
+        s_right, r_right = _layer(right - x, outer, 1)
+        s_bottom, _ = _layer(bottom - y, lower, -1)
+        s_top, _ = _layer(top - y, upper, 1)
+        s = 1 + (x + r_left + r_right) / self.radius
+        return s, 1 + s_left + s_right, 1 + s_bottom + s_top
 
     def matrices(self, eps: Array, k0: float) -> tuple[Any, Any]:
         """A and B for the permittivity eps of every triangle, shape (triangles, 1), and k0 in 1/um."""
@@ -132,10 +136,12 @@ class Space:
         q = k0**2 * eps
         e, rot, p, grad = self.functions
         n = len(e)
-        A = np.zeros((len(self.dx), self.dofs.shape[1], self.dofs.shape[1]), dtype=s.dtype)
+        functions = n + len(p)
+        A = np.zeros((len(self.dx), functions, functions), dtype=s.dtype)
         B = np.zeros_like(A)
         both = np.concatenate([-e, grad])
-        for k, ratio in enumerate((s_z / s_r, s_r / s_z)):
+        ratios = s_z / s_r, s_r / s_z
+        for k, ratio in enumerate(ratios):
             A[:, :n, :n] += self._products(e[:, k], -q * s * ratio)
             B += self._products(both[:, k], ratio / s)
         A[:, :n, :n] += self._products(rot, s / (s_r * s_z))
@@ -144,13 +150,24 @@ class Space:
 
     def _products(self, f: Array, weight: Array) -> Array:
         """int weight f_i f_j of every triangle, shape (triangles, functions, functions)."""
-        return np.matmul((f * (weight * self.dx)).transpose(1, 0, 2), f.transpose(1, 2, 0))
+        weighted = f * (weight * self.dx)
+        return np.matmul(weighted.transpose(1, 0, 2), f.transpose(1, 2, 0))
 
     def _summed(self, local: Array) -> Any:
         n = self.dofs.shape[1]
         rows = np.repeat(self.dofs, n, axis=1)
         columns = np.tile(self.dofs, (1, n))
-        return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size)).tocsc()
+        places = rows.ravel(), columns.ravel()
+        return coo_matrix((local.ravel(), places), shape=(self.size, self.size)).tocsc()
+
+
+def _layer(inward: Array, depth: float, sign: int) -> tuple[Any, Any]:
+    """What a matched layer adds to the stretch at points, and to their coordinate.
+
+    inward [um]: from the points to the layer's outer end, times ``sign``, that of its outward direction.
+    """
+    t = np.clip(1 - sign * inward / depth, 0, None) if depth else 0 * inward
+    return 1j * STRENGTH * t**2, sign * 1j * STRENGTH * depth * t**3 / 3
 
 
 def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[tuple[complex, Array]]:
@@ -161,16 +178,22 @@ def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[t
     """
     A = A[space.free][:, space.free]
     B = B[space.free][:, space.free]
-    n, real = A.shape[0], A.dtype.kind == "f"
+    n = A.shape[0]
+    real = A.dtype.kind == "f"
+    shifted = A + shift * B
     if real:
-        solve = factorize(A + shift * B)
+        solve = factorize(shifted)
     else:
         options = {"SymmetricMode": True}
-        solve = splu((A + shift * B).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options=options).solve
-    inverse = LinearOperator((n, n), matvec=lambda v: solve(np.ascontiguousarray(-(B @ v))), dtype=A.dtype)
+        solve = splu(shifted.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options=options).solve
+
+    def image(v: Array) -> Array:
+        return np.asarray(solve(np.ascontiguousarray(-(B @ v))))
+
+    inverse = LinearOperator((n, n), matvec=image, dtype=A.dtype)
     start = np.random.default_rng(0).standard_normal(n).astype(A.dtype)
     _, vectors = eigs(inverse, k=count, which="LM", tol=1e-10, v0=start, ncv=max(12, 4 * count))
-    found = []
+    pairs = []
     for v in vectors.T:
         if real:
             v = (v / v[np.argmax(np.abs(v))]).real
@@ -179,5 +202,5 @@ def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[t
         square = -(v @ (A @ v)) / flow
         if square.real > 0 and (flow.real > 0 or not real):
             x[space.free] = v / np.sqrt(flow)
-            found.append((square, x))
-    return found
+            pairs.append((square, x))
+    return pairs

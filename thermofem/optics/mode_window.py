@@ -48,13 +48,15 @@ class Window:
         cls, geometry: CrossSection, mesh: Mesh, radius: float, keep: NDArray[np.bool_] | slice = slice(None)
     ) -> Window:
         """Make a window of a mesh in m; doubled points are joined, and a mirrored half (x >= 0) is completed."""
-        corners, of = mesh.points[mesh.triangles[keep]], mesh.region[keep]
+        corners = mesh.points[mesh.triangles[keep]]
+        of = mesh.region[keep]
         if geometry.mirrored and corners[..., 0].min() >= 0:
             corners = np.concatenate([corners, corners * [-1.0, 1.0]]) + 0.0
             of = np.tile(of, 2)
         points, place = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
         about = (points - [radius, 0.0]) * UM
-        grid = skfem.MeshTri(np.ascontiguousarray(about.T), np.ascontiguousarray(place.reshape(-1, 3).T))
+        triangles = place.reshape(-1, 3)
+        grid = skfem.MeshTri(np.ascontiguousarray(about.T), np.ascontiguousarray(triangles.T))
         there, region = np.unique(of, return_inverse=True)
         names = tuple(mesh.region_names[k] for k in there)
         materials = tuple(material_of(geometry, name) for name in names)
@@ -63,17 +65,21 @@ class Window:
     def inside(self, *names: str) -> NDArray[np.bool_]:
         """Which triangles belong to regions, or to materials, of these names; shape (triangles, 1)."""
         pairs = zip(self.names, self.materials, strict=True)
-        return np.array([own in names or material.name in names for own, material in pairs])[self.region, None]
+        inside = np.array([region in names or material.name in names for region, material in pairs])
+        return inside[self.region, None]
 
     def of_materials(self, value: Callable[[Material], float]) -> Array:
         """``value`` of the material of every triangle, shape (triangles, 1)."""
-        return np.array([value(material) for material in self.materials])[self.region, None]
+        values = np.array([value(material) for material in self.materials])
+        return values[self.region, None]
 
     def indices(self, wavelength: float) -> tuple[Array, Array]:
         """eps = n^2 and n n_gm = n (n - lambda dn/dlambda) of every triangle, shape (triangles, 1)."""
         pairs = zip(self.names, self.materials, strict=True)
-        n = np.array([index_of(m, wavelength, name, self.ambient) for name, m in pairs])[self.region, None]
-        return n**2, n * self.of_materials(lambda m: group_index_of(m, wavelength, self.ambient))
+        of_regions = np.array([index_of(m, wavelength, name, self.ambient) for name, m in pairs])
+        n = of_regions[self.region, None]
+        n_g = self.of_materials(lambda m: group_index_of(m, wavelength, self.ambient))
+        return n**2, n * n_g
 
 
 def material_of(geometry: CrossSection, region: str) -> Material:
@@ -85,8 +91,10 @@ def window(geometry: CrossSection, mesh: Mesh, box: Box, radius: float, accuracy
     """Heat mesh cut to a box, by the triangles' centroids; a new mesh of the box where the heat mesh has gaps."""
     if any(face.owner == AIR for face in _clipped(geometry, box)):
         return drawn(geometry, box, radius, accuracy)
+    left, right, bottom, top = box
     r, z = mesh.points[mesh.triangles].mean(axis=1).T
-    return Window.of(geometry, mesh, radius, (r > box[0]) & (r < box[1]) & (z > box[2]) & (z < box[3]))
+    inside = (r > left) & (r < right) & (z > bottom) & (z < top)
+    return Window.of(geometry, mesh, radius, inside)
 
 
 def drawn(
@@ -105,11 +113,17 @@ def drawn(
     size = size_function(geometry, sizes(accuracy))
     faces = _clipped(geometry, box)
     if beyond is not None:
-        new = dict(zip(box[2:], beyond, strict=True))
-        faces = [
-            Face(f.owner, tuple(np.array([(r, new.get(z, z)) for r, z in ring]) for ring in f.rings)) for f in faces
-        ]
-    mesh = make_faces(faces, lambda r, z: min(size(abs(r), z), largest(z)), geometry.name, geometry.depth)
+        moved = dict(zip(box[2:], beyond, strict=True))
+
+        def prolonged(ring: Array) -> Array:
+            return np.array([(r, moved.get(z, z)) for r, z in ring])
+
+        faces = [Face(face.owner, tuple(map(prolonged, face.rings))) for face in faces]
+
+    def length(r: float, z: float) -> float:
+        return min(size(abs(r), z), largest(z))
+
+    mesh = make_faces(faces, length, geometry.name, geometry.depth)
     return Window.of(geometry, mesh, radius)
 
 
@@ -118,7 +132,8 @@ def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
     left, right, bottom, top = box
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     voids = {part.name for part in geometry.parts if part.material == VOID}
-    faces = cut({"": corners} | outlines(geometry, whole=True), ground="", holes=voids, grid=GRID)
+    everything = {"": corners} | outlines(geometry, whole=True)
+    faces = cut(everything, ground="", holes=voids, grid=GRID)
     return [replace(face, owner=face.owner or AIR) for face in reversed(faces)]  # the core, meshed finest, first
 
 

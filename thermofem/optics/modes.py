@@ -29,10 +29,8 @@ RIDGE = 0.9  # of dn_eff/dn of what guides: a part with less is the ridge of a r
 HELD = 0.4  # of the energy, within the core and where the mode falls to a tenth: less is no mode of this guide
 BARRIER = 2.0  # exponent of a bend's tunnelling; below it nothing holds a mode in the bend
 STAYS = 0.5  # of the core's share of the energy in the straight guide: with less a mode has left the bend
-GRAIN = 20e-9  # m, of a window's sizes: geometries next to each other have the same triangles
 ROOF = 1e-4  # of the power of a weakly guided mode: with less at the top of the stack a window ends there
-CUT = 1e-2  # of the power of the weakest mode: where more of it lies outside, the window is widened
-LEAST = 0.03  # of the way from the cladding's index to the core's slab: for a weaker mode no window is widened
+WEAKEST = 0.03  # of the way from the cladding's index to the core's slab: no window is widened for a weaker mode
 FIRST, MOST = 3, 48  # modes that are solved for at first and at most
 
 log = logging.getLogger("thermofem")
@@ -60,20 +58,21 @@ class Light:
     @classmethod
     def of(cls, heat: HeatProblem, wavelength: float | None = None, part: str | None = None, order: int = 2) -> Light:
         """Guided modes on the mesh of a heat problem; arguments as of `fem.assembly.light`."""
-        geometry, given = heat.geometry, heat.geometry.light
-        parts = [one.name for one in geometry.parts]
-        if given is not None:
-            wavelength = wavelength or given.wavelength
-            part = part or given.part
+        geometry = heat.geometry
+        parts = [member.name for member in geometry.parts]
+        if geometry.light is not None:
+            wavelength = wavelength or geometry.light.wavelength
+            part = part or geometry.light.part
         if wavelength is None:
             raise checks.InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
         hint = "wavelengths are in m (did you mean 1.55e-6?)"
         wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
-        part = checks.choice("part", part or ("core" if "core" in parts else geometry.heated[0]), parts)
+        default = "core" if "core" in parts else geometry.heated[0]
+        part = checks.choice("part", part or default, parts)
         order = checks.integer("order", order, 2, 3)
-        found = cls(geometry, heat.mesh, wavelength, part, order, heat.accuracy)
-        found.surroundings.core_index  # noqa: B018 - the core has an index at this wavelength
-        return found
+        light = cls(geometry, heat.mesh, wavelength, part, order, heat.accuracy)
+        light.surroundings.core_index  # noqa: B018 - the core has an index at this wavelength
+        return light
 
     @property
     def guide(self) -> Part:
@@ -95,7 +94,9 @@ class Light:
     def centre(self) -> float:
         """r or x in m of the origin of windows: the core's centre, or the edge of a full disc or its rim."""
         inner, outer = self.walls
-        return (inner + outer) / 2 if inner or self.geometry.kind == "straight" else outer
+        if inner or self.geometry.kind == "straight":
+            return (inner + outer) / 2
+        return outer
 
     @property
     def at_edge(self) -> bool:
@@ -117,12 +118,11 @@ class Light:
         inner, foot = self.outline.min(axis=0)
         outer, top = self.outline.max(axis=0)
         end = self.surroundings.limits[0]
-        return (
-            max(float(inner) - left, end[0]),
-            min(float(outer) + right, end[1]),
-            max(float(foot) - below, end[2]),
-            min(float(top) + above, end[3]),
-        )
+        start = max(float(inner) - left, end[0])
+        stop = min(float(outer) + right, end[1])
+        bottom = max(float(foot) - below, end[2])
+        roof = min(float(top) + above, end[3])
+        return start, stop, bottom, roof
 
     @property
     def _weak(self) -> float:
@@ -145,11 +145,12 @@ class Light:
 
     def _cut(self, reaches: Sequence[float], farthest: float) -> Window:
         """Triangles up to ``reaches`` from the core on the four sides, and at most ``farthest`` outwards; all in m."""
-        left, right, below, above = (GRAIN * math.ceil(distance / GRAIN) for distance in reaches)
+        left, right, below, above = reaches
         stack = self.geometry.top_z - float(self.outline[:, 1].max())
         if stack > self.surroundings.reach("top", self._weak, ROOF):
             above = min(above, stack)
-        box = self.box(left, min(right, farthest), below, above)
+        right = min(right, farthest)
+        box = self.box(left, right, below, above)
         return window(self.geometry, self.mesh, box, self.centre, self.accuracy)
 
     def _caustic(self, n_eff: float) -> float:
@@ -160,7 +161,7 @@ class Light:
         """
         cladding = self.surroundings.cladding_index
         between = cladding + REFERENCE * (self.surroundings.core_index - cladding)
-        least = GRAIN * math.ceil(self.surroundings.reach("right", between, TAIL) / GRAIN)
+        least = self.surroundings.reach("right", between, TAIL)
         return max(least, self.radius * (n_eff / cladding - 1))
 
     @cached_property
@@ -171,17 +172,14 @@ class Light:
     @cached_property
     def _search(self) -> _Search:
         """Modes of the straight guide, on a window for a weakly guided one, or for the weakest of them if wider."""
-        reaches = self.surroundings.reaches(self._weak, TAIL)
-        first = self._searched(reaches)
-        if not first.modes:
-            return first
+        first = self._searched(self.surroundings.reaches(self._weak, TAIL))
         cladding = self.surroundings.cladding_index
-        least = cladding + LEAST * (self.surroundings.ceiling - cladding)
-        weakest = max(min(mode.n_eff for mode in first.modes), least)
-        wider = self.surroundings.reaches(weakest, CUT)
-        if max(wider) < max(reaches):
+        least = cladding + WEAKEST * (self.surroundings.ceiling - cladding)
+        indices = [mode.n_eff for mode in first.modes if mode.n_eff > least]
+        weakest = min(indices, default=math.inf)
+        if weakest >= self._weak:
             return first
-        return self._searched([max(pair) for pair in zip(reaches, wider, strict=True)])
+        return self._searched(self.surroundings.reaches(weakest, TAIL))
 
     def _searched(self, reaches: Sequence[float]) -> _Search:
         """Guided modes of the straight guide, of a disc of the disc, on a window with these distances in m."""
@@ -202,24 +200,28 @@ class Light:
                 "%s: %d modes were looked at, down to n_eff = %.4g; %r may guide more below that",
                 self.geometry.name, count, lowest, self.part,
             )  # fmt: skip
-        return _Search(window, reaches, [mode for mode in solved if mode.n_eff > floor and mode.held > HELD])
+        guided = [mode for mode in solved if mode.n_eff > floor and mode.held > HELD]
+        return _Search(window, reaches, guided)
 
     @cached_property
     def _straight(self) -> dict[str, Mode]:
         """Guided modes of the straight guide (of a disc, of the disc) by name, best guided first."""
-        floor = self.surroundings.lowest
-        found = self._search.modes
-        if not found:
+        modes = self._search.modes
+        if not modes:
+            floor = self.surroundings.lowest
+            ceiling = self.surroundings.ceiling
             raise checks.InputError(
                 f"{self.geometry.name!r} guides no mode in {self.part!r} at {self.wavelength * 1e9:g} nm: none has an "
-                f"index between {floor:.4g} around it and {self.surroundings.ceiling:.4g} of its layers",
+                f"index between {floor:.4g} around it and {ceiling:.4g} of its layers",
                 "a core needs a larger index than what is around it, and enough width and height",
             )
         named: dict[str, Mode] = {}
-        for mode in sorted(found, key=lambda mode: -mode.n_eff):
+        orders = {"TE": 0, "TM": 0}
+        for mode in sorted(modes, key=lambda mode: -mode.n_eff):
             kind = "TE" if mode.te_fraction > 0.5 else "TM"
-            name = f"{kind}{sum(other.startswith(kind) for other in named)}"
+            name = f"{kind}{orders[kind]}"
             named[name] = replace(mode, name=name)
+            orders[kind] += 1
         return named
 
     @property
@@ -230,15 +232,15 @@ class Light:
     @property
     def modes(self) -> tuple[Mode, ...]:
         """Guided modes, best guided first; modes that leave the core in the bend are left out."""
-        return tuple(mode for mode in map(self._solved, self.names) if self._stays(mode))
+        return tuple(filter(self._stays, map(self._solved, self.names)))
 
     def mode(self, name: str | None = None) -> Mode:
         """The guided mode called ``name``; default that of the polarisation in [light] of the geometry, else TE0.
 
         Raises InputError: no such mode is guided; the bend is so tight that the mode leaves the core.
         """
-        given = self.geometry.light
-        name = name or ("TE0" if given is None else given.mode)
+        default = "TE0" if self.geometry.light is None else self.geometry.light.mode
+        name = name or default
         if name not in self.names:
             rule = f"{self.geometry.name!r} guides no mode {name!r} in {self.part!r} at {self.wavelength * 1e9:g} nm"
             raise checks.InputError(rule, f"it guides {', '.join(self.names)}")
@@ -254,8 +256,9 @@ class Light:
 
     def _stays(self, mode: Mode) -> bool:
         """Whether a mode of the bend has its energy where the straight guide has it, and a barrier holds it there."""
-        held = mode.share >= STAYS * self._straight[mode.name].share
-        return held and (math.isinf(self.radius) or mode.tunnelling(self.surroundings.floor) > BARRIER)
+        if mode.share < STAYS * self._straight[mode.name].share:
+            return False
+        return math.isinf(self.radius) or mode.tunnelling(self.surroundings.floor) > BARRIER
 
     @cached_property
     def _known(self) -> dict[str, Mode]:
@@ -265,9 +268,10 @@ class Light:
     def _solved(self, name: str) -> Mode:
         """The mode called ``name``, solved in the bend."""
         if name not in self._known:
-            straight = self._straight[name]
-            same = straight.radius == self.radius and self.element_order == straight.space.order
-            self._known[name] = straight if same else straight.nearest(self._space, self._bent)
+            mode = self._straight[name]
+            if mode.radius != self.radius or mode.space.order != self.element_order:
+                mode = mode.nearest(self._space, self._bent)
+            self._known[name] = mode
         return self._known[name]
 
     def _report(self, mode: Mode) -> None:

@@ -35,10 +35,8 @@ KIND = 0.1  # of the core's index; regions that differ less are of the core's ki
 BARRIER = 7.0  # exponent of the decay with the core's index, beyond which a layer is not part of the guide
 LEAST_DECAY = 1e-3  # of n_eff^2 - n^2, so that a reach is finite
 REFERENCE = 0.25  # of the way from the cladding's index to that of the core's slab: a weakly guided mode
-AIRY, RADIAL = (
-    9.0,
-    7.0,
-)  # depth of a disc's window, and of the caustics of its modes; zeros -a of Ai: 2.3, 4.1, 5.5, 6.8
+AIRY = 9.0  # depth of a disc's window in the scale of Ai, whose zeros are -2.3, -4.1, -5.5, -6.8
+RADIAL = 7.0  # depth of the caustics of a disc's modes in the same scale
 TAIL = 1e-7  # of the power: share of a mode that a window may cut off
 SIDES = ("left", "right", "bottom", "top")
 
@@ -68,12 +66,14 @@ class Surroundings:
     @cached_property
     def indices(self) -> dict[str, float | None]:
         """Refractive index of every region; None of a metal."""
-        found = {}
+        indices: dict[str, float | None] = {}
         for region in (*self.geometry.region_names, AIR):
             material = material_of(self.geometry, region)
-            known = material.index is not None
-            found[region] = index_of(material, self.wavelength, region, self.geometry.ambient) if known else None
-        return found
+            if material.index is None:
+                indices[region] = None
+            else:
+                indices[region] = index_of(material, self.wavelength, region, self.geometry.ambient)
+        return indices
 
     @cached_property
     def core_index(self) -> float:
@@ -84,36 +84,42 @@ class Surroundings:
     def column(self, r: float) -> list[Step]:
         """What lies at r or x in m, from below (the lowest layer goes on) to above (air)."""
         r = abs(r) if self.geometry.mirrored else r
-        lowest = self.geometry.bottom_z
-        line = shapely.LineString([(r / CUT_GRID, 2 * lowest / CUT_GRID), (r / CUT_GRID, 1.0 / CUT_GRID)])
+        x = r / CUT_GRID
+        lowest = 2 * self.geometry.bottom_z / CUT_GRID
+        line = shapely.LineString([(x, lowest), (x, 1.0 / CUT_GRID)])
         steps = []
         for face in self.geometry.subdivision.faces:
             crossed = face.polygon.intersection(line)
             for piece in getattr(crossed, "geoms", [crossed]):
                 if piece.length > 0:
                     _, start, _, stop = piece.bounds
-                    steps.append(Step(start * CUT_GRID, stop * CUT_GRID, self.indices[face.owner], face.owner))
+                    n = self.indices[face.owner]
+                    steps.append(Step(start * CUT_GRID, stop * CUT_GRID, n, face.owner))
         return _filled(sorted(steps), self.indices[AIR])
 
     @cached_property
     def walls(self) -> list[float]:
         """r or x in m of all corners of parts, sorted; both sides of a mirrored section."""
         corners = np.concatenate([part.outline()[:, 0] for part in self.geometry.parts])
-        return sorted({*map(float, corners), *(map(float, -corners) if self.geometry.mirrored else ())})
+        if self.geometry.mirrored:
+            corners = np.concatenate([corners, -corners])
+        return sorted(set(corners.tolist()))
 
     @cached_property
     def middle(self) -> float:
         """r or x in m of a column through the part: where most of it is seen, and then nearest to its centre."""
         part = self.part
         inside = [x for x in self.walls if part.inner_radius < x < part.outer_radius]
-        ticks = np.array([part.inner_radius, *inside, part.outer_radius])
+        ticks = [part.inner_radius, *inside, part.outer_radius]
         centre = (part.inner_radius + part.outer_radius) / 2
-        candidates = sorted([centre, *map(float, (ticks[1:] + ticks[:-1]) / 2)], key=lambda r: abs(r - centre))
+        between = [(right + left) / 2 for left, right in itertools.pairwise(ticks)]
+        candidates = sorted([centre, *between], key=lambda r: abs(r - centre))
 
-        def seen(r: float) -> float:
-            return round(sum(step.stop - step.start for step in self.column(r) if step.region == part.name), 12)
+        def thickness(r: float) -> float:
+            pieces = [step.stop - step.start for step in self.column(r) if step.region == part.name]
+            return round(sum(pieces), 12)
 
-        return max(candidates, key=seen)
+        return max(candidates, key=thickness)
 
     @cached_property
     def members(self) -> tuple[Part, ...]:
@@ -123,7 +129,8 @@ class Surroundings:
         with the same walls.
         """
         members = [self.part]
-        others = [p for p in self.geometry.parts if p is not self.part and self.guides(p.name, self.floor)]
+        others = [p for p in self.geometry.parts if p is not self.part]
+        others = [p for p in others if self.guides(p.name, self.floor)]
         while joined := [p for p in others if any(_completes(p, member) for member in members)]:
             members += joined
             others = [p for p in others if p not in joined]
@@ -131,18 +138,22 @@ class Surroundings:
 
     def guides(self, region: str, n_eff: float) -> bool:
         """Whether a region is of the core's kind and guides a mode: n > n_eff, within `KIND` of the core's index."""
-        n = self.indices.get(region)
         if region == self.part.name:
             return True
-        return n is not None and n > n_eff and abs(n / self.core_index - 1) < KIND
+        n = self.indices.get(region)
+        if n is None or n <= n_eff:
+            return False
+        return abs(n / self.core_index - 1) < KIND
 
     @cached_property
     def outline(self) -> Array:
         """Corners of the `members` together in m, counterclockwise from the inner foot, shape (4, 2)."""
         foot = min(p.bottom for p in self.members)
         top = max(p.top for p in self.members)
-        low = np.array([p.outline()[:2, 0] for p in self.members if p.bottom == foot])
-        high = np.array([p.outline()[2:, 0] for p in self.members if p.top == top])
+        lowest = [p for p in self.members if p.bottom == foot]
+        highest = [p for p in self.members if p.top == top]
+        low = np.array([p.outline()[:2, 0] for p in lowest])
+        high = np.array([p.outline()[2:, 0] for p in highest])
         return np.array([(low.min(), foot), (low.max(), foot), (high.max(), top), (high.min(), top)])
 
     @property
@@ -165,19 +176,24 @@ class Surroundings:
         passed: list[Step] = []
         exponent = 0.0
         for step in steps:
-            rises = bool(passed) and step.n is not None and step.n > (passed[-1].n or 0.0)
-            if passed and (step.n is None or (rises and exponent > BARRIER)):
+            n = step.n or 0.0
+            if passed and step.n is None:
+                break
+            if passed and n > (passed[-1].n or 0.0) and exponent > BARRIER:
                 break
             passed.append(step)
             length = step.stop - step.start
-            exponent += 2 * self.k0 * length * math.sqrt(max(self.core_index**2 - (step.n or 0.0) ** 2, 0.0))
+            decay = max(self.core_index**2 - n**2, 0.0)
+            exponent += 2 * self.k0 * length * math.sqrt(decay)
         return passed
 
     @property
     def floor(self) -> float:
         """The larger index of the two media in which the column through the core ends."""
         below, above = self._ends
-        return max(below[-1].n or 1.0, above[-1].n or 1.0)
+        bottom = below[-1].n or 1.0
+        top = above[-1].n or 1.0
+        return max(bottom, top)
 
     @cached_property
     def ceiling(self) -> float:
@@ -192,18 +208,22 @@ class Surroundings:
 
     def _slab(self, r: float, low: float, high: float) -> float:
         """n_s of the column at r between two heights in m; what lies at the heights goes on beyond them."""
-        kept = [step for step in self.column(r) if step.stop > low and step.start < high]
-        thickness = [min(step.stop, high) - max(step.start, low) for step in kept]
-        return slab_index(thickness, [step.n or 1.0 for step in kept], self.k0)
+        thickness = []
+        index = []
+        for step in self.column(r):
+            if step.stop > low and step.start < high:
+                thickness.append(min(step.stop, high) - max(step.start, low))
+                index.append(step.n or 1.0)
+        return slab_index(thickness, index, self.k0)
 
     @cached_property
     def bulk(self) -> frozenset[str]:
         """Layers behind a barrier whose index is above that of the core's slab, such as a wafer: a mode leaks there."""
-        below, above = self._ends
+        low, high = self._span
         steps = self.column(self.middle)
-        beyond = [step for step in steps if step.stop <= below[-1].start or step.start >= above[-1].stop]
-        layers = {layer.name for layer in self.geometry.layers}
-        return frozenset(step.region for step in beyond if step.region in layers and (step.n or 0) > self.ceiling)
+        beyond = [step for step in steps if step.stop <= low or step.start >= high]
+        dense = {step.region for step in beyond if (step.n or 0) > self.ceiling}
+        return frozenset(dense.intersection(layer.name for layer in self.geometry.layers))
 
     def steps(self, side: str, *, far: bool = False) -> list[tuple[float, float]]:
         """Lengths in m (inf of the last one) and indices from the guide's outline to one of the `SIDES`.
@@ -214,14 +234,15 @@ class Surroundings:
         top = float(self.outline[:, 1].max())
         below, above = self._ends
         if side == "bottom":
-            found = [(min(s.stop, foot) - s.start, s.n or 1.0) for s in below if s.start < foot]
+            steps = [(min(s.stop, foot) - s.start, s.n or 1.0) for s in below if s.start < foot]
         elif side == "top":
-            found = [(s.stop - max(s.start, top), s.n or 1.0) for s in above if s.stop > top]
+            steps = [(s.stop - max(s.start, top), s.n or 1.0) for s in above if s.stop > top]
         else:
-            found = self._columns(side, self.far_span if far else self._span)
-        if not found:  # a disc reaches the axis
+            steps = self._columns(side, self.far_span if far else self._span)
+        if not steps:  # a disc reaches the axis
             return [(math.inf, self.floor)]
-        return [*found[:-1], (math.inf, found[-1][1])]
+        _, last = steps.pop()
+        return [*steps, (math.inf, last)]
 
     def _columns(self, side: str, span: tuple[float, float]) -> list[tuple[float, float]]:
         """Widths in m and n_s of the columns from the outline outwards, between two heights."""
@@ -234,7 +255,11 @@ class Surroundings:
         low, high = sorted((start, end))
         inside = [x for x in self.walls if low < x < high]
         ticks = sorted({start, *inside, end}, reverse=side == "left")
-        return [(abs(b - a), self._slab((a + b) / 2, *span)) for a, b in itertools.pairwise(ticks)]
+        columns = []
+        for a, b in itertools.pairwise(ticks):
+            middle = (a + b) / 2
+            columns.append((abs(b - a), self._slab(middle, *span)))
+        return columns
 
     @property
     def inner_end(self) -> float:
@@ -242,7 +267,9 @@ class Surroundings:
         if self.geometry.kind != "ring":
             return -self.geometry.outer_radius
         left = float(self.outline[:, 0].min())
-        return 0.02 * left if left else float(self.outline[:, 0].max()) - self.rim_depth
+        if left:
+            return 0.02 * left
+        return float(self.outline[:, 0].max()) - self.rim_depth
 
     @property
     def rim_depth(self) -> float:
@@ -253,23 +280,25 @@ class Surroundings:
         """
         edge = float(self.outline[:, 0].max())
         order = self.ceiling * self.k0 * edge
-        return min(AIRY * edge / (2 ** (1 / 3) * order ** (2 / 3)), 0.98 * edge)
+        depth = AIRY * edge / (2 ** (1 / 3) * order ** (2 / 3))
+        return min(depth, 0.98 * edge)
 
     @property
     def lowest(self) -> float:
         """Index below which no mode is looked for: the `floor`, or where the caustic of a disc leaves its rim."""
-        if self.geometry.kind != "ring" or self.outline[:, 0].min() > 0:
+        r = self.outline[:, 0]
+        if self.geometry.kind != "ring" or r.min() > 0:
             return self.floor
-        inside = RADIAL / AIRY * self.rim_depth / float(self.outline[:, 0].max())
+        inside = RADIAL / AIRY * self.rim_depth / float(r.max())
         return max(self.floor, self.ceiling * (1 - inside))
 
     @cached_property
     def far_span(self) -> tuple[float, float]:
         """z between the bulk layers."""
-        steps = self.column(self.middle)
-        low = max((s.stop for s in steps if s.region in self.bulk and s.stop <= self.part.bottom), default=-math.inf)
-        high = min((s.start for s in steps if s.region in self.bulk and s.start >= self.part.top), default=math.inf)
-        return low, high
+        bulk = [step for step in self.column(self.middle) if step.region in self.bulk]
+        below = [step.stop for step in bulk if step.stop <= self.part.bottom]
+        above = [step.start for step in bulk if step.start >= self.part.top]
+        return max(below, default=-math.inf), min(above, default=math.inf)
 
     def limit(self, side: str, *, far: bool = False) -> float:
         """Index in which a weakly guided mode ends on one side; a mode below it leaks there."""
@@ -277,7 +306,8 @@ class Surroundings:
         n = self.floor + REFERENCE * (self.ceiling - self.floor)
         exponent = 0.0
         for length, index in steps:
-            exponent += 2 * self.k0 * length * math.sqrt(max(n**2 - index**2, 0.0))
+            excess = max(n**2 - index**2, 0.0)
+            exponent += 2 * self.k0 * length * math.sqrt(excess)
             if exponent > -math.log(TAIL):
                 break
         return index
@@ -290,19 +320,21 @@ class Surroundings:
     @cached_property
     def continuum(self) -> float:
         """As `cladding_index`, with the layers behind barriers: a mode below it is leaky."""
-        return max(self.cladding_index, self.limit("left", far=True), self.limit("right", far=True))
+        left = self.limit("left", far=True)
+        right = self.limit("right", far=True)
+        return max(self.cladding_index, left, right)
 
     def reach(self, side: str, n_eff: float, tail: float) -> float:
         """Distance in m from the outline, on one side, at which the power of a mode has fallen to ``tail``."""
-        left = -math.log(tail)
+        exponent = -math.log(tail)
         distance = 0.0
         for length, index in self.steps(side):
-            decay = 2 * self.k0 * math.sqrt(max(n_eff**2 - index**2, 0.0))
-            if math.isinf(length):
-                decay = max(decay, 2 * self.k0 * math.sqrt(LEAST_DECAY))
-            if decay * length >= left:
-                return distance + left / decay
-            left -= decay * length
+            least = LEAST_DECAY if math.isinf(length) else 0.0
+            excess = max(n_eff**2 - index**2, least)
+            decay = 2 * self.k0 * math.sqrt(excess)
+            if decay * length >= exponent:
+                return distance + exponent / decay
+            exponent -= decay * length
             distance += length
         raise AssertionError("the last step has no end")
 
@@ -323,8 +355,11 @@ class Surroundings:
         right, top = self.outline.max(axis=0)
         box = [self.inner_end, self.geometry.outer_radius, self.geometry.bottom_z, math.inf]
         away = {}
-        own = {part.name for part in self.members}
-        beside = {name for pair in self.geometry.subdivision.owners if own & set(pair) for name in pair}
+        members = {part.name for part in self.members}
+        beside: set[str | None] = set()
+        for pair in self.geometry.subdivision.owners:
+            if not members.isdisjoint(pair):
+                beside.update(pair)
         for name, (r0, z0, r1, z1) in self._boxes.items():
             material = self.geometry.material_of(name)
             if name in beside:
@@ -335,21 +370,26 @@ class Surroundings:
                 if gaps[side] >= 0:
                     away[name] = (SIDES[side], float(gaps[side]))
                     nearer = max if side in (0, 2) else min
-                    box[side] = nearer(box[side], (r1, r0, z1, z0)[side])
+                    end = (r1, r0, z1, z0)[side]
+                    box[side] = nearer(box[side], end)
+        left, right, bottom, top = map(float, box)
         if self.geometry.mirrored:
-            box[0] = -box[1]
-        return (float(box[0]), float(box[1]), float(box[2]), float(box[3])), away
+            left = -right
+        return (left, right, bottom, top), away
 
     @property
     def _boxes(self) -> dict[str, tuple[float, float, float, float]]:
         """Smallest r and z, largest r and z in m of every region."""
-        found: dict[str, tuple[float, float, float, float]] = {}
+        corners: dict[str, list[Array]] = {}
         for face in self.geometry.subdivision.faces:
-            corners = np.concatenate([face.rings[0], np.reshape(found.get(face.owner, ()), (-1, 2))])
-            r0, z0 = map(float, corners.min(axis=0))
-            r1, z1 = map(float, corners.max(axis=0))
-            found[face.owner] = (r0, z0, r1, z1)
-        return found
+            corners.setdefault(face.owner, []).append(face.rings[0])
+        boxes = {}
+        for region, rings in corners.items():
+            points = np.concatenate(rings)
+            r0, z0 = points.min(axis=0).tolist()
+            r1, z1 = points.max(axis=0).tolist()
+            boxes[region] = (r0, z0, r1, z1)
+        return boxes
 
 
 def _filled(steps: Sequence[Step], air: float | None) -> list[Step]:
@@ -366,13 +406,13 @@ def _filled(steps: Sequence[Step], air: float | None) -> list[Step]:
 
 def _completes(part: Part, member: Part) -> bool:
     """Whether two parts form one rectangle or trapezoid: side by side, or one on the other."""
-    own = part.outline()
-    other = member.outline()
-    beside = any(np.allclose(own[a], other[b], rtol=0, atol=1e-12) for a, b in ((([0, 3]), ([1, 2])), ([1, 2], [0, 3])))
-    on_each_other = any(
-        np.allclose(own[a], other[b], rtol=0, atol=1e-12) for a, b in (([0, 1], [3, 2]), ([3, 2], [0, 1]))
-    )
-    return beside or on_each_other
+    corners = part.outline()
+    others = member.outline()
+    inner, outer, foot, top = [0, 3], [1, 2], [0, 1], [3, 2]  # the corners counterclockwise from the inner foot
+    for side, opposite in ((inner, outer), (outer, inner), (foot, top), (top, foot)):
+        if np.allclose(corners[side], others[opposite], rtol=0, atol=1e-12):
+            return True
+    return False
 
 
 def slab_index(thickness: Sequence[float], index: Sequence[float], k0: float) -> float:
@@ -398,7 +438,8 @@ def slab_index(thickness: Sequence[float], index: Sequence[float], k0: float) ->
 def _above_fundamental(n: float, thickness: Sequence[float], index: Sequence[float], k0: float) -> bool:
     """Whether a trial index is above n_s: the field that decays below has no zero up to infinity (Sturm)."""
     slope = k0 * math.sqrt(n**2 - index[0] ** 2)  # E'/E
-    for length, layer in zip(thickness[1:-1], index[1:-1], strict=True):
+    layers = zip(thickness[1:-1], index[1:-1], strict=True)
+    for length, layer in layers:
         square = layer**2 - n**2
         k = k0 * math.sqrt(abs(square)) or 1e-9 * k0
         phase = k * length
@@ -413,4 +454,5 @@ def _above_fundamental(n: float, thickness: Sequence[float], index: Sequence[flo
         if field <= 0:
             return False
         slope = derivative / field
-    return slope + k0 * math.sqrt(n**2 - index[-1] ** 2) > 0
+    above = k0 * math.sqrt(n**2 - index[-1] ** 2)
+    return slope + above > 0
