@@ -5,9 +5,9 @@ The mesh is the moved one of a similar geometry where that keeps the accuracy, e
 A `Leader` holds the mesh of one geometry. For another geometry with the same faces its vertices move with the outlines
 (`mesh_motion`). The moved mesh is taken where its estimated error keeps the promise, or after triangles were divided
 where it nearly does. The committed meshes of the reference strip lead all strips at about their accuracy; the base
-geometry of a campaign leads its members, with a smaller error than promised (`MARGIN`). What a geometry gets does not
-depend on those before it. Moved meshes share the sparsity pattern of their matrices, so that orderings and symbolic
-factorizations are made once, too (`Pencil.inherit`).
+geometry of a campaign leads its members, with a smaller error than promised (`LEADER_MARGIN`). What a geometry gets
+does not depend on those before it. Moved meshes share the sparsity pattern of their matrices, so that orderings and
+symbolic factorizations are made once, too (`Pencil.inherit`).
 
 At every shift whose error is above `AIM` of the target the triangles with the largest shares are divided: as few of
 them as bring the sum down to `AIM` if dividing leaves `LEFT` of a share, or those with `BULK` of the sum where even all
@@ -42,8 +42,8 @@ from .surfaces import resistances, split, surfaces_of
 from .weak_forms import Discretization, discretize, properties
 
 ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
-LARGEST = 400_000  # unknowns; a mesh with more is not refined
-MARGIN = 0.9  # of the accuracy, for the mesh that is moved
+MOST_UNKNOWNS = 400_000  # unknowns; a mesh with more is not refined
+LEADER_MARGIN = 0.9  # of the accuracy, for the mesh that is moved
 FLATTEST = 0.05  # of `mesh_motion.quality`; flatter triangles are not worth an estimate
 DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which a moved mesh is worth dividing
 
@@ -62,19 +62,20 @@ _thread = threading.local()  # one thread works on one geometry at a time
 def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
 
-    The log says so where `ROUNDS`, `LARGEST` or `FINEST` end that before.
+    The log says so where `ROUNDS`, `MOST_UNKNOWNS` or `FINEST` end that before.
     """
-    resistance, finer = resistances(geometry), mesh
+    resistance = resistances(geometry)
+    finer = mesh
     for _ in range(ROUNDS):
         mesh = finer
         heat = on_mesh(geometry, split(mesh, resistance), accuracy)
         estimate = heat.estimate()
-        if estimate.largest <= accuracy or heat.unknowns > LARGEST:
+        if estimate.largest <= accuracy or heat.unknowns > MOST_UNKNOWNS:
             break
-        found = divided(mesh, estimate, accuracy)
-        if found is None:
+        smaller = divided(mesh, estimate, accuracy)
+        if smaller is None:
             break
-        finer = found
+        finer = smaller
     if estimate.largest > accuracy:
         _warn_of_error(heat, estimate)
     return heat, mesh
@@ -105,7 +106,8 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int 
     """The heat problem of a geometry on a given mesh, cut open along its interfaces (`surfaces.split`)."""
     mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
     surfaces = surfaces_of(geometry, mesh, resistances(geometry))
-    heat = HeatProblem(geometry, mesh, discretize(mesh, *properties(geometry, mesh), surfaces, degree=degree), accuracy)
+    discretization = discretize(mesh, *properties(geometry, mesh), surfaces, degree=degree)
+    heat = HeatProblem(geometry, mesh, discretization, accuracy)
     return heat.reading(*(probe.name for probe in geometry.probes))
 
 
@@ -118,17 +120,22 @@ def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
     error falls as it does at an ordinary corner.
     """
     finest = FINEST * float(np.abs(mesh.points).max())
-    at = {point: _touching(mesh, point) for point in estimate.corners}
-    chosen = marked(estimate, target, sum(at.values(), np.array(False)) & (_longest(mesh) < 2 * finest))
+    small = _longest(mesh) < 2 * finest
+    beside = {point: _touching(mesh, point) for point in estimate.corners}
+    stuck = sum(beside.values(), np.array(False)) & small
+    chosen = marked(estimate, target, stuck)
     if not chosen.any():
         return None
-    deeper = [point for point, there in at.items() if (there & chosen).any()]
+    deeper = [point for point, touching in beside.items() if (touching & chosen).any()]
     mesh = refined(mesh, chosen)
     for point in deeper:
-        # 2 / 3: exponent of the field at the corner of a good conductor
-        for _ in range(round((2 / 3) / estimate.corners[point]) - 1):
-            there = _touching(mesh, point) & (_longest(mesh) >= 2 * finest)
-            mesh = refined(mesh, there) if there.any() else mesh
+        ordinary = 2 / 3  # exponent of the field at the corner of a good conductor
+        divisions = round(ordinary / estimate.corners[point])
+        for _ in range(divisions - 1):
+            large = _longest(mesh) >= 2 * finest
+            touching = _touching(mesh, point) & large
+            if touching.any():
+                mesh = refined(mesh, touching)
     return mesh
 
 
@@ -140,34 +147,39 @@ def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_]) -> NDArr
     """
     chosen = np.zeros(stuck.size, dtype=bool)
     for channel, errors in estimate.errors.items():
-        own = target / max(estimate.weights[channel], 1e-12)
+        allowed = target / max(estimate.weights[channel], 1e-12)
         for error, share in zip(errors, estimate.shares[channel], strict=True):
-            there = float(share[stuck].sum())
-            wanted = own - min(there, own / 2)
-            if error - there > wanted:
-                chosen |= _largest(np.where(stuck, 0.0, share), AIM * wanted)
+            of_stuck = float(share[stuck].sum())
+            of_others = allowed - min(of_stuck, allowed / 2)
+            if error - of_stuck > of_others:
+                free = np.where(stuck, 0.0, share)
+                chosen |= _largest(free, AIM * of_others)
     return chosen
 
 
 def _touching(mesh: Mesh, point: tuple[float, float]) -> NDArray[np.bool_]:
     """Which triangles have a corner at the point (r, z), shape (triangles,)."""
-    return np.asarray((mesh.points == point).all(axis=1)[mesh.triangles].any(axis=1))
+    here = (mesh.points == point).all(axis=1)
+    return np.asarray(here[mesh.triangles].any(axis=1))
 
 
 def _longest(mesh: Mesh) -> Array:
     """Length in m of the longest edge of each triangle."""
     corners = mesh.points[mesh.triangles]
-    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1))
+    edges = corners - np.roll(corners, 1, axis=1)
+    return np.asarray(np.linalg.norm(edges, axis=-1).max(axis=1))
 
 
-def _largest(share: Array, wanted: float) -> NDArray[np.bool_]:
-    """The fewest triangles whose division brings the sum of error shares to ``wanted``, with at most `BULK` of it."""
+def _largest(share: Array, aim: float) -> NDArray[np.bool_]:
+    """The fewest triangles whose division brings the sum of error shares to ``aim``, with at most `BULK` of it."""
     order = np.argsort(share)[::-1]
     so_far = np.cumsum(share[order])
     total = float(share.sum())
-    needed = min((total - wanted) / (1 - LEFT), BULK * total)
+    excess = (total - aim) / (1 - LEFT)
+    needed = min(excess, BULK * total)
+    last = int(np.searchsorted(so_far, needed))
     chosen = np.zeros(share.size, dtype=bool)
-    chosen[order[: int(np.searchsorted(so_far, needed)) + 1]] = True
+    chosen[order[: last + 1]] = True
     return chosen
 
 
@@ -179,22 +191,24 @@ def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> Mesh:
     """
     regions = {name: np.flatnonzero(mesh.region == k) for k, name in enumerate(mesh.region_names)}
     grid = mesh.skfem.with_subdomains(regions).refined(np.flatnonzero(marked))
-    region = np.empty(grid.t.shape[1], dtype=np.int64)
+    triangles = grid.t.T.astype(np.int64)
+    region = np.empty(len(triangles), dtype=np.int64)
     for k, name in enumerate(mesh.region_names):
         region[grid.subdomains[name]] = k
-    return replace(mesh, points=grid.p.T, triangles=grid.t.T.astype(np.int64), region=region)
+    return replace(mesh, points=grid.p.T, triangles=triangles, region=region)
 
 
 class Leader:
     """Keeps the mesh of one geometry and moves it to similar ones, which saves making a mesh for each.
 
-    mesh: with an estimated error below ``accuracy``; default one that is made with `MARGIN`.
+    mesh: with an estimated error below ``accuracy``; default one that is made with `LEADER_MARGIN`.
     """
 
     def __init__(self, geometry: CrossSection, accuracy: float, mesh: Mesh | None = None) -> None:
         if mesh is None:
-            mesh = adapted(geometry, mesh_for(geometry, accuracy), MARGIN * accuracy)[1]
-        self.motion, self.accuracy = Motion(mesh, geometry), accuracy
+            _, mesh = adapted(geometry, mesh_for(geometry, accuracy), LEADER_MARGIN * accuracy)
+        self.motion = Motion(mesh, geometry)
+        self.accuracy = accuracy
         self.last: Discretization | None = None
 
     def follow(self, geometry: CrossSection) -> tuple[HeatProblem, Mesh] | None:
@@ -217,9 +231,11 @@ class Leader:
         estimate = heat.estimate()
         if estimate.largest <= self.accuracy:
             return heat, mesh
-        if flattest >= DIVIDED[0] and estimate.largest <= DIVIDED[1] * self.accuracy:
-            return adapted(geometry, divided(mesh, estimate, self.accuracy) or mesh, self.accuracy)
-        return None
+        flat, inaccurate = DIVIDED
+        if flattest < flat or estimate.largest > inaccurate * self.accuracy:
+            return None
+        finer = divided(mesh, estimate, self.accuracy) or mesh
+        return adapted(geometry, finer, self.accuracy)
 
 
 def assemble(geometry: CrossSection, accuracy: float = 1e-3, *, mesh: Mesh | str | Path | None = None) -> HeatProblem:
@@ -272,8 +288,8 @@ def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
     if committed:
         return adapted(geometry, read_committed(committed), accuracy)
     leader = _strip(accuracy) if _like_a_strip(geometry) else None
-    found = leader and leader.follow(geometry)
-    return found or adapted(geometry, make(geometry, accuracy), accuracy)
+    followed = leader and leader.follow(geometry)
+    return followed or adapted(geometry, make(geometry, accuracy), accuracy)
 
 
 def light(
@@ -317,26 +333,33 @@ def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatPro
     if not base:
         return meshed(geometry, accuracy)[0]
     if getattr(_thread, "key", None) != (base, accuracy):
-        _thread.key, _thread.leader = (base, accuracy), None
+        _thread.key = base, accuracy
+        _thread.leader = None
         with suppress(checks.InputError):  # the base geometry itself cannot be solved
             _thread.leader = Leader(CrossSection.from_toml_text(base), accuracy)
     if _thread.leader is None:
         return meshed(geometry, accuracy)[0]
-    found = _thread.leader.follow(geometry) or adapted(geometry, mesh_for(geometry, accuracy), accuracy)
-    return found[0]
+    followed = _thread.leader.follow(geometry)
+    heat, _ = followed or adapted(geometry, mesh_for(geometry, accuracy), accuracy)
+    return heat
 
 
 def _like_a_strip(geometry: CrossSection) -> bool:
     """Whether a geometry has the same faces and the same heated part as `strip_ring`."""
+    if geometry.heated != ("core",):
+        return False
     owners = [face.owner for face in geometry.subdivision.faces]
-    return owners == ["substrate", "box", "cladding", "core"] and geometry.heated == ("core",)
+    return owners == ["substrate", "box", "cladding", "core"]
 
 
 def _strip(accuracy: float) -> Leader | None:
     """Leader with a committed mesh of the reference strip of this accuracy, or up to `COARSER` finer; else None."""
-    kept: dict[float, Leader | None] = _thread.__dict__.setdefault("strips", {})
-    if accuracy not in kept:
+    leaders: dict[float, Leader | None] = _thread.__dict__.setdefault("strips", {})
+    if accuracy not in leaders:
         geometry = strip_ring()
-        there = [find_committed(geometry, a) for a in COMMITTED if a <= accuracy <= COARSER * a]
-        kept[accuracy] = Leader(geometry, accuracy, read_committed(there[0])) if there and there[0] else None
-    return kept[accuracy]
+        leaders[accuracy] = None
+        served = [a for a in COMMITTED if a <= accuracy <= COARSER * a]
+        file = find_committed(geometry, served[0]) if served else None
+        if file:
+            leaders[accuracy] = Leader(geometry, accuracy, read_committed(file))
+    return leaders[accuracy]

@@ -149,7 +149,7 @@ class ModalDerivative:
 Parameter = str | Sequence[str]
 
 # change of a derivative over two rounds, relative to its largest over times; 1e-9 is then left (measured)
-SETTLED = 1e-7
+SETTLED_DERIVATIVE = 1e-7
 FEWEST, ROUNDS = 8, 24  # of the Krylov space: the derivative errs like the field, so more than for the response itself
 
 
@@ -279,12 +279,12 @@ def _responses(
 
 
 def _settled(responses: Answers, before: Answers) -> bool:
-    """Whether step response and impedance of each parameter changed by less than `SETTLED` of their largest value."""
+    """Whether step response and impedance changed by less than `SETTLED_DERIVATIVE` of each parameter's largest."""
     for now, last in zip(responses[1:], before[1:], strict=True):
         if now is None or last is None:
             continue
         largest = np.abs(now).max(axis=1, keepdims=True)
-        if np.any(np.abs(now - last) > SETTLED * largest):
+        if np.any(np.abs(now - last) > SETTLED_DERIVATIVE * largest):
             return False
     return True
 

@@ -78,8 +78,9 @@ class HeatProblem:
             ("unknowns", f"{self.unknowns}"),
             ("accuracy", f"{self.accuracy:g}"),
             ("heated", ", ".join(self.heated)),
+            ("can be read", ", ".join(self.readable)),
         ]
-        return card("Heat problem", [*rows, ("can be read", ", ".join(self.readable))], section_card(self.geometry))
+        return card("Heat problem", rows, section_card(self.geometry))
 
     @property
     def heated(self) -> tuple[str, ...]:
@@ -95,7 +96,8 @@ class HeatProblem:
     def readable(self) -> tuple[str, ...]:
         """Names of everything that can be read: regions, probes, shared inputs, and "light" after `with_light`."""
         light = () if self.light is None else (LIGHT,)
-        return (*self.regions, *(probe.name for probe in self.geometry.probes), *self.together, *light)
+        probes = [probe.name for probe in self.geometry.probes]
+        return (*self.regions, *probes, *self.together, *light)
 
     def with_light(self, mode: Mode) -> HeatProblem:
         """The same problem with one more output, "light": the temperature as a mode sees it, `Mode.light_integral`.
@@ -111,7 +113,8 @@ class HeatProblem:
         >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 2)
         1.0
         """
-        names = (*self.regions, *(probe.name for probe in self.geometry.probes), LIGHT)
+        probes = [probe.name for probe in self.geometry.probes]
+        names = (*self.regions, *probes, LIGHT)
         checks.unique("what can be read", names, hint="rename the region or probe")
         return replace(self, light=mode).reading(LIGHT)
 
@@ -131,8 +134,10 @@ class HeatProblem:
 
     def reading(self, *names: str) -> HeatProblem:
         """Copy in which probes or the light, given by ``names``, are among the means of the `Discretization`."""
-        integrals = {name: self.integral(name, self.discretization.basis) for name in names}
-        means = {**self.discretization.means, **{name: one / one.sum() for name, one in integrals.items()}}
+        means = dict(self.discretization.means)
+        for name in names:
+            integral = self.integral(name, self.discretization.basis)
+            means[name] = integral / integral.sum()
         return replace(self, discretization=replace(self.discretization, means=means))
 
     def integral(self, name: str, basis: Any) -> Array:
@@ -140,8 +145,8 @@ class HeatProblem:
         if name == LIGHT and self.light is not None:
             return self.light.light_integral(basis)
         if name in self.together:
-            parts = [self.integral(part, basis) for part in name.split(TOGETHER)]
-            return np.asarray(sum(part / part.sum() for part in parts))
+            integrals = [self.integral(part, basis) for part in name.split(TOGETHER)]
+            return np.asarray(sum(integral / integral.sum() for integral in integrals))
         if name in self.regions:
             return np.asarray(volume(basis, self.mesh.region == self.regions.index(name)))
         probe = next(probe for probe in self.geometry.probes if probe.name == name)
@@ -150,7 +155,9 @@ class HeatProblem:
     @cached_property
     def lit(self) -> HeatProblem:
         """The problem with the mode of [light] as an output (`with_light`); unchanged without [light]."""
-        return self if self.geometry.light is None or self.light else self.with_light(Light.of(self).mode())
+        if self.geometry.light is None or self.light:
+            return self
+        return self.with_light(Light.of(self).mode())
 
     @property
     def judged(self) -> tuple[tuple[str, str], ...]:
@@ -241,9 +248,9 @@ class HeatProblem:
         for region in self.regions:
             material = self.geometry.material_of(region)
             for law in (material.conductivity_law, material.specific_heat_law):
-                held = beyond_table(law, min(ambient, reached), max(ambient, reached))
-                if held is not None:
-                    ranges[material.name] = held
+                table = beyond_table(law, min(ambient, reached), max(ambient, reached))
+                if table is not None:
+                    ranges[material.name] = table
         if not ranges:
             return ""
         laws = ", ".join(f"{name} ({first:g} to {last:g} K)" for name, (first, last) in ranges.items())
@@ -257,9 +264,11 @@ class HeatProblem:
     ) -> StateSpace | NonlinearSystem:
         """As `channels`, with k(T) and c_p(T) where materials have them; "ambient" goes with constant ones only."""
         linear = self.channels(heated, read)
-        if self.nonlinear and AMBIENT in linear.inputs:
+        if not self.nonlinear:
+            return linear
+        if AMBIENT in linear.inputs:
             raise checks.InputError("heated = 'ambient' needs a linear model: heat.channels, or constant k and c_p")
-        return NonlinearSystem(linear, *self._flow_and_content) if self.nonlinear else linear
+        return NonlinearSystem(linear, *self._flow_and_content)
 
     def modal(self, heated: str) -> Modal:
         """Closed-form solver of transients with ``heated`` carrying the power, at small power; kept for further runs.
@@ -271,8 +280,8 @@ class HeatProblem:
         """
         if checks.choice("heated", heated, self.heated) not in self._kept:
             self._kept[heated] = Modal(self.channels(heated), self.discretization.factors)
-        kept: Modal = self._kept[heated]
-        return kept
+        solver: Modal = self._kept[heated]
+        return solver
 
     @cached_property
     def wider(self) -> Wider | None:
@@ -289,34 +298,51 @@ class HeatProblem:
         ones = np.ones((1, d.mass.shape[0]))
         held = np.zeros_like(ones)
         held[0, d.held] = 1
-        return NonlinearLedger(rows(content, ones), rows(content, held), rows(flow, ones - held))
+        free = ones - held
+        return NonlinearLedger(rows(content, ones), rows(content, held), rows(flow, free))
 
     def audit(self, heated: str) -> Ledger | NonlinearLedger:
         """Ledger for power in ``heated``, including the share of it that enters at held unknowns and leaves at once."""
         checks.choice("heated", heated, self.heated)
-        return replace(self.ledger, direct=float(self.discretization.means[heated][self.discretization.held].sum()))
+        load = self.discretization.means[heated]
+        direct = load[self.discretization.held].sum()
+        return replace(self.ledger, direct=float(direct))
 
     @cached_property
     def _everywhere(self) -> tuple[NodalOperator, NodalOperator]:
         """Nonlinear operators F and H with the rows of all unknowns, held ones included."""
-        d, (k, c), T0 = self.discretization, properties(self.geometry, self.mesh), self.geometry.ambient
-        flows = [(conduction(d.basis, k * cells), law) for law, cells in self._cells("conductivity_law").items()]
-        contents = [(capacity(d.basis, c * cells), law) for law, cells in self._cells("specific_heat_law").items()]
-        rest = d.stiffness - sum(matrix for matrix, _ in flows), d.mass - sum(matrix for matrix, _ in contents)
-        return nodal_operator(flows, rest[0], d.free, T0), nodal_operator(contents, rest[1], d.free, T0)
+        d = self.discretization
+        T0 = self.geometry.ambient
+        k, c = properties(self.geometry, self.mesh)
+        flows = []
+        for law, cells in self._cells("conductivity_law").items():
+            flows.append((conduction(d.basis, k * cells), law))
+        contents = []
+        for law, cells in self._cells("specific_heat_law").items():
+            contents.append((capacity(d.basis, c * cells), law))
+        stiffness = d.stiffness - sum(matrix for matrix, _ in flows)
+        mass = d.mass - sum(matrix for matrix, _ in contents)
+        flow = nodal_operator(flows, stiffness, d.free, T0)
+        content = nodal_operator(contents, mass, d.free, T0)
+        return flow, content
 
     @cached_property
     def _flow_and_content(self) -> tuple[NodalOperator, NodalOperator]:
         free = self.discretization.free
         flow, content = self._everywhere
-        return replace(flow, matrix=flow.matrix[free]), replace(content, matrix=content.matrix[free])
+        free_flow = replace(flow, matrix=flow.matrix[free])
+        free_content = replace(content, matrix=content.matrix[free])
+        return free_flow, free_content
 
     def _cells(self, kind: str) -> dict[Law, NDArray[np.bool_]]:
         """Triangles (as a mask) that follow each temperature law that is not constant."""
         laws = [getattr(self.geometry.material_of(name), kind) for name in self.regions]
-        return {
-            law: np.array([other == law for other in laws])[self.mesh.region] for law in laws if not is_constant(law)
-        }
+        cells = {}
+        for law in laws:
+            if not is_constant(law):
+                same = np.array([other == law for other in laws])
+                cells[law] = same[self.mesh.region]
+        return cells
 
     def thermal_resistance(self, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` per watt in ``heated``, in K/W; defaults: the first heated part, and itself.
@@ -329,7 +355,8 @@ class HeatProblem:
         """
         heated, read = self._channel(heated, read)
         d = self.discretization
-        return float(d.means[read][d.free] @ self._mesh_error.static(heated))
+        reading = d.means[read][d.free]
+        return float(reading @ self._mesh_error.static(heated))
 
     def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.
@@ -385,9 +412,11 @@ class HeatProblem:
         """
         for heated, read in channels:
             self._channel(heated, read)
-        found = self._mesh_error.estimate(channels or self.judged)
-        self._kept.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
-        return found
+        estimate = self._mesh_error.estimate(channels or self.judged)
+        for channel, errors in estimate.errors.items():
+            key = "mesh", *channel
+            self._kept[key] = float(errors.max())
+        return estimate
 
     def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
         """Relative mesh error of R_th and of the step response from 1 ns on, see `thermofem.fem.error_estimate`."""
@@ -421,14 +450,19 @@ class HeatProblem:
         """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
         state = checks.numbers("state", state)
         checks.shape("state", state, (*state.shape[:-1], self.unknowns))
-        everywhere = np.zeros((*state.shape[:-1], self.discretization.mass.shape[0]))
-        everywhere[..., self.discretization.free] = state
-        return everywhere[..., self.discretization.basis.nodal_dofs[0]]
+        d = self.discretization
+        everywhere = np.zeros((*state.shape[:-1], d.mass.shape[0]))
+        everywhere[..., d.free] = state
+        return everywhere[..., d.basis.nodal_dofs[0]]
 
 
 def _names(
     argument: str, given: str | Sequence[str] | None, known: Sequence[str], default: Sequence[str]
 ) -> tuple[str, ...]:
     """One or several names, each checked against the known ones."""
-    each = default if given is None else (given,) if isinstance(given, str) else given
-    return tuple(checks.choice(argument, name, known) for name in checks.check_names(argument, tuple(each)))
+    if given is None:
+        given = default
+    elif isinstance(given, str):
+        given = (given,)
+    names = checks.check_names(argument, tuple(given))
+    return tuple(checks.choice(argument, name, known) for name in names)

@@ -46,11 +46,11 @@ def heater_sheet(heat: HeatProblem, heater: str | None = None) -> dict[str, floa
     if part.resistance is None and heat.geometry.material_of(heater).resistivity is None:
         return sheet
     resistor = heat.geometry.resistor(heater)
-    own = heat.thermal_resistance(heater)
+    self_heating = heat.thermal_resistance(heater)
     sheet["resistance"] = resistor.resistance
     for phase in ("pi", "fsr"):
         power = sheet[f"{phase}_power"]
-        hot = resistor.resistance * (1 + resistor.tcr * own * power)
+        hot = resistor.resistance * (1 + resistor.tcr * self_heating * power)
         checks.positive(f"resistance of {heater!r} at the power of {phase}", hot, unit="ohm")
         sheet[f"{phase}_voltage"] = math.sqrt(power * hot)
         sheet[f"{phase}_current"] = math.sqrt(power / hot)

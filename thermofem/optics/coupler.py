@@ -38,7 +38,7 @@ TRUSTED = 0.2  # relative error of kappa^2
 SMALLEST, LARGEST = 2e-8, 3e-6  # m, of half a gap at the foot of the walls, and of a gap
 STEP = 1e-30  # of complex differences, which have no round-off
 SIZES = 2e-3  # the mesh is as fine as one for heat of this relative accuracy
-POINTS = 801  # of the integral along the bend
+BEND_POINTS = 801  # of the integral along the bend
 MOST = 0.5  # of kappa^2: beyond it the rate equations do not hold
 
 
@@ -226,7 +226,7 @@ def _phase(*, splits: Array, n_eff: Any, wavelength: Any, straight: Any, bend: A
         return on_line
     R = bend * UM
     end = min(0.7 * R, 4 * R**0.5, key=lambda length: length.real)
-    z = np.linspace(0, 1, POINTS) * end
+    z = np.linspace(0, 1, BEND_POINTS) * end
     wider = R - np.sqrt(R**2 - z**2)
     inside = np.where(wider.real < last, wider, last)
     beyond = wider - inside

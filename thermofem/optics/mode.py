@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from .modes import Light
 
 DEPTH = 1.5e-6  # m, of the matched layers where there is room
-ASIDE = 1.2e-6  # m, at least, between the core and the layers
+LEAST_DISTANCE = 1.2e-6  # m, at least, between the core and the layers
 WIDEST = 12e-6  # m, at most, between the core and the layers at its sides
 INTO = 0.5e-6  # m, of a substrate before its matched layer begins
 LEAKS = 1e-9  # of the power: where so much of the mode reaches a substrate its leak is computed
@@ -381,7 +381,7 @@ class Mode:
         inner, _, below, above = self._asides
         caustic = 2 * (self.n_eff / light.surroundings.continuum - 1)  # twice as far as where the field radiates
         caustic = min(0.15, max(caustic, 0.0))
-        outer = max(2e-6, caustic * self.radius + ASIDE)
+        outer = max(2e-6, caustic * self.radius + LEAST_DISTANCE)
         _, foot = light.outline.min(axis=0)
         _, top = light.outline.max(axis=0)
         box = light.box(inner, outer + DEPTH, below + DEPTH, above + DEPTH)
@@ -435,7 +435,12 @@ class Mode:
         left, right, below, above = self.light.surroundings.reaches(self.n_eff, TAIL)
         left = min(left, WIDEST)
         right = min(right, WIDEST)
-        return max(ASIDE, left), max(ASIDE, right), max(ASIDE, below), max(ASIDE, above)
+        return (
+            max(LEAST_DISTANCE, left),
+            max(LEAST_DISTANCE, right),
+            max(LEAST_DISTANCE, below),
+            max(LEAST_DISTANCE, above),
+        )
 
     @cached_property
     def _bulk(self) -> dict[str, tuple[str, float]]:
@@ -476,7 +481,7 @@ class Mode:
         if self.leaky and low > light.geometry.bottom_z:
             below = max(below, foot - low)
         if self.leaky:
-            high = min(high, light.geometry.top_z + ASIDE)
+            high = min(high, light.geometry.top_z + LEAST_DISTANCE)
             above = max(above, high - top)
         box = light.box(left + DEPTH, right + DEPTH, below, above)
         ends = [box[2], box[3]]

@@ -6,7 +6,7 @@ The vertices move with the outlines as for the heat (`fem.shape_derivatives`), a
 
 dx, free of x itself, is solved once for each parameter with one factorization. Everything else is a function of the
 vertices, the indices, the wavelength, x and beta^2, without a solve: its derivative along their changes is a central
-difference, with an error of `STEP` squared.
+difference, with an error of `STRAIN` squared.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("thermofem")
 
-STEP = 1e-4  # largest strain, or relative change of a wavelength or an index, of the differences
+STRAIN = 1e-4  # largest strain, or relative change of a wavelength or an index, of the differences
 ABOUT = {
     "n_eff": ("1", "effective index"),
     "n_g": ("1", "group index"),
@@ -185,7 +185,7 @@ class Variation:
             wavelength = mode.wavelength + h * self.wavelength
             return replace(mode, wavelength=wavelength, window=window, space=space)
 
-        h = STEP / largest
+        h = STRAIN / largest
         return h, (at(h), at(-h))
 
 

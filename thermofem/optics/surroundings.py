@@ -39,6 +39,8 @@ AIRY = 9.0  # depth of a disc's window in the scale of Ai, whose zeros are -2.3,
 RADIAL = 7.0  # depth of the caustics of a disc's modes in the same scale
 TAIL = 1e-7  # of the power: share of a mode that a window may cut off
 SIDES = ("left", "right", "bottom", "top")
+# corners of the inner and outer wall, of the foot and the top, in the order of `Part.outline`; each with its opposite
+OPPOSITE = (([0, 3], [1, 2]), ([1, 2], [0, 3]), ([0, 1], [3, 2]), ([3, 2], [0, 1]))
 
 
 class Step(NamedTuple):
@@ -340,8 +342,8 @@ class Surroundings:
 
     def reaches(self, n_eff: float, tail: float) -> tuple[float, float, float, float]:
         """`reach` on the `SIDES`."""
-        left, right, bottom, top = (self.reach(side, n_eff, tail) for side in SIDES)
-        return left, right, bottom, top
+        sideways = self.reach("left", n_eff, tail), self.reach("right", n_eff, tail)
+        return *sideways, self.reach("bottom", n_eff, tail), self.reach("top", n_eff, tail)
 
     @cached_property
     def limits(self) -> tuple[Box, dict[str, tuple[str, float]]]:
@@ -408,11 +410,8 @@ def _completes(part: Part, member: Part) -> bool:
     """Whether two parts form one rectangle or trapezoid: side by side, or one on the other."""
     corners = part.outline()
     others = member.outline()
-    inner, outer, foot, top = [0, 3], [1, 2], [0, 1], [3, 2]  # the corners counterclockwise from the inner foot
-    for side, opposite in ((inner, outer), (outer, inner), (foot, top), (top, foot)):
-        if np.allclose(corners[side], others[opposite], rtol=0, atol=1e-12):
-            return True
-    return False
+    distances = [np.abs(corners[side] - others[opposite]).max() for side, opposite in OPPOSITE]
+    return bool(min(distances) <= 1e-12)
 
 
 def slab_index(thickness: Sequence[float], index: Sequence[float], k0: float) -> float:

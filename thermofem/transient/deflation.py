@@ -203,7 +203,8 @@ class FieldIntegrator:
     def remainder(self) -> float:
         """Largest change of an output through the remainder r within the last window of `advance`, K."""
         begin = self.linear.C @ self._passed.begin.r
-        return max(float(np.abs(inside(STAGE_TIMES) - begin).max()) for _, _, inside in self._passed.steps)
+        changes = [inside(STAGE_TIMES) - begin for _, _, inside in self._passed.steps]
+        return max(float(np.abs(change).max()) for change in changes)
 
     def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
         """Amplitudes z in the window that begins at ``state``."""
@@ -216,14 +217,16 @@ class FieldIntegrator:
         amplitudes = np.stack([fast.values[0], fast.mean(), fast.values[-1]])
         fields = amplitudes @ self.basis.vectors.T + r
         begin, _, end = fields
-        slopes = np.stack([0 * begin, (end - begin) / length, 0 * begin])
+        slopes = np.zeros_like(fields)
+        slopes[1] = (end - begin) / length
         only_mean = np.array([0.0, 1.0, 0.0])
         return ledger.outflow(length, only_mean, fields, slopes)
 
     def _steps(self, window: float, last: float) -> int:
         """Initial number of steps of a window; a step is the first window over a power of four, at most ``last``."""
         octaves = np.log2(self.unit / window)
-        count = 2 if round(octaves) % 2 and abs(octaves - round(octaves)) < 1e-6 else 1
+        whole = round(octaves)
+        count = 2 if whole % 2 and abs(octaves - whole) < 1e-6 else 1
         while last and window / count > 1.001 * last:
             count *= 4
         return count
@@ -233,7 +236,8 @@ class FieldIntegrator:
     ) -> tuple[FieldState, float, Inside, Callable[[], Inside]] | None:
         """Take one step; returns the new state, the error over the tolerance, and outputs and r inside the step."""
         piece = fast.piece(t, h)
-        missed = float(piece.leftover @ self.missed(h)) / (SHARE * self.tolerance)
+        allowed = SHARE * self.tolerance
+        missed = float(piece.leftover @ self.missed(h)) / allowed
         if missed > 1:
             return None
         step = self.equations.step(fast, piece, state, t, h)
@@ -243,22 +247,25 @@ class FieldIntegrator:
         inside = Inside(outputs[0], outputs[3], outputs[5], h * step.output_rate)
         apart = outputs[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT])
         end_error, inside_error = self._errors(step.estimate, apart)
-        if not max(missed, end_error, inside_error) <= 1:
+        largest = max(missed, end_error, inside_error)
+        if not largest <= 1:
             return None
         error = max(missed, end_error, inside_error * self.equations.inside_share)
         z = fast.z(np.array([t, t + h]))
         heat_out = state.heat_out + float(self.direct @ piece.energy)
         if self.ledger:
             V = self.basis.vectors
+            fields = step.amplitudes @ V.T + step.states
             slopes = step.slopes + V @ (z[1] - z[0]) / h
-            heat_out += self.ledger.outflow(h, WEIGHTS, step.amplitudes @ V.T + step.states, slopes)
+            heat_out += self.ledger.outflow(h, WEIGHTS, fields, slopes)
         heat_in = state.heat_in + float(piece.energy.sum())
         new = FieldState(
             t + h, z[1], step.states[-1], step.slopes[-1], piece.stages[-1], h, heat_in, heat_out, step.correction
         )  # fmt: skip
 
         def whole() -> Inside:
-            return Inside(step.states[0], step.states[3], step.states[5], h * self.equations.rate(step))
+            rate = self.equations.rate(step)
+            return Inside(step.states[0], step.states[3], step.states[5], h * rate)
 
         return new, error, inside, whole
 
@@ -267,7 +274,9 @@ class FieldIntegrator:
         allowed = SHARE * self.tolerance
         outputs = np.abs(self.linear.C @ estimate).max()
         field = self.stepper.norm(estimate) / self.per_kelvin
-        return float(max(outputs, field)) / allowed, float(np.abs(inside).max()) / allowed
+        end_error = float(max(outputs, field))
+        inside_error = float(np.abs(inside).max())
+        return end_error / allowed, inside_error / allowed
 
     def missed(self, h: float) -> Array:
         """|H - H_V| of the worst output for each input, at time scales up to a step h; K/W, shape (inputs,)."""

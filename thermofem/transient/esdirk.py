@@ -84,7 +84,8 @@ class Stepper:
         self.factors = Pencil(self.E, -self.A) if factors is None else factors
         self.steps = self.rejected = self.solves = 0
         self._factorized_before = self.factors.factorizations
-        self._knots, self.smooth_peak = np.empty(0), 0.0
+        self._knots = np.empty(0)
+        self.smooth_peak = 0.0
         self.least = 0.0  # W: errors of smaller rises than this power makes in the steady state are measured against it
 
     def solve(self, shift: float, rhs: Array) -> Array:
@@ -110,16 +111,25 @@ class Stepper:
     @cached_property
     def far(self) -> Array:
         """`FAR` times the steady outputs over the norm of the steady field, shape (outputs,)."""
-        return np.asarray(FAR * np.abs(self.C @ self.steady) / max(self.norm(self.steady), np.finfo(float).tiny))
+        outputs = np.abs(self.C @ self.steady)
+        field = max(self.norm(self.steady), np.finfo(float).tiny)
+        return np.asarray(FAR * outputs / field)
 
     def edges(self, stop: float, rtol: float) -> Array:
         """Ends of the smooth pieces up to ``stop`` in s: 0, all breakpoints, ``stop``; prepares `resolves`."""
-        smooth = [wave for wave in self.waves if not wave.piecewise_linear]
-        # 1e-8 of a smooth power by a cubic, relative to its peak
-        fits = [wave.pieces(0.0, stop, tolerance=max(rtol, 1e-8)).edges for wave in smooth] if stop else []
-        self._knots = np.unique(np.concatenate(fits)) if fits else np.empty(0)
-        self.smooth_peak = max((float(np.abs(w(k)).max()) for w, k in zip(smooth, fits, strict=False)), default=0.0)
-        return np.unique(np.concatenate([[0.0, stop], *(w.breakpoints(0.0, stop) for w in self.waves)]))
+        tolerance = max(rtol, 1e-8)  # of a smooth power by a cubic, relative to its peak
+        knots = [np.empty(0)]
+        peaks = [0.0]
+        breakpoints = [np.array([0.0, stop])]
+        for wave in self.waves:
+            breakpoints.append(wave.breakpoints(0.0, stop))
+            if stop and not wave.piecewise_linear:
+                fit = wave.pieces(0.0, stop, tolerance=tolerance)
+                knots.append(fit.edges)
+                peaks.append(float(np.abs(wave(fit.edges)).max()))
+        self._knots = np.unique(np.concatenate(knots))
+        self.smooth_peak = max(peaks)
+        return np.unique(np.concatenate(breakpoints))
 
     def resolves(self, t: float, h: float) -> bool:
         """Whether no smooth power changes too fast for a step from ``t`` to ``t + h``.
@@ -129,9 +139,10 @@ class Stepper:
         """
         if not self._knots.size:
             return True
-        first = max(int(np.searchsorted(self._knots, t + 1e-9 * h, side="right")) - 1, 0)
-        last = int(np.searchsorted(self._knots, t + h * (1 - 1e-9), side="left"))
-        return h <= 2.001 * float(np.diff(self._knots[first : last + 1]).min(initial=np.inf))
+        after = np.searchsorted(self._knots, t + 1e-9 * h, side="right")
+        last = np.searchsorted(self._knots, t + h * (1 - 1e-9), side="left")
+        touched = self._knots[max(after - 1, 0) : last + 1]
+        return h <= 2.001 * float(np.diff(touched).min(initial=np.inf))
 
     def sources(self, t: float, h: float, stop: float) -> Array:
         """B P in W at the six stages, shape (6, n).
@@ -153,7 +164,8 @@ class Stepper:
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
         """dx/dt at the start of a smooth piece, shape (n,)."""
-        return self.solve(0.0, self.A @ x + self.sources(t, h, stop)[0])
+        power = self.sources(t, h, stop)[0]
+        return self.solve(0.0, self.A @ x + power)
 
     def rate(self, x: Array, slope: Array) -> Array:
         """dx/dt at the state ``x`` from a slope of `step`: the slope itself, as the system is linear."""
@@ -167,10 +179,12 @@ class Stepper:
         """One ESDIRK step: slopes and states of the six stages, each (6, n); the last state is the new x."""
         slopes = np.empty((6, x.size))
         states = np.empty((6, x.size))
-        slopes[0], states[0] = slope, x
+        slopes[0] = slope
+        states[0] = x
+        shift = GAMMA * h
         for i in range(1, 6):
-            known = x + h * (STAGES[i, :i] @ slopes[:i])
-            slopes[i] = self.solve(GAMMA * h, self.A @ known + sources[i])
-            states[i] = known + GAMMA * h * slopes[i]
+            before = x + h * (STAGES[i, :i] @ slopes[:i])
+            slopes[i] = self.solve(shift, self.A @ before + sources[i])
+            states[i] = before + shift * slopes[i]
         self.steps += 1
         return slopes, states

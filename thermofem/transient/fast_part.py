@@ -130,11 +130,12 @@ class FastPart:
     def z(self, t: ArrayLike) -> Array:
         """Amplitudes z at any times of the window, shape (*t.shape, k)."""
         t = np.asarray(t, dtype=float)
-        i = np.clip(np.searchsorted(self.grid, t, side="right") - 1, 0, self.grid.size - 2)
+        before = np.searchsorted(self.grid, t, side="right") - 1
+        i = np.clip(before, 0, self.grid.size - 2)
         h = self.grid[i + 1] - self.grid[i]
         u = ((t - self.grid[i]) / h)[..., None]
-        c = self._cubics
-        return np.asarray(c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i])))
+        c0, c1, c2, c3 = self._cubics[:, i]
+        return np.asarray(c0 + u * (c1 + u * (c2 + u * c3)))
 
     def mean(self) -> Array:
         """Mean of z over the window, shape (k,)."""
@@ -143,7 +144,8 @@ class FastPart:
     def mean_products(self) -> Array:
         """Mean of z_j z_k over the window, shape (k, k)."""
         z = self.z(self.nodes)
-        return np.tensordot(z, self.weights[..., None] * z, ((0, 1), (0, 1))) / self.weights.sum()
+        weighted = self.weights[..., None] * z
+        return np.tensordot(z, weighted, ((0, 1), (0, 1))) / self.weights.sum()
 
     def energy(self) -> Array:
         """Energy in J that each input delivers in the window."""
@@ -166,15 +168,17 @@ class FastPart:
         u, weight = self._nodes(t, h)
         z = self.z(t + h * u)
         products = (z[:, :, None] * z[:, None, :]).reshape(u.size, -1)
-        moments = (weight[:, None] * _legendre(u)).T @ products
+        shapes = weight[:, None] * _legendre(u)
+        moments = shapes.T @ products
         k = z.shape[1]
-        return np.asarray((_AT_STAGES @ moments).reshape(len(_AT_STAGES), k, k))
+        return np.asarray((_AT_STAGES @ moments).reshape(-1, k, k))
 
     def _nodes(self, t: float, h: float) -> tuple[Array, Array]:
         """Gauss points of all grid intervals in a step, as fractions of the step, and their weights."""
         after_start = self.grid > t + 1e-9 * h
         before_end = self.grid < t + h * (1 - 1e-9)
-        times = np.concatenate([[t], self.grid[after_start & before_end], [t + h]])
+        inside = self.grid[after_start & before_end]
+        times = np.concatenate([[t], inside, [t + h]])
         edges = (times - t) / h
         width = np.diff(edges)[:, None]
         points = edges[:-1, None] + width * NODES

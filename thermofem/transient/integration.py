@@ -85,7 +85,7 @@ class Trajectory:
 
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
-PASSES = 30  # of a period, before the periodic state is given up
+MOST_PASSES = 30  # of a period, before the periodic state is given up
 MIDDLE = 1.149  # of the interval 1..1.298 of the corrected period map
 FIRST_STEP_GAIN = 4**1.5  # of a first step's error from level to level: the rise there is t - a t^1.5 (measured)
 FINEST = 40  # step levels below the length of a piece before a run is given up
@@ -172,7 +172,7 @@ def integrate_periodic(
     control = _Control(stepper, rtol, x)
     first_pass = _Record(stepper, times, np.empty(0), None, x, progress)
     end, plan = _crossed(control, first_pass, x, edges)
-    for k in range(1, PASSES + 1):
+    for k in range(1, MOST_PASSES + 1):
         defect = end - x
         steady_part = stepper.static(stepper.E @ defect) / period
         correction = (defect + steady_part) / MIDDLE
@@ -182,7 +182,7 @@ def integrate_periodic(
         if control.error(correction, x) <= 1:
             return record.trajectory(end)
     raise checks.InputError(
-        f"the periodic state did not settle in {PASSES} passes; is the matrix A symmetric and definite?"
+        f"the periodic state did not settle in {MOST_PASSES} passes; is the matrix A symmetric and definite?"
     )
 
 
@@ -234,8 +234,10 @@ def _cross(control: _Control, record: _Record, x: Array, start: float, stop: flo
                     f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?"
                 )
             stepper.rejected += 1
-            is_first = not taken and np.isfinite(error)
-            down = int(np.ceil(np.log(error) / np.log(FIRST_STEP_GAIN))) if is_first else 1
+            down = 1
+            if not taken and np.isfinite(error):
+                factors = np.log(error) / np.log(FIRST_STEP_GAIN)
+                down = int(np.ceil(factors))
             done = 4**down * done
             level = level + down
             continue
@@ -279,7 +281,8 @@ class _Control:
         self.stepper, self.rtol = stepper, rtol
         # 1e-6 of the static rise at the peak of a smooth power: errors in its early tail are measured against it
         floor = max(1e-6 * stepper.smooth_peak, stepper.least)
-        self.outputs = np.maximum(np.abs(stepper.C @ x), floor * np.abs(stepper.C @ stepper.steady))
+        steady_outputs = np.abs(stepper.C @ stepper.steady)
+        self.outputs = np.maximum(np.abs(stepper.C @ x), floor * steady_outputs)
         self.field = max(stepper.norm(x), floor * stepper.norm(stepper.steady))
         self.first_step = np.inf
         self.shortest_rise = _shortest_rise(stepper)
@@ -308,7 +311,8 @@ class _Control:
 
 def _shortest_rise(stepper: Stepper) -> float:
     """Shortest time in s in which an output or the field would reach its steady value with its initial slope."""
-    static, slope = stepper.steady, stepper.solve(0.0, stepper.B.sum(axis=1))
+    static = stepper.steady
+    slope = stepper.solve(0.0, stepper.B.sum(axis=1))
     rises = np.append(np.abs(stepper.C @ static), stepper.norm(static))
     slopes = np.append(np.abs(stepper.C @ slope), stepper.norm(slope))
     moving = (slopes > 0) & (rises > 0)
@@ -364,14 +368,17 @@ class _Record:
     def deliver(self, start: float, stop: float) -> None:
         """Add the exact energy that the powers deliver in one piece."""
         if self.ledger:
-            energy = (stop - start) * sum(wave.mean(start, stop) for wave in self.stepper.waves)
+            means = [wave.mean(start, stop) for wave in self.stepper.waves]
+            energy = (stop - start) * sum(means)
             self.heat_in += energy
             self.heat_out += energy * self.ledger.direct
 
     def trajectory(self, x: Array) -> Trajectory:
         """Return the trajectory with its energy balance."""
         s = self.stepper
-        stored = self.ledger.content(x) - self.ledger.content(self.start) if self.ledger else np.nan
+        stored = np.nan
+        if self.ledger:
+            stored = self.ledger.content(x) - self.ledger.content(self.start)
         return Trajectory(
             times=self.times,
             outputs=self.outputs,

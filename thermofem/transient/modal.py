@@ -222,7 +222,9 @@ def _balance(solution: Solution, ledger: Ledger, wave: Waveform, end: float) -> 
     basis = solution.basis
     change = solution.z[-1] - solution.z[0]
     entered = end * float(wave.mean(0.0, end)) if end else 0.0
-    integral = basis.vectors @ ((basis.heating[:, 0] * entered - change) / basis.rate)
+    decayed = basis.heating[:, 0] * entered - change
+    integral = basis.vectors @ (decayed / basis.rate)
     gained = basis.vectors @ change
-    left = ledger.direct * entered + float(ledger.drain_A @ integral + ledger.drain_E @ gained)
+    drained = float(ledger.drain_A @ integral + ledger.drain_E @ gained)
+    left = ledger.direct * entered + drained
     return entered, ledger.content(gained), left

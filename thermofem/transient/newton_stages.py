@@ -27,7 +27,7 @@ SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that facto
 ITERATIONS = 10  # per stage, before the step is made shorter
 JUDGED = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which it is made shorter at once
-SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
+NEWTON_SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
 # value at each stage of the polynomial through the stages before it
 GUESS = np.zeros((6, 6))
@@ -44,7 +44,9 @@ for _i, (_at, _k) in THROUGH.items():
 
 def _predicted(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
     """Starting guess of x at stage i, from the states and slopes of the stages before it."""
-    return np.asarray(SLOPED[i, :i] @ states[:i] + SLOPED[i, 6] * h * slopes[THROUGH[i][1]])
+    _, sloped = THROUGH[i]
+    by_slope = SLOPED[i, 6] * h * slopes[sloped]
+    return np.asarray(SLOPED[i, :i] @ states[:i] + by_slope)
 
 
 class NewtonStepper(Stepper):
@@ -62,11 +64,12 @@ class NewtonStepper(Stepper):
     ) -> None:
         super().__init__(system.linear, waves, factors)
         self.system = system
-        self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
+        self.tolerance = NEWTON_SHARE * tolerance * (0.5 if system.content.laws else 1.0)
         self._weight = self.E.diagonal()
         steady = self._measure(self.steady)
+        largest = max(float(steady[:-1].max()), np.finfo(float).tiny)
         # 1e-12 K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
-        self.least = 1e-12 / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
+        self.least = 1e-12 / self.tolerance / largest
         self._scale = self.least * steady
         self._rate = 0.0  # of convergence, per K of the largest rise: it grows with the rise
         self.nodal = _Nodal(system.content, self.E.diagonal())
@@ -77,7 +80,8 @@ class NewtonStepper(Stepper):
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
         """E^-1 dH/dt at the start of a smooth piece."""
-        return self.solve(0.0, self.sources(t, h, stop)[0] - self.system.flow(x))
+        power = self.sources(t, h, stop)[0]
+        return self.solve(0.0, power - self.system.flow(x))
 
     def rate(self, x: Array, slope: Array) -> Array:
         """dx/dt from the slope s of a step: solves H'(x) dx/dt = E s by iteration, starting node by node."""
@@ -87,12 +91,14 @@ class NewtonStepper(Stepper):
         rate = slope / nodal
         capacity = self.system.content.derivative(x)
         target = self.E @ slope
+        # E-norms by its diagonal: no solve where node by node is right already; it only interpolates between steps
+        weight = 1 / self._weight
+        allowed = 1e-3 * np.sqrt(target**2 @ weight)
         for _ in range(ITERATIONS):
-            rest = target - capacity(rate)
-            # E-norms by its diagonal: no solve where node by node is right already; it only interpolates between steps
-            if np.sqrt(rest**2 @ (1 / self._weight)) <= 1e-3 * np.sqrt(target**2 @ (1 / self._weight)):
+            residual = target - capacity(rate)
+            if np.sqrt(residual**2 @ weight) <= allowed:
                 break
-            rate = rate + self.solve(0.0, rest) / nodal
+            rate = rate + self.solve(0.0, residual) / nodal
         return rate
 
     def step(self, x: Array, slope: Array, h: float, sources: Array) -> tuple[Array, Array] | None:
@@ -174,7 +180,8 @@ class NewtonStepper(Stepper):
 
     def _measure(self, x: Array) -> Any:
         """Absolute outputs and the norm of the field in K, shape (outputs + 1,)."""
-        return np.append(np.abs(self.C @ x), np.sqrt(self._weight @ (x * x)))
+        norm = np.sqrt(self._weight @ (x * x))
+        return np.append(np.abs(self.C @ x), norm)
 
 
 class _Nodal:
@@ -209,7 +216,8 @@ class _Neighbour:
     """Symmetric approximation of the Jacobian of a `NodalOperator`, on the sparsity pattern of a `Pencil`."""
 
     def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
-        self.operator, n = operator, operator.matrix.shape[0]
+        self.operator = operator
+        n = operator.matrix.shape[0]
         self.places = pencil.rows_and_columns
         self.rest = np.zeros(self.places[0].size)
         self.laws = []
@@ -225,8 +233,8 @@ class _Neighbour:
     def drift(self, x: Array) -> float:
         """Largest relative change of a law's derivative since `at`; InputError for a law that is not positive."""
         new = self.operator.slopes(x, positive=True)
-        changes = [np.abs(slope / before - 1).max() for slope, before in zip(new, self.slopes, strict=True)]
-        return float(max(changes, default=0.0))
+        ratios = [slope / before for slope, before in zip(new, self.slopes, strict=True)]
+        return max([float(np.abs(ratio - 1).max()) for ratio in ratios], default=0.0)
 
     def at(self, x: Array) -> Array:
         """Matrix entries of the approximation at the rise ``x``, in the order of the pencil's pattern."""

@@ -100,10 +100,12 @@ class NodalOperator:
 
     def parts(self) -> Iterator[tuple[Law, NDArray[np.intp], Any]]:
         """Every law, the nodes where it is taken, and its columns of the matrix."""
-        start = self.matrix.shape[1] - sum(at.size for _, at in self.laws)
-        for law, at in self.laws:
-            yield law, at, self.matrix[:, start : start + at.size]
-            start += at.size
+        columns = sum(nodes.size for _, nodes in self.laws)
+        start = self.matrix.shape[1] - columns
+        for law, nodes in self.laws:
+            stop = start + nodes.size
+            yield law, nodes, self.matrix[:, start:stop]
+            start = stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,5 +287,7 @@ def cubic_form(left: Array, right: Array) -> Array:
     n = right.shape[1]
     j, k = np.triu_indices(n)
     form = np.empty((n, n, n))
-    form[:, j, k] = form[:, k, j] = left.T @ (right[:, j] * right[:, k])
+    sums = left.T @ (right[:, j] * right[:, k])
+    form[:, j, k] = sums
+    form[:, k, j] = sums
     return form

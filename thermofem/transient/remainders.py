@@ -97,7 +97,8 @@ class LinearRemainder(_Parts):
         """One step; None where it must be shorter."""
         s = self.stepper
         change = piece.stages[0] - state.source
-        solution = s.step(state.r, state.slope + self.jump @ change, h, piece.stages @ self.forcing.T)
+        slope = state.slope + self.jump @ change
+        solution = s.step(state.r, slope, h, piece.stages @ self.forcing.T)
         if solution is None:
             return None
         slopes, states = solution
@@ -110,7 +111,8 @@ class LinearRemainder(_Parts):
 
         r gains the heat of the changed powers that V does not represent, spread for the length of a step.
         """
-        heat = self.forcing @ np.concatenate([gained, length * (new.mean() - old.mean())])
+        of_amplitudes = length * (new.mean() - old.mean())
+        heat = self.forcing @ np.concatenate([gained, of_amplitudes])
         r = end.r + self.stepper.solve(GAMMA * end.step, heat)
         return RevisedEnd(new.values[-1], r, end.slope)
 
@@ -135,8 +137,9 @@ class NonlinearRemainder(_Parts):
 
     def begin(self, x: Array, z: Array, r: Array, source: Array) -> Array:
         """Slope at the start from a field x = V z + r with the powers and amplitudes ``source``."""
-        flow, _ = self.curved(z[None])
-        return self.loads @ np.concatenate([z, source, flow[0]]) - self.stepper.system.flow(x)
+        (flow,), _ = self.curved(z[None])
+        load = self.loads @ np.concatenate([z, source, flow])
+        return load - self.stepper.system.flow(x)
 
     def rate(self, step: RemainderStep) -> Array:
         """dr/dt at the end of a step, K/s."""
@@ -169,7 +172,8 @@ class NonlinearRemainder(_Parts):
         system = s.system
         z = new.values[-1]
         before = old.values[-1]
-        heat = self.forcing @ np.concatenate([gained, length * (new.mean() - old.mean())])
+        of_amplitudes = length * (new.mean() - old.mean())
+        heat = self.forcing @ np.concatenate([gained, of_amplitudes])
         products = new.mean_products() - old.mean_products()
         bent = length * self.flow(products[None])[0]
         flow, held = self.curved(np.stack([z, before]))
@@ -217,7 +221,8 @@ class NonlinearRemainder(_Parts):
         start = s.system.content(fields[0] + states[0]) - follows[0]
         for i in range(1, 6):
             before = start + h * (STAGES[i, :i] @ slopes[:i])
-            x = s.stage(fields[i] + GUESS[i, :i] @ states[:i], before + targets[i], shift)
+            guess = fields[i] + GUESS[i, :i] @ states[:i]
+            x = s.stage(guess, before + targets[i], shift)
             if x is None:
                 return None
             states[i] = x - fields[i]
@@ -247,4 +252,5 @@ class NonlinearRemainder(_Parts):
             _, held = self.curved.along(one, rate[None])
             rate = moving - held[0]
         capacity = s.system.content.derivative(x)
-        return (slope + self.EV @ moving - capacity(self.basis.vectors @ rate)) / s.nodal.slope(x)
+        gained = capacity(self.basis.vectors @ rate)
+        return (slope + self.EV @ moving - gained) / s.nodal.slope(x)
