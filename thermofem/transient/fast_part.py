@@ -171,7 +171,8 @@ class FastPart:
         shapes = weight[:, None] * _legendre(u)
         moments = shapes.T @ products
         k = z.shape[1]
-        return np.asarray((_AT_STAGES @ moments).reshape(-1, k, k))
+        at_stages = _AT_STAGES @ moments
+        return np.asarray(at_stages.reshape(len(at_stages), k, k))
 
     def _nodes(self, t: float, h: float) -> tuple[Array, Array]:
         """Gauss points of all grid intervals in a step, as fractions of the step, and their weights."""
