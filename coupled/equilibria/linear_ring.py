@@ -155,9 +155,11 @@ class Linear:
         checks.between("times[0]", t[0], 0, np.inf, unit="s")
         A, scale = self._balanced
         rates, V = np.linalg.eig(A)
-        begin = np.linalg.solve(V, (self.B / scale[:, None]).astype(complex))
+        B = self.B / scale[:, None]
+        begin = np.linalg.solve(V, B.astype(complex))
         growth = np.expm1(rates * t[:, None]) / rates
-        values = (((self.C * scale) @ V) @ (growth[:, :, None] * begin)).real + self.D
+        output = (self.C * scale) @ V
+        values = (output @ (growth[:, :, None] * begin)).real + self.D
         about = {"units": "s", "long_name": "time"}
         return self._dataset("step", values, "time", t, about)
 
@@ -180,8 +182,10 @@ class Linear:
         except ImportError:
             raise MissingLibraryError('to_control needs python-control: pip install "thermofem[control]"') from None
         A, scale = self._balanced if balanced else (self.A, np.ones(len(self.A)))
+        B = self.B / scale[:, None]
+        C = self.C * scale
         names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "states": list(self.states)}
-        return control.ss(A, self.B / scale[:, None], self.C * scale, self.D, **names)
+        return control.ss(A, B, C, self.D, **names)
 
     @cached_property
     def _balanced(self) -> tuple[Array, Array]:
@@ -193,7 +197,8 @@ class Linear:
         """C (i w - A)^-1 B + D at angular frequencies (rad/s), shape (frequencies, outputs, inputs)."""
         A, scale = self._balanced
         shifted = 1j * omega[:, None, None] * np.eye(len(A)) - A
-        states = np.linalg.solve(shifted, (self.B / scale[:, None]).astype(complex))
+        B = self.B / scale[:, None]
+        states = np.linalg.solve(shifted, B.astype(complex))
         return np.asarray((self.C * scale) @ states + self.D)
 
     def _dataset(self, name: str, values: Any, over: str, axis: Array, about: dict[str, str]) -> xr.Dataset:
@@ -295,10 +300,10 @@ def linearize(
     """
     if isinstance(ring, Circuit):
         return _of_circuit(ring, model, power, detuning, heaters, branch, starts, seed)
-    found = resting(ring, model, power, detuning, heaters, heated, read)
-    state = _picked(found.states, "branch", branch)
-    problem, y, heat = _of_ring(ring, model, found, branch)
-    amplitude = np.sqrt(found.states.attrs["input_power"])
+    points = resting(ring, model, power, detuning, heaters, heated, read)
+    state = _picked(points.states, "branch", branch)
+    problem, y, heat = _of_ring(ring, points, branch)
+    amplitude = np.sqrt(points.states.attrs["input_power"])
     buses = 2 * np.array([[ring.drop_bus_rate], [ring.bus_rate]])
     optics = Optics(
         shift=np.array([ring.thermal_shift]),
@@ -308,51 +313,52 @@ def linearize(
         seen_ring=1j * np.sqrt(buses),
         seen_laser=np.array([[0j], [1 + 0j]]),
     )
-    return _assembled(_jacobian(problem, y), optics, heat, Names(["power"], ["heat"], ["drop", "through"]), state)
+    names = Names(["power"], ["heat"], ["drop", "through"])
+    return _assembled(_jacobian(problem, y), optics, heat, names, state)
 
 
-def _of_ring(ring: RingResonator, model: ThermalModel, found: Resting, branch: int) -> tuple[Problem, Array, Heat]:
+def _of_ring(ring: RingResonator, points: Resting, branch: int) -> tuple[Problem, Array, Heat]:
     """The equations of one ring for the kernel, the steady state y in its units, and the heat in SI."""
-    at = found.internal
-    U = found.energy[branch]
-    here = balance(U, at)
-    power = found.states.attrs["input_power"]
-    pump = eq.internal_pump(ring, power)
-    a = 1j * pump / (here.gamma - 1j * found.detuned[branch])
+    internal = points.internal
+    here = balance(points.energy[branch], internal)
+    D = points.detuned[branch]
+    pump = eq.internal_pump(ring, points.states.attrs["input_power"])
+    a = 1j * pump / (here.gamma - 1j * D)
     light = [a.real, a.imag, float(here.N)]
-    absorbed = float(here.P_abs) * eq.UW
-    system = bare(found.warm.rest.model)
+    system = bare(points.warm.rest.model)
     if not isinstance(system, StateSpace) or len(system.inputs) == len(system.outputs) == 1:
-        problem = at.problem
-        problem.set_detuning(float(here.shift) - found.detuned[branch])
-        x = at.heat.states(here.P_abs)
-        return problem, np.append(light, x), _heat_of_port(at.model, x, absorbed)
+        problem = internal.problem
+        problem.set_detuning(float(here.shift) - D)
+        x = internal.heat.states(here.P_abs)
+        return problem, np.append(light, x), _heat_of_port(internal.model, x)
     rate, modes = eigenmodes(system)
     B = modes.T @ system.B
     C = system.C @ modes
-    lit = system.inputs.index(at.model.inputs[0])
-    seen = system.outputs.index(at.model.outputs[0])
-    powers = {**found.warm.rest.sources, system.inputs[lit]: absorbed}
+    lit = system.inputs.index(internal.model.inputs[0])
+    seen = system.outputs.index(internal.model.outputs[0])
+    powers = {**points.warm.rest.sources, system.inputs[lit]: float(here.P_abs) * eq.UW}
     x = sum(B[:, system.inputs.index(name)] * watts for name, watts in powers.items()) / rate
-    poles = PoleHeat(B[:, lit][None] * (eq.UW * eq.NS), rate[None] * eq.NS, C[seen][None])
-    rings = eq.internal_rings([ring], pump, at.model.thermal_resistance * eq.UW)
-    drive = Drive.constant(pump**2, eq.internal_detuning(found.states.attrs["detuning"]), 1.0)
-    problem = Problem(rings, poles, drive, Method.RODAS4)
+    gain = B[:, lit][None] * (eq.UW * eq.NS)
+    poles = PoleHeat(gain, rate[None] * eq.NS, C[seen][None])
+    rings = eq.internal_rings([ring], pump, internal.model.thermal_resistance * eq.UW)
+    detuning = eq.internal_detuning(points.states.attrs["detuning"])
+    problem = Problem(rings, poles, Drive.constant(pump**2, detuning, 1.0), Method.RODAS4)
     heaters = {name: B[:, k] for k, name in enumerate(system.inputs) if k != lit}
     others = {name: C[k] for k, name in enumerate(system.outputs) if k != seen}
     heat = Heat(B[:, [lit]], heaters, {"delta_T": C[seen], **others}, np.diag(np.sqrt(rate)))
     return problem, np.append(light, x), heat
 
 
-def _heat_of_port(model: Any, x: Array, absorbed: float) -> Heat:
-    """The heat of a model with one input and one output at its states x (K) under the absorbed power (W)."""
+def _heat_of_port(model: Any, x: Array) -> Heat:
+    """The heat of a model with one input and one output at its states x (K)."""
     if isinstance(model, Quadratic):
         gain = model.G @ x + model.B
         return Heat(gain[:, None], {}, {"delta_T": np.asarray(model.C)}, None)
     poles = model.linear if isinstance(model, OutputMap) else model
     slope = 1 + 2 * getattr(model, "coefficient", 0.0) * x.sum()
-    port = poles.inputs == poles.outputs and poles.passive
-    forces = np.diag(np.sqrt(poles.gain / np.asarray(poles.tau))) if port else None
+    forces = None
+    if poles.inputs == poles.outputs and poles.passive:
+        forces = np.diag(np.sqrt(poles.gain / np.asarray(poles.tau)))
     return Heat(poles.gain[:, None], {}, {"delta_T": np.full(x.size, slope)}, forces)
 
 
@@ -363,15 +369,16 @@ def _of_circuit(
     system = autonomous(circuit, model, power, heaters, detuning)
     waves = system.lights.amplitudes(np.zeros(1))[:, 0]
     checks.positive("power of the weakest laser that is lit", np.abs(waves).min() ** 2, unit="W")
-    found = fixed_points(system, starts, seed)
-    states = described(system, found)
-    trusted(model, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
+    points = fixed_points(system, starts, seed)
+    states = described(system, points)
+    linear_rise = states["absorbed"].values * system.heat.thermal_resistance
+    trusted(model, states["delta_T"].values, linear_rise)
     state = _picked(states, "state", branch).assign_attrs(detuning=float(detuning), **system.heat.doubts)
-    y = found[branch]
+    y = points[branch]
     rings = len(circuit.names)
     ports = slice(len(circuit.ports))
     optics = Optics(
-        shift=np.array([one.thermal_shift for one in circuit.resonators]),
+        shift=np.array([ring.thermal_shift for ring in circuit.resonators]),
         fields=_fields(y, rings),
         waves=waves,
         entry=system.light.from_laser,
@@ -392,18 +399,19 @@ def _heat_of_rings(system: System, y: Array) -> Heat:
     x = y[3 * R :].reshape(R, K)
     slope = 1 + 2 * heat.curvature * np.einsum("ijk,jk->i", heat.read, x)
     poles = list(heat.heaters.values())
-    ends = R * K + np.cumsum([0, *(one.rate.size for one in poles)])
-    gain = np.zeros((ends[-1], R))
-    read = np.zeros((R, ends[-1]))
+    ends = R * K + np.cumsum([0, *(heater.rate.size for heater in poles)])
+    order = ends[-1]
+    gain = np.zeros((order, R))
+    read = np.zeros((R, order))
     for i in range(R):
         gain[i * K : (i + 1) * K, i] = heat.gain[i]
         read[i, : R * K] = slope[i] * heat.read[i].ravel()
     heaters: dict[str, Array] = {}
-    for k, (name, one) in enumerate(heat.heaters.items()):
-        own = slice(ends[k], ends[k + 1])
-        read[:, own] = one.gain
-        heaters[name] = np.zeros(ends[-1])
-        heaters[name][own] = 1.0
+    for k, (name, heater) in enumerate(heat.heaters.items()):
+        block = slice(ends[k], ends[k + 1])
+        read[:, block] = heater.gain
+        heaters[name] = np.zeros(order)
+        heaters[name][block] = 1.0
     alone = not heat.crossed and not poles and bool(np.all(heat.gain >= 0))
     forces = np.diag(np.sqrt(heat.gain * heat.rate).ravel()) if alone else None
     names = [f"delta_T {name}" for name in system.circuit.names]
@@ -464,13 +472,14 @@ def _assembled(A: Array, optics: Optics, heat: Heat, names: Names, state: xr.Dat
     turned = -1j * optics.fields
     at_once = AMBIENT not in heat.heaters
     ambient = turned * optics.shift * at_once
-    fields = np.column_stack([1j * optics.entry * per_watt, 2 * np.pi * turned, np.zeros((R, R)), ambient])
+    by_power = 1j * optics.entry * per_watt
+    fields = np.column_stack([by_power, 2 * np.pi * turned, np.zeros((R, R)), ambient])
     heaters = [name for name in heat.heaters if name != AMBIENT]
     inputs = (*names.powers, "detuning", *names.heats, AMBIENT, *heaters)
     temperatures = list(heat.read)
     outputs = (*names.ports, *temperatures)
-    for kind, each in (("inputs", inputs), ("outputs", outputs)):
-        checks.unique(f"list of {kind}", each, hint="rename a heater or part of the thermal model")
+    for kind, listed in (("inputs", inputs), ("outputs", outputs)):
+        checks.unique(f"list of {kind}", listed, hint="rename a heater or part of the thermal model")
     lasers = len(names.powers)
     B = np.zeros((len(A), len(inputs)))
     B[: 3 * R, : fields.shape[1]] = _rows(fields)
@@ -479,20 +488,21 @@ def _assembled(A: Array, optics: Optics, heat: Heat, names: Names, state: xr.Dat
         B[3 * R :, inputs.index(name)] = column
 
     Q = len(names.ports)
-    seen = optics.seen_ring @ optics.fields + optics.seen_laser @ optics.waves
-    by_field = 2 * seen.conj()[:, None] * optics.seen_ring
+    waves = optics.seen_ring @ optics.fields + optics.seen_laser @ optics.waves
+    by_field = 2 * waves.conj()[:, None] * optics.seen_ring
     C = np.zeros((len(outputs), len(A)))
     C[:Q, 0 : 3 * R : 3] = by_field.real
     C[:Q, 1 : 3 * R : 3] = -by_field.imag
     C[Q:, 3 * R :] = list(heat.read.values())
     D = np.zeros((len(outputs), len(inputs)))
-    D[:Q, :lasers] = 2 * (seen.conj()[:, None] * optics.seen_laser * per_watt).real
+    D[:Q, :lasers] = 2 * (waves.conj()[:, None] * optics.seen_laser * per_watt).real
     D[Q:, inputs.index(AMBIENT)] = at_once
 
     forces = None
     if heat.forces is not None:
         forces = np.vstack([np.zeros((3 * R, heat.forces.shape[1])), heat.forces])
-    light = [f"{part} {name.removeprefix('heat').strip()}".strip() for name in names.heats for part in LIGHT]
+    rings = [name.removeprefix("heat").strip() for name in names.heats]
+    light = [f"{part} {ring}".strip() for ring in rings for part in LIGHT]
     states = (*light, *(f"heat {k + 1}" for k in range(len(A) - 3 * R)))
     shift = float(optics.shift[0] / (2 * np.pi))
     return Linear(A, B, C, D, inputs, outputs, states, state, forces, shift)

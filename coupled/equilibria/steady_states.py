@@ -38,24 +38,30 @@ def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
 def jacobians(y: Array, detuning: Array, ring: InternalRing) -> Array:
     """Return the Jacobians d(dy/dt)/dy, shape (m, 3 + n, 3 + n), at states y (m, 3 + n), detunings (m,) in rad/ns."""
     J = np.empty((*y.shape, y.shape[1]))
-    for k, one in enumerate(y):
+    for k, state in enumerate(y):
         ring.problem.set_detuning(float(detuning[k]))
-        J[k] = ring.problem.slopes(one)[1]
+        _, J[k] = ring.problem.slopes(state)
     return J
 
 
 def eigenvalues(U: Array, D: Array, ring: InternalRing) -> Complex:
     """Return the eigenvalues of the Jacobians at m fixed points (U, D), shape (m, 3 + n), in 1/ns."""
-    parts = range(0, max(len(U), 1), AT_ONCE)
-    every = [jacobians(*states(U[k : k + AT_ONCE], D[k : k + AT_ONCE], ring), ring) for k in parts]
-    return np.concatenate([np.linalg.eigvals(J).astype(complex) for J in every])
+    values = []
+    for k in range(0, max(len(U), 1), AT_ONCE):
+        part = slice(k, k + AT_ONCE)
+        y, detuning = states(U[part], D[part], ring)
+        J = jacobians(y, detuning, ring)
+        values.append(np.linalg.eigvals(J).astype(complex))
+    return np.concatenate(values)
 
 
 def leading(values: Complex) -> tuple[Array, Array, NDArray[np.intp]]:
     """Return, for each row of eigenvalues: the largest real part, |Im| of that eigenvalue, and the count of Re > 0."""
-    first = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0]
+    k = values.real.argmax(axis=1)
+    first = np.take_along_axis(values, k[:, None], axis=1)[:, 0]
     # real, too, with |Im|/|lambda| below 1e-6: a double eigenvalue splits by the root of round-off
-    omega = np.where(np.abs(first.imag) > 1e-6 * np.abs(first), np.abs(first.imag), 0.0)
+    frequency = np.abs(first.imag)
+    omega = np.where(frequency > 1e-6 * np.abs(first), frequency, 0.0)
     return first.real, omega, (values.real > 0).sum(axis=1)
 
 
@@ -85,7 +91,8 @@ def first_lyapunov(
     A = jacobians(x)
     values, vectors = np.linalg.eig(A.astype(complex))
     k = np.abs(values - 1j * omega[:, None]).argmin(axis=1)
-    w, q = values[m, k].imag, vectors[m, :, k]
+    w = values[m, k].imag
+    q = vectors[m, :, k]
     size_of = (2 * q[m, unit])[:, None]
     q = q / size_of
     p = np.linalg.inv(vectors)[m, k] * size_of  # p as a row, conjugate
@@ -101,9 +108,12 @@ def first_lyapunov(
     def times(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(np.einsum("mij,mj->mi", M, v))
 
-    mean = np.linalg.solve(A.astype(complex), times(first, q.conj())[..., None])[..., 0]
+    def solve(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(np.linalg.solve(M, v[..., None])[..., 0])
+
+    mean = solve(A.astype(complex), times(first, q.conj()))
     twice = 2j * w[:, None, None] * np.eye(x.shape[1]) - A
-    double = np.linalg.solve(twice, times(first, q)[..., None])[..., 0]
+    double = solve(twice, times(first, q))
     terms = times(second, q) - 2 * times(first, mean) + times(first.conj(), double)
     return np.einsum("mi,mi->m", p, terms).real / 2, values
 
@@ -130,7 +140,8 @@ def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> list[Fix
     fastest = np.where(values.real > 0, np.abs(values), 0.0).max(axis=1)
     longest = np.where(growing > 0, CAP / np.where(growing > 0, fastest, 1.0), np.inf)
     every = np.column_stack([U, here.N, here.dT, longest])
-    ends = pairwise([*np.searchsorted(cell, range(cell[-1] + 1)), cell.size])
+    begins = np.searchsorted(cell, range(cell[-1] + 1))
+    ends = pairwise([*begins, cell.size])
     return [Fixed(every[a:b], growth[a:b], omega[a:b]) for a, b in ends]
 
 
@@ -234,11 +245,12 @@ def resting(
     warm = constant(model, ring.read, heaters, heated, read)
     doubts = check_model(ring, model, warm.model, read)
     at = internal_ring(ring, warm.model, absorbable(ring, power))
-    U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + warm.turned(ring)), at)
-    found = described("steady states", ring, model, at, U, D, np.full(U.size, power), "branch")
-    found["delta_T"].values += warm.rise
+    warm_detuning = internal_detuning(detuning + warm.turned(ring))
+    U, D, _ = fixed_points(internal_pump(ring, power), warm_detuning, at)
+    points = described("steady states", ring, model, at, U, D, np.full(U.size, power), "branch")
+    points["delta_T"].values += warm.rise
     light = {"input_power": float(power), "detuning": float(detuning)}
-    return Resting(warm, at, U, D, found.assign_attrs(**light, **warm.attributes, **doubts))
+    return Resting(warm, at, U, D, points.assign_attrs(**light, **warm.attributes, **doubts))
 
 
 def drop_power(ring: RingResonator, U: Array) -> Array:
@@ -248,7 +260,8 @@ def drop_power(ring: RingResonator, U: Array) -> Array:
 
 def through_power(ring: RingResonator, D: Array, gamma: Array, powers: Array) -> Array:
     """Power (W) at the through port of fixed points: P |1 - 2 gamma_e/(gamma - i D)|^2, D and gamma in 1/ns, P in W."""
-    return np.asarray(powers * np.abs(1 - 2 * ring.bus_rate * NS / (gamma - 1j * D)) ** 2)
+    amplitude = 1 - 2 * ring.bus_rate * NS / (gamma - 1j * D)
+    return np.asarray(powers * np.abs(amplitude) ** 2)
 
 
 def described(
@@ -274,7 +287,7 @@ def described(
         "regime": np.where(growing == 0, "stable", unstable),
     }
     trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
-    return xr.Dataset(
-        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()},
-        attrs=provenance(kind, ring, at.model),
-    )
+    variables = {}
+    for name, column in values.items():
+        variables[name] = (over, column, dataset.describe("input_power" if name == "power" else name))
+    return xr.Dataset(variables, attrs=provenance(kind, ring, at.model))

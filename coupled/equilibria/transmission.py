@@ -100,11 +100,11 @@ def transmission(
     doubts = check_model(ring, model, warm.model, read)
     at = internal_ring(ring, warm.model, absorbable(ring, P[-1]))
     turned = warm.turned(ring)
-    U, D, powers, moved = _in_range(*_curve(ring, at, P, nu + turned), P, nu + turned)
-    detunings = moved - turned
-    found = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
-    found["delta_T"].values += warm.rise
-    return found.assign_attrs(**warm.attributes, **doubts)
+    U, D, powers, warm_detunings = _in_range(*_curve(ring, at, P, nu + turned), P, nu + turned)
+    detunings = warm_detunings - turned
+    points = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
+    points["delta_T"].values += warm.rise
+    return points.assign_attrs(**warm.attributes, **doubts)
 
 
 class PortCurve(NamedTuple):
@@ -136,7 +136,8 @@ def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[
     """
     shifts = 2 * np.pi * NS * nu
     unit = internal_pump(ring, 1.0)
-    weak, strong = (internal_pump(ring, p) for p in P[[0, -1]])
+    weak = internal_pump(ring, P[0])
+    strong = internal_pump(ring, P[-1])
     faint, top = peak([weak, strong], at).tolist()
     end = farthest(float(np.abs(shifts).max()), top, at)
 
@@ -146,10 +147,11 @@ def _curve(ring: RingResonator, at: InternalRing, P: Array, nu: Array) -> tuple[
 
     def line(s: Array) -> tuple[Array, ...]:
         U = np.exp(s)
-        here = balance(np.exp(s), at)
+        here = balance(U, at)
         D = here.shift - shifts[0]
         square = here.gamma**2 + D**2
-        rises = 1 + 2 * U * (here.gamma * here.gamma_slope + D * here.shift_slope) / square  # d log P/d log U
+        half_slope = here.gamma * here.gamma_slope + D * here.shift_slope  # d square/dU, halved
+        rises = 1 + 2 * U * half_slope / square  # d log P/d log U
         return U, D, U * square / unit**2, np.full(s.size, nu[0]), rises
 
     if P.size == 1:
@@ -181,20 +183,22 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
         a drop power that is not positive, a detuning or a model as for `steady_states`.
     """
     check_ring(ring)
-    wanted, nu = np.broadcast_arrays(checks.numbers("drop", drop), checks.numbers("detuning", detuning))
-    for value in (wanted.min(), wanted.max()):
+    powers, nu = np.broadcast_arrays(checks.numbers("drop", drop), checks.numbers("detuning", detuning))
+    for value in (powers.min(), powers.max()):
         check_power(value, "drop")
     check_detuning(float(nu.ravel()[np.abs(nu).argmax()]))
     checks.positive("drop_rate of the ring", ring.drop_bus_rate, unit="1/s", hint="it has no drop port")
-    U = wanted.ravel() / (2 * ring.drop_bus_rate) / FJ
+    U = powers.ravel() / (2 * ring.drop_bus_rate) / FJ
     rates, _ = internal_rates(ring)
-    largest = float(absorbed_power(U, carriers(U, rates)[0], rates).max()) * UW
+    N = carriers(U, rates)[0]
+    largest = float(absorbed_power(U, N, rates).max()) * UW
     at = internal_ring(ring, driving(ring, model).model, largest)
     linear = at.model.thermal_resistance * largest
     trusted(model, linear if isinstance(at.model, Foster) else at.model.steady_rise(largest), linear)
     here = balance(U, at)
     D = here.shift - 2 * np.pi * NS * nu.ravel()
-    return np.asarray(U * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2).reshape(wanted.shape)
+    power = U * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2
+    return np.asarray(power).reshape(powers.shape)
 
 
 def sweep(
@@ -244,40 +248,56 @@ def sweep(
     curve, *_ = _curve(ring, at, np.unique(P), np.unique(nu))
     tilt = np.sqrt(np.maximum(peak(pump[:1], at) / U, 1))
     place = np.log(U) if np.ptp(P) else np.copysign(np.arccosh(tilt), D)
-    grid = np.linspace(place.min(), place.max(), int(np.ceil(np.ptp(place) / SPACING)) + 2)
-    branch = np.searchsorted(zeros(lambda s, _: curve(s)[4], grid)[0], place)  # pieces between two folds
+    intervals = int(np.ceil(np.ptp(place) / SPACING))
+    grid = np.linspace(place.min(), place.max(), intervals + 2)
+    folds, _ = zeros(lambda s, _: curve(s)[4], grid)
+    branch = np.searchsorted(folds, place)
     path = np.empty(steps, dtype=int)
     jumped = np.zeros(steps, dtype=bool)
     for k in range(steps):
         here = np.flatnonzero(step == k)
-        same = here[branch[here] == branch[path[k - 1]]] if k else here[:0]
-        rest = here[stable[here]] if stable[here].any() else here
-        nearest = np.abs(np.log(U[rest] / U[path[k - 1]])).argmin() if k else 0
-        path[k], jumped[k] = (same[0], False) if same.size else (rest[nearest], k > 0)
-    found = described("slow sweep", ring, model, at, U[path], D[path], P, "step", power=P, detuning=nu)
-    found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
-    return found.assign_attrs(doubts)
+        lasting = here[stable[here]] if stable[here].any() else here
+        if k == 0:
+            path[k] = lasting[0]
+            continue
+        before = path[k - 1]
+        same = here[branch[here] == branch[before]]
+        jumped[k] = not same.size
+        nearest = np.abs(np.log(U[lasting] / U[before])).argmin()
+        path[k] = lasting[nearest] if jumped[k] else same[0]
+    points = described("slow sweep", ring, model, at, U[path], D[path], P, "step", power=P, detuning=nu)
+    points["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
+    return points.assign_attrs(doubts)
 
 
 def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tuple[Array, ...]:
     """Points of a curve in the range of its power or detuning, both ends included: U, D, power (W), detuning (Hz)."""
-    row, ends = (2, P) if P.size > 1 else (3, nu)
+    row = 2 if P.size > 1 else 3
+    ends = P if P.size > 1 else nu
     grid = np.linspace(low, high, POINTS)
-    parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
+
+    def share(s: Array) -> Array:
+        return np.asarray((curve(s)[row] - ends[0])[None] / np.ptp(ends))
+
+    parts = intervals_in_window(share, grid)
     lengths = np.diff(parts, axis=1)[:, 0]
-    counts = 2 + ((POINTS - 2 * len(parts)) * lengths / lengths.sum()).astype(int)
+    spread = POINTS - 2 * len(parts)
+    counts = 2 + (spread * lengths / lengths.sum()).astype(int)
     s = np.concatenate([np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)])
     values = curve(s)[:4]
+    swept = values[row]
     border = np.isin(s, parts)
-    values[row][border] = ends[np.abs(values[row][border, None] - ends).argmin(axis=1)]  # to the last digit
+    nearest = np.abs(swept[border, None] - ends).argmin(axis=1)
+    swept[border] = ends[nearest]  # to the last digit
     return values
 
 
 def _checked(power: float | ArrayLike, detuning: float | ArrayLike) -> list[Array]:
     """Check powers and detunings, one number or several of each; returns them as arrays."""
-    found = []
-    for name, given, check in (("power", power, check_power), ("detuning", detuning, check_detuning)):
-        found.append(checks.array(name, given))
-        for k, value in enumerate(found[-1]):
-            check(value, f"{name}[{k}]" if found[-1].size > 1 else name)
-    return found
+    checked = []
+    for name, numbers, check in (("power", power, check_power), ("detuning", detuning, check_detuning)):
+        values = checks.array(name, numbers)
+        for k, value in enumerate(values):
+            check(value, f"{name}[{k}]" if values.size > 1 else name)
+        checked.append(values)
+    return checked

@@ -130,16 +130,9 @@ def pulsing_map(
     check_ring(ring)
     warm = constant(model, ring.read, heaters, heated, read)
     doubts = check_model(ring, model, warm.model, read)
-    small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
-    if settled is None:
-        settled = duration is None and follow is None and ring.g_tpa > 0
-    elif checks.flag("settled", settled) and not (duration is None and follow is None):
-        raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
-    elif settled and not ring.g_tpa > 0:
-        raise checks.InputError(
-            "ring has no two-photon absorption and so no free carriers, by which a map follows settled cycles; give a "
-            "duration for a map of traces"
-        )
+    small = warm.model
+    grid = grid_of(ring, powers, detunings, vary).warmed(warm)
+    settled = _settled(settled, ring, traces=not (duration is None and follow is None))
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-6 gives periods to 2e-4")
     order = None if follow is None else Follow(follow)
@@ -157,16 +150,17 @@ def pulsing_map(
         bar("map", len(grid.rows), show_bar) as moved,
         stored_rows(file, identity) as (done, store),
     ):
-        left = [k for k in range(len(grid.rows)) if k not in done]
+        open_rows = [k for k in range(len(grid.rows)) if k not in done]
         for _ in done:
             moved()
         watch = np.zeros(1)  # above 0 where the rows are to end
-        fixed = iter(fixed_of(small, [point for k in left for point in grid.rows[k]]))
+        work = settled_row if settled else partial(_row, duration=duration, rtol=rtol, follow=order)
+        points = [point for k in open_rows for point in grid.rows[k]]
+        fixed = iter(fixed_of(small, points))
         jobs: dict[partial[list[Cell]], int] = {}
-        for k in left:
-            own = list(islice(fixed, len(grid.rows[k])))
-            work = settled_row if settled else partial(_row, duration=duration, rtol=rtol, follow=order)
-            jobs[partial(work, small, grid.rows[k], own, watch)] = k
+        for k in open_rows:
+            row = grid.rows[k]
+            jobs[partial(work, small, row, list(islice(fixed, len(row))), watch)] = k
         try:
             with contextlib.closing(completed(operator.call, jobs, executor=workers)) as finished:
                 for job, result in finished:
@@ -188,6 +182,23 @@ def pulsing_map(
     return xr.Dataset(variables, grid.coordinates(), attrs | doubts)
 
 
+def _settled(settled: bool | None, ring: RingResonator, *, traces: bool) -> bool:
+    """Return whether a map is of settled cycles, as ``settled`` says or by default. InputError: it cannot be.
+
+    traces: whether a duration or a direction is given, which only traces have.
+    """
+    if settled is None:
+        return not traces and ring.g_tpa > 0
+    if checks.flag("settled", settled) and traces:
+        raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
+    if settled and not ring.g_tpa > 0:
+        raise checks.InputError(
+            "ring has no two-photon absorption and so no free carriers, by which a map follows settled cycles; give a "
+            "duration for a map of traces"
+        )
+    return settled
+
+
 def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
     """Return the fraction of points at which two maps agree on whether the ring pulses.
 
@@ -206,16 +217,20 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
     """
     first = in_si("first", first)
     second = in_si("second", second)
-    one, other = first["regime"], second["regime"]
+    one = first["regime"]
+    other = second["regime"]
     for axis in one.dims:
-        a, b = one[axis].values, other[axis].values if axis in other.dims else np.empty(0)
-        if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=1e-3 if axis == "detuning" else 0):
+        a = one[axis].values
+        b = other[axis].values if axis in other.dims else np.empty(0)
+        tolerance = 1e-3 if axis == "detuning" else 0
+        if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=tolerance):
             raise checks.InputError(f"the maps have different points along {axis}; compute them on the same axes")
     for name, regimes in (("first", one), ("second", other)):
         for word in np.unique(regimes):
             checks.choice(f"a regime of {name}", str(word), REGIMES)
-    known = ((one != FAILED) & (other != FAILED)).values
-    return float(np.mean(((one == "self-pulsing") == (other == "self-pulsing")).values[known]))
+    agree = (one == "self-pulsing") == (other == "self-pulsing")
+    computed = (one != FAILED) & (other != FAILED)
+    return float(np.mean(agree.values[computed.values]))
 
 
 def pulse(
@@ -245,10 +260,10 @@ def pulse(
     run = advance(ring, model, initial, 0.0, duration, power=power, detuning=detuning, rtol=rtol, progress=look)
     checks.enough("run", run.time.size, FEWEST)
     energy = np.abs(run.fields[0]) ** 2
-    found = classify(run.time, run.carriers, energy, run.delta_T, rtol=rtol, every_step=True)
-    if found.regime == Regime.STABLE:
-        found = lasting(found, run.time, energy, run.delta_T, rest)
-    return found, run
+    result = classify(run.time, run.carriers, energy, run.delta_T, rtol=rtol, every_step=True)
+    if result.regime == Regime.STABLE:
+        result = lasting(result, run.time, energy, run.delta_T, rest)
+    return result, run
 
 
 def _row(
@@ -259,20 +274,33 @@ def _row(
     cells: list[Cell] = []
     state = cold = State.cold(model.order)
     pairs = list(zip(points, fixed, strict=True))
-    for (ring, power, detuning), at in reversed(pairs) if follow == Follow.DOWN else pairs:
-        rest = None if isinstance(at, str) else Rest(at.every[:, 0] * FJ, at.every[:, 2], at.growth / NS)
+    downwards = follow == Follow.DOWN
+    if downwards:
+        pairs.reverse()
+    for (ring, power, detuning), points_there in pairs:
+        rest = _rest(points_there)
         try:
-            found, run = pulse(
+            result, run = pulse(
                 ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, rest=rest,
                 watch=watch,
             )  # fmt: skip
-            end, rise = run.final, float(max([run.delta_T.max(), *([] if rest is None else rest.delta_T)]))
-            cells.append(Cell(found.regime, found.period, found.duty, found.swing, found.reason, rise))
+            end = run.final
+            rise = float(run.delta_T.max())
+            if rest is not None:
+                rise = float(np.max(rest.delta_T, initial=rise))
+            cells.append(Cell(result.regime, result.period, result.duty, result.swing, result.reason, rise))
         except (checks.InputError, RuntimeError) as error:
             cells.append(Cell(FAILED, reason=str(error)))
             end = cold
         state = cold if follow is None else end
-    return cells[::-1] if follow == Follow.DOWN else cells
+    return cells[::-1] if downwards else cells
+
+
+def _rest(fixed: Fixed | str) -> Rest | None:
+    """Return the fixed points of a map's point in SI; None where they could not be computed."""
+    if isinstance(fixed, str):
+        return None
+    return Rest(fixed.every[:, 0] * FJ, fixed.every[:, 2], fixed.growth / NS)
 
 
 @contextlib.contextmanager
@@ -297,21 +325,21 @@ def stored_rows(
 
     def store(row: int, cells: list[Cell]) -> None:
         rows[row] = cells
-        kept = [row, files.plain(cells)]
+        content = [row, files.plain(cells)]
         with (
             checks.prefixed(f"{path} cannot be written", OSError, hint="what it holds so far is kept"),
             path.open("a", encoding="utf-8") as stream,
         ):
-            stream.write(json.dumps([*kept, files.digest_tree(kept)[:16]]) + "\n")
+            stream.write(json.dumps([*content, files.digest_tree(content)[:16]]) + "\n")
 
     with files.locked(path.with_name(f".{path.name}.lock"), str(path)):
         content = files.read_bytes(path, "map").decode(errors="replace") if os.path.lexists(path) else ""
         first, *lines = content.splitlines() or [""]
         if first != head and (lines or not head.startswith(content)):  # a kill may cut off the head, too
-            found = _parsed(first)
-            wanted = json.loads(head)
-            known = found if isinstance(found, dict) else {}
-            other = sorted(k for k in {*known, *wanted} if known.get(k) != wanted.get(k))
+            content_head = _parsed(first)
+            stored = content_head if isinstance(content_head, dict) else {}
+            expected = json.loads(head)
+            other = sorted(k for k in {*stored, *expected} if stored.get(k) != expected.get(k))
             raise checks.InputError(
                 f"{path} holds no rows of this map (different: {', '.join(other)}); give another file name"
             )
