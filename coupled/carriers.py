@@ -101,7 +101,8 @@ class ShockleyReadHall:
     @property
     def _weighted(self) -> tuple[float, float]:
         """The terms tau_p (n0 + n1) + tau_n (p0 + p1) in s/m^3, and n0 + p0 in 1/m^3."""
-        n0, p0 = self.intrinsic_density**2 / self.hole_density, self.hole_density
+        p0 = self.hole_density
+        n0 = self.intrinsic_density**2 / p0
         boltzmann = math.exp(self.trap_energy / self.thermal_energy)
         n1 = self.intrinsic_density * boltzmann
         p1 = self.intrinsic_density / boltzmann
@@ -168,13 +169,20 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
     checks.between("times[0]", t[0], 0, 1, unit="s", hint="times count from the pulse on")
     checks.between("times[-1]", t[-1], 0, 1, unit="s", hint="did you mean 50e-9 for 50 ns?")
     N = _density(t, N0, carriers.tau0, carriers.a, carriers.b)
+    about = {"units": "s", "long_name": "carrier lifetime"}
     return xr.Dataset(
         {
             "carriers": ("time", N, dataset.describe("carriers")),
-            "lifetime": ("time", carriers.lifetime(N), {"units": "s", "long_name": "carrier lifetime"}),
+            "lifetime": ("time", carriers.lifetime(N), about),
         },
         coords={"time": ("time", t, dataset.describe("time"))},
-        attrs={"kind": "carrier decay", "initial_density": N0, "tau0": carriers.tau0, "a": carriers.a, "b": carriers.b},
+        attrs={
+            "kind": "carrier decay",
+            "initial_density": N0,
+            "tau0": carriers.tau0,
+            "a": carriers.a,
+            "b": carriers.b,
+        },
     )
 
 
@@ -228,26 +236,30 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     checks.shape("carriers", N, t.shape)
     checks.positive("the least of data.carriers", N.min(), unit="1/m^3")
     best = _least_squares(t, N, material.b)
-    found = np.exp(best.x)  # N0, tau0, tau_high
-    n0, p0 = material.intrinsic_density**2 / material.hole_density, material.hole_density
+    fitted = np.exp(best.x)  # N0, tau0, tau_high
+    p0 = material.hole_density
+    n0 = material.intrinsic_density**2 / p0
     boltzmann = np.exp(material.trap_energy / material.thermal_energy)
     electrons = n0 + material.intrinsic_density * boltzmann
     holes = p0 + material.intrinsic_density / boltzmann
-    slopes = np.linalg.inv([[holes / (n0 + p0), electrons / (n0 + p0)], [1.0, 1.0]])  # of (tau_n, tau_p)
-    tau_n, tau_p = (slopes @ found[1:]).tolist()
+    equilibrium = n0 + p0
+    slopes = np.linalg.inv([[holes / equilibrium, electrons / equilibrium], [1.0, 1.0]])  # of (tau_n, tau_p)
+    tau_n, tau_p = (slopes @ fitted[1:]).tolist()
     if min(tau_n, tau_p) <= 0:
         raise checks.InputError(
             f"trap_energy = {material.trap_energy:g} eV gives no positive lifetimes for this decay (tau0 = "
-            f"{found[1]:.3g} s, tau_high = {found[2]:.3g} s)",
+            f"{fitted[1]:.3g} s, tau_high = {fitted[2]:.3g} s)",
             "replace(material, trap_energy=..)",
         )
-    every = np.vstack([np.eye(3), np.column_stack([np.zeros(2), slopes])]) * found  # derivatives by the logarithms
-    covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
-    errors = np.sqrt(np.einsum("ij,jk,ik->i", every, covariance, every))
+    by_values = np.vstack([np.eye(3), np.column_stack([np.zeros(2), slopes])])
+    by_logarithms = by_values * fitted
+    variance = 2 * best.cost / (t.size - 3)
+    covariance = np.linalg.inv(best.jac.T @ best.jac) * variance
+    errors = np.sqrt(np.einsum("ij,jk,ik->i", by_logarithms, covariance, by_logarithms))
     names = ("initial_density", "tau0", "tau_high", "tau_n", "tau_p")
     return CarrierFit(
         replace(material, tau_n=tau_n, tau_p=tau_p),
-        dict(zip(names, [*found.tolist(), tau_n, tau_p], strict=True)),
+        dict(zip(names, [*fitted.tolist(), tau_n, tau_p], strict=True)),
         dict(zip(names, errors.tolist(), strict=True)),
         float(np.sqrt(2 * best.cost / t.size)),
     )
@@ -259,14 +271,15 @@ def _least_squares(t: Array, N: Array, b: float) -> Any:
     def misfit(x: Array) -> Array:
         N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
         with np.errstate(all="ignore"):
-            off = np.log(_density(t - t[0], N0, low, high / low * b, b) / N)
-        return np.nan_to_num(off, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
+            model = _density(t - t[0], N0, low, high / low * b, b)
+            errors = np.log(model / N)
+        return np.nan_to_num(errors, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
 
     tau = np.log((t[-1] - t[0]) * np.geomspace(1e-4, 1e4, GRID))
     grid = [np.array([np.log(N[0]), low, high]) for low in tau for high in tau]
     starts = sorted(grid, key=lambda x: float(np.sum(misfit(x) ** 2)))[:SEARCHES]
     tries = [least_squares(misfit, x, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac") for x in starts]
-    best = min(tries, key=lambda one: float(one.cost))
+    best = min(tries, key=lambda result: float(result.cost))
     if np.linalg.matrix_rank(best.jac) < 3:
         raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
     return best

@@ -242,38 +242,38 @@ def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
     }
 
 
-def _origins(ring: RingResonator, base: RingResonator, found: Mode, buses: Sequence[_Bus]) -> dict[str, Origin]:
+def _origins(ring: RingResonator, base: RingResonator, mode: Mode, buses: Sequence[_Bus]) -> dict[str, Origin]:
     """Origin and relative error of every field of the ring, by name."""
-    error = found.error / found.n_eff
-    computed = f"computed: mode {found.name}"
-    material = found.core_material
-    away = (ring.frequency - c / found.wavelength) / 1e9
+    error = mode.error / mode.n_eff
+    computed = f"computed: mode {mode.name}"
+    leak = f", and leak of {mode.substrate_loss:.3g} dB/cm" if mode.leak_rate else ""
+    away = (ring.frequency - c / mode.wavelength) / 1e9
     drop = (buses[1].origin, buses[1].error) if len(buses) > 1 else ("given", 0.0)
     words = {
-        "frequency": (f"{computed}, order {round(found.order)}, {away:.3g} GHz away", error),
+        "frequency": (f"{computed}, order {round(mode.order)}, {away:.3g} GHz away", error),
         "bus_rate": (buses[0].origin, buses[0].error),
         "drop_rate": drop,
         "loss_rate": ("given: loss times v_g/2", error),
-        "scattering_rate": (f"{computed}, radiation{_leak(found)}", 0.02 if ring.scattering_rate else 0.0),
-        "refractive_index": (f"computed: index law of {material}", math.nan),
+        "scattering_rate": (f"{computed}, radiation{leak}", 0.02 if ring.scattering_rate else 0.0),
+        "refractive_index": (f"computed: index law of {mode.core_material}", math.nan),
         "group_index": (computed, error),
-        "index_confinement": (f"{computed}, dn_eff/dn of {material}", 1e-3),
-        "thermo_optic": _shift(computed, found),
-        "read": (f"the temperature that goes with thermo_optic, weighted by mode {found.name}", math.nan),
+        "index_confinement": (f"{computed}, dn_eff/dn of {mode.core_material}", 1e-3),
+        "thermo_optic": _shift(computed, mode),
+        "read": (f"the temperature that goes with thermo_optic, weighted by mode {mode.name}", math.nan),
         "mode": ("name and wavelength (m) of that mode", math.nan),
-        **{f"{of}_{what}": (computed, 1e-3) for of in ("tpa", "fca") for what in ("confinement", "volume")},
+        "tpa_confinement": (computed, 1e-3),
+        "tpa_volume": (computed, 1e-3),
+        "fca_confinement": (computed, 1e-3),
+        "fca_volume": (computed, 1e-3),
     }
     others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")
-    rest = {name: Origin(getattr(ring, name), f"base {_name(base)}") for name in others}
-    ambient = found.light.geometry.ambient
+    of_base = f"base {_name(base)}"
+    origins = {name: Origin(getattr(ring, name), *about) for name, about in words.items()}
+    origins |= {name: Origin(getattr(ring, name), of_base) for name in others}
+    ambient = mode.light.geometry.ambient
     if abs(ambient - ROOM) > NEAR_ROOM:
-        rest["carriers"] = Origin(ring.carriers, f"base {_name(base)}, of room temperature; the chip has {ambient:g} K")
-    return {name: Origin(getattr(ring, name), *about) for name, about in words.items()} | rest
-
-
-def _leak(mode: Mode) -> str:
-    """Words on the leak in the scattering rate; "" without one."""
-    return f", and leak of {mode.substrate_loss:.3g} dB/cm" if mode.leak_rate else ""
+        origins["carriers"] = Origin(ring.carriers, f"{of_base}, of room temperature; the chip has {ambient:g} K")
+    return origins
 
 
 def _shift(computed: str, mode: Mode) -> tuple[str, float]:
@@ -326,15 +326,17 @@ def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, 
         hint = "it is the power that a bus takes in one pass; the rate model fails above 0.5"
         given = checks.between("coupling", given, 1e-9, MOST, hint=hint)
         return (_Bus("", given, "given: kappa^2", 0.0, None),) * number
-    wanted = section.buses if gap is None else (Bus("gap", checks.positive("gap", gap, unit="m"), straight),)
-    found = []
-    for bus, made in zip(wanted, of_buses(mode, wanted), strict=True):
-        how = (
-            f"computed: kappa^2 = {made.power:.4f} of the supermodes, {made.by_gap * 1e-7:+.1f} % per nm of gap, "
-            f"{made.by_width * 1e-7:+.1f} % per nm of width"
+    guides = section.buses
+    if gap is not None:
+        guides = (Bus("gap", checks.positive("gap", gap, unit="m"), straight),)
+    buses = []
+    for bus, coupler in zip(guides, of_buses(mode, guides), strict=True):
+        origin = (
+            f"computed: kappa^2 = {coupler.power:.4f} of the supermodes, {coupler.by_gap * 1e-7:+.1f} % per nm of gap, "
+            f"{coupler.by_width * 1e-7:+.1f} % per nm of width"
         )
-        found.append(_Bus(bus.name, made.power, how, TRUSTED, made))
-    return tuple((found * number)[:number])
+        buses.append(_Bus(bus.name, coupler.power, origin, TRUSTED, coupler))
+    return tuple((buses * number)[:number])
 
 
 def chain(of_cycle: xr.Dataset, slopes: Mapping[str, float]) -> dict[str, float]:

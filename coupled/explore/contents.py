@@ -78,17 +78,15 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
             f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
             "reduce it first (surrogate.reduce)"
         )
-    heaters = {
-        "heated": small.inputs[0],
-        "read": small.outputs[0],
-        "heaters": {key: np.asarray(transfer.R, dtype=float).tolist() for key, transfer in transfers.items()},
-    }
-    return (heaters if transfers else {}) | {
-        "name": name,
-        "R": np.asarray(linear.R, dtype=float).tolist(),
-        "tau": np.asarray(linear.tau, dtype=float).tolist(),
-        "coefficient": small.coefficient if isinstance(small, OutputMap) else 0.0,
-    }
+    data: dict[str, Any] = {}
+    if transfers:
+        residues = {key: np.asarray(transfer.R, dtype=float).tolist() for key, transfer in transfers.items()}
+        data |= {"heated": small.inputs[0], "read": small.outputs[0], "heaters": residues}
+    data["name"] = name
+    data["R"] = np.asarray(linear.R, dtype=float).tolist()
+    data["tau"] = np.asarray(linear.tau, dtype=float).tolist()
+    data["coefficient"] = small.coefficient if isinstance(small, OutputMap) else 0.0
+    return data
 
 
 def models_of(models: Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[dict[str, Any]]:
@@ -107,16 +105,20 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
 
     That power shifts the resonance by twice the width of the detuning window. ``shift`` is d(omega)/d(dT) in rad/s/K.
     """
-    found: dict[str, float] = {}
+    resistances: dict[str, float] = {}
     for model in models:
         for name, R in model.get("heaters", {}).items():
-            found[name] = max(found.get(name, 0.0), abs(sum(R)))
-    if len(found) > HEATERS:
+            resistances[name] = max(resistances.get(name, 0.0), abs(sum(R)))
+    if len(resistances) > HEATERS:
         rule = f"at most {HEATERS} fit in the page; reduce fewer inputs"
-        raise checks.InputError(f"the models have the heaters {', '.join(found)}; {rule}")
+        raise checks.InputError(f"the models have the heaters {', '.join(resistances)}; {rule}")
     low, high = ring["window"]["detuning"]
-    wanted = {name: 2 * (high - low) * 1e9 * 2 * math.pi / max(shift * R, 1.0) for name, R in found.items()}  # W
-    return [{"name": name, "span": float(f"{1e3 * min(P, LARGEST_POWER):.1g}")} for name, P in wanted.items()]
+    twice = 2 * (high - low) * 1e9 * 2 * math.pi  # rad/s
+    sliders = []
+    for name, resistance in resistances.items():
+        power = min(twice / max(shift * resistance, 1.0), LARGEST_POWER)
+        sliders.append({"name": name, "span": float(f"{1e3 * power:.1g}")})
+    return sliders
 
 
 def paper_models() -> list[dict[str, Any]]:

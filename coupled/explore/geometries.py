@@ -34,18 +34,23 @@ def family_of(family: Any) -> dict[str, Any]:
     logs = [bool(log) for log in getattr(family.box, "logarithmic", [False] * len(names))]
     spaced = [np.geomspace if log else np.linspace for log in logs]
     axes = [spaced[k](low[k], high[k], points) for k in range(moved)]
-    rows = np.array([_shares(family.model(**(middle | dict(zip(names, at, strict=False))))) for at in product(*axes)])
+    shares = []
+    for values in product(*axes):
+        parameters = middle | dict(zip(names, values, strict=False))
+        shares.append(_shares(family.model(**parameters)))
+    rows = np.array(shares)
     grid = [np.linspace(0, 1, points)] * moved
     between = RegularGridInterpolator(grid, rows.reshape(*(points,) * moved, TAU.size))
     draw = np.random.default_rng(1)
     error = 0.0
     for _ in range(24):
         share = draw.uniform(0, 1, moved)
-        values = {names[k]: _at(share[k], low[k], high[k], logs[k]) for k in range(moved)}
-        exact = family.model(**(middle | values))
-        found = -np.expm1(-TIMES[:, None] / TAU) @ between(share)[0]
-        error = max(error, float(np.abs(found - exact.step_response(TIMES)).max() / exact.thermal_resistance))
-    parameters = [
+        member = {names[k]: _at(share[k], low[k], high[k], logs[k]) for k in range(moved)}
+        exact = family.model(**(middle | member))
+        step = -np.expm1(-TIMES[:, None] / TAU) @ between(share)[0]
+        largest = np.abs(step - exact.step_response(TIMES)).max()
+        error = max(error, float(largest / exact.thermal_resistance))
+    sliders = [
         {
             "name": names[k], "low": low[k], "high": high[k], "moved": k < moved, "log": logs[k],
             "unit": "µm" if units[k] == "m" else units[k], "scale": 1e6 if units[k] == "m" else 1.0,
@@ -53,7 +58,7 @@ def family_of(family: Any) -> dict[str, Any]:
         for k in range(len(names))
     ]  # fmt: skip
     return {
-        "parameters": parameters,
+        "parameters": sliders,
         "points": points,
         "tau": TAU.tolist(),
         "R": [[float(f"{x:.7g}") for x in row] for row in rows],
@@ -63,12 +68,15 @@ def family_of(family: Any) -> dict[str, Any]:
 
 def _at(share: float, low: float, high: float, log: bool) -> float:
     """Return the value at the fraction ``share`` of the range from low to high, linear or logarithmic."""
-    return float(low * (high / low) ** share if log else low + share * (high - low))
+    if log:
+        return float(low * (high / low) ** share)
+    return float(low + share * (high - low))
 
 
 def _shares(model: Any) -> Array:
     """Return R_i >= 0 in K/W, shape (31,), on the time constants TAU, fitted to a member's step response; sum R_th."""
     total = model.thermal_resistance
     A = np.vstack([-np.expm1(-TIMES[:, None] / TAU), 100 * np.ones(TAU.size)])
-    found, _ = nnls(A, np.append(model.step_response(TIMES), 100 * total) / total)
-    return np.asarray(found * total / found.sum())
+    b = np.append(model.step_response(TIMES), 100 * total) / total
+    shares, _ = nnls(A, b)
+    return np.asarray(shares * total / shares.sum())

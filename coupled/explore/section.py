@@ -30,25 +30,30 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
     parts: input of the light and output; every other input h is a heater with the steady field rest_h at 1 W.
     """
     R, tau, modes, heaters = _fields(reduction, parts)
-    kept = np.sort(np.argsort(-R)[:MODES])
+    largest = np.sort(np.argsort(-R)[:MODES])
     r, z = _window(heat)
-    at_r = r[0] + (np.arange(WIDTH) + 0.5) / WIDTH * (r[1] - r[0])
-    at_z = z[0] + (np.arange(HEIGHT) + 0.5) / HEIGHT * (z[1] - z[0])
-    fields = heat.field(np.concatenate([modes[kept], *heaters.values()]))
-    grid = np.stack(np.meshgrid(at_r, at_z), axis=-1)
-    shown = LinearNDInterpolator(heat.mesh.points, fields.T, fill_value=0.0)(grid) * _within(heat, grid)[..., None]
-    images = [_packed(image) for image in np.moveaxis(shown, -1, 0)]
+    grid = np.stack(np.meshgrid(_centres(r, WIDTH), _centres(z, HEIGHT)), axis=-1)
+    fields = heat.field(np.concatenate([modes[largest], *heaters.values()]))
+    between = LinearNDInterpolator(heat.mesh.points, fields.T, fill_value=0.0)
+    pictures = between(grid) * _within(heat, grid)[..., None]
+    images = [_packed(image) for image in np.moveaxis(pictures, -1, 0)]
     return {
         "width": WIDTH,
         "height": HEIGHT,
         "r": r,
         "z": z,
         "outlines": _outlines(heat),
-        "R": R[kept].tolist(),
-        "tau": tau[kept].tolist(),
-        "modes": images[: kept.size],
-        "heaters": dict(zip(heaters, images[kept.size :], strict=True)),
+        "R": R[largest].tolist(),
+        "tau": tau[largest].tolist(),
+        "modes": images[: largest.size],
+        "heaters": dict(zip(heaters, images[largest.size :], strict=True)),
     }
+
+
+def _centres(window: tuple[float, float], pixels: int) -> Array:
+    """Return the centres of the pixels between the two ends of a window, in m."""
+    low, high = window
+    return low + (np.arange(pixels) + 0.5) / pixels * (high - low)
 
 
 def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str, Array]]:
@@ -56,27 +61,30 @@ def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str
 
     Shapes (K,), (K,), (K, n), and (1, n) for each heater; the field of a pole is scaled to 1 at the read output.
     """
-    model, basis = reduction.model, np.asarray(reduction.basis)
+    model = reduction.model
+    basis = np.asarray(reduction.basis)
     if isinstance(model, Foster):
         return np.asarray(model.R), np.asarray(model.tau), basis.T, {}
     light = parts.heated or model.inputs[0]
     output = parts.read or detuning_output(parts.wanted, light, tuple(model.outputs))
     read = model.C[model.outputs.index(output)]
     rate, modes = eigh(-model.A, model.E)
-    seen = read @ modes
-    R = seen * (model.B[:, model.inputs.index(light)] @ modes) / rate
-    heaters = {
-        name: (basis @ np.linalg.solve(-model.A, model.B[:, k]))[None]
-        for k, name in enumerate(model.inputs)
-        if name not in (light, AMBIENT)
-    }
-    return R, 1 / rate, (basis @ (modes / np.where(seen == 0, np.inf, seen))).T, heaters
+    outputs = read @ modes
+    R = outputs * (model.B[:, model.inputs.index(light)] @ modes) / rate
+    scaled = modes / np.where(outputs == 0, np.inf, outputs)
+    heaters = {}
+    for k, name in enumerate(model.inputs):
+        if name not in (light, AMBIENT):
+            states = np.linalg.solve(-model.A, model.B[:, k])
+            heaters[name] = (basis @ states)[None]
+    return R, 1 / rate, (basis @ scaled).T, heaters
 
 
 def _packed(image: Array) -> dict[str, Any]:
     """Return an image as integers of 8 bits in base64, and the value ``scale`` of one unit."""
     scale = max(float(np.abs(image).max()), 1e-30) / 127
-    return {"scale": scale, "values": base64.b64encode(np.rint(image / scale).astype(np.int8).tobytes()).decode()}
+    pixels = np.rint(image / scale).astype(np.int8)
+    return {"scale": scale, "values": base64.b64encode(pixels.tobytes()).decode()}
 
 
 def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -94,19 +102,23 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
     high = span * HEIGHT / WIDTH
     ceiling = max(geometry.top_z, top)  # a heater may stand on top of all layers
     bottom = max(min(middle_z - high / 2, ceiling - high), geometry.bottom_z)
-    return (left, min(left + span, geometry.outer_radius)), (bottom, min(bottom + high, ceiling))
+    right = min(left + span, geometry.outer_radius)
+    return (left, right), (bottom, min(bottom + high, ceiling))
 
 
 def _within(heat: HeatProblem, grid: Array) -> NDArray[np.bool_]:
     """Return whether each point (r, z) of ``grid``, shape (..., 2), lies in a material, not in a void or the air."""
-    r, z = grid[..., 0], grid[..., 1]
+    r = grid[..., 0]
+    z = grid[..., 1]
     solid = z <= heat.geometry.top_z
     for part in heat.geometry.parts:  # a later part overwrites an earlier one
-        covered = (part.inner_radius <= r) & (r <= part.outer_radius) & (part.bottom <= z) & (z <= part.top)
-        solid = np.where(covered, part.material != VOID, solid)
+        across = (part.inner_radius <= r) & (r <= part.outer_radius)
+        along = (part.bottom <= z) & (z <= part.top)
+        solid = np.where(across & along, part.material != VOID, solid)
     return solid
 
 
 def _outlines(heat: HeatProblem) -> list[list[list[float]]]:
     """Return the boundary curves of all regions, each a list of points [r, z] in m."""
-    return [[[float(r), float(z)] for r, z in ring] for face in heat.geometry.subdivision.faces for ring in face.rings]
+    curves = [ring for face in heat.geometry.subdivision.faces for ring in face.rings]
+    return [np.asarray(curve, dtype=float).tolist() for curve in curves]

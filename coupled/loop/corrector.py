@@ -203,31 +203,38 @@ class FEM:
 
     def summary(self) -> dict[str, Any]:
         """Return the size of the FEM, the numbers of steps, solves and factorizations, and the heat balance in J."""
-        s, state = self.field.stepper, self.state
+        stepper = self.field.stepper
+        state = self.state
         stored = self.field.stored(state) - self.stored_before
         scale = max(abs(state.heat_in), abs(stored), abs(state.heat_out))
         imbalance = (state.heat_in - stored - state.heat_out) / scale if scale else 0.0
-        heat, provenance = self.problem, {}
-        if heat:
-            provenance = {
-                "heated": self.heated,
-                "thermal_resistance": heat.thermal_resistance(self.heated, self.read),
-                "geometry": heat.geometry.to_toml(),
-                "mesh_hash": mesh_hash(heat.mesh),
-                "accuracy": heat.accuracy,
-                "materials": json.dumps({m.name: m.source for m in map(heat.geometry.material_of, heat.regions)}),
-            }
+        powers = {f"power_in_{name}": to_json(wave) for name, wave in self.heaters.items()}
         return {
-            **provenance,
-            **{f"power_in_{name}": to_json(wave) for name, wave in self.heaters.items()},
+            **self._origin(),
+            **powers,
             "fem_unknowns": self.linear.order,
-            "fem_steps": s.steps,
-            "fem_solves": s.solves,
-            "fem_factorizations": s.factorizations,
+            "fem_steps": stepper.steps,
+            "fem_solves": stepper.solves,
+            "fem_factorizations": stepper.factorizations,
             "heat_in": state.heat_in,
             "heat_stored": stored,
             "heat_out": state.heat_out,
             "heat_imbalance": imbalance,
+        }
+
+    def _origin(self) -> dict[str, Any]:
+        """Return the geometry, mesh and materials of a heat problem; nothing for a bare system."""
+        heat = self.problem
+        if not heat:
+            return {}
+        materials = [heat.geometry.material_of(region) for region in heat.regions]
+        return {
+            "heated": self.heated,
+            "thermal_resistance": heat.thermal_resistance(self.heated, self.read),
+            "geometry": heat.geometry.to_toml(),
+            "mesh_hash": mesh_hash(heat.mesh),
+            "accuracy": heat.accuracy,
+            "materials": json.dumps({material.name: material.source for material in materials}),
         }
 
 
@@ -236,7 +243,8 @@ def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...], rea
     linear = system.linear if isinstance(system, NonlinearSystem) else system
     columns = [linear.inputs.index(name) for name in inputs]
     row = linear.outputs.index(read)
-    B, C = linear.B[:, columns], linear.C[[row]]
+    B = linear.B[:, columns]
+    C = linear.C[[row]]
     picked = StateSpace(linear.E, linear.A, B, C, inputs=inputs, outputs=(read,))
     return replace(system, linear=picked) if isinstance(system, NonlinearSystem) else picked
 

@@ -238,15 +238,21 @@ def _dataset(
     from thermofem.data import dataset
     from thermofem.solving import fields
 
-    run = _joined(parts, lights_of(ring, [Laser(light["input_power"], light["detuning"])], 0.0, float(duration)))
-    fem, heaters = loop.corrector, getattr(loop.corrector, "heaters", {})
+    laser = Laser(light["input_power"], light["detuning"])
+    run = _joined(parts, lights_of(ring, [laser], 0.0, float(duration)))
+    fem = loop.corrector
+    heaters = getattr(fem, "heaters", {})
     changes = [last_change(pieces("heaters", wave, 0.0, duration)) for wave in heaters.values()]
+    predictor = "none"
+    if loop.model is not NO_PREDICTOR:
+        predictor = f"{type(loop.model).__name__} with {loop.model.order} states"
+    counts = {"units": "1", "long_name": "passes of the window"}
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
     starts = np.array([part.run.time[0] for part in parts])
     data = xr.Dataset(
         {
             **traces(run, light),
-            "passes": ("window", [part.passes for part in parts], {"units": "1", "long_name": "passes of the window"}),
+            "passes": ("window", [part.passes for part in parts], counts),
             "discrepancy": ("window", [part.discrepancy for part in parts], kelvin),
             **heater_powers(heaters, run.time),
         },
@@ -259,9 +265,7 @@ def _dataset(
             "driven_until": max([run.lights.driven_until, *changes]),
             "rtol": loop.rtol,
             "max_discrepancy": loop.max_discrepancy,
-            "predictor": "none"
-            if loop.model is NO_PREDICTOR
-            else f"{type(loop.model).__name__} with {loop.model.order} states",
+            "predictor": predictor,
             "steps": int(run.counts[0]),
             "windows": len(parts),
             "windows_abandoned": loop.abandoned,
@@ -279,17 +283,20 @@ def _dataset(
     about = {"units": "K", "long_name": "rise of every unknown at the end"}
     data["final_rise"] = ("unknown", fem.field.temperature(fem.state), about)
     if fem.problem and fem.field_times.size:
-        data = data.merge(fields(fem.problem, np.array(fem.fields), fem.field_times), combine_attrs="override")
+        history = fields(fem.problem, np.array(fem.fields), fem.field_times)
+        data = data.merge(history, combine_attrs="override")
     return data
 
 
 def _joined(parts: list[Passed], lights: Lights) -> Window:
     """Concatenate all windows, with the corrector's temperature; end points that two windows share appear once."""
 
-    def together(name: str) -> Any:
-        return np.concatenate([getattr(part.run, name)[..., (k > 0) :] for k, part in enumerate(parts)], axis=-1)
+    def together(arrays: list[Any]) -> Any:
+        first, *later = arrays
+        return np.concatenate([first, *(array[..., 1:] for array in later)], axis=-1)
 
-    rise = np.concatenate([part.delta_T[(k > 0) :] for k, part in enumerate(parts)])
-    joined = {name: together(name) for name in ("time", "fields", "carriers", "absorbed", "absorbed_slope")}
+    rise = together([part.delta_T for part in parts])
+    names = ("time", "fields", "carriers", "absorbed", "absorbed_slope")
+    joined = {name: together([getattr(part.run, name) for part in parts]) for name in names}
     counts = np.sum([part.run.counts for part in parts], axis=0)
     return parts[-1].run._replace(**joined, delta_T=rise, counts=counts, lights=lights)

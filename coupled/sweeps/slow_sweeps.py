@@ -94,8 +94,8 @@ class Sweep(NamedTuple):
         if self.decibels:
             tilt = TILT_DB * xi
             return np.array([np.full(x.size, LEVEL_DB), tilt] if self.free_level else [tilt])
-        offset = OFFSET * (output if self.free_level else np.full(x.size, np.ptp(self.y)))
-        return np.array([offset, TILT * xi * output])
+        level = output if self.free_level else np.full(x.size, np.ptp(self.y))
+        return np.array([OFFSET * level, TILT * xi * output])
 
     @property
     def baseline_scales(self) -> Array:
@@ -104,7 +104,8 @@ class Sweep(NamedTuple):
             return np.empty(0)
         if self.decibels:
             return np.array([LEVEL_DB, TILT_DB] if self.free_level else [TILT_DB])
-        return np.array([OFFSET * (1.0 if self.free_level else float(np.ptp(self.y))), TILT])
+        scale = 1.0 if self.free_level else float(np.ptp(self.y))
+        return np.array([OFFSET * scale, TILT])
 
 
 def read_sweep(name: str, given: xr.Dataset, ring: RingResonator, noise: float | None = None) -> Sweep:
@@ -126,7 +127,8 @@ def read_sweep(name: str, given: xr.Dataset, ring: RingResonator, noise: float |
     if wavelength is not None:
         nu = c / wavelength - ring.frequency
     moves = [value is not None and bool(np.ptp(value) > 0) for value in (power, nu)]
-    if power is None or nu is None or sum(moves) != 1 or (power if moves[0] else nu).shape != measured.shape:
+    swept = power if moves[0] else nu
+    if power is None or nu is None or swept is None or sum(moves) != 1 or swept.shape != measured.shape:
         raise InputError(
             f"{name} needs power (W) and wavelength (m) or detuning (Hz), variables or attributes; one of them is swept"
         )
@@ -139,8 +141,9 @@ def read_sweep(name: str, given: xr.Dataset, ring: RingResonator, noise: float |
     watts = None if moves[0] else float(np.mean(power))
     hertz = None if moves[1] else float(np.mean(nu))
     steps = np.abs(np.diff(x))
-    size = max(noise_of(y), NOISE * float(np.ptp(y))) if noise is None else factor * noise
-    sweep = Sweep(x, y, port, unit, watts, hertz, float(np.median(steps[steps > 0])) / 2, size, 1.0)
+    half_step = float(np.median(steps[steps > 0])) / 2
+    deviation = max(noise_of(y), NOISE * float(np.ptp(y))) if noise is None else factor * noise
+    sweep = Sweep(x, y, port, unit, watts, hertz, half_step, deviation, 1.0)
     return _levelled(sweep) if sweep.free_level else sweep
 
 
