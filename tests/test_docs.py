@@ -125,11 +125,7 @@ def test_every_python_block_compiles_and_every_link_leads_somewhere(page):
 
 SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 FILES = (".py", ".toml", ".nc", ".json", ".hpp", ".cpp", ".mjs", ".wasm", ".c", ".cir", ".va", ".fmu", ".csv", ".html")
-OF_FILES = {
-    "domain_error",
-    "heater_power",
-    "ring_heat",
-}  # keys of results and pins of circuits with the names of functions
+OF_FILES = {"domain_error", "heater_power", "ring_heat", "white_noise"}  # of results, pins and Verilog-A, too
 INSIDE = {
     "CONTRIBUTING.md",
     "commands.md",
